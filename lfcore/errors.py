@@ -1,12 +1,14 @@
 """Errors that a user can act on: what is wrong, where, and the remedy."""
 
 import difflib
+import functools
 import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Error = TypeVar("Error", bound="LfcoreError")
+Class = TypeVar("Class")
 
 LONGEST_TEXT = 1000
 """Characters of an error: one line that can still be read."""
@@ -71,6 +73,26 @@ def did_you_mean(unknown: str, known: Iterable[str]) -> str:
     known = list(known)
     near = difflib.get_close_matches(unknown, known, n=1)
     return f"Did you mean {near[0]!r}" if near else f"Known are {', '.join(known) or 'none'}"
+
+
+def unknown_keyword(call: str, name: str, known: Iterable[str]) -> TypeError:
+    """The error of a public ``call`` that has no keyword ``name``."""
+    hint = did_you_mean(name, known)
+    return TypeError(f"{call}() got an unexpected keyword argument {name!r}. {hint}")
+
+
+def answers_typos(made: type[Class]) -> type[Class]:
+    """Make a dataclass answer an unknown keyword as :func:`unknown_keyword`."""
+    own = made.__init__
+
+    @functools.wraps(own)
+    def answering(self: Class, *given: Any, **named: Any) -> None:
+        for name in named.keys() - made.__dataclass_fields__:  # type: ignore[attr-defined]
+            raise unknown_keyword(made.__name__, name, made.__dataclass_fields__)  # type: ignore[attr-defined]
+        own(self, *given, **named)
+
+    made.__init__ = answering  # type: ignore[assignment]
+    return made
 
 
 def one_line(text: str) -> str:

@@ -15,18 +15,21 @@ import re
 import secrets
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
-from lfcore.errors import StorageError
+import numpy as np
+
+from lfcore.errors import LfcoreError, StorageError
 
 try:
     import fcntl
 except ImportError:  # Windows, where a file that is open cannot be removed: that is its lock
     fcntl = None  # type: ignore[assignment]
 
+Read = TypeVar("Read")
 _DRAFT = re.compile(r"\..*\.[0-9a-f]{12}\.draft(\.[^.]*)?", re.DOTALL)
 _LONGEST_NAME = 160
 """Bytes of a file's name that its draft's name repeats: file systems take 255 in all."""
@@ -139,6 +142,24 @@ def write_json(path: str | Path, data: object) -> None:
 def read_json(path: str | Path) -> Any:
     """Read a JSON file of UTF-8 text."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
+
+
+def read_arrays(path: str | Path, what: str, read: Callable[[Any], Read]) -> Read:
+    """What ``read`` makes of the arrays of an npz file.
+
+    Raises :class:`LfcoreError` unless it is a whole ``what``.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return read(archive)
+    except MemoryError:
+        raise
+    except Exception as error:  # zipfile, zlib, numpy and a foreign header raise anything
+        raise LfcoreError(
+            f"not a whole {what} ({' '.join(str(error).split())[:120]})",
+            file=path,
+            remedy="Delete it and run again",
+        ) from None
 
 
 def make_folder(path: Path) -> None:

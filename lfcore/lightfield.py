@@ -23,14 +23,14 @@ from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Extent, Slab
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import served_positions, views_at
+from lfcore.refocus.free_views import FreeViews, served_positions, views_at
 from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
 from lfcore.refocus.views import read_views
-from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
+from lfcore.rendering.depth import all_in_focus, all_samples, check_samples, depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
@@ -346,18 +346,18 @@ class LightField(FieldPlanes):
 
     def depth(
         self,
-        scene: Scene,
+        scene: Scene | None = None,
         samples: np.ndarray | None = None,
         *,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Trace the exact depth of views: a file holds no depth, or depths of few bits.
+        """Give the depth of views: that of the file, of few bits, or traced again and exact.
 
         Parameters
         ----------
-        scene : Scene
-            The scene that was recorded; it is not compared.
+        scene : Scene, optional
+            The scene that was recorded, to trace it; it is not compared.
         samples : array_like, optional
             (K, 2) integer lens samples (i, j).  Default: all, row by row.
         device : Device or str, optional
@@ -374,10 +374,26 @@ class LightField(FieldPlanes):
         Raises
         ------
         OpticsError
-            Samples outside the lens.
+            Samples outside the lens, or neither a scene nor depth in the file.
         """
-        tracer = open_tracer(scene, device)
-        return depth_of_views(tracer, self.made_views, samples, progress=progress)
+        slab = self.made_views
+        if scene is None:
+            return self._stored_depth(check_samples(slab, samples), progress)
+        return depth_of_views(open_tracer(scene, device), slab, samples, progress=progress)
+
+    def _stored_depth(self, samples: np.ndarray, progress: Progress | None) -> np.ndarray:
+        if self.metadata.depth is None:
+            raise self._needs_scene()
+        views, lens = FreeViews(self), self.made_views.lens_positions()
+        depth = np.empty((len(samples), *self.made_views.size[::-1]), np.float32)
+        for number, point in enumerate(lens[samples]):
+            depth[number] = self.metres(views.inverse_depth(point))
+            if progress:
+                progress(number + 1, len(samples))
+        return depth
+
+    def _needs_scene(self) -> OpticsError:
+        return OpticsError("holds no depth", file=self.path, key="scene", remedy="Give the scene")
 
     def all_in_focus(
         self,
@@ -408,9 +424,7 @@ class LightField(FieldPlanes):
         if self.metadata.depth is not None:
             return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
         if scene is None:
-            raise OpticsError(
-                "holds no depth", file=self.path, key="scene", remedy="Give the scene"
-            )
+            raise self._needs_scene()
         slab, tracer = self.require_grid(), open_tracer(scene, device)
         alone = Extent((0, 0, 1, 1), slab.held.pixels)
         centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels, alone))[0]

@@ -10,8 +10,11 @@ from plain_scenes import scene, wall
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.true_picture import Reference, load_reference, save_reference
 from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
 from lfcore.optics.plane_pictures import load_stack, save_stack
+from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
 from lfcore.pictures import read_codes, write_picture
 from lfcore.scene.files import load_scene, save_scene
 from lfcore.storage.codecs import Encoding
@@ -22,6 +25,7 @@ from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
 NOISE = np.random.default_rng(3).random((96, 96, 3)).astype(np.float32)
 ARRAY = CameraArray.on_grid((2, 2), (0, 1, 0, 1), 45.0, (48, 48))
 PLANES = [SensorPlane(2.0, 2.0)]
+SUMS = PlaneSums.zeros(Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), PLANES)
 TRUTH = Reference(PLANES, NOISE[None], np.ones(1), np.zeros((1, 96, 96), np.float32))
 
 
@@ -36,6 +40,7 @@ KINDS = {
     "bvh.npz": (partial(save_bvh, bvh=build_bvh(wall(2.0))), load_bvh),
     "stack.npz": (lambda path: save_stack(path, NOISE[None], PLANES), load_stack),
     "truth.npz": (lambda path: save_reference(path, TRUTH), load_reference),
+    "sums.npz": (SUMS.save, lambda path: PlaneSums.load(path, SUMS.slab, PLANES)),
     "array.exr": (lambda path: write_array(path, NOISE, ARRAY), read_array),
     "segment.mp4": (write_segment, SegmentReader),
     # Of which OpenCV alone would fill up the rest without a word.

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +15,21 @@ from lfcore.pictures import CODED, check_suffix
 
 DESCRIPTION = """\
 Trace depth (metres along the axis) and disparity (pixels between neighbouring views) of a scene's
-views, exact and without anti-aliasing, or make a picture in which everything is in focus."""
+views, exact and without anti-aliasing; without a scene, give the depth that a light field holds.
+Or make a picture in which everything is in focus."""
 EPILOG = """\
 examples:
   lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
       depth_m and disparity_px, (views, rows, columns), of the light field's views
   lfcore depth scenes/bike --pixels 512 -o centre.png
       from the middle of the lens, to look at: near is warm, far is cold
-  lfcore depth scenes/bike --lightfield bike.mkv --all-in-focus sharp.png
+  lfcore depth --lightfield bike.mkv --all-in-focus sharp.png
 """
 
 
 def options(command: argparse.ArgumentParser) -> None:
-    add_scene(command)
+    usual = "scene.yaml, its folder, a mesh or a .pbrt file (the depth in --lightfield)"
+    add_scene(command, help=usual, nargs="?")
     add_output(command, ".npz (every view); .pfm, .exr, or .png to look at (one view)",
                required=False)  # fmt: skip
     one = "lens column and row, for output of one view (the middle)"
@@ -44,19 +47,22 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.rendering.prepared import open_tracer
 
     field = _checked(arguments)
-    scene = open_scene(arguments)
-    asked = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
-    slab = field.made_views if field else asked
+    scene = open_scene(arguments) if arguments.scene else None
+    if field:
+        slab = field.made_views
+        of_samples = partial(field.depth, scene, device=arguments.device)
+    else:
+        slab = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
+        of_samples = partial(depths.depth_of_views, open_tracer(scene, arguments.device), slab)
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()
         if suffix != ".npz":
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
-        tracer = open_tracer(scene, arguments.device)
         rays = len(samples) * math.prod(slab.size)
-        with progress(f"tracing the depth of {len(samples)} views", rays=rays) as report:
-            depth = depths.depth_of_views(tracer, slab, samples, progress=report)
+        with progress(f"depth of {len(samples)} views", rays=rays) as report:
+            depth = of_samples(samples=samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
             wrote(arguments.output)
@@ -79,6 +85,8 @@ def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
         check_suffix(arguments.output, (".npz", ".pfm", ".exr", *CODED))
         if arguments.format == "disparity" and arguments.output.suffix not in (".pfm", ".exr"):
             refuse("--format", "disparity needs numbers", "Write a .pfm or .exr, or both in .npz")
+    if not (arguments.scene or arguments.lightfield):
+        refuse("scene", "is missing", "Give a scene, or a light field with depth by --lightfield")
     if arguments.lightfield and (wrong := flags(arguments, "views", "pixels")):
         refuse(wrong[0], "excludes --lightfield, whose views are used", "Leave one out")
     if arguments.all_in_focus:

@@ -69,10 +69,10 @@ def add_output(command: Options, help: str, *, required: bool = True) -> None:
     command.add_argument("-o", "--output", type=Path, required=required, metavar="FILE", help=help)
 
 
-def add_scene(command: Options, name: str = "scene", help: str | None = None) -> None:
+def add_scene(command: Options, name: str = "scene", help: str | None = None, **more: Any) -> None:
     """The scene that a command traces, and the device that traces it."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
-    command.add_argument(name, type=Path, help=help or usual)
+    command.add_argument(name, type=Path, help=help or usual, **more)
     add(command, "light_points", "up", "view_from", "zoom", "device")
 
 

@@ -46,7 +46,7 @@ def thesis_row(
     """The row of the workflow's own light field of N = ``views``.
 
     ``jobs`` are the records of tracing, storing and retrieving it; ``traced`` and ``retrieved``
-    (P, M, M, 3), linear light, are pictures formed on the fly, and from the file.
+    (P, H, W, 3), linear light, are pictures formed on the fly, and from the file.
     """
     trace, store, retrieve = jobs
     return _row(
@@ -63,14 +63,14 @@ def chosen_row(
 
     Raises :class:`SettingsError` for a quality that needs more rays than the budget.
     """
-    clock, planes, pixels = core_clock(device), reference.planes, reference.pixels
+    clock, planes, size = core_clock(device), reference.planes, reference.size
     focus = sorted(plane.focus_m for plane in planes)
     quality = Quality(quality_db, MOST_RAYS, (focus[0], focus[-1]))
     hierarchy_of(scene)  # the clock counts rays and frames, not the tree
 
     def record() -> None:
         lfcore.record(
-            scene, path, pixels=pixels, quality=quality, device=device,
+            scene, path, pixels=size, quality=quality, device=device,
         ).close()  # fmt: skip
 
     try:
@@ -85,9 +85,9 @@ def chosen_row(
         read = partial(field.refocus_many, planes, device=device)
         retrieved, read_seconds = clocked_warm(read, programs_made, clock=clock)
         slab, content = field.require_slab(), field.metadata.content
-    lattice = Lattice(slab.views, slab.pixels / pixels)
+    lattice = Lattice(slab.views, slab.pixels / size.longer)
     tracer = open_tracer(scene, device)
-    traced = pictures_by_depth(tracer, scene.camera, planes, pixels, lattice)
+    traced = pictures_by_depth(tracer, scene.camera, planes, size, lattice)
     return _row(
         scene.name, reference, traced, retrieved, method=CHOSEN, lattice=lattice,
         quality_db=quality_db, expected_db=content["expected"]["db"], seconds=seconds,
@@ -104,9 +104,9 @@ def _row(
     lattice: Lattice,
     **measured: object,
 ) -> dict:
-    row = point(reference, retrieved, rays=lattice.rays(reference.pixels), scene=scene, **measured)
+    row = point(reference, retrieved, rays=lattice.rays(reference.size), scene=scene, **measured)
     row |= {"lattice": str(lattice), "rays_per_pixel": lattice.rays_per_pixel}
-    row |= {"M": reference.pixels, "psnr_traced_db": min(reference.psnr(traced))}
+    row |= {"M": reference.size.as_given, "psnr_traced_db": min(reference.psnr(traced))}
     return {name: row.get(name) for name in COLUMNS}
 
 

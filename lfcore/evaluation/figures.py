@@ -3,6 +3,7 @@
 Pictures are float arrays in linear light, encoded to sRGB here.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from PIL import Image
 
 from lfcore.colour import srgb_codes
 from lfcore.files import make_folder, whole_file
+from lfcore.optics.size import Pixels, Size
 from lfcore.pictures import contact_sheet as sheet_of
 from lfcore.pictures import write_picture
 
@@ -88,12 +90,13 @@ class Panel:
     def thesis_column(self) -> str:
         return f"thesis_{self.column}"
 
-    def values(self, rows: pd.DataFrame, column: str, pixels: pd.Series | int) -> np.ndarray:
+    def values(self, rows: pd.DataFrame, column: str, pixels: Pixels | str) -> np.ndarray:
         """(R,) float64 of a column, divided by the rays of M = ``pixels`` if ``per_ray``."""
         values = pd.to_numeric(rows[column], errors="coerce").to_numpy(np.float64)
         if self.per_ray is None:
             return values
-        return values * self.per_ray / (rows.N * rows.N * pixels * pixels).to_numpy(np.float64)
+        area = math.prod(Size.of(pixels))
+        return values * self.per_ray / (rows.N * rows.N * area).to_numpy(np.float64)
 
 
 QUALITY = (
@@ -115,7 +118,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     of their own.  ``table`` has ``scene``, ``N``, ``M`` and the panels' columns; missing and
     infinite points are left out.
     """
-    (pixels,) = table.M.unique()
+    (pixels,) = table.M.unique().tolist()
     drawn: list[tuple[Panel, str]] = []
     for panel in panels:
         together = panel.per_ray is not None or pixels == THESIS_PIXELS
@@ -130,7 +133,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     for axis, (panel, whose) in zip(axes, drawn, strict=True):
         for index, (scene, rows) in enumerate(table.groupby("scene", sort=False)):
             if whose != "thesis":
-                ours = panel.values(rows, panel.column, rows.M)
+                ours = panel.values(rows, panel.column, pixels)
                 _curve(axis, rows.N, ours, "o-", f"C{index}", str(scene))
             if whose != "ours":
                 thesis = panel.values(rows, panel.thesis_column, THESIS_PIXELS)

@@ -26,7 +26,7 @@ class Resolution:
 
 
 def scene_records(
-    scene: str, pixels: int, files: Sequence[Resolution], truth: str | Path
+    scene: str, pixels: int | str, files: Sequence[Resolution], truth: str | Path
 ) -> dict[str, list[dict]]:
     """Rows of tables 7.1, 7.2 and 7.3.
 

@@ -70,7 +70,7 @@ def sweep_rows(
                 file, segments[case], tiles, tiles[0].layout, geometry=slab, scene=scene, spec=spec
             )
             rows.append({
-                "case": case, "scene": tracer.scene.name, "N": slab.views, "M": slab.pixels,
+                "case": case, "scene": tracer.scene.name, "N": slab.views, "M": slab.size.as_given,
                 "trace_seconds": round(watch.seconds["trace"], 3),
                 "encode_seconds": round(watch.seconds[case], 3),
                 **_retrieved(tracer, file, planes, pictures, slab.rays),

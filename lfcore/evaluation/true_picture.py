@@ -1,6 +1,5 @@
 """The true picture of a plane: averaged over its pixels and the lens, and how well it is known."""
 
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.colour import display_values
-from lfcore.errors import LfcoreError, OpticsError
+from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
+from lfcore.files import read_arrays
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.quality import BORDER
 from lfcore.tracing.tracer import Tracer
@@ -24,11 +25,11 @@ add up, so the measured error is then right to 0.5 dB."""
 
 @dataclass(frozen=True)
 class Reference:
-    """True pictures of ``planes``: (P, M, M, 3) float32, linear light, and their own error.
+    """True pictures of ``planes``: (P, H, W, 3) float32, linear light, and their own error.
 
     ``known_db`` is (P,): the PSNR to which the mean of two unlike lattices is known, estimated by
     their difference; right to 1.5 dB where it was checked (docs/notebook/true-picture.md).
-    ``square_error`` is (P, M, M) float32: the squared error per pixel, the mean over channels in
+    ``square_error`` is (P, H, W) float32: the squared error per pixel, the mean over channels in
     linear light.
     """
 
@@ -38,27 +39,27 @@ class Reference:
     square_error: np.ndarray
 
     @property
-    def pixels(self) -> int:
-        """The side of the pictures."""
-        return self.pictures.shape[1]
+    def size(self) -> Size:
+        """Width and height of the pictures."""
+        return Size(*self.pictures.shape[2:0:-1])
 
     def psnr(self, pictures: np.ndarray) -> list[float]:
-        """dB of ``pictures`` (P, M, M, 3) of the planes, linear light, as :func:`inner_psnr`."""
+        """dB of ``pictures`` (P, H, W, 3) of the planes, linear light, as :func:`inner_psnr`."""
         return [inner_psnr(*pair) for pair in zip(pictures, self.pictures, strict=True)]
 
 
 def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
-    """dB of sRGB pictures (M, M, 3) without the border that not all of the lens sees."""
-    border = int(np.ceil(BORDER * len(truth)))
-    inner = slice(border, len(truth) - border)
-    one, two = (display_values(each[inner, inner]) for each in (picture, truth))
+    """dB of sRGB pictures (H, W, 3) without the border that not all of the lens sees."""
+    border = int(np.ceil(BORDER * max(truth.shape[:2])))
+    rows, columns = (slice(border, side - border) for side in truth.shape[:2])
+    one, two = (display_values(each[rows, columns]) for each in (picture, truth))
     return psnr(one, two, peak=255)
 
 
 def true_pictures(
     tracer: Tracer,
     planes: Sequence[SensorPlane],
-    pixels: int,
+    pixels: Pixels,
     lattices: Sequence[Lattice],
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -102,10 +103,6 @@ def save_reference(path: str | Path, reference: Reference) -> None:
 
 def load_reference(path: str | Path) -> Reference:
     """Read a file of :func:`save_reference`; raises :class:`LfcoreError` for any other file."""
-    try:
-        pictures, planes = load_stack(path)
-        with np.load(path, allow_pickle=False) as archive:
-            return Reference(planes, pictures, archive["known_db"], archive["square_error"])
-    except (KeyError, ValueError, zipfile.BadZipFile, LfcoreError) as error:
-        remedy = "Delete it and run again"
-        raise LfcoreError("holds no true pictures", file=path, remedy=remedy) from error
+    pictures, planes = load_stack(path)
+    errors = read_arrays(path, "reference", lambda file: (file["known_db"], file["square_error"]))
+    return Reference(planes, pictures, *errors)

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import LfcoreError
-from lfcore.files import make_folder, whole_file
+from lfcore.files import make_folder, read_arrays, whole_file
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import write_pictures
 
@@ -57,15 +56,9 @@ def load_stack(path: str | Path) -> tuple[np.ndarray, list[SensorPlane]]:
 
     Raises :class:`LfcoreError` when the file is missing, damaged or not a stack.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            planes = json.loads(archive["planes"].tobytes())
-            return archive["pictures"], [SensorPlane(**plane) for plane in planes]
-    except MemoryError:
-        raise
-    except Exception as error:  # zipfile, zlib, numpy and a foreign header raise anything
-        raise LfcoreError(
-            f"not a whole stack of planes ({' '.join(str(error).split())[:120]})",
-            file=path,
-            remedy="Delete it and run again",
-        ) from None
+
+    def read(archive: Any) -> tuple[np.ndarray, list[SensorPlane]]:
+        planes = json.loads(archive["planes"].tobytes())
+        return archive["pictures"], [SensorPlane(**plane) for plane in planes]
+
+    return read_arrays(path, "stack of planes", read)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.files import whole_file
+from lfcore.files import read_arrays, whole_file
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
@@ -163,9 +163,11 @@ class PlaneSums:
 
     @classmethod
     def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
-        with np.load(path, allow_pickle=False) as data:
-            left, top = data["corner"].tolist()
-            return cls(slab, list(planes), data["sums"], left, top)
+        """Read what :meth:`save` wrote; raises :class:`LfcoreError` for any other file."""
+        return read_arrays(
+            path, "file of sums",
+            lambda data: cls(slab, list(planes), data["sums"], *data["corner"].tolist()),
+        )  # fmt: skip
 
 
 def total(slab: Slab, planes: list[SensorPlane], parts: Iterable[PlaneSums]) -> PlaneSums:

@@ -17,7 +17,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from lfcore.errors import OpticsError, did_you_mean
+from lfcore.errors import OpticsError, answers_typos, unknown_keyword
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
@@ -93,10 +93,10 @@ def check_keywords(call: str, given: Mapping[str, object], more: Sequence[str] =
     known = [*PlaneOptions.__annotations__, *more]
     for name in given:
         if name not in known:
-            hint = did_you_mean(name, ["focus_m", "f_number", "aperture", *known])
-            raise TypeError(f"{call}() got an unexpected keyword argument {name!r}. {hint}")
+            raise unknown_keyword(call, name, ["focus_m", "f_number", "aperture", *known])
 
 
+@answers_typos
 @dataclass(frozen=True)
 class SensorPlane:
     """One picture: its focus, its aperture and its normalisation.

@@ -55,6 +55,11 @@ class Size(NamedTuple):
     def shorter(self) -> int:
         return min(self)
 
+    @property
+    def as_given(self) -> int | str:
+        """The side of a square, else ``1920x1080``: as configurations and tables have it."""
+        return self.width if self.width == self.height else repr(self)
+
     def scaled(self, longer: int) -> Size:
         """The size of the same shape whose longer side has so many pixels."""
         return Size(*(max(1, round(side * longer / self.longer)) for side in self))

@@ -38,6 +38,21 @@ MOST_RAYS_A_PIXEL = 1 << 20
 """Sums are 63 bits, a ray 2^40."""
 
 
+HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
+"""Colours and depths of views on a device, and the least and most depth of each row."""
+
+
+def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
+    """Rays as of :meth:`DepthSlicer.add`, for several slicers."""
+    ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
+    return _shown(device, light), _shown(device, depth), ranges
+
+
+def _shown(device: Device, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
+    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+    return cl.Buffer(device.context, flags, hostbuf=np.ascontiguousarray(host, dtype))
+
+
 class DepthSlicer:
     """Forms ``planes`` from rays of ``views`` whose depth is known.
 
@@ -163,8 +178,11 @@ class DepthSlicer:
         shape = (len(self.views.positions[part]), *self.views.slab.size[::-1])
         if light.shape != (*shape, 3) or depth.shape != shape:
             raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
-        ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
-        self._add_rays(part, self._shown(light), self._shown(depth), ranges)
+        self.add_held(part, held_rays(self.device, light, depth))
+
+    def add_held(self, part: slice | np.ndarray, rays: HeldRays) -> None:
+        """As :meth:`add`, of :func:`held_rays`."""
+        self._add_rays(part, *rays)
 
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
@@ -174,11 +192,8 @@ class DepthSlicer:
         ``light`` holds (K, 3, rows, columns) uint32, 2^20 to one, ``codes`` (K, rows, columns).
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
-        self._add_rays(part, light, self._shown(codes, codes.dtype), self._table[ends], first_row)
-
-    def _shown(self, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-        return cl.Buffer(self.device.context, flags, hostbuf=np.ascontiguousarray(host, dtype))
+        shown = _shown(self.device, codes, codes.dtype)
+        self._add_rays(part, light, shown, self._table[ends], first_row)
 
     def _add_rays(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,

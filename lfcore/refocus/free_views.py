@@ -17,11 +17,11 @@ from scipy.ndimage import distance_transform_edt, minimum_filter
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet
 from lfcore.optics.size import Pixels
-from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.refocus.depth_slicing import DepthSlicer, HeldRays, held_rays
 from lfcore.refocus.stored_depth import picture_side, read_depths, read_rays
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
@@ -68,8 +68,8 @@ class FreeViews:
         """Numbers i + N j of views that are not used."""
 
     @cached_property
-    def _rays(self) -> tuple[np.ndarray, np.ndarray]:
-        return read_rays(self.field, device=self.device)
+    def _rays(self) -> HeldRays:
+        return held_rays(self.device, *read_rays(self.field, device=self.device))
 
     @cached_property
     def device(self) -> Device:
@@ -120,9 +120,7 @@ class FreeViews:
             self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
             self.device,
         )  # fmt: skip
-        around = np.flatnonzero(share)
-        light, depth = (each[around] for each in self._rays)
-        slicer.add(around, light, depth)
+        slicer.add_held(slice(None), self._rays)
         return slicer.pictures()[0]
 
     def _nearest(self, point: np.ndarray) -> np.ndarray:
@@ -131,45 +129,40 @@ class FreeViews:
         away = self._away(point).max(axis=1)
         away[self.without] = np.inf
         width, height = self.made.size
-        found = np.full(width * height, -1.0)
+        found = np.zeros((height, width), np.uint32)
         for within, before in ((0.99, -1.0), (FAR, 0.99)):
             numbers = np.flatnonzero((before <= away) & (away < within))
-            held = "_rays" in self.__dict__
-            depths = self._rays[1][numbers] if held else read_depths(self.field, numbers)
-            places = [
-                self._places(number, point, depth)
-                for number, depth in zip(numbers.tolist(), depths, strict=True)
-            ]
-            for reach in (0.25, 0.5):
-                more = np.full_like(found, -1.0)
-                for x, y, inverse in places:
-                    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
-                    inside = (0 <= column) & (column < width) & (0 <= row)
-                    inside &= (row < height) & (np.abs(x - column - 0.5) <= reach)
-                    inside &= np.abs(y - row - 0.5) <= reach
-                    np.maximum.at(more, (row * width + column)[inside], inverse[inside])
-                found = np.where(found < 0, more, found)
-            if (found >= 0).all():
+            if len(numbers):
+                for more in self._nearest_of(point, numbers):
+                    found = np.where(found, found, more)
+            if found.all():
                 break
-        return np.where(found < 0, np.nan, found).reshape(height, width)
+        inverse = (found - np.uint32(1)).view(np.float32).astype(float)
+        return np.where(found, inverse, np.nan)
 
-    def _places(
-        self, number: int, point: np.ndarray, depth: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where the rays of a view are seen from a point, x and y in pixels, and their 1/m."""
-        slab = self.slab
-        inverse = 1.0 / depth.astype(float)
-        moves = (inverse - slab.camera.delta) / slab.pixel_pitch
-        apart = self.views.positions[number] - point
-        left, top, width, height = slab.held.pixels
-        v, u = np.mgrid[top : top + height, left : left + width]
-        x, y = (
-            (at + 0.5 + off + lens * moves) * (self.made.pixels / slab.pixels) - corner
-            for at, off, lens, corner in zip(
-                (u, v), self.views.displacement[number], apart, self.made.held.pixels, strict=False
-            )
-        )
-        return x, y, inverse
+    def _nearest_of(self, point: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """(2, height, width) uint32 of views by their numbers, as the kernel writes them."""
+        slab, device, (width, height) = self.slab, self.device, self.made.size
+        columns, rows = slab.size
+        if "_rays" in self.__dict__:
+            depth, places = self._rays[1], numbers
+        else:
+            depth = device.buffer(read_depths(self.field, numbers))
+            places = np.arange(len(numbers))
+        step = self.made.pixels / slab.pixels
+        move = (self.views.positions[numbers] - point) * (step / slab.pixel_pitch)
+        first = (self.views.displacement[numbers] + slab.held.pixels[:2] + 0.5) * step
+        first -= move * slab.camera.delta + self.made.held.pixels[:2]
+        found = device.zeros(8 * width * height)
+        cl.Kernel(build_program(device, ["refocus/kernels/nearest.cl"]), "nearest")(
+            device.queue, (rows, len(numbers)), None, depth,
+            device.buffer(np.concatenate([first, move], 1).astype(np.float32)),
+            device.buffer(places.astype(np.int32)), np.int32(columns), np.int32(rows),
+            np.float32(step), np.int32(width), np.int32(height), found,
+        )  # fmt: skip
+        levels = np.empty((2, height, width), np.uint32)
+        cl.enqueue_copy(device.queue, levels, found)
+        return levels
 
 
 def views_at(

@@ -37,9 +37,7 @@ def depth_of_views(
     samples : (K, 2) integer, lens samples (i, j); default all, row by row.
     progress : called with (views done, of all).
     """
-    samples = all_samples(slab) if samples is None else np.asarray(samples).reshape(-1, 2)
-    if samples.size and not (0 <= samples.min() and samples.max() < slab.views):
-        raise OpticsError(f"lens samples are from 0 to {slab.views - 1}", key="samples")
+    samples = check_samples(slab, samples)
     width, height = slab.size
     depth = np.empty((len(samples), height, width), np.float32)
     step = max(1, VIEWS_AT_A_TIME_RAYS // (width * height))
@@ -84,6 +82,14 @@ def all_samples(slab: Slab) -> np.ndarray:
     """(N N, 2) int32 (i, j), row by row."""
     j, i = np.divmod(np.arange(slab.views**2, dtype=np.int32), np.int32(slab.views))
     return np.stack([i, j], 1)
+
+
+def check_samples(slab: Slab, samples: np.ndarray | None) -> np.ndarray:
+    """(K, 2) lens samples (i, j), default all; :class:`OpticsError` for one outside the lens."""
+    samples = all_samples(slab) if samples is None else np.asarray(samples).reshape(-1, 2)
+    if samples.size and not (0 <= samples.min() and samples.max() < slab.views):
+        raise OpticsError(f"lens samples are from 0 to {slab.views - 1}", key="samples")
+    return samples
 
 
 def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:

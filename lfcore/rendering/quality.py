@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lfcore.colour import srgb_encode
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, answers_typos
 from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
@@ -47,6 +47,7 @@ BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""
 
 
+@answers_typos
 @dataclass(frozen=True)
 class Quality:
     """A quality of pictures, for which the rays are chosen.

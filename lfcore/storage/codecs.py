@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, dataclass
 
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, answers_typos
 from lfcore.storage.layout import KINDS
 from lfcore.storage.pixels import GREY_FORMATS, pixel_format
 
@@ -37,6 +37,7 @@ RANGES = {
 }  # fmt: skip
 
 
+@answers_typos
 @dataclass(frozen=True)
 class Encoding:
     """How a light field is stored as video.

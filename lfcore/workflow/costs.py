@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from lfcore.optics.size import Pixels, Size
 from lfcore.storage.layout import Tile
 from lfcore.workflow import cases
 
@@ -63,16 +64,16 @@ def trace_minutes(rays: int, views: int) -> int:
     return math.ceil((SET_UP_SECONDS + seconds * MARGIN) / 60)
 
 
-def trace_mib(scene_mib: float, pixels: int) -> int:
-    """Memory to request for tracing pictures of ``pixels`` per side."""
+def trace_mib(scene_mib: float, pixels: Pixels) -> int:
+    """Memory to request for tracing pictures of ``pixels``."""
     return math.ceil(BASE_MIB + SCENE_FACTOR * scene_mib + planes_mib(pixels))
 
 
-def sums_mib(pixels: int) -> int:
-    """Memory to request where whole planes of ``pixels`` per side are summed or formed."""
+def sums_mib(pixels: Pixels) -> int:
+    """Memory to request where whole planes of ``pixels`` are summed or formed."""
     return BASE_MIB + planes_mib(pixels)
 
 
-def planes_mib(pixels: int) -> int:
+def planes_mib(pixels: Pixels) -> int:
     """Sums of whole sensor planes: 3 colours of 8 bytes per pixel, and half as much of pictures."""
-    return math.ceil(PLANES * pixels**2 * 36 / 2**20)
+    return math.ceil(PLANES * math.prod(Size.of(pixels)) * 36 / 2**20)

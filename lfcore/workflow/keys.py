@@ -35,6 +35,8 @@ def listed(item: Any, least: int = 1, most: int | None = None) -> Any:
     return Annotated[list[item], Field(min_length=least, max_length=most)]
 
 
+SIDES = Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")]
+"""A width and a height such as ``1920x1080``."""
 Share = Annotated[str, Field(pattern=r"^[0-9.]+%$")]
 """A share such as ``40%``."""
 
@@ -138,7 +140,9 @@ class Configuration(Keys):
     views: several(whole(2, 1024)) = key(
         "lens samples per side (N), one light field each", [16, 32, 64, 128, 256, 512]
     )
-    pixels: whole(16, 8192) = key("pixels per side (M)", 128)
+    pixels: whole(16, 8192) | SIDES = key(
+        "pixels per side (M), or a width and height such as 1920x1080", 128
+    )
     planes: Literal["scene"] | listed(Plane, 1, 100) = key(
         "pictures to form: `scene` (at the scene's own focus distances, wide open) or a list of "
         "planes",

@@ -265,6 +265,8 @@ REFUSED = [
     ("depth CHART -o a.png --format disparity", "--format: "),
     ("depth CHART -o a.npz --lightfield x.mkv --views 3", "--views: "),
     ("depth CHART", "--output: "),
+    ("depth -o a.png", "scene: is missing. Give a scene, or"),
+    ("depth --lightfield FILE -o a.png", "scene: holds no depth. Give the scene"),
 ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.kernels
 
 
 def test_a_quality_is_recorded_and_compared_with_the_recipe(tmp_path, chart, reference):
-    file, side = tmp_path / "30.mkv", reference.pixels
+    file, side = tmp_path / "30.mkv", reference.size.width
     ours = chosen_row(file, chart.scene, chart.device, reference, 30.0)
     assert ours["bytes"] == file.stat().st_size and ours["expected_db"] > 29.5
     assert ours["seconds"] > 0 and ours["read_seconds"] > 0

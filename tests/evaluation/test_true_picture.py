@@ -14,14 +14,14 @@ pytestmark = pytest.mark.kernels
 
 
 def test_two_lattices_agree_on_the_truth(reference):
-    side = reference.pixels
+    side = reference.size.width
     assert reference.pictures.shape == (2, side, side, 3)
     assert (reference.known_db > 45).all()
 
 
 def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
     """Rays that each count in their own pixel, none spread, give the same picture."""
-    plane, side = reference.planes[0], reference.pixels
+    plane, side = reference.planes[0], reference.size.width
     slab = Slab(focused_camera(chart.scene.camera, plane), 24, 3 * side)
     inside = plane.mask(slab).ravel()
     light = chart.bundle_radiance(crossed_views(slab).bundles())[inside].clip(0, 1).mean(0)

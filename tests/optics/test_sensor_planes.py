@@ -14,6 +14,8 @@ from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums, ray_counts, targets, 
 from lfcore.optics.planes import SHAPES, Aperture, SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.oracle.planes import form_plane
+from lfcore.rendering.quality import Quality
+from lfcore.storage.codecs import Encoding
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 planes = st.builds(
@@ -202,3 +204,11 @@ def test_white_light_gives_a_white_or_dimmed_picture(slab, plane):
     else:
         expected = (counts / (slab.views * slab.pixels / side) ** 2).astype(np.float32)
     np.testing.assert_allclose(picture, np.repeat(expected[..., None], 3, 2), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("made", "typo", "meant"), [
+    (SensorPlane, "focus", "focus_m"), (Encoding, "crv", "crf"), (Quality, "quality", "quality_db"),
+])  # fmt: skip
+def test_a_typo_is_answered_by_the_right_name(made, typo, meant):
+    with pytest.raises(TypeError, match=rf"^{made.__name__}\(\) .* '{typo}'. .*'{meant}'"):
+        made(**{typo: 2})

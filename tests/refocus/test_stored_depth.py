@@ -26,6 +26,7 @@ from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
 from lfcore.rendering import record_depth
 from lfcore.rendering.by_depth import traced_views
+from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
@@ -261,6 +262,14 @@ def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
     assert abs(worst - float(expected)) < 4 and apart < 0.06
     assert main([*export, "--format", "quilt", "--tiles", "8x6", "-o", str(tmp_path / "q")]) == 0
     assert read_codes(tmp_path / "q" / "test_qs8x6a1.png").shape == (6 * 24, 8 * 24, 3)
+    # Depth without the scene is the file's own.
+    words = ["depth", "--lightfield", str(field.path), "-o", str(tmp_path / "depth.npz")]
+    assert main(words) == 0
+    found, right = (
+        np.load(tmp_path / "depth.npz")["depth_m"],
+        depth_of_views(tracer, field.made_views),
+    )
+    assert found.shape == right.shape and np.mean(np.abs(1 / found - 1 / right) > 0.02) < 0.06
     middle = field.views_at(np.zeros((1, 2)))[0]
     np.testing.assert_array_equal(field.all_in_focus(), middle)
     array = pytest.importorskip("xarray") and field.to_xarray()

@@ -52,6 +52,7 @@ REFUSED = [
     ({"pixels": 0}, "pixels.*greater than or equal to 16"),
     ({"pixels": 33.5}, "pixels"),
     ({"pixels": "many"}, "pixels"),
+    ({"pixels": "1920x"}, "pixels"),
     ({"pixels": float("inf")}, "pixels"),
     ({"views": [16, 0]}, r"views\.1"),
     ({"views": []}, "views"),

@@ -52,16 +52,17 @@ def scene_name(entry):
 
 
 SCENES = list(map(scene_name, config["scenes"]))
-PIXELS = config["pixels"]
+WIDTH, HEIGHT = (int(str(config["pixels"]).split("x")[side]) for side in (0, -1))
+PIXELS = config["pixels"] = WIDTH if WIDTH == HEIGHT else f"{WIDTH}x{HEIGHT}"
 VIEWS = sorted(config["views"])
 STORE = config["store"]
 REPORTS = set(config["reports"])
 DEVICE = config["device"]
-# A folder for each number of pixels: runs of different sizes are side by side.
+# A folder for each size of pictures: runs of different sizes are side by side.
 SLAB = f"results/{{scene}}/M{PIXELS}/N{{n}}"
 # Light fields whose tracing takes less than a job, at 100 ns per ray, are one submission to a
 # cluster per scene. On one machine groups mean nothing.
-SMALL = sum(n**2 for n in VIEWS) * PIXELS**2 * 100e-9 <= 60 * config["job_minutes"]
+SMALL = sum(n**2 for n in VIEWS) * WIDTH * HEIGHT * 100e-9 <= 60 * config["job_minutes"]
 TRACE_GROUP = "scene_{scene}" if SMALL else None
 REPORT_GROUP = "report"
 

@@ -11,7 +11,7 @@ from lfcore.workflow.joining import joined, traced
 with job(snakemake.log[0], snakemake.threads):
     given, params, output = snakemake.input, snakemake.params, snakemake.output
     camera, focus_distances_m, triangles = cases.read_camera(given.scene)
-    slab = Slab(camera, int(snakemake.wildcards.n), params.pixels)
+    slab = Slab.of(camera, int(snakemake.wildcards.n), params.pixels)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
     parts = (PlaneSums.load(path, slab, planes) for path in given.planes)
     pictures = total(slab, planes, parts).pictures()

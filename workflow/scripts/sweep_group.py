@@ -16,7 +16,7 @@ with job(snakemake.log[0], snakemake.threads):
     one = next(iter(params.study.values()))
     rows = sweep_rows(
         tracer,
-        Slab(scene.camera, n, one["pixels"]),
+        Slab.of(scene.camera, n, one["pixels"]),
         cases.tiles(one, n),
         cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
         {case: cases.encoding(settings, n) for case, settings in params.study.items()},

@@ -13,7 +13,7 @@ with job(snakemake.log[0], snakemake.threads):
     with watch.part("set_up"):
         tracer = open_tracer(snakemake.input, params.device, snakemake.threads, lean=True)
         scene, device = tracer.scene, tracer.device
-        slab = Slab(scene.camera, int(snakemake.wildcards.n), params.pixels)
+        slab = Slab.of(scene.camera, int(snakemake.wildcards.n), params.pixels)
         tiles = cases.tiles(params, slab.views)[slice(*params.batch)]
         planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     sums, facts = trace_batch(

@@ -30,7 +30,7 @@ with job(snakemake.log[0], snakemake.threads):
             )
             save_stack(output[name], pictures, planes)
     if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3
-        slab = Slab(camera, params.views, params.pixels)
+        slab = Slab.of(camera, params.views, params.pixels)
         last, middle = slab.views - 1, (slab.views - 1) // 2
         samples = np.array([(0, 0), (last, 0), (0, last), (last, last), (middle, middle)])
         pictures = tracer.bundle_radiance(bundles.views(slab, samples), samples).clip(0, 1)

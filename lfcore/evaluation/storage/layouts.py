@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
+from lfcore.optics.size import Pixels, Size
 from lfcore.progress import Progress, silent
 from lfcore.storage.curves import ORDERS
 from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
@@ -37,7 +38,7 @@ def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayo
 
 def layout_rows(
     tracer: Tracer,
-    pixels: int,
+    pixels: Pixels,
     *,
     views: Sequence[int],
     rays: int,
@@ -46,19 +47,20 @@ def layout_rows(
 ) -> list[dict]:
     """Rows of one scene (columns :data:`COLUMNS`), at the encoder settings of each N of ``views``.
 
-    Samples have at most ``rays``, a window of a picture of M = ``pixels``; ``packs`` are
+    Samples have at most ``rays``, a square window of a picture of so many ``pixels``; ``packs`` are
     macropixels per side of a frame, beside the default.
     """
+    size = Size.of(pixels)
     planes, rows = own_planes(tracer.scene), []
     for step, n in enumerate(views):
-        sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
+        sample = trace_sample(tracer, planes, views=n, pixels=size.shorter, most_rays=rays)
         found = list(layouts(n, sample.slab.pixels, packs))
         for at, layout in enumerate(found):
             known = store(Frames(sample, layout), chosen_encoding(n), tracer.device)
-            known |= {"scene": sample.scene, "N": n, "M": pixels}
+            known |= {"scene": sample.scene, "N": n, "M": size.as_given}
             known |= {"window": layout.pixels, "frame_px": layout.frame_width}
             known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
-            known["is_default"] = is_default(layout, pixels)
+            known["is_default"] = is_default(layout, size.longer)
             rows.append({column: known[column] for column in COLUMNS})
             progress(step * len(found) + at + 1, len(views) * len(found))
     return rows

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from lfcore.evaluation.storage.sample import Frames, own_planes, store, trace_sample
+from lfcore.optics.size import Pixels, Size
 from lfcore.progress import Progress, silent
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import CRF_SCALE, QUICK, chosen_encoding, default_kind, default_pack
@@ -70,7 +71,7 @@ def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, 
 
 def rate_rows(
     tracer: Tracer,
-    pixels: int,
+    pixels: Pixels,
     *,
     views: Sequence[int],
     rays: int,
@@ -83,11 +84,12 @@ def rate_rows(
     What is stored by default at each N is among them, as the curve "default".  Samples are as in
     :func:`lfcore.evaluation.storage.layouts.layout_rows`; ``crfs`` are on H.264's scale.
     """
+    size = Size.of(pixels)
     planes, points, rows = own_planes(tracer.scene), specs(crfs, curves), []
     for n in views:
-        sample = trace_sample(tracer, planes, views=n, pixels=pixels, most_rays=rays)
-        window, kind = sample.slab.pixels, default_kind(n, pixels)
-        pack = min(default_pack(n, pixels), window)
+        sample = trace_sample(tracer, planes, views=n, pixels=size.shorter, most_rays=rays)
+        window, kind = sample.slab.pixels, default_kind(n, size.longer)
+        pack = min(default_pack(n, size.longer), window)
         here = [("default", chosen_encoding(n)), *points]
         fed: dict[str, Frames] = {}
         for name, spec in here:
@@ -96,7 +98,7 @@ def rate_rows(
                 layout = FrameLayout(kind, n, window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}
             known = store(fed[form], spec, tracer.device)
-            known |= {"scene": sample.scene, "N": n, "M": pixels, "window": window}
+            known |= {"scene": sample.scene, "N": n, "M": size.as_given, "window": window}
             known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
             known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
             rows.append({column: known[column] for column in COLUMNS})

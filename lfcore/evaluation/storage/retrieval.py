@@ -70,7 +70,7 @@ def retrieval_rows(
     facts = {
         "scene": scene,
         "N": layout.views,
-        "M": layout.pixels,
+        "M": layout.size.as_given,
         "layout": layout.kind,
         "pixel_format": layout.pixel_format,
         "segments": len(field.segments),
@@ -154,7 +154,7 @@ def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
         left, top = tile.column + (tile.columns - size) // 2, tile.row + (tile.rows - size) // 2
     else:
         view, pixel = outer, inner
-        left = top = (layout.pixels - size) // 2
+        left, top = ((side - size) // 2 for side in layout.inner)
     area = left, top, left + size, top + size
     rectangle = f"a rectangle of {size} x {size} (u, v)"
     yield _piece(field, "a view", lambda f: f.view(*view, codes=True), in_all)

@@ -1,6 +1,6 @@
 """A bounded sample of a light field, stored and read back: sizes, errors and seconds.
 
-The sample has all N x N lens samples of a square window in the middle of the M x M picture.  It is
+The sample has all N x N lens samples of a square window in the middle of the picture.  It is
 stored and read like any light field, as one segment.
 """
 
@@ -80,7 +80,8 @@ def window_side(views: int, pixels: int, most_rays: int) -> int:
 def trace_sample(
     tracer: Tracer, planes: Sequence[SensorPlane], *, views: int, pixels: int, most_rays: int
 ) -> Sample:
-    """Trace the window of :func:`window_side` of the scene's picture with M = ``pixels``.
+    """Trace the window of :func:`window_side` of the scene's picture with M = ``pixels`` on its
+    shorter side.
 
     Raises :class:`OpticsError` for a plane that the camera does not record.
     """

@@ -44,7 +44,7 @@ def recorded_row(
 
         def record() -> None:
             lfcore.record(
-                scene, file, views=lattice, pixels=reference.pixels, encoding=encoding,
+                scene, file, views=lattice, pixels=reference.size, encoding=encoding,
                 device=device,
             ).close()  # fmt: skip
 
@@ -55,7 +55,7 @@ def recorded_row(
         _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
         return timed_point(
             reference, read, device, panel=FROM_FILE, method=method,
-            setting=setting or str(lattice), rays=lattice.rays(reference.pixels),
+            setting=setting or str(lattice), rays=lattice.rays(reference.size),
             record_seconds=seconds, bytes=file.stat().st_size,
         )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -44,11 +44,14 @@ def memory_rows(
 ) -> Iterator[dict]:
     """Rows of every method by N, and of two by a setting of their own at the largest N.
 
-    Tracing the views is not counted.
+    Tracing the views is not counted.  Methods make squares, and wide pictures are a part of these.
     """
     planes, samples = reference.planes, monte_carlo_samples
     for n in sorted(views):
-        field = trace_views(tracer, Slab(tracer.scene.camera, n, reference.pixels))
+        slab = Slab.of(tracer.scene.camera, n, reference.size)
+        field = trace_views(tracer, replace(slab, extent=None))
+        left, top, width, height = slab.held.pixels
+        shown = np.s_[:, top : top + height, left : left + width]
         works = {name: (f"N = {n}", method(field, planes)) for name, method in METHODS.items()}
         if n == max(views):
             works |= {
@@ -61,7 +64,8 @@ def memory_rows(
             }
         for name, (setting, work) in works.items():
             yield timed_point(
-                reference, work, tracer.device, panel=IN_MEMORY, method=name.split(":")[0],
+                reference, lambda work=work, shown=shown: work()[shown], tracer.device,
+                panel=IN_MEMORY, method=name.split(":")[0],
                 setting=setting, rays=field.slab.rays,
             )  # fmt: skip
 

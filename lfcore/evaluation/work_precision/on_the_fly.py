@@ -23,7 +23,7 @@ ONE_BY_ONE, TO_QUALITY = "by depth, each plane traced at its focus", "by depth, 
 def nearest_rows(tracer: Tracer, reference: Reference, views: Sequence[int]) -> Iterator[dict]:
     """The thesis's recipe: N x N lens samples, all rays through the middle of their pixel."""
     for n in views:
-        slab = Slab(tracer.scene.camera, n, reference.pixels)
+        slab = Slab.of(tracer.scene.camera, n, reference.size)
         work = partial(trace_planes, tracer, slab, reference.planes)
         yield timed_point(
             reference, work, tracer.device, panel=ON_THE_FLY, method=NEAREST, setting=f"{n} x 1",
@@ -35,7 +35,7 @@ def by_depth_rows(
     tracer: Tracer, reference: Reference, lattices: Sequence[Lattice]
 ) -> Iterator[dict]:
     """Few rays, each spread by its depth: traced once for all planes, and once per plane."""
-    camera, planes, pixels = tracer.scene.camera, reference.planes, reference.pixels
+    camera, planes, pixels = tracer.scene.camera, reference.planes, reference.size
 
     def one_by_one(lattice: Lattice) -> np.ndarray:
         made = [pictures_by_depth(tracer, camera, [plane], pixels, lattice) for plane in planes]
@@ -55,7 +55,7 @@ def quality_rows(
     tracer: Tracer, reference: Reference, qualities_db: Sequence[float]
 ) -> Iterator[dict]:
     """As many rays as the wanted quality takes."""
-    planes, pixels = reference.planes, reference.pixels
+    planes, pixels = reference.planes, reference.size
     for wanted in qualities_db:
         quality = Quality(wanted)
         job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, quality)

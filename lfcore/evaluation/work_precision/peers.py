@@ -17,6 +17,7 @@ from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.true_picture import inner_psnr
 from lfcore.evaluation.work_precision.points import COLUMNS, ON_THE_FLY
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.scene.model import Scene
 
 PEERS = {"Mitsuba 3": renderers.mitsuba, "POV-Ray": renderers.povray}
@@ -29,7 +30,7 @@ SAMPLES, TRUE_SAMPLES = 4, 16
 def peer_rows(
     scene: Scene,
     planes: Sequence[SensorPlane],
-    pixels: int,
+    pixels: Pixels,
     targets_db: Sequence[float],
     *,
     peers: dict[str, Callable[..., Rendered]] = PEERS,
@@ -39,6 +40,7 @@ def peer_rows(
     ``expected_db`` is the target.  A renderer that is not installed, or cannot show the scene, has
     one row whose ``note`` says why.
     """
+    area = math.prod(Size.of(pixels))
     dark = replace(scene, ambient=(0.0, 0.0, 0.0))
     for method, renderer in peers.items():
         context = {"panel": ON_THE_FLY, "f_number": planes[0].f_number, "method": method}
@@ -50,10 +52,10 @@ def peer_rows(
             samples = [
                 math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10)) for psnr_db, _ in sampled
             ]
-            per_sample = [seconds * pixels**2 for _, seconds in sampled]
+            per_sample = [seconds * area for _, seconds in sampled]
             yield dict.fromkeys(COLUMNS) | context | {
                 "setting": f"{target:g} dB", "rays_per_pixel": sum(samples),
-                "rays": sum(samples) * pixels**2, "expected_db": target,
+                "rays": sum(samples) * area, "expected_db": target,
                 "seconds": float(np.dot(samples, per_sample)),
             }  # fmt: skip
 

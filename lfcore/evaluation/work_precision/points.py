@@ -1,5 +1,6 @@
 """The points of the diagrams: a method at a setting, its seconds, and its error."""
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -30,7 +31,7 @@ def core_clock(device: Device) -> Callable[[], float]:
 
 
 def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:
-    """A row with :data:`COLUMNS` of the pictures (P, M, M, 3) of all planes, linear light.
+    """A row with :data:`COLUMNS` of the pictures (P, H, W, 3) of all planes, linear light.
 
     ``rays`` are those behind all of them, ``context`` has the other columns.
     """
@@ -40,7 +41,7 @@ def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: A
     return dict.fromkeys(COLUMNS) | {
         "f_number": reference.planes[0].f_number,
         "rays": rays,
-        "rays_per_pixel": rays / reference.pixels**2,
+        "rays_per_pixel": rays / math.prod(reference.size),
         "psnr_true_db": found[worst],
         "worst_plane_m": reference.planes[worst].focus_m,
         "mean_psnr_true_db": float(np.mean(found)),

@@ -36,7 +36,7 @@ def scene_rows(
         nearest_rows(tracer, stopped, study["nearest_views"]),
         *(by_depth_rows(tracer, reference, lattices) for reference in (wide, stopped)),
         *(quality_rows(tracer, reference, study["qualities_db"]) for reference in (wide, stopped)),
-        peer_rows(scene, wide.planes, wide.pixels, study["peers_db"]),
+        peer_rows(scene, wide.planes, wide.size, study["peers_db"]),
         (recorded_row(scene, wide, lattice, device) for lattice in lattices),
         codec_rows(scene, wide, stored, study["codecs"], study["crfs"], device),
         memory_rows(tracer, wide, study["memory_views"], study["monte_carlo_samples"]),

@@ -1,0 +1,32 @@
+"""Pictures of the workflow that are no squares."""
+
+import pandas as pd
+import pytest
+import yaml
+from PIL import Image
+
+pytestmark = [pytest.mark.workflow, pytest.mark.slow]
+
+ALIKE = {"stability", "left_out", "equivalence", "plenoptic_photograph", "other_renderers"}
+"""Reports that have a size of their own, beside those of camera arrays."""
+
+
+def test_pictures_of_any_width_and_height_go_all_the_way(project_copy):
+    """The smallest run of every report that depends on the size."""
+    checkout = project_copy("wide")
+    config = checkout.folder / "config"
+    reports = yaml.safe_load((config / "config.yaml").read_text())["reports"]
+    wanted = ",".join(one for one in reports if one not in ALIKE | {"camera_arrays"})
+    jobs = checkout.made("--configfile", "config/micro.yaml", "--config", "pixels=24x16",
+                         f"reports=[{wanted}]", "--", "results/tables/")  # fmt: skip
+    assert jobs["trace"] == 2 and not {"stability", "assignment_trace"} & set(jobs)
+    results = checkout.folder / "results"
+    for name in ("table_7_1", "table_7_2", "table_7_3", "chosen_rays", "rate_distortion"):
+        assert (pd.read_csv(results / "tables" / f"{name}.csv").M == "24x16").all(), name
+    stored = pd.read_csv(results / "tables" / "table_7_2.csv")
+    assert (stored.raw_bytes_uint8 == 3 * 24 * 16 * stored.N**2).all()
+    for source in ("on_the_fly", "from_video"):
+        for file in (results / f"chart/M24x16/N4/planes/{source}").glob("*.png"):
+            with Image.open(file) as picture:
+                assert picture.size == (24, 16)
+    assert "24x16" in (results / "tables" / "index.html").read_text()
