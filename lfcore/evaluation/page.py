@@ -59,7 +59,9 @@ def write_page(
     folder or below, named for their scenes.  Raises :class:`OSError` for a table or picture that
     cannot be read, :class:`ValueError` for a figure of a type that a page cannot show.
     """
-    folder = Path(path).parent
+    folder, viewers = Path(path).parent, list(viewers)
+    if left := _left_over(Path(path), sections, viewers):
+        facts = {**facts, "of earlier runs, not shown": ", ".join(left)}
     template = jinja2.Template(
         (HERE / "page.html").read_text(encoding="utf-8"), autoescape=True,
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -74,6 +76,18 @@ def write_page(
         sections=[_shown(section, folder, config) for section in sections],
     )
     write_text(path, text)
+
+
+def _left_over(page: Path, sections: Sequence[Section], viewers: Sequence[Path]) -> list[str]:
+    """The tables, figures and pages in the page's folder that another configuration has made."""
+    made = {Path(file) for section in sections for file in section.files}
+    names = {page.name, *(file.name for file in (*made, *viewers))}
+    # A table has one in Markdown, and may have one of its cases.
+    stems = {file.stem for file in made if file.suffix == ".csv"}
+    names |= {f"{stem}{end}" for stem in stems for end in (".md", "_cases.csv")}
+    found = (file for end in ("csv", "md", "png", "html") for file in page.parent.rglob(f"*.{end}"))
+    return sorted(file.relative_to(page.parent).as_posix() for file in found
+                  if file.name not in names)  # fmt: skip
 
 
 def write_markdown_tables(

@@ -88,7 +88,8 @@ def test_panels_are_columns_of_their_tables(name):
 def test_page_is_whole_and_self_contained(tmp_path):
     table = pd.DataFrame({"scene": ["a<b", "c"], "N": [16, 16], "thesis_seconds": [1.5, None]})
     table.to_csv(tmp_path / "t.csv", index=False)
-    (tmp_path / "t.md").write_text("| |")
+    for name in ("t.md", "t_cases.csv", "stale.csv"):
+        (tmp_path / name).write_text("| |")
     write_picture(tmp_path / "p.png", np.full((4, 4, 3), 0.5))
     sections = [
         Section("pictures", "Pictures", "See ``this``.", figures={"a": tmp_path / "p.png"}),
@@ -108,6 +109,7 @@ def test_page_is_whole_and_self_contained(tmp_path):
     data = re.search(r"data:image/png;base64,([^\"]+)", text)[1]
     assert base64.b64decode(data) == (tmp_path / "p.png").read_bytes()
     assert not re.search(r"(src|href)=\"(?:https?:|/)", text)
+    assert "not shown</dt><dd>stale.csv</dd>" in text
 
 
 def test_a_caption_with_a_mistake_is_an_error():
