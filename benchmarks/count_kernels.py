@@ -4,7 +4,7 @@
 
 The way of a block is found, not listed: from the kernel ``trace_packets`` on, every function, macro
 and type that the text of another names, and the files that define them.  BESIDE names what a block
-of opaque, unshadowed triangles whose rays are traced together never enters.
+of opaque, matte, plain, unshadowed triangles whose rays are traced together never enters.
 """
 
 import re
@@ -29,9 +29,13 @@ BESIDE = {
                 "OccluderCache"},
     "holes": {"is_solid", "stopped_rays"},
     "rays one by one": {"follow_rays", "ray_meets", "shaft_meets", "Ray", "Shaft"},
+    "textures": {"read_maps", "mip_level", "find_tangent", "texture_row", "read_patch",
+                 "TexelPatch"},
+    "highlights": {"highlight"},
+    "packets of one element": {"compacted_tree", "compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
                       "SensorPlanes", "Strip"},
-    "microfacets": {"read_maps", "read_row_maps", "reflect_light", "is_metallic",
+    "microfacets": {"read_microfacets", "read_row_maps", "reflect_light", "is_metallic",
                     "ambient_reflectance"},
 }  # fmt: skip
 MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7

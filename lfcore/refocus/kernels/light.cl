@@ -2,7 +2,7 @@
 // blue, red, else BT.709 YCbCr of limited range.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
-#include "codes.cl"
+#include "lanes.cl"
 
 #define SCALE (1.0f / CODES)
 

@@ -2,79 +2,32 @@
 //
 // The packet walks the hierarchy as one, front to back.  Leaves are collected in a list of
 // candidates; every block culls the list by its own, narrower frustum, and triangles by their edge
-// functions.  Nodes
-// behind the farthest visible depth are dropped.
+// functions.  Nodes behind the farthest visible depth are dropped.
 #pragma once
+#include "compaction.cl"
 #include "depth_buffer.cl"
 #include "walk.cl"
 
-// A worker's own memory.  Compacted leaves hold the candidates' triangles that the packet may hit.
+// A worker's own memory.
 typedef struct {
     DepthBuffer buffers[MOST_BLOCKS];
-    ListedLeaves candidates, compacted;
-    Leaf leaves[LIST];           // the compacted leaves
-    int ids[LIST * NODE_WIDTH];  // (LIST, NODE_WIDTH) their triangles
+    ListedLeaves candidates;
+    CompactedLeaves compacted;
 } VisibilityMemory;
 
 // The packet's blocks, and the leaves in their way.
 typedef struct {
     Coverage block[MOST_BLOCKS];
-    LeafList candidates, compacted;
-    global VisibilityMemory *memory;
+    global ListedLeaves *candidates;
+    global CompactedLeaves *compacted;
 } Visibility;
 
 inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, Visibility *v)
 {
     for (int block = 0; block < rays->blocks; ++block)
         clear_coverage(memory->buffers + block, rays->half_extent, v->block + block);
-    v->candidates.of = &memory->candidates;
-    v->compacted.of = &memory->compacted;
-    v->memory = memory;
-}
-
-// Append triangle `number` to the compacted leaves.  The first triangle of a leaf clears the leaf:
-// all zero, which nothing can hit, in an empty box.
-inline void compact_triangle(global const Leaf *from, int id, int number, Visibility *v)
-{
-    const int leaf = number / NODE_WIDTH, lane = number % NODE_WIDTH;
-    global Leaf *to = v->memory->leaves + leaf;
-    global Boxes *boxes = v->compacted.of->boxes + leaf / NODE_WIDTH;
-    for (int axis = 0; axis < 3; ++axis) {
-        global float *low = boxes->low[axis] + leaf % NODE_WIDTH;
-        global float *high = boxes->high[axis] + leaf % NODE_WIDTH;
-        for (int k = 0; k < 3; ++k) {
-            const float x = from->corner[k][axis][0];
-            if (lane == 0) vstore16((float16)(0.0f), 0, to->corner[k][axis]);
-            to->corner[k][axis][lane] = x;
-            *low = min(lane || k ? *low : FAR, x);
-            *high = max(lane || k ? *high : -FAR, x);
-        }
-    }
-    v->memory->ids[number] = id;
-    v->compacted.of->leaf[leaf] = leaf;
-    v->compacted.count = leaf + 1;
-}
-
-// Compact the candidate leaves of a packet of one element: keep the triangles that the packet, as
-// one wide block, may hit, so that its blocks set up few others.  No ray hits a triangle that is
-// left out: if rounding widens an edge onto a ray, the ray hits the neighbour beyond that edge.
-inline void compact_triangles(const Tree *tree, const Packet *p, float z_far, Visibility *v)
-{
-    const Bundle all = element_bundle(p, 0);
-    int number = 0;
-    v->compacted.count = 0;
-    for (int k = 0; k < v->candidates.count; ++k)
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-            const int leaf = v->candidates.of->leaf[k];
-            global const Leaf *corners = leaf_corners(tree, leaf, lane);
-            global const int *ids = leaf_numbers(tree, leaf, lane);
-            Placed placed;
-            uint bits = row_bits(place_triangles(&all, corners, z_far, 1, &placed));
-            for (; bits; bits &= bits - 1, ++number) {
-                const int k = lowest(bits);
-                compact_triangle(leaf_corners(tree, leaf, lane + k), ids[k], number, v);
-            }
-        }
+    v->candidates = &memory->candidates;
+    v->compacted = &memory->compacted;
 }
 
 // Test one block against a leaf.  What covers the block comes first: often nothing lies before it,
@@ -165,21 +118,16 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     start_walk(&stack);
     // Several blocks of one element meet much the same triangles.
     const int compact = p->rays->group == 1 && blocks > 1;
-    Tree leaves = *tree;
-    if (compact) {
-        leaves.leaves = v->memory->leaves;
-        leaves.leaf_ids = v->memory->ids;
-    }
-    const LeafList *list = compact ? &v->compacted : &v->candidates;
+    const Tree leaves = compact ? compacted_tree(tree, v->compacted) : *tree;
     while (stack.size) {
         const float far = farthest_open(p, v);
-        v->candidates.count = 0;
-        gather_leaves(tree, &volume, far, &stack, &v->candidates);
-        if (compact) compact_triangles(tree, p, far, v);
+        LeafList list = {v->candidates, 0};
+        gather_leaves(tree, &volume, far, &stack, &list);
+        if (compact) list = compact_triangles(tree, p, far, &list, v->compacted);
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
-            visit_block(&leaves, &bundle, list, v->block + block);
+            visit_block(&leaves, &bundle, &list, v->block + block);
         }
     }
 }

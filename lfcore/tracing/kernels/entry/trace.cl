@@ -4,7 +4,6 @@
 // FRAMES, sensor planes (PLANES: 1 of macropixels, 2 of views) and encoder-ready frames (BITS, 0
 // for none); GIVEN, the hits of rays that are no bundle.
 #include "cells.cl"
-#include "given_rays.cl"
 #include "hit_buffers.cl"
 #include "radiance_image.cl"
 #include "shade.cl"

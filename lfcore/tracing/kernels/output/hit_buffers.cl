@@ -1,4 +1,4 @@
-// Triangles and depths of a block's hits.
+// Triangles and depths of hits: of a block, and of rays that are no bundle.
 #pragma once
 #include "visibility.cl"
 
@@ -37,4 +37,25 @@ inline void write_hits(const Packet *p, int block, Coverage *c, const HitBuffers
 {
     write_depths(p, block, c, to->depth);
     write_rays(p, block, (global const uint *)c->ids, (global uint *)to->triangle);
+}
+
+// Follow the rays of a packet that is no bundle: the columns of one element are their numbers.
+// `origins`, `directions`, `weights`: (R, 3).  Depth is the parameter of the ray as given.
+inline void hit_given_rays(const Tree *tree, const Packet *p, global const float *origins,
+                           global const float *directions, const HitBuffers *to,
+                           global float *weights)
+{
+    const int end = min(p->at.x + p->rays->packet_side, p->rays->columns);
+    for (int ray = p->at.x; ray < end; ++ray) {
+        const float3 o = vload3(ray, origins), d = vload3(ray, directions);
+        Hit hit = {FAR, -1, (float3)(NAN)};
+        int exponent = 0;
+        if (all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f)) {
+            const Ray r = scaled_ray(o, d, &exponent);
+            closest_hit(tree, &r, &hit);
+        }
+        to->triangle[ray] = hit.id;
+        to->depth[ray] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
+        vstore3(hit.weights, ray, weights);
+    }
 }

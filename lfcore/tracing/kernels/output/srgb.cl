@@ -1,6 +1,5 @@
 // sRGB encoding, ray by ray or for a whole block at once.
 #pragma once
-#include "codes.cl"
 #include "block.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in

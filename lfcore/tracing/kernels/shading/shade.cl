@@ -1,10 +1,9 @@
 // Colours of a block's rays, row by row: ambient, emission, and the reflection of each visible
-// light, by Blinn-Phong unless a material is of metal and roughness.
-//
-// Source: J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
-// 1977.
+// light, diffuse with a highlight unless a material is of metal and roughness.
 #pragma once
+#include "highlight.cl"
 #include "microfacet.cl"
+#include "texel_patch.cl"
 
 // The direction of unit length to a light.  `attenuation` receives the share of the light that
 // distance, the cosine at the emitter and a spot's cone leave.
@@ -34,18 +33,6 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
 inline int is_glossy(const Material *m)
 {
     return m->specular.x + m->specular.y + m->specular.z > 0.0f;
-}
-
-// A highlight: a power of the cosine between the normal and halfway to the viewer.
-inline vf highlight(const Surface *s, Vec towards, vi facing)
-{
-    const Vec h = plus3(towards, s->to_viewer);
-    const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
-    const vi glossy = facing & GE(halfway, (vf)(s->material->specular_cutoff));
-    if (!row_any(glossy)) return 0.0f;
-    const vf cosine = max(halfway, (vf)(NOTHING_LEFT));
-    const vf power = exp2_fast(s->material->shininess * log2_fast(cosine));
-    return pick((vf)(0.0f), power, glossy);
 }
 
 // The light that a Blinn-Phong surface reflects.
@@ -81,51 +68,13 @@ inline Vec unlit_light(const Scene *scene, const Surface *s)
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
 }
 
-// Blocks of more regions read their textures ray by ray: patches would not pay.
-#define PATCHED_REGIONS 8
-
-// The range of texture coordinates over a region of a block of one element.
-inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
-{
-    const float2 u = quotient_range(slot_affine(p, COORDINATES), p->weights, at);
-    const float2 v = quotient_range(slot_affine(p, COORDINATES + 1), p->weights, at);
-    return (float4)(u.x, v.x, u.y, v.y);
-}
-
-// Read the texels under what a block of few regions sees of a material.
-inline void read_patch(const Scene *scene, const Block *b, int key, const Material *m,
-                      TexelPatch *patch)
-{
-    patch->columns = 0;
-    if (!TEXTURED || !m->base.height || OUTER > 1 || b->regions.count > PATCHED_REGIONS) return;
-    float4 range = (float4)(FAR, FAR, -FAR, -FAR);
-    for (int k = 0; k < b->regions.count; ++k) {
-        global const PlaneEquations *p = b->planes + k;
-        const Rectangle at = region_rectangle(b->regions.of + k, b->rays.half_extent);
-        if (p->key != key) continue;
-        if (!is_one_sided(p->denominator, at)) return;
-        const float4 own = coordinate_range(p, at);
-        range.lo = min(range.lo, own.lo);
-        range.hi = max(range.hi, own.hi);
-    }
-    make_patch(scene->texels, m->base, range, patch);
-}
-
-// Colours of the texture of a row of rays.
-inline Vec texture_row(const Scene *scene, const TexelPatch *patch, const Material *m,
-                       global const Samples *samples, int at)
-{
-    const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
-    if (patch->columns) return sample_patch(patch, u, v);
-    return sample_texture(scene->texels, m->base, u, v);
-}
-
 // The material's own colour, times that of texture and corners.
 inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Material *m,
                       global const Samples *samples, int at)
 {
     Vec c = spread3(m->diffuse);
-    if (TEXTURED && m->base.height) c = times3(c, texture_row(scene, patch, m, samples, at));
+    if (TEXTURED && m->maps[MAP_BASE].height)
+        c = times3(c, texture_row(scene, patch, m, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->tint, at));
     return c;
 }
@@ -170,6 +119,20 @@ inline int list_keys(const Block *b, private int *keys)
         if (at == count) keys[count++] = key;
     }
     return count;
+}
+
+inline Material read_material(const Scene *s, int key)
+{
+    global const MaterialRecord *material = s->materials + key / MIP_LEVELS;
+    Material m = {0};
+    m.diffuse = vload3(0, material->diffuse);
+    m.shininess = material->shininess;
+    m.specular = vload3(0, material->specular);
+    m.emission = vload3(0, material->emission);
+    m.specular_cutoff = material->specular_cutoff;
+    if (TEXTURED) read_maps(s, material, key % MIP_LEVELS, m.maps);
+    if (PHYSICAL) read_microfacets(material, &m);
+    return m;
 }
 
 // Shade the rays of a block that have one key.

@@ -11,7 +11,7 @@
 // b to the direction.  Where lens samples and pixels are both few, such a block is far narrower in
 // space than 16 x 16 of one kind, and meets far fewer triangles.
 #pragma once
-#include "edges.cl"
+#include "lanes.cl"
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))

@@ -1,6 +1,5 @@
 // Plane equations: what a triangle interpolates over a block, as quotients of affine functions.
 #pragma once
-#include "scene.cl"
 #include "texture.cl"
 
 // What corners have, side by side.  Colours are differences from the first corner's, so that equal
@@ -53,52 +52,6 @@ inline float8 corner_slots(global const float *attributes, int k)
     return a;
 }
 
-// What u and v gain along a triangle's edges from its first corner: of one, then of the other.
-inline float4 coordinate_edges(const Scene *s, int triangle)
-{
-    global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
-    return (float4)(uv[2] - uv[0], uv[3] - uv[1], uv[4] - uv[0], uv[5] - uv[1]);
-}
-
-// A triangle's shading key: its material, and the mip level whose texels are about as large as a
-// pixel's footprint at the block's centre.  The footprint covers z^2 pixel^2 |D| / cos of the
-// surface, and n . D, the sum of the weights, is twice the triangle's area times that cosine times
-// |D|: area and cosine need not be known apart.
-inline int choose_key(const Scene *s, int triangle, float weights, float footprint)
-{
-    const int material = s->material_ids[triangle];
-    const int texture = leading_map(s->materials + material);
-    if (texture < 0) return material * MIP_LEVELS;
-    const Level finest = level_of(s, texture, 0);
-    const float4 edges = coordinate_edges(s, triangle);
-    const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
-    const float area = twice * finest.width * finest.height * footprint * footprint;
-    const float texels = area / max(fabs(weights), NOTHING_LEFT);
-    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
-    // every vector register.
-    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
-    return material * MIP_LEVELS + min(level, finest.levels - 1);
-}
-
-// Where u and v grow on a triangle of edges a and b from its first corner; `towards` is its normal
-// on the side of the viewer.  As in glTF and MikkTSpace, v grows along the cross product of normal
-// and tangent, or against it where a texture is mirrored.
-inline void set_up_tangent(const Scene *s, int triangle, float3 a, float3 b, float3 towards,
-                           global PlaneEquations *out)
-{
-    float3 along = 0.0f;
-    float sign = 1.0f;
-    if (TEXTURED) {
-        const float4 e = coordinate_edges(s, triangle);
-        const float turn = e.x * e.w - e.z * e.y < 0.0f ? -1.0f : 1.0f;
-        along = direction_of(turn * (e.w * a - e.y * b));
-        const float3 up = turn * (e.x * b - e.z * a);
-        sign = inner_product(cross_product(towards, along), up) < 0.0f ? -1.0f : 1.0f;
-    }
-    vstore3(along, 0, out->tangent);
-    out->tangent[TANGENT_WORDS - 1] = sign;
-}
-
 // Set up a triangle for a block; `pixel` is the tangent between neighbouring pixels.
 inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float pixel,
                           global PlaneEquations *out)
@@ -123,8 +76,10 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
         const float sign = weights < 0.0f ? -1.0f : 1.0f;
         vstore3(-sign * direction_of(cross_product(q - p, w - p)), 0, out->normal);
     }
-    if (PHYSICAL)
-        set_up_tangent(s, triangle, q - p, w - p, -side * cross_product(q - p, w - p), out);
+    if (PHYSICAL) {
+        const float3 towards = -side * cross_product(q - p, w - p);
+        vstore4(find_tangent(s, triangle, q - p, w - p, towards), 0, out->tangent);
+    }
     if (ATTRIBUTES) {
         global const float *at = attributes_of(s, triangle);
         const float8 a = corner_slots(at, 0), b = corner_slots(at, 1), c = corner_slots(at, 2);
@@ -132,8 +87,10 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
             vstore8(a * e[0].of[k] + b * e[1].of[k] + c * e[2].of[k], 0, out->slot[k]);
         if (VERTEX_COLOURS) vstore3(vload3(0, at + 9 * SMOOTH + 6 * TEXTURED), 0, out->first);
     }
+    out->key = s->material_ids[triangle] * MIP_LEVELS;
+    if (!TEXTURED) return;
     const float depth = (p.z * e[0].of[ONE] + q.z * e[1].of[ONE] + w.z * e[2].of[ONE]) / weights;
-    out->key = choose_key(s, triangle, weights, depth * pixel);
+    out->key += mip_level(s, triangle, weights, depth * pixel);
 }
 
 // Whether all rays in a rectangle of a block of one element see the triangle from one side.

@@ -1,9 +1,76 @@
-// Textures: bilinear, wrapping, in linear light, from one buffer of packed texels.
+// Textures: the mip level for a pixel's footprint, the direction in which coordinates grow, and
+// colours: bilinear, wrapping, in linear light, from one buffer of packed texels.
 //
 // A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
 // a channel to decode, and steps no coarser than those of 8-bit sRGB.
 #pragma once
-#include "block.cl"
+#include "scene.cl"
+
+// One of a material's textures, -1 without it.
+inline int map_of(global const MaterialRecord *material, int map)
+{
+    return TEXTURED ? material->maps[map] : -1;
+}
+inline Level level_of(const Scene *s, int texture, int level)
+{
+    return texture < 0 ? (Level){0, 0, 0, 0} : s->levels[texture * MIP_LEVELS + level];
+}
+
+// The texture whose texels choose the mip level; -1 without textures.
+inline int leading_map(global const MaterialRecord *material)
+{
+    int texture = map_of(material, MAP_BASE);
+    for (int map = 1; PHYSICAL && map < MAPS && texture < 0; ++map) texture = map_of(material, map);
+    return texture;
+}
+
+// A material's textures at levels whose texels are about as large as the leading one's at `level`.
+inline void read_maps(const Scene *s, global const MaterialRecord *material, int level, Level *maps)
+{
+    const int levels = level_of(s, leading_map(material), 0).levels;
+    for (int map = 0; map < (PHYSICAL ? MAPS : 1); ++map) {
+        const int texture = map_of(material, map), count = level_of(s, texture, 0).levels;
+        maps[map] = level_of(s, texture, clamp(level - levels + count, 0, max(count - 1, 0)));
+    }
+}
+
+// What u and v gain along a triangle's edges from its first corner: of one, then of the other.
+inline float4 coordinate_edges(const Scene *s, int triangle)
+{
+    global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
+    return (float4)(uv[2] - uv[0], uv[3] - uv[1], uv[4] - uv[0], uv[5] - uv[1]);
+}
+
+// The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
+// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is
+// twice the triangle's area times that cosine times |D|: area and cosine need not be known apart.
+inline int mip_level(const Scene *s, int triangle, float weights, float footprint)
+{
+    const int texture = leading_map(s->materials + s->material_ids[triangle]);
+    if (texture < 0) return 0;
+    const Level finest = level_of(s, texture, 0);
+    const float4 edges = coordinate_edges(s, triangle);
+    const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
+    const float area = twice * finest.width * finest.height * footprint * footprint;
+    const float texels = area / max(fabs(weights), NOTHING_LEFT);
+    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
+    // every vector register.
+    const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
+    return min(level, finest.levels - 1);
+}
+
+// The direction of u on a triangle of edges a and b from its first corner, and the sign of v's
+// beside it; `towards` is the normal on the side of the viewer.  As in glTF and MikkTSpace, v grows
+// along the cross product of normal and tangent, or against it where a texture is mirrored.
+inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, float3 towards)
+{
+    if (!TEXTURED) return (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+    const float4 e = coordinate_edges(s, triangle);
+    const float turn = e.x * e.w - e.z * e.y < 0.0f ? -1.0f : 1.0f;
+    const float3 along = direction_of(turn * (e.w * a - e.y * b)), up = turn * (e.x * b - e.z * a);
+    const float side = inner_product(cross_product(towards, along), up);
+    return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
+}
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)
 
@@ -50,94 +117,4 @@ inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
     sum = add_texel(sum, fetch(texels, ya + xb), fx * vy);
     sum = add_texel(sum, fetch(texels, yb + xa), (1.0f - fx) * wy);
     return add_texel(sum, fetch(texels, yb + xb), fx * wy);
-}
-
-// A texel patch, the few texels that rays of a block fall into: bilinear interpolation between them
-// is
-//     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_1(x) = x,  s_k(x) = min(x, k - 1)
-// from the first texel to the last: no addresses, and no gathers, by the ray.
-#define TEXEL_PATCH 5
-typedef struct {
-    int columns, rows;      // texels, at least two; 0 where there are too many
-    float u, v, left, top;  // whole numbers: turns of the texture, and the first texel within it
-    float width, height;
-    float4 d[TEXEL_PATCH][TEXEL_PATCH];
-} TexelPatch;
-
-// Texels along a line, one after the other, to the coefficients of such a sum.
-typedef struct { float4 before, slope; } Summing;
-inline float4 next_term(Summing *s, float4 texel)
-{
-    const float4 rise = texel - s->before, term = s->slope - rise;
-    s->before = texel;
-    s->slope = rise;
-    return term;
-}
-
-inline float4 decode_texel(uint packed)
-{
-    const uint4 shift = (uint4)(0, TEXEL_BITS, 2 * TEXEL_BITS, 0);
-    const uint4 texel = (uint4)(packed) >> shift & (uint4)((uint3)(TEXEL_MOST), 0);
-    const float4 root = convert_float4(as_int4(texel)) * (1.0f / (float)TEXEL_MOST);
-    return root * root;
-}
-
-// The patch of rays whose coordinates lie within `range`: least u and v, most u and v.
-inline void make_patch(global const uint *texels, Level image, float4 range, TexelPatch *p)
-{
-    const float u0 = range.x, v0 = range.y, u1 = range.z, v1 = range.w;
-    p->columns = 0;
-    p->u = floor(u0);
-    p->v = floor(v1);
-    p->width = image.width;
-    p->height = image.height;
-    p->left = floor(fma(u0 - p->u, p->width, -0.5f));
-    p->top = floor(fma(1.0f - (v1 - p->v), p->height, -0.5f));
-    const float across = fma(u1 - p->u, p->width, -0.5f) - p->left;
-    const float down = fma(1.0f - (v0 - p->v), p->height, -0.5f) - p->top;
-    if (!(across < TEXEL_PATCH - 1 && down < TEXEL_PATCH - 1)) return;
-    p->columns = (int)across + 2;
-    p->rows = (int)down + 2;
-    const int first = p->left < 0.0f ? image.width - 1 : (int)p->left;
-    int line = p->top < 0.0f ? image.height - 1 : (int)p->top;
-    for (int j = 0; j < p->rows; ++j, line = line + 1 < image.height ? line + 1 : 0) {
-        global const uint *row = texels + image.offset + line * image.width;
-        Summing along = {decode_texel(row[first]), 0.0f};
-        p->d[j][0] = along.before;
-        for (int i = 1, column = first; i < p->columns; ++i) {
-            column = column + 1 < image.width ? column + 1 : 0;
-            p->d[j][i] = next_term(&along, decode_texel(row[column]));
-        }
-        p->d[j][1] = along.slope;
-    }
-    for (int i = 0; i < p->columns; ++i) {
-        Summing down = {p->d[0][i], 0.0f};
-        for (int j = 1; j < p->rows; ++j) p->d[j][i] = next_term(&down, p->d[j][i]);
-        p->d[1][i] = down.slope;
-    }
-}
-
-// One row of such a sum, of `columns` terms.
-inline Vec mix_row(private const float4 *d, int columns, private const vf *s)
-{
-    Vec row = spread3(d[0].xyz);
-    for (int i = 1; i < columns; ++i) row = fma3(s[i], spread3(d[i].xyz), row);
-    return row;
-}
-
-// The colour at texture coordinates within the patch.
-inline Vec sample_patch(const TexelPatch *p, vf u, vf v)
-{
-    // In texels from the centre of the first one.
-    const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
-    const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
-    const int columns = p->columns;
-    vf s[TEXEL_PATCH];
-    s[1] = x;
-    for (int i = 2; i < columns; ++i) s[i] = min(x, (vf)(i - 1.0f));
-    Vec sum = fma3(y, mix_row(p->d[1], columns, s), mix_row(p->d[0], columns, s));
-    vf most = 1.0f;
-    for (int j = 2; j < p->rows; ++j, most += 1.0f)
-        sum = fma3(min(y, most), mix_row(p->d[j], columns, s), sum);
-    return sum;
 }
