@@ -12,11 +12,11 @@ import matplotlib.pyplot as plt
 
 STAGES = [
     ("traversal", "packet of rays", "leaves, nearest first"),
-    ("coverage", "triangles, 16 at a time", "regions"),
+    ("coverage", "edge functions, depth", "regions"),
     ("surface", "plane equations", "samples"),
-    ("shadows", "candidates, occluders", "shadow masks"),
+    ("shadows", "shafts, occluders", "shadow masks"),
     ("shading", "Blinn-Phong, GGX", "colours"),
-    ("output", "encode, add up", "frames, planes"),
+    ("output", "encode, add up", "frames, sensor planes"),
 ]
 
 
