@@ -1,4 +1,5 @@
 from .api import load_scene, record, render, render_to_quality, trace_array
+from .datasets.sample import sample_scene
 from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
 from .exchange import export_lightfield, import_lightfield
 from .exchange.exporting import WriteOptions
@@ -35,6 +36,7 @@ __version__: str
 __all__ = [
     "load_scene", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "import_lightfield", "export_lightfield", "open_device",
+    "sample_scene",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Encoding", "Device", "Tracer", "ViewerPage",
     "Surface", "Material", "Light", "Motion", "View", "Note", "DepthRange",

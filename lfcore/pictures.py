@@ -92,17 +92,29 @@ def write_pictures(
             file.sync()
 
 
+def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits: int = 8) -> bytes:
+    """The file that :func:`write_picture` writes by a name with this suffix, ``.npy`` apart."""
+    if suffix == ".exr":
+        from lfcore.exr import exr_bytes
+
+        return exr_bytes(_linear(picture), half=half)
+    if suffix == ".pfm":
+        return _pfm_bytes(_linear(picture))
+    return _coded_bytes(suffix, picture, bits)
+
+
 def _writer(path: Path, half: bool, bits: int) -> Callable[[WholeFile, np.ndarray], object]:
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return lambda file, picture: np.save(file, picture, allow_pickle=False)
-    if suffix == ".exr":
-        from lfcore.exr import exr_bytes
 
-        return lambda file, picture: file.write(exr_bytes(_linear(picture), half=half))
-    if suffix == ".pfm":
-        return lambda file, picture: file.write(_pfm_bytes(path, _linear(picture)))
-    return lambda file, picture: file.write(_coded_bytes(suffix, picture, bits))
+    def write(file: WholeFile, picture: np.ndarray) -> None:
+        try:
+            file.write(picture_bytes(suffix, picture, half=half, bits=bits))
+        except LfcoreError as error:
+            raise error.named(type(error), file=error.file or path) from None
+
+    return write
 
 
 def _linear(picture: np.ndarray) -> np.ndarray:
@@ -133,11 +145,11 @@ def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
     return data.tobytes()
 
 
-def _pfm_bytes(path: Path, picture: np.ndarray) -> bytes:
+def _pfm_bytes(picture: np.ndarray) -> bytes:
     """A Portable FloatMap: little-endian, last row first."""
     picture = np.asarray(picture, "<f4")
     if picture.ndim not in (2, 3) or picture.shape[2:] not in ((), (3,)):
-        raise LfcoreError(f"a float map is (H, W) or (H, W, 3), not {picture.shape}", file=path)
+        raise LfcoreError(f"a float map is (H, W) or (H, W, 3), not {picture.shape}")
     kind = "Pf" if picture.ndim == 2 else "PF"
     head = f"{kind}\n{picture.shape[1]} {picture.shape[0]}\n-1.0\n".encode("ascii")
     return head + np.ascontiguousarray(picture[::-1]).tobytes()

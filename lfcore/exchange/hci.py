@@ -133,7 +133,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
         )
     if source.columns != source.rows:
         options.notes.append("the benchmark's own readers accept square grids only")
-    write_text(folder / CONFIG, _parameters(source, geometry, reach))
+    write_text(folder / CONFIG, parameters(source, geometry, reach))
 
 
 def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
@@ -155,7 +155,8 @@ def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float,
     return (near, far) if far else None
 
 
-def _parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:
+def parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:
+    """The text of parameters.cfg; ``reach`` is the nearest and farthest depth, metres."""
     focal = geometry.sensor_m / (geometry.pixel_pitch * max(source.width, source.height))
     meta = {"scene": source.name, "category": "synthetic", "date": "", "version": "v0",
             "authors": "", "contact": ""}  # fmt: skip

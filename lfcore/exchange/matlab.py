@@ -6,6 +6,7 @@ A fourth channel is a weight and is left out.  Files of version 7.3 are HDF5 and
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -36,9 +37,11 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
+    write_array(folder / f"{source.name}.mat", source.array(options.progress))
+
+
+def write_array(file: Path | BinaryIO, views: np.ndarray) -> None:
+    """Write views (rows, columns, height, width, 3)."""
     from scipy.io import savemat
 
-    savemat(
-        folder / f"{source.name}.mat", {VARIABLE: source.array(options.progress)},
-        do_compression=True,
-    )  # fmt: skip
+    savemat(file, {VARIABLE: views}, do_compression=True)

@@ -160,4 +160,9 @@ class Configuration(Keys):
     )
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
     sweep: str = key("a table of cases for `make sweep`; empty: none", "")
+    dataset: dict[str, Any] = key(
+        "a data set to make, as `config/datasets/` has them (docs/tutorials/datasets.md); empty: "
+        "none",
+        {},
+    )
     reports: several(Literal[REPORTS], 0) = key("reports beside the thesis's tables", list(REPORTS))

@@ -22,6 +22,7 @@ STAGES = {
     "trace": TRACE,
     "store": (*SCENE, "storage", "workflow"),
     "picture": PICTURE,
+    "dataset": (*PICTURE, "exchange", "datasets"),
     "report": (*PICTURE, "evaluation", "oracle"),
 }
 """The packages of each stage, beside the modules of lfcore itself."""

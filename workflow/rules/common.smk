@@ -210,3 +210,33 @@ def figure(name, file, scene):
 def assignment_figure(name):
     file, label = f"results/assignment/figures/{name}.png", name.replace("_", " ")
     return shown(file, "assignment_figure", "Assignment", figure=label)
+
+
+DATASET = config["dataset"]
+DATASET_FOLDER = f"results/datasets/{DATASET.get('name', '')}"
+
+
+@cache
+def dataset():
+    """The checked description; the disk must have room for what it asks for."""
+    from lfcore.datasets.description import Description
+
+    found = Description.check(DATASET)
+    found.check_room(Path("."))
+    return found
+
+
+def dataset_files(suffix):
+    """Input function: this file of every batch."""
+    pattern = f"{DATASET_FOLDER}/batches/{{batch}}.{suffix}"
+    return lambda wildcards: [pattern.format(batch=batch) for batch in dataset().batches()]
+
+
+def dataset_scenes(wildcards):
+    found = dataset().batches()[wildcards.batch]
+    return [found.start, found.stop]
+
+
+def dataset_sources(wildcards):
+    found = dataset()
+    return [str(file) for file in (*found.mesh_files(), *found.texture_files())]

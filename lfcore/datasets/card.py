@@ -1,0 +1,132 @@
+"""The card of a data set: tables of items, refusals and meshes, and Croissant metadata.
+
+Source: Croissant 1.0, https://docs.mlcommons.org/croissant/docs/croissant-spec.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from lfcore import __version__
+from lfcore.datasets.description import Description
+from lfcore.files import file_digest, write_json
+
+CONTEXT = {
+    "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+    "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
+    "equivalentProperty": "cr:equivalentProperty", "dct": "http://purl.org/dc/terms/",
+    "citeAs": "cr:citeAs", "column": "cr:column",
+    "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "examples": {
+        "@id": "cr:examples", "@type": "@json"}, "extract": "cr:extract", "field": "cr:field",
+    "fileProperty": "cr:fileProperty", "fileObject": "cr:fileObject", "fileSet": "cr:fileSet",
+    "format": "cr:format", "includes": "cr:includes", "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath", "key": "cr:key", "md5": "cr:md5", "parentField": "cr:parentField",
+    "path": "cr:path", "recordSet": "cr:recordSet", "references": "cr:references",
+    "regex": "cr:regex", "repeated": "cr:repeated", "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate", "separator": "cr:separator", "source": "cr:source",
+    "subField": "cr:subField", "transform": "cr:transform",
+}  # fmt: skip
+COLUMNS = {
+    "index": ("sc:Integer", "number of the scene"),
+    "split": ("sc:Text", "train, validation or test"),
+    "expected_db": ("sc:Float", "PSNR in dB, sRGB, that is expected of the worst picture"),
+    "rays_per_pixel": ("sc:Float", "rays traced per pixel, of all pictures together"),
+    "seen": ("sc:Float", "share of the picture that objects fill"),
+    "nearest_m": ("sc:Float", "least depth"),
+    "farthest_m": ("sc:Float", "greatest depth"),
+    "objects": ("sc:Text", "shapes, separated by spaces"),
+}
+MEDIA = {
+    ".tif": "image/tiff", ".exr": "image/x-exr", ".png": "image/png", ".tar": "application/x-tar",
+    ".pfm": "application/octet-stream", ".mat": "application/x-matlab-data",
+}  # fmt: skip
+
+
+def tables(
+    description: Description, records: Sequence[Mapping[str, Any]], data: Path
+) -> dict[str, pd.DataFrame]:
+    """The tables by name; ``data`` is the folder of items.
+
+    Times are apart, so that equal data sets have equal tables.
+    """
+    made = [one for one in records if "refused" not in one]
+    refused = [{"index": one["index"], "reason": one["refused"]} for one in records
+               if "refused" in one]  # fmt: skip
+    items = [
+        {"nearest_m": one["depth_m"][0], "farthest_m": one["depth_m"][1]}
+        | {key: one[key] for key in ("index", "split", "expected_db", "rays_per_pixel", "seen")}
+        | {"objects": " ".join(name.replace(" ", "_") for name in one["objects"])}
+        for one in made
+    ]
+    uses = [name for one in made for name in one["objects"]]
+    sources = [
+        {"mesh": file.name, "sha256": file_digest(file), "licence": description.shapes.licence,
+         "objects": uses.count(file.name)} for file in description.mesh_files()
+    ]  # fmt: skip
+    files = [
+        {"file": file.relative_to(data).as_posix(), "bytes": file.stat().st_size,
+         "sha256": file_digest(file)} for file in sorted(data.rglob("*")) if file.is_file()
+    ]  # fmt: skip
+    return {
+        "items": pd.DataFrame(items, columns=list(COLUMNS)),
+        "seconds": pd.DataFrame(
+            [{key: one[key] for key in ("index", "seconds", "core_seconds")} for one in records]
+        ),
+        "refused": pd.DataFrame(refused, columns=["index", "reason"]),
+        "sources": pd.DataFrame(sources, columns=["mesh", "sha256", "licence", "objects"]),
+        "files": pd.DataFrame(files, columns=["file", "bytes", "sha256"]),
+    }
+
+
+def write_card(
+    path: str | Path, description: Description, found: Mapping[str, Path], *, command: str,
+    commit: str,
+) -> None:  # fmt: skip
+    """Write Croissant's JSON-LD.
+
+    Parameters
+    ----------
+    found : the tables' files, beside the card.
+    command, commit : what made the data set.
+    """
+    objects = [
+        {"@type": "cr:FileObject", "@id": file.name, "name": file.name, "contentUrl": file.name,
+         "encodingFormat": "text/csv", "sha256": file_digest(file)} for file in found.values()
+    ]  # fmt: skip
+    everything = {
+        "@type": "cr:FileObject", "@id": "data", "name": "data", "contentUrl": "data",
+        "encodingFormat": "application/x-directory", "sha256": file_digest(found["files"]),
+        "description": "the folder of items; the digest is of files.csv, which has that of each",
+    }  # fmt: skip
+    suffixes = {Path(name).suffix for name in pd.read_csv(found["files"])["file"]}
+    kinds = sorted(suffixes & set(MEDIA))
+    sets = [
+        {"@type": "cr:FileSet", "@id": f"{kind[1:]}-files", "name": f"{kind[1:]}-files",
+         "containedIn": {"@id": "data"}, "includes": f"**/*{kind}",
+         "encodingFormat": MEDIA[kind]} for kind in kinds
+    ]  # fmt: skip
+    fields = [
+        {"@type": "cr:Field", "@id": f"items/{name}", "name": f"items/{name}", "dataType": kind,
+         "description": meaning,
+         "source": {"fileObject": {"@id": "items.csv"}, "extract": {"column": name}}}
+        for name, (kind, meaning) in COLUMNS.items()
+    ]  # fmt: skip
+    made = pd.read_csv(found["items"])
+    worst = made["expected_db"].min() if len(made) else float("nan")
+    card = {
+        "@context": CONTEXT, "@type": "sc:Dataset", "name": description.name,
+        "conformsTo": "http://mlcommons.org/croissant/1.0", "version": "1.0.0",
+        "license": description.licence or "unknown",
+        "description": f"{len(made)} {description.kind.replace('_', ' ')} of {description.pixels} "
+        f"pixels, seed {description.seed}, traced by lfcore {__version__}, commit {commit}, with "
+        f"`{command}`. The worst picture is expected to be {worst:.1f} dB to the true one; the "
+        "expectation for each item is in items.csv. Meshes and their licences are in sources.csv.",
+        "distribution": [*objects, everything, *sets],
+        "recordSet": [{"@type": "cr:RecordSet", "@id": "items", "name": "items", "field": fields}],
+    }  # fmt: skip
+    write_json(path, card)

@@ -1,0 +1,243 @@
+"""What a data set consists of: one file, checked before anything is made.
+
+A number that varies from scene to scene is a range, ``[low, high]`` or ``[low, high, log]``, or a
+single number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pydantic
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+from lfcore.errors import SettingsError
+from lfcore.scene.reading import read_yaml
+
+SPLITS = ("train", "validation", "test")
+TEXTURES = (".png", ".jpg", ".jpeg", ".webp")
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
+SHAPES = (
+    "ball", "block", "blob", "rod", "cone", "ring", "vase", "tower", "train", "book", "armchair",
+    "plant", "table", "lamp", "globe",
+)  # fmt: skip
+"""The procedural builders, by the names that :mod:`lfcore.datasets.shapes` has for them."""
+
+
+class _Keys(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+def _spelled(value: Any) -> Any:
+    """A single number as a range."""
+    single = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return [value, value, "even"] if single else [*value, "even"] if _is_pair(value) else value
+
+
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, list | tuple) and len(value) == 2
+
+
+def _upright(value: tuple[float, float, str]) -> tuple[float, float, str]:
+    low, high, kind = value
+    if low > high:
+        raise ValueError(f"the range is upside down: {low:g} is above {high:g}")
+    if kind == "log" and low <= 0:
+        raise ValueError("a range that is even in logarithms is above 0")
+    return value
+
+
+def span(least: float, most: float) -> Any:
+    """A range between two limits."""
+    number = Annotated[float, Field(ge=least, le=most)]
+    kind = tuple[number, number, Literal["even", "log"]]
+    return Annotated[kind, BeforeValidator(_spelled), AfterValidator(_upright)]
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+
+
+def _key(default: Any, **more: Any) -> Any:
+    return Field(default, **more)
+
+
+class Counts(_Keys):
+    train: int = _key(400, ge=0, le=10**7)
+    validation: int = _key(100, ge=0, le=10**7)
+    test: int = _key(0, ge=0, le=10**7)
+
+
+class Shapes(_Keys):
+    meshes: str | list[str] = _key([], description="a folder of mesh files, or a list of files")
+    licence: str = _key("", description="licence and source of these meshes, for the card")
+    builders: list[Literal[SHAPES]] = _key(list(SHAPES), description="procedural shapes")
+    share_of_meshes: Share = _key(0.5, description="of objects, where there are both")
+
+
+class Materials(_Keys):
+    textures: str = _key("", description="a folder of pictures; empty: procedural ones")
+    share_textured: Share = _key(0.85, description="of objects and walls that have no texture")
+    repeats: span(0.1, 100) = _key((1, 4, "log"), description="of a texture over an object")
+    share_metal: Share = 0.15
+    roughness: span(0.02, 1) = (0.15, 1, "even")
+
+
+class Lights(_Keys):
+    count: span(1, 8) = (1, 3, "even")
+    strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
+    elevation_deg: span(5, 90) = (20, 80, "even")
+    ambient: span(0, 10) = (0.1, 0.3, "even")
+
+
+class Lens(_Keys):
+    focal_length_mm: Positive = 2.9
+    sensor_width_mm: Positive = 3.1
+    f_number: Positive = _key(1.0, description="of stacks and pairs")
+    focus_m: list[Positive] = _key(
+        [0.1, 0.15, 0.3, 0.7, 1.5], min_length=1, max_length=100,
+        description="of a stack's pictures; of a pair one of them; of a light field the first",
+    )  # fmt: skip
+    views: int = _key(9, ge=2, le=64, description="per side of a light field")
+    baseline_mm: Positive = _key(4.0, description="between neighbouring views")
+
+
+class Placement(_Keys):
+    objects: span(1, 1000) = (12, 30, "even")
+    depth_m: span(1e-3, 1e6) = _key((0.12, 2.0, "log"), description="of objects")
+    size: span(1e-3, 10) = _key(
+        (0.15, 0.6, "log"), description="an object's diameter as a share of the field there"
+    )
+    share_resting: Share = _key(0.5, description="of scenes with a floor; in others objects fly")
+    pitch_deg: span(5, 60) = _key((12, 35, "even"), description="of the camera above a floor")
+    wall_m: span(1e-3, 1e6) = _key((2.2, 2.6, "even"), description="from the camera")
+    least_seen: Share = _key(0.1, description="of the picture that objects must fill")
+
+
+class Description(_Keys):
+    """A data set; :meth:`read` reads one from a file."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
+    kind: Literal["focal_stacks", "light_fields", "defocus_pairs"]
+    licence: str = _key("", description="of the data set, a URL or SPDX name")
+    seed: int = _key(1, ge=0, lt=2**63)
+    scenes: Counts = Counts()
+    pixels: int = _key(256, ge=16, le=4096)
+    quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
+    shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
+    scenes_per_job: int = _key(32, ge=1, le=10**5)
+    shapes: Shapes = Shapes()
+    materials: Materials = Materials()
+    lights: Lights = Lights()
+    lens: Lens = Lens()
+    placement: Placement = Placement()
+
+    @pydantic.model_validator(mode="after")
+    def _sound(self) -> Description:
+        if min(self.lens.focus_m) <= self.lens.focal_length_mm / 1e3:
+            raise ValueError("lens.focus_m: nearer than the lens can focus")
+        if self.placement.depth_m[0] >= self.placement.wall_m[0]:
+            raise ValueError("placement.depth_m: objects are behind the wall")
+        if not (self.shapes.builders or self.shapes.meshes):
+            raise ValueError("shapes: neither meshes nor builders")
+        return self
+
+    @classmethod
+    def check(cls, given: Mapping[str, Any], *, file: str | Path | None = None) -> Description:
+        """The description of a mapping; raises :class:`SettingsError` that names the key."""
+        try:
+            return cls.model_validate(given)
+        except pydantic.ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(str(part) for part in first["loc"]) or "description"
+            problem = first["msg"].removeprefix("Value error, ")
+            shown = str(first["input"])
+            if first["loc"] and first["type"] != "missing" and len(shown) < 80:
+                problem = f"{shown!r}: {problem}"
+            raise SettingsError(
+                problem, file=file, key=place, remedy="The keys are in docs/tutorials/datasets.md"
+            ) from None
+
+    @classmethod
+    def read(cls, path: str | Path) -> Description:
+        """The description under the key ``dataset`` of a YAML file."""
+        given = read_yaml(path)
+        if not isinstance(given, dict) or not isinstance(given.get("dataset"), dict):
+            raise SettingsError("has no mapping 'dataset'", file=path, remedy="Begin with dataset:")
+        return cls.check(given["dataset"], file=path)
+
+    @property
+    def count(self) -> int:
+        return sum(self.scenes.model_dump().values())
+
+    def split(self, index: int) -> str:
+        """``train``, ``validation`` or ``test``: the parts are one after the other."""
+        for name in SPLITS:
+            index -= getattr(self.scenes, name)
+            if index < 0:
+                return name
+        raise IndexError("no such scene")
+
+    def mesh_files(self) -> list[Path]:
+        """The users' meshes, by name; raises :class:`SettingsError` for an empty folder."""
+        return _files(self.shapes.meshes, MESHES, "shapes.meshes")
+
+    def texture_files(self) -> list[Path]:
+        """The users' textures, by name; errors as of :meth:`mesh_files`."""
+        return _files(self.materials.textures, TEXTURES, "materials.textures")
+
+    def digest(self) -> str:
+        """Of all keys and of the files that they name: other scenes have another."""
+        total = hashlib.sha256(json.dumps(self.model_dump(), sort_keys=True).encode())
+        for file in (*self.mesh_files(), *self.texture_files()):
+            total.update(f"{file.name}\0{file.stat().st_size}\0".encode())
+        return total.hexdigest()[:16]
+
+    def check_room(self, folder: Path) -> None:
+        """Raise :class:`SettingsError` where the disk lacks room: shards and items, both."""
+        pictures = len(self.lens.focus_m) + 3
+        if self.kind == "light_fields":
+            pictures = 3 * self.lens.views**2  # views, disparities, the array
+        elif self.kind == "defocus_pairs":
+            pictures = 5
+        needed = 2 * self.count * pictures * 3 * self.pixels**2
+        free = shutil.disk_usage(folder).free
+        if needed > free:
+            raise SettingsError(
+                f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}",
+                file=folder, key="scenes", remedy="Ask for fewer scenes or pixels",
+            )  # fmt: skip
+
+    def batches(self) -> dict[str, range]:
+        """The scenes of each job, by its name in files."""
+        step = self.scenes_per_job
+        starts = range(0, self.count, step)
+        return {f"{k:05d}": range(a, min(a + step, self.count)) for k, a in enumerate(starts)}
+
+
+def _files(wanted: str | list[str], suffixes: tuple[str, ...], key: str) -> list[Path]:
+    if not wanted:
+        return []
+
+    def found() -> Iterator[Path]:
+        for entry in [wanted] if isinstance(wanted, str) else wanted:
+            path = Path(entry)
+            if not path.exists():
+                raise SettingsError("no such file or folder", file=path, key=key)
+            if path.is_dir():
+                yield from (p for p in path.iterdir() if p.suffix.lower() in suffixes)
+            else:
+                yield path
+
+    files = sorted(found(), key=lambda path: path.name)
+    if not files:
+        raise SettingsError(
+            f"holds none of *{', *'.join(suffixes)}", file=str(wanted), key=key,
+            remedy="Name a folder with files",
+        )  # fmt: skip
+    return files

@@ -1,0 +1,241 @@
+"""Items of a data set: the files of one scene, all from one tracer, and what is known of them."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from lfcore.colour import srgb_codes, srgb_encode
+from lfcore.datasets.description import Description
+from lfcore.datasets.sample import BACKDROP, sample
+from lfcore.errors import OpticsError, SceneError
+from lfcore.exchange import hci, matlab
+from lfcore.opencl.device import Device
+from lfcore.optics import bundles
+from lfcore.optics.camera import Camera
+from lfcore.optics.grid_geometry import KnownGeometry
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.pictures import picture_bytes
+from lfcore.rendering.depth import all_samples, depth_of_views, disparity
+from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.quality import SHARED_DB, Quality, QualitySearch, Rendering, inner
+from lfcore.tracing.tracer import Tracer
+
+SHARP_F_NUMBER = 1000.0
+"""The f-number, relative to the lens's, of the picture in which all is in focus."""
+MOST_SIDE = 12
+"""The most rays per pixel and side of a light field's view."""
+DEPTH_BINS = np.geomspace(0.03, 30, 41)
+"""Edges of the records' histogram of depths, metres."""
+BLUR_BINS = np.linspace(0, 40, 41)
+"""Edges of that of blur radii, pixels; larger ones are in the last."""
+
+
+@dataclass
+class Item:
+    """Files by their field, in order, and the item's record."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    record: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, name: str, picture: np.ndarray, *, half: bool = False) -> None:
+        suffix = name[name.rindex(".") :]
+        self.files[name] = picture_bytes(suffix, picture, half=half)
+
+
+def make_item(description: Description, index: int, device: Device | str | None = None) -> Item:
+    """Sample, trace and encode scene ``index``.
+
+    Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item: a mesh that
+    cannot be read, too little to see, or a quality beyond the budget.
+    """
+    scene, names = sample(description, index)
+    tracer = open_tracer(scene, device)
+    slab = Slab(scene.camera, 1, description.pixels)
+    triangle, depth = (
+        found[0] for found in tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
+    )
+    behind = np.array([material.name in BACKDROP for material in scene.materials])
+    seen = float((~behind[scene.material_ids[triangle]] & (triangle >= 0)).mean())
+    if seen < description.placement.least_seen:
+        raise SceneError(
+            f"empty frustum: objects fill {100 * seen:.1f} % of the picture", file=scene.name
+        )
+    item = Item(record={
+        "index": index, "split": description.split(index), "objects": names, "seen": round(seen, 4),
+        "camera": scene.camera.to_json() | {"pixels": description.pixels},
+        "depth_m": [float(depth.min()), float(depth.max())],
+        "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
+    })  # fmt: skip
+    MAKERS[description.kind](item, description, tracer, depth)
+    # Of the worst picture.
+    item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
+    item.files["json"] = json.dumps(item.record).encode()
+    return item
+
+
+def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """As FoD500: a TIFF per focus, and depth as half floats in three channels."""
+    made, focus = _formed(of, tracer, list(of.lens.focus_m))
+    for number, picture in enumerate(made.pictures):
+        item.add(f"focus{number:02d}.tif", picture)
+    sharp = _sharp(of, tracer)
+    item.add("sharp.tif", sharp.pictures[0])
+    item.add("depth.exr", np.repeat(depth[..., None], 3, 2), half=True)
+    _note(item, of, tracer.scene.camera, depth, focus, made, sharp)
+
+
+def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Sharp and out of focus, with depth and the signed circle of confusion."""
+    number = item.record["index"] % len(of.lens.focus_m)
+    made, focus = _formed(of, tracer, [of.lens.focus_m[number]])
+    sharp = _sharp(of, tracer)
+    item.add("sharp.png", sharp.pictures[0])
+    item.add("defocused.png", made.pictures[0])
+    item.add("coc_px.exr", blur_px(tracer.scene.camera, of.pixels, depth, focus[0]))
+    item.add("depth_m.exr", depth)
+    _note(item, of, tracer.scene.camera, depth, focus, made, sharp)
+
+
+def _formed(
+    of: Description, tracer: Tracer, focus: list[float]
+) -> tuple[Rendering, list[float]]:  # fmt: skip
+    """Pictures of the wanted quality at these distances.
+
+    A margin, which is cut off, lets all of the lens see the border.
+    """
+    camera = tracer.scene.camera
+    planes = [SensorPlane(distance, camera.f_number) for distance in focus]
+    reach = max(abs(plane.delta - camera.delta) for plane in planes) * camera.lens_radius_m
+    margin = math.ceil(reach * of.pixels / camera.field_width) + 1
+    side = of.pixels + 2 * margin
+    wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / of.pixels)
+    made = QualitySearch(tracer, wide, planes, side, Quality(of.quality_db)).pictures()
+    window = np.s_[:, margin : side - margin, margin : side - margin]
+    return replace(made, pictures=made.pictures[window], error=made.error[window]), focus
+
+
+def _sharp(of: Description, tracer: Tracer) -> Rendering:
+    """The picture through the middle of the lens."""
+    camera = tracer.scene.camera
+    pinhole = replace(camera, f_number=SHARP_F_NUMBER * camera.f_number)
+    plane = SensorPlane(camera.focus_m, pinhole.f_number)
+    return QualitySearch(tracer, pinhole, [plane], of.pixels, Quality(of.quality_db)).pictures()
+
+
+def _note(
+    item: Item, of: Description, camera: Camera, depth: np.ndarray, focus: list[float],
+    *made: Rendering,
+) -> None:  # fmt: skip
+    radii = np.abs([blur_px(camera, of.pixels, depth, distance) / 2 for distance in focus])
+    item.record |= {
+        "focus_m": focus,
+        "each_db": [round(float(db), 2) for one in made for db in one.expected_db],
+        "rays_per_pixel": round(sum(one.rays_per_pixel for one in made), 2),
+        "blurs": np.histogram(np.minimum(radii, BLUR_BINS[-1]), BLUR_BINS)[0].tolist(),
+    }
+
+
+def blur_px(camera: Camera, pixels: int, depth: np.ndarray, focus_m: float) -> np.ndarray:
+    """Signed diameter of the circle of confusion, pixels, float32; positive behind the focus."""
+    apart = 1 / focus_m - 1 / depth.astype(np.float64)
+    return (2 * camera.lens_radius_m * apart * pixels / camera.field_width).astype(np.float32)
+
+
+# -- light fields -----------------------------------------------------------------------------
+
+
+@dataclass
+class _Views:
+    """What :func:`lfcore.exchange.hci.parameters` asks of views."""
+
+    slab: Slab
+    name: str
+
+    def __post_init__(self) -> None:
+        self.rows = self.columns = self.slab.views
+        self.width = self.height = self.slab.pixels
+
+    def disparity(self, depth: np.ndarray) -> np.ndarray:
+        return disparity(self.slab, depth)
+
+
+def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """As HCI's 4D benchmark, with disparity of every view; and as MATLAB's array ``LF``."""
+    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+    side, expected_db = _rays_of_views(of, tracer, slab)
+    samples = all_samples(slab)
+    depths = depth_of_views(tracer, slab, samples)
+    codes = np.empty((slab.views, slab.views, of.pixels, of.pixels, 3), np.uint8)
+    middle = len(samples) // 2
+    for number, ((i, j), distance) in enumerate(zip(samples, depths, strict=True)):
+        codes[j, i] = srgb_codes(_view(tracer, slab, samples[number], side))
+        item.add(f"input_Cam{number:03d}.png", codes[j, i])
+        item.add(f"gt_disp_lowres_Cam{number:03d}.pfm", disparity(slab, distance))
+    item.add("gt_disp_lowres.pfm", disparity(slab, depths[middle]))
+    item.add("gt_depth_lowres.pfm", depths[middle])
+    views, reach = _Views(slab, tracer.scene.name), (float(depths.min()), float(depths.max()))
+    text = hci.parameters(views, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
+    item.files["parameters.cfg"] = text.encode()
+    file = io.BytesIO()
+    matlab.write_array(file, codes)
+    item.files["mat"] = file.getvalue()
+    item.record |= {
+        "each_db": expected_db, "rays_per_pixel": float(side**2 * slab.views**2),
+        "focus_m": [slab.camera.focus_m], "baseline_mm": of.lens.baseline_mm,
+        "disparity_px": [float(d) for d in disparity(slab, np.array(reach[::-1]))],
+    }  # fmt: skip
+
+
+def _view(tracer: Tracer, slab: Slab, sample: np.ndarray, side: int) -> np.ndarray:
+    """(H, W, 3) float32: the view of a lens sample, of ``side`` x ``side`` rays per pixel."""
+    fine = slab.resized(side * slab.pixels)
+    light = tracer.bundle_radiance(bundles.views(fine, sample[None]), sample[None])[0]
+    np.minimum(light, 1, out=light)
+    size = (slab.pixels, slab.pixels)
+    return cv2.resize(light, size, interpolation=cv2.INTER_AREA)  # the mean of each pixel
+
+
+def _rays_of_views(of: Description, tracer: Tracer, slab: Slab) -> tuple[int, list[float]]:
+    """Rays per pixel and side, and the expected dB of the middle view and those of the corners.
+
+    As in :mod:`lfcore.rendering.quality`: the disagreement of two unlike grids shows the error.
+    """
+    end = slab.views - 1
+    places = np.array([(slab.views // 2,) * 2, (0, 0), (end, 0), (0, end), (end, end)])
+    of_one_ray, pair = [], (2, 3)
+    for place in places:
+        few, more = (srgb_encode(_view(tracer, slab, place, side)) for side in pair)
+        apart = inner(np.square(few - more)[None]).mean()
+        of_one_ray.append(float(apart) / sum(1 / side**2 for side in pair))
+    wanted = max(of_one_ray) * 10 ** ((of.quality_db + SHARED_DB) / 10)
+    side = max(pair[0], math.ceil(math.sqrt(wanted)))
+    if side > MOST_SIDE:
+        raise OpticsError(f"{of.quality_db:g} dB takes {side}^2 rays per pixel of a view")
+    worth = [max(one / side**2, 1e-12) for one in of_one_ray]
+    return side, [round(-10 * math.log10(one) - SHARED_DB, 2) for one in worth]
+
+
+MAKERS = {
+    "focal_stacks": _focal_stack, "light_fields": _light_field, "defocus_pairs": _defocus_pair,
+}  # fmt: skip
+
+
+def place_of(kind: str, split: str, index: int, name: str) -> str:
+    """Where the file of a field is in the folder of a data set."""
+    if kind == "focal_stacks":  # one folder: training, then validation
+        name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
+        named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json"}.get(name, name)
+        return f"{index:06d}{named}"
+    if name == "mat":
+        return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
+    folder = f"hci/{split}" if kind == "light_fields" else split
+    return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"

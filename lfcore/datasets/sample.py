@@ -1,0 +1,267 @@
+"""Scene ``index`` of a data set: it depends on the description and the index alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfcore.datasets.shapes import POOL, Shape, builder, mesh, texture
+from lfcore.errors import SettingsError
+from lfcore.optics.camera import Camera
+from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.assemble import assemble
+from lfcore.scene.limits import within_limits
+from lfcore.scene.model import Scene
+from lfcore.scene.procedural.basics import Parts, Rng
+from lfcore.scene.procedural.primitives import rectangle
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, triple
+from lfcore.scene.transforms import look_at, rigid_to_camera, scale, translate
+
+if TYPE_CHECKING:
+    from lfcore.datasets.description import Description
+
+TRIES = 40
+"""Places that are tried for an object before it is left out."""
+BACKDROP = ("wall", "floor")
+"""The names of the materials behind objects."""
+
+
+def sample_scene(description: Description | str | Path | Mapping[str, Any], index: int) -> Scene:
+    """Draw one scene of a data set.
+
+    Parameters
+    ----------
+    description : Description, str, Path or mapping
+        A description, its YAML file, or its keys.
+    index : int
+        The scene's number.  The scene depends on the description and this number alone.
+
+    Returns
+    -------
+    Scene
+        With the description's lens, focused between the pictures that are asked for.
+
+    Raises
+    ------
+    SettingsError
+        The description has an unknown key or an impossible value, or names an empty folder.
+    SceneError
+        A mesh or texture of this scene cannot be read.
+    """
+    return sample(description, index)[0]
+
+
+def sample(
+    given: Description | str | Path | Mapping[str, Any], index: int
+) -> tuple[Scene, list[str]]:
+    """The scene, and the names of its objects; as :func:`sample_scene`."""
+    description = described(given)
+    seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 30, index))
+    return _Draw(description, np.random.Generator(np.random.Philox(seeds))).scene(index)
+
+
+def described(given: Description | str | Path | Mapping[str, Any]) -> Description:
+    """A description in any of its forms; raises :class:`SettingsError`."""
+    Description = _class()
+    if isinstance(given, Description):
+        return given
+    return Description.check(given) if isinstance(given, Mapping) else Description.read(given)
+
+
+def camera_of(description: Description) -> Camera:
+    """The lens that rays are traced through, focused in the middle of the planes in dioptres."""
+    lens = description.lens
+    focal, sensor = lens.focal_length_mm / 1e3, lens.sensor_width_mm / 1e3
+    if description.kind == "light_fields":
+        diameter = lens.views * lens.baseline_mm / 1e3
+        return Camera(focal, sensor, focal / diameter, lens.focus_m[0])
+    middle = 2 / (1 / min(lens.focus_m) + 1 / max(lens.focus_m))
+    return Camera(focal, sensor, lens.f_number, middle)
+
+
+def _class() -> type[Description]:
+    """Checked by pydantic, which the library itself does without."""
+    try:
+        from lfcore.datasets.description import Description
+    except ImportError:
+        raise SettingsError(
+            "data sets need the package pydantic", remedy="pip install 'lfcore[workflow]'"
+        ) from None
+    return Description
+
+
+@dataclass
+class _Draw:
+    """One scene's draws.  World space is y up; the camera is above its origin."""
+
+    of: Description
+    rng: Rng
+
+    def __post_init__(self) -> None:
+        self.meshes, self.textures = self.of.mesh_files(), self.of.texture_files()
+
+    def span(self, limits: tuple[float, float, str]) -> float:
+        low, high, kind = limits
+        share = float(self.rng.random())
+        return low * (high / low) ** share if kind == "log" else low + (high - low) * share
+
+    def chance(self, share: float) -> bool:
+        return float(self.rng.random()) < share
+
+    def pick(self, options: Sequence[Any]) -> Any:
+        return options[int(self.rng.integers(len(options)))]
+
+    def scene(self, index: int) -> tuple[Scene, list[str]]:
+        place, camera = self.of.placement, camera_of(self.of)
+        resting, wall = self.chance(place.share_resting), self.span(place.wall_m)
+        pitch = math.radians(self.span(place.pitch_deg)) if resting else 0.0
+        low, high, _ = place.depth_m
+        height = self.span((min(2 * low, high), high, "log")) * math.sin(pitch)
+        ahead = (0.0, height - math.sin(pitch), -math.cos(pitch))
+        to_camera = look_at((0, height, 0), ahead)
+        parts = self._backdrop(wall, height, resting)
+        names = []
+        for shape, matrix in self._placed(camera, to_camera, wall, height if resting else None):
+            parts += [part.transformed(matrix) for part in self._dressed(shape)]
+            names.append(shape.name)
+        scene = Scene(
+            name=f"{self.of.name}-{index:06d}", camera=camera, lights=self._lights(to_camera),
+            ambient=triple(self.span(self.of.lights.ambient) * self._tint()),
+            focus_distances_m=tuple(self.of.lens.focus_m), **vars(assemble(parts, to_camera)),
+        )  # fmt: skip
+        return within_limits(scene, scene.name), names
+
+    def _placed(
+        self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
+    ) -> list[tuple[Shape, np.ndarray]]:
+        """Shapes and their poses in the world; no two of their spheres meet."""
+        place, to_world = self.of.placement, np.linalg.inv(to_camera)
+        found: list[tuple[Shape, np.ndarray]] = []
+        spheres: list[tuple[np.ndarray, float]] = []
+        for _ in range(round(self.span(place.objects))):
+            shape = self._shape()
+            for _ in range(TRIES):
+                depth = self.span(place.depth_m)
+                radius = self.span(place.size) * camera.field_width * depth / 2
+                x, y = (self.rng.random(2) - 0.5) * camera.field_width * depth
+                centre = (to_world @ (x, y, depth, 1))[:3]
+                pose = self._turn()
+                if floor is not None:
+                    pose = self._pose_at_rest(shape)
+                    centre[1] = radius * pose[1, 3]
+                    pose = translate(0, -pose[1, 3], 0) @ pose
+                if self._fits(centre, radius, spheres, camera, to_camera, wall):
+                    spheres.append((centre, radius))
+                    found.append((shape, translate(*centre) @ scale(radius) @ pose))
+                    break
+        return found
+
+    def _fits(
+        self, centre: np.ndarray, radius: float, spheres: list[tuple[np.ndarray, float]],
+        camera: Camera, to_camera: np.ndarray, wall: float,
+    ) -> bool:  # fmt: skip
+        """Whether a sphere's middle is seen, not too near, before the wall, and apart from all."""
+        x, y, z = (to_camera @ (*centre, 1))[:3]
+        seen = max(abs(x), abs(y)) <= camera.field_width * z / 2
+        room = z - radius >= self.of.placement.depth_m[0] / 2 and -centre[2] + radius <= wall
+        return bool(seen and room) and all(
+            np.linalg.norm(centre - other) >= radius + size for other, size in spheres
+        )
+
+    def _shape(self) -> Shape:
+        names = self.of.shapes.builders
+        if self.meshes and (not names or self.chance(self.of.shapes.share_of_meshes)):
+            return mesh(self.pick(self.meshes))
+        return builder(self.pick(names))
+
+    def _turn(self) -> np.ndarray:
+        """A rotation, all alike probable.  Source: Shoemake, Graphics Gems III, 1992."""
+        u, a, b = self.rng.random(3).tolist()
+        a, b = 2 * math.pi * a, 2 * math.pi * b
+        less, more = math.sqrt(1 - u), math.sqrt(u)
+        x, y, z, w = less * math.sin(a), less * math.cos(a), more * math.sin(b), more * math.cos(b)
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+        return rigid_to_camera(np.array(rows), np.zeros(3))
+
+    def _pose_at_rest(self, shape: Shape) -> np.ndarray:
+        """A pose on y = 0, turned about the upright axis through the sphere's middle."""
+        along = np.cumsum(shape.shares / shape.shares.sum())
+        pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
+        angle = 2 * math.pi * float(self.rng.random())
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = np.array([[cos, 0, sin, 0], [0, 1, 0, 0], [-sin, 0, cos, 0], [0, 0, 0, 1]])
+        return turn @ translate(-pose[0, 3], 0, -pose[2, 3]) @ pose
+
+    def _dressed(self, shape: Shape) -> Parts:
+        if shape.has_look:
+            return shape.parts
+        surface = self._surface(shape.name)
+        repeats = self.span(self.of.materials.repeats)
+        return [_painted(part, surface, repeats) for part in shape.parts]
+
+    def _surface(self, name: str) -> Surface:
+        of = self.of.materials
+        colour, shown = self._colour(), None
+        if self.chance(of.share_textured):
+            number = int(self.rng.integers(POOL))
+            shown = texture(self.pick(self.textures) if self.textures else (self.of.seed, number))
+            colour = 0.6 + 0.4 * colour
+        metal = float(name not in BACKDROP and self.chance(of.share_metal))
+        return Surface(
+            name, triple(colour), metallic=metal, roughness=self.span(of.roughness), texture=shown,
+            curved=name not in (*BACKDROP, "block"),
+        )  # fmt: skip
+
+    def _colour(self) -> np.ndarray:
+        drawn = self.rng.random(3)
+        return 0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5
+
+    def _tint(self) -> np.ndarray:
+        """From the light of a lamp to that of the sky."""
+        warm = float(self.rng.random())
+        return np.array([0.85 + 0.15 * warm, 0.93, 1.0 - 0.2 * warm])
+
+    def _lights(self, to_camera: np.ndarray) -> list[Light]:
+        of = self.of.lights
+        count, strength = round(self.span(of.count)), self.span(of.strength)
+        parts = self.rng.random(count) + 0.2
+        lights = []
+        for part in (strength * parts / parts.sum()).tolist():
+            angle = math.radians(160 * (float(self.rng.random()) - 0.5))
+            rise = math.radians(self.span(of.elevation_deg))
+            level = math.cos(rise)
+            towards = to_camera[:3, :3] @ (
+                level * math.sin(angle), math.sin(rise), level * math.cos(angle)
+            )  # fmt: skip
+            lights.append(Light(DIRECTIONAL, triple(towards), triple(part * self._tint())))
+        return lights
+
+    def _backdrop(self, wall: float, height: float, resting: bool) -> Parts:
+        """A wall behind all, and the floor."""
+        side = 8 * wall
+        repeats = 2 * self.span(self.of.materials.repeats) / wall
+        at = (-side / 2, height - side / 2, -wall)
+        upright = rectangle(at, (side, 0, 0), (0, side, 0), self._surface("wall"), repeat=repeats)
+        if not resting:
+            return [upright]
+        repeats = 2 * self.span(self.of.materials.repeats)
+        floor = self._surface("floor")
+        start = (-side / 2, 0, side / 2)
+        return [
+            upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)
+        ]  # fmt: skip
+
+
+def _painted(part: SurfaceMesh, surface: Surface, repeats: float) -> SurfaceMesh:
+    uvs = None if part.uvs is None else part.uvs * repeats
+    curved = surface.curved and part.normals is not None
+    return replace(part, surface=replace(surface, curved=curved), uvs=uvs)

@@ -1,0 +1,129 @@
+"""Descriptions of data sets: what is refused, and scenes that depend on seed and index alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lfcore
+from lfcore.datasets.description import Description
+from lfcore.datasets.sample import BACKDROP, sample
+from lfcore.errors import SceneError, SettingsError
+
+CONFIG = Path(__file__).resolve().parents[2] / "config/datasets"
+PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pixles": 3}, "pixles"),
+        ({"placement": {"depth_m": [2, 1]}}, r"placement\.depth_m.*upside down: 2 is above 1"),
+        ({"placement": {"depth_m": [0, 1, "log"]}}, r"placement\.depth_m"),
+        ({"placement": {"depth_m": [3, 4]}}, "behind the wall"),
+        ({"lens": {"focus_m": [0.001]}}, "nearer than the lens can focus"),
+        ({"lens": {"f_number": 0}}, r"lens\.f_number"),
+        ({"shapes": {"builders": ["unicorn"]}}, r"shapes\.builders"),
+        ({"shapes": {"builders": []}}, "neither meshes nor builders"),
+        ({"name": "../up"}, "name"),
+        ({"quality_db": float("nan")}, "quality_db"),
+        ({"kind": "holograms"}, "kind"),
+    ],
+)
+def test_what_is_refused_names_its_key(change, words):
+    with pytest.raises(SettingsError, match=words) as caught:
+        lfcore.sample_scene(PLAIN | change, 0)
+    assert "\n" not in str(caught.value)
+
+
+def test_folders_and_disks_that_do_not_do(tmp_path):
+    for key, value in (("meshes", str(tmp_path)), ("meshes", [str(tmp_path / "none.ply")])):
+        with pytest.raises(SettingsError, match=f"shapes.{key}"):
+            lfcore.sample_scene(PLAIN | {"shapes": {key: value}}, 0)
+    with pytest.raises(SettingsError, match="and the disk has"):
+        Description.check(PLAIN | {"pixels": 4096, "scenes": {"train": 10**7}}).check_room(tmp_path)
+    (tmp_path / "a.yaml").write_text("seed: 1\n")
+    with pytest.raises(SettingsError, match=r"a\.yaml.*dataset"):
+        lfcore.sample_scene(tmp_path / "a.yaml", 0)
+
+
+@pytest.mark.parametrize("file", sorted(CONFIG.iterdir()), ids=lambda file: file.stem)
+def test_the_descriptions_of_the_project(file):
+    description = Description.read(file)
+    assert description.name == file.stem
+    scene = lfcore.sample_scene(file, 1)
+    assert scene.triangle_count > 100 and scene.name.endswith("000001")
+
+
+def test_splits_and_batches_cover_every_scene_once():
+    of = Description.check(PLAIN | {"scenes": {"train": 70, "validation": 5, "test": 2}})
+    batches = list(of.batches().values())
+    assert [index for batch in batches for index in batch] == list(range(77))
+    assert [of.split(index) for index in (0, 69, 70, 74, 75, 76)] == [
+        "train", "train", "validation", "validation", "test", "test",
+    ]  # fmt: skip
+
+
+def same(one, other):
+    arrays = ("triangles", "normals", "uvs", "material_ids")
+    assert all(np.array_equal(getattr(one, a), getattr(other, a)) for a in arrays)
+    assert one.lights == other.lights and one.materials == other.materials
+    assert all(np.array_equal(a, b) for a, b in zip(one.textures, other.textures, strict=True))
+
+
+@settings(max_examples=8)
+@given(st.lists(st.integers(0, 10**6), min_size=2, max_size=4, unique=True), st.randoms())
+def test_a_scene_depends_on_seed_and_index_alone(indices, random):
+    of = Description.check(PLAIN | {"seed": 7})
+    first = {index: lfcore.sample_scene(of, index) for index in indices}
+    random.shuffle(indices)
+    for index in indices:
+        same(lfcore.sample_scene(of.model_dump(), index), first[index])
+    others = Description.check(PLAIN | {"seed": 8})
+    a, b = (lfcore.sample_scene(one, indices[0]).triangles for one in (of, others))
+    assert a.shape != b.shape or not np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("share_resting", [0, 1])
+def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
+    of = Description.check(PLAIN | {
+        "shapes": {"builders": ["ball", "vase", "book"]}, "materials": {"share_textured": 0},
+        "placement": {"share_resting": share_resting, "objects": 20},
+    })  # fmt: skip
+    for index in range(6):
+        scene, names = sample(of, index)
+        assert len(names) >= 5
+        kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
+        behind = np.isin(kinds, BACKDROP)
+        objects = scene.triangles[~behind].reshape(-1, 3)
+        wall = scene.triangles[kinds == "wall"].reshape(-1, 3)
+        assert objects[:, 2].min() > of.placement.depth_m[0] / 2
+        assert ("floor" in kinds) == bool(share_resting)
+        if share_resting:
+            floor = scene.triangles[kinds == "floor"][0].astype(float)
+            normal = np.cross(floor[1] - floor[0], floor[2] - floor[0])
+            normal *= -np.sign(normal[1]) / np.linalg.norm(normal)  # upwards: y is down
+            heights = (objects - floor[0]) @ normal
+            assert -1e-5 < heights.min() < 1e-3
+        else:
+            assert objects[:, 2].max() <= wall[:, 2].min() + 1e-4
+
+
+def test_users_meshes_and_textures(tmp_path):
+    import trimesh
+
+    from lfcore.pictures import write_picture
+
+    trimesh.creation.icosahedron().export(tmp_path / "mine.ply")
+    write_picture(tmp_path / "mine.png", np.full((8, 8, 3), 200, np.uint8))
+    shapes = {"meshes": str(tmp_path), "builders": []}
+    more = {"shapes": shapes, "materials": {"textures": str(tmp_path), "share_textured": 1}}
+    scene, names = sample(PLAIN | more, 3)
+    assert set(names) == {"mine.ply"} and len(scene.textures) == 1
+    assert scene.textures[0].shape == (8, 8, 3)
+    (tmp_path / "broken.ply").write_bytes(b"ply\nnonsense")
+    with pytest.raises(SceneError, match=r"broken\.ply"):
+        for index in range(20):
+            sample(PLAIN | more, index)
