@@ -205,10 +205,17 @@ def true_picture(folder: Path) -> pd.DataFrame:
 
 def published(text: str) -> str:
     """A document with the table of each of its places."""
-    return PLACE.sub(lambda place: f"{place[1]}\n{_place(place)}\n\n{place[5]}", text)
+    last = {place[2]: place.start() for place in PLACE.finditer(text)}
+
+    def filled(place: re.Match) -> str:
+        """The place with its table; a document's last one of a result has its source."""
+        source = place.start() == last[place[2]]
+        return f"{place[1]}\n{_place(place, source)}\n\n{place[5]}"
+
+    return PLACE.sub(filled, text)
 
 
-def _place(place: re.Match) -> str:
+def _place(place: re.Match, source: bool) -> str:
     result = read_result(RESULTS / f"{place[2]}.csv")
     rows = result.rows
     for condition in filter(None, (place[4] or "").split(" and ")):
@@ -217,7 +224,7 @@ def _place(place: re.Match) -> str:
     if place[3]:
         names = [name.strip() for name in place[3].split(";")]
         rows = pd.DataFrame({name: _known(rows, name, place[2]) for name in names})
-    return "\n".join([*markdown(rows), "", *wrapped(result.source())])
+    return "\n".join([*markdown(rows), *(["", *wrapped(result.source())] if source else [])])
 
 
 def _known(rows: pd.DataFrame, column: str, result: str) -> pd.Series:

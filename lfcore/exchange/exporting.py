@@ -84,7 +84,7 @@ def export_lightfield(
 
 def _quality(source: Source, free: FreeViews) -> str:
     """What is to be expected of views that were not traced."""
-    expected = expected_db(source.field, free.made.pixels, device=source.device)
+    expected = expected_db(free)
     note = "views are made by depth"
     if expected is None:
         return f"{note}, from too few views to measure how well"

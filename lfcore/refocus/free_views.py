@@ -209,26 +209,25 @@ def served_positions(field: LightFieldFile, count: int) -> np.ndarray:
     return reach * (np.arange(count) - (count - 1) / 2) / max(1, count - 1)
 
 
-def expected_db(
-    field: LightFieldFile, pixels: int | None = None, *, device: Device | str | None = None
-) -> float | None:
-    """PSNR in dB, sRGB, to expect of views made by depth between the outermost recorded ones.
+def expected_db(views: FreeViews) -> float | None:
+    """PSNR in dB, sRGB, to expect of ``views`` between the outermost recorded ones.
 
     Traced views inside the lens are held back and made from the others; the worst counts.  None of
     a file of fewer than 3 x 3 views.
     """
-    slab = field.require_slab()
+    slab = views.slab
     if slab.views < 3 or not slab.views_held().all():
         return None
     inner = np.arange(1, slab.views - 1)
     numbers = (inner[:, None] * slab.views + inner).ravel()
     held = numbers[np.linspace(0, len(numbers) - 1, min(HELD_BACK, len(numbers))).astype(int)]
-    views, worst = FreeViews(field, pixels, device=device), np.inf
+    worst = np.inf
     for number in held:
         traced, views.without = views.only(number), [number]
         made = views.picture(views.views.positions[number])
         error = np.square(srgb_encode(made) - srgb_encode(traced)).mean()
         worst = min(worst, -10 * np.log10(max(float(error), 1e-10)))
+    views.without = []
     return worst + HELD_BACK_DB
 
 

@@ -25,7 +25,9 @@ SCENE = re.compile(r"(scenes/\w+|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)
 FOREIGN = re.compile(r"https?://|--serve|array\.exr|chess\.mkv|(boxes|shots|views)/ ")
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
-SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "25"}
+SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "25",
+           "--tiles": "3"}  # fmt: skip
+PARSER = parser()
 
 
 def posts(size: float, up: str = "y") -> trimesh.Trimesh:
@@ -81,11 +83,21 @@ MODELS = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def once():
+    """Options are set up, and each model is read and its tree built, once for all commands."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lfcore.cli, "parser", lambda words: PARSER)
+        patch.setattr(lfcore, "load_scene", functools.cache(lfcore.load_scene))
+        yield
+
+
 class Model:
     """A model, what is seen of it, and its default light field."""
 
     def __init__(self, name: str, folder: Path):
         write, up = MODELS[name]
+        self.done: list[list[str]] = []
         self.path, self.options = write(folder), ["--up", up] if up == "z" else []
         scene = lfcore.load_scene(self.path, up=up if up == "z" else None)
         self.near, self.far = scene.depth_range
@@ -109,7 +121,7 @@ class Model:
 
 
 @pytest.fixture(scope="module", params=MODELS)
-def model(request, tmp_path_factory):
+def model(request, tmp_path_factory, once):
     return Model(request.param, tmp_path_factory.mktemp("model"))
 
 
@@ -134,8 +146,7 @@ def texts() -> dict[str, str]:
 
 
 def _help(name: str) -> str:
-    top = parser()
-    commands = next(one for one in top._actions if hasattr(one, "choices") and one.choices)
+    commands = next(one for one in PARSER._actions if hasattr(one, "choices") and one.choices)
     return commands.choices[name].epilog or ""
 
 
@@ -193,8 +204,12 @@ def test_every_command_that_is_shown_works_on_any_model(place, model, tmp_path, 
         if is_default(words, model):
             continue
         opened.clear()
-        assert main(words) == 0, command
         output = words[words.index("-o") + 1] if "-o" in words else None
+        same = [word for word in words if word != output and not Path(word).is_symlink()]
+        if output and output.endswith(".png") and same in model.done:
+            continue  # on another page, too
+        model.done.append(same)
+        assert main(words) == 0, command
         if output and output.endswith((".png", ".npy", ".exr")):
             check(words, Path(output), model, place)
         if words[0] == "view" and output is None:
