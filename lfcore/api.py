@@ -221,8 +221,8 @@ def render_to_quality(
 ) -> Rendering:
     """Render as :func:`render`, with about as few rays as every picture needs for a quality.
 
-    Rays are traced in rounds, the first with 9 per pixel.  The disagreement of the rounds predicts
-    how many more rays are needed, and the error of each picture.  All rounds are in the pictures.
+    One view predicts the error of any lattice of rays; the cheapest that reaches the quality is
+    traced.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def render_to_quality(
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
-        Called with (rays per pixel done, of those expected to be needed).
+        Called with (views done, of all).
 
     Returns
     -------
@@ -365,8 +365,8 @@ def record(
         out of focus: a share of the picture's shorter side, 0.03 or ``"3%"``.
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
-        ``views``.  A pilot of a tenth of the rays predicts how many are needed, small light fields
-        what the codec loses; the file has the prediction in ``content["expected"]``.
+        ``views``.  One view predicts the rays that are needed, small light fields what the codec
+        loses; the file has the prediction in ``content["expected"]``.
     encoding : Encoding, optional
         Codec, layout and whether depth is stored.  Default: as measured best.
     device : Device or str, optional
@@ -441,7 +441,7 @@ def with_lens(
 def _planned(
     tracer: Tracer, camera: Camera, size: Size, quality: Quality, encoding: Encoding
 ) -> tuple[Lattice, Encoding, dict]:
-    """The lattice that a pilot chooses, the encoding that trials choose, and what the file says of
+    """The lattice that one view chooses, the encoding that trials choose, and what the file says of
     its quality."""
     from lfcore.rendering.depth import depth_range
     from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
@@ -450,19 +450,20 @@ def _planned(
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
     codec_takes = encoding.crf is None and not encoding.lossless
     search = QualitySearch(tracer, camera, planes, size, quality)
-    planned = search.plan(share_db(0.0, OF_RAYS) if codec_takes else 0.0)
-    spec = chosen_encoding(planned.lattice.views, encoding, by_depth=True)
+    lattice = search.plan(share_db(0.0, OF_RAYS) if codec_takes else 0.0)
+    rays_db = float(search.look.expected_db(lattice.views, lattice.subpixels).min())
+    spec = chosen_encoding(lattice.views, encoding, by_depth=True)
     found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:
-        return planned.lattice, encoding, found | {"db": round(planned.expected_db, 2)}
-    trials = Trials(tracer, camera, planned.lattice, size, planes, spec)
+        return lattice, encoding, found | {"db": round(rays_db, 2)}
+    trials = Trials(tracer, camera, lattice, size, planes, spec)
     if encoding.crf is None:
         crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
         encoding = replace(encoding, crf=crf)
     else:
         codec_db = trials.codec_db(encoding.crf)
-    db = together_db(planned.expected_db, codec_db)
-    return planned.lattice, encoding, found | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
+    db = together_db(rays_db, codec_db)
+    return lattice, encoding, found | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
 
 
 def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:

@@ -106,7 +106,7 @@ def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list
     from lfcore.colour import srgb_decode
 
     db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-    traced = f"{made.rays_per_pixel:.0f} rays per pixel in {len(made.lattices)} rounds"
+    traced = f"{made.rays_per_pixel:.0f} rays per pixel ({made.lattice})"
     say(f"{traced}: {db} dB expected")
     note(expected_db=list(map(float, made.expected_db)), rays_per_pixel=made.rays_per_pixel)
     if arguments.error_map is not None:

@@ -1,7 +1,7 @@
 """Which rays to choose: a quality in dB, and the rays, seconds and bytes that it takes.
 
-Each quality is recorded by :func:`lfcore.record`, which chooses the rays by a pilot, and compared
-with the thesis's recipe: one ray per pixel of each of N x N views.
+Each quality is recorded by :func:`lfcore.record`, which chooses the rays, and compared with
+the thesis's recipe: one ray per pixel of each of N x N views.
 """
 
 from collections.abc import Mapping, Sequence

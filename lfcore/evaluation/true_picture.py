@@ -15,7 +15,7 @@ from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.quality import BORDER
+from lfcore.rendering.first_look import BORDER
 from lfcore.tracing.tracer import Tracer
 
 BELOW_DB = 10.0

@@ -22,7 +22,7 @@ from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.stored_depth import slice_stored
-from lfcore.rendering.quality import inner
+from lfcore.rendering.first_look import inner
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage.codecs import LOSSLESS, WHOLE_ROWS, Encoding
 from lfcore.storage.defaults import CRF_SCALE

@@ -139,7 +139,7 @@ class Analysis(Keys):
     stability_rays: whole(100, 1000000) = key("rays per step of a stability sweep", 400)
     stability_cases: Literal["all"] | several(str) = key("stability sweeps to run", "all")
     work_precision: group(WorkPrecision, "error against run time")
-    chosen_rays: group(ChosenRays, "light fields whose rays a pilot chooses")
+    chosen_rays: group(ChosenRays, "light fields whose rays are chosen for a quality")
     left_out: group(LeftOut, "runs of the complete program for comparison")
 
 

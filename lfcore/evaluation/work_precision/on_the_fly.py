@@ -62,6 +62,6 @@ def quality_rows(
         made, seconds = clocked_warm(job.pictures, programs_made, clock=core_clock(tracer.device))
         yield point(
             reference, made.pictures, panel=ON_THE_FLY, method=TO_QUALITY,
-            setting=f"{wanted:g} dB", rays=sum(lattice.rays(pixels) for lattice in made.lattices),
+            setting=f"{wanted:g} dB", rays=made.lattice.rays(pixels),
             seconds=seconds, expected_db=float(made.expected_db.min()),
         )  # fmt: skip

@@ -1,0 +1,133 @@
+"""The error that a lattice of rays will have, predicted from one view through the lens's middle.
+
+Rays err where light changes.  What a view's pixels differ from their neighbours, in mean squares
+of sRGB, is the light that can go wrong.  How much of it does depends on the blur there and on the
+lattice: in focus on the distance between the rays of all views, in wide blur on the number of
+views.  So the mean squared error is a sum over bands of blur: the differences in a band, times a
+power of the views and one of a view's rays (fitted, docs/notebook/true-picture.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import minimum_filter
+
+from lfcore.colour import srgb_encode
+from lfcore.optics.camera import Camera
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import plain_views
+from lfcore.optics.size import Pixels, Size
+from lfcore.optics.slab import Slab
+from lfcore.rendering.by_depth import traced_views
+from lfcore.tracing.tracer import Tracer
+
+BANDS_PX = 1.0, 8.0
+"""Diameters of blur that part the bands, in pixels."""
+STRAIGHT = 17
+"""The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
+SHARE = np.array([0.135, 0.083, 0.0069, 1.0])
+"""The share of the differences that one view with one ray per pixel lacks: per band, and of
+straight edges in focus."""
+BY_VIEWS = np.array([1.70, 2.11, 1.71, 1.63])
+"""The power of the views per side by which the share falls."""
+BY_SUBPIXELS = np.array([3.08, 1.15, 1.01, 1.46])
+"""The power of a view's rays per pixel and side."""
+SURE_DB = 1.15
+"""What is subtracted, so that nine of ten pictures are as good as expected or better."""
+BORDER = 0.08
+"""The margin, as a share of the side, that is left out: not all of the lens sees it."""
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What one view shows of pictures.
+
+    Attributes
+    ----------
+    contrast : (H, W) mean squared difference of a pixel to its neighbours, sRGB.
+    straight : (H, W) the part of it along straight edges of the pixel grid.
+    band : (P, H, W) the band of its blur on each plane.
+    narrower : (P,) the plane's aperture as a share of the lens that is traced, per side.
+    """
+
+    contrast: np.ndarray = field(repr=False)
+    straight: np.ndarray = field(repr=False)
+    band: np.ndarray = field(repr=False)
+    narrower: np.ndarray
+
+    @classmethod
+    def at(
+        cls, tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: Pixels
+    ) -> FirstLook:
+        """Trace one view of ``camera``, whose lens all ``planes`` are within."""
+        slab = Slab.of(camera, 1, pixels)
+        views = plain_views(slab)
+        _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
+        inverse = 1.0 / depth[0].astype(float)
+        band, narrower = [], []
+        for plane in planes:
+            scale = plane.magnification(slab) / slab.pixel_pitch
+            lens = 2 * plane.lens_aperture(slab).radius_m
+            blur = np.abs(plane.delta - inverse) * lens * scale
+            band.append(np.searchsorted(BANDS_PX, blur))
+            narrower.append(min(1.0, lens / (2 * camera.lens_radius_m)))
+        return cls(*_contrast(light[0]), np.stack(band), np.array(narrower))
+
+    def expected_db(self, views: np.ndarray | int, subpixels: np.ndarray | float) -> np.ndarray:
+        """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
+        lacking = self._shares(np.asarray(views, float), np.asarray(subpixels, float))
+        error = np.einsum("pb,pb...->p...", self._differences, lacking)
+        return -10 * np.log10(np.maximum(error, 1e-12)) - SURE_DB
+
+    def error_map(self, lattice: Lattice) -> np.ndarray:
+        """(P, H, W) float32: each pixel's expected error, sRGB, root mean square."""
+        lacking = self._shares(np.array(lattice.views), np.array(lattice.subpixels))
+        shown = np.einsum("pb,pbhw->phw", lacking, self._parts)
+        return np.sqrt(shown).astype(np.float32)
+
+    def _shares(self, views: np.ndarray, subpixels: np.ndarray) -> np.ndarray:
+        """(P, bands, ...) of the differences in a band, the share that pictures lack."""
+        each = (slice(None), *[None] * views.ndim)
+        seen = np.maximum(np.multiply.outer(self.narrower, views), 1.0)[:, None]
+        return SHARE[each] * seen ** -BY_VIEWS[each] * subpixels ** -BY_SUBPIXELS[each]
+
+    @property
+    def _parts(self) -> np.ndarray:
+        """(P, bands + 1, H, W): the differences of each band, and of straight edges in focus."""
+        bands = np.arange(len(BANDS_PX) + 1)[:, None, None]
+        parts = np.where(self.band[:, None] == bands, self.contrast, 0.0)
+        straight = np.where(self.band == 0, self.straight, 0.0)
+        parts[:, 0] -= straight
+        return np.concatenate([parts, straight[:, None]], axis=1)
+
+    @cached_property
+    def _differences(self) -> np.ndarray:
+        """(P, bands + 1) their means without the margin."""
+        return np.stack([inner(each).mean(axis=(1, 2)) for each in self._parts])
+
+
+def inner(pictures: np.ndarray) -> np.ndarray:
+    """Pictures (P, H, W, ...) without the margin that not all of the lens sees."""
+    rows, columns = (
+        slice(int(BORDER * side), side - int(BORDER * side)) for side in pictures.shape[1:3]
+    )
+    return pictures[:, rows, columns]
+
+
+def _contrast(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) differences to neighbours, and the part of them along straight edges."""
+    shown = srgb_encode(np.clip(light, 0, 1))
+    total, straight = np.zeros((2, *shown.shape[:2]))
+    for axis in range(2):
+        apart = np.square(np.diff(shown, axis=axis)).mean(axis=-1) / 2
+        along = minimum_filter(apart, [(STRAIGHT, 1), (1, STRAIGHT)][1 - axis])
+        for before in ((0, 1), (1, 0)):
+            sides = [before if each == axis else (0, 0) for each in range(2)]
+            total += np.pad(apart, sides)
+            straight += np.pad(along, sides)
+    return total, straight
