@@ -99,7 +99,11 @@ class DepthSlicer:
             least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
         self.least_px = least_px
         self._table = np.zeros(1, np.float32) if codes is None else codes.table
-        defines = {"N_BOUNDS": len(bounds_px), "FILL_FAR": int(fill_far), "STORED": 0}
+        defines: dict[str, object] = {
+            "N_BOUNDS": len(bounds_px),
+            "FILL_FAR": int(fill_far),
+            "STORED": 0,
+        }
         if codes is not None:
             defines |= {"STORED": 1, "CODE": "uchar" if codes.format.bits == 8 else "ushort"}
         program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
