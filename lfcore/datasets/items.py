@@ -25,12 +25,15 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
+from lfcore.rendering.first_look import inner
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.quality import SHARED_DB, Quality, QualitySearch, Rendering, inner
+from lfcore.rendering.quality import Quality, QualitySearch, Rendering
 from lfcore.tracing.tracer import Tracer
 
 SHARP_F_NUMBER = 1000.0
 """The f-number, relative to the lens's, of the picture in which all is in focus."""
+SHARED_DB = 1.5
+"""The error in dB that both grids of a pair share, so that their disagreement does not show it."""
 MOST_SIDE = 12
 """The most rays per pixel and side of a light field's view."""
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
@@ -207,7 +210,7 @@ def _view(tracer: Tracer, slab: Slab, sample: np.ndarray, side: int) -> np.ndarr
 def _rays_of_views(of: Description, tracer: Tracer, slab: Slab) -> tuple[int, list[float]]:
     """Rays per pixel and side, and the expected dB of the middle view and those of the corners.
 
-    As in :mod:`lfcore.rendering.quality`: the disagreement of two unlike grids shows the error.
+    The disagreement of two unlike grids shows the error.
     """
     end = slab.views - 1
     places = np.array([(slab.views // 2,) * 2, (0, 0), (end, 0), (0, end), (end, end)])
