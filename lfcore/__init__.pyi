@@ -1,4 +1,4 @@
-from .api import load_scene, record, render, render_to_quality, trace_array
+from .api import bake, load_scene, record, render, render_to_quality, trace_array
 from .datasets.sample import sample_scene
 from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
 from .exchange import export_lightfield, import_lightfield
@@ -18,6 +18,7 @@ from .optics.slab import Extent, Slab
 from .pictures import write_picture
 from .rendering.quality import Quality, Rendering
 from .scene.appearance import Light, Material
+from .scene.baked import BakedLight, BakeOptions
 from .scene.model import Motion, Scene
 from .scene.notes import Note
 from .scene.surface_mesh import Surface
@@ -34,12 +35,13 @@ from .viewer.page import ViewerPage
 __version__: str
 
 __all__ = [
-    "load_scene", "render", "render_to_quality", "record", "trace_array", "write_picture",
+    "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "import_lightfield", "export_lightfield", "open_device",
     "sample_scene",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Encoding", "Device", "Tracer", "ViewerPage",
-    "Surface", "Material", "Light", "Motion", "View", "Note", "DepthRange",
+    "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",
+    "DepthRange",
     "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
     "Metadata", "FrameLayout", "Segment", "StoredDepth", "Damage",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",

@@ -13,7 +13,7 @@ Distances are metres, pictures float32 arrays of linear light, rows from the top
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,12 +32,15 @@ from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
-from lfcore.rendering.prepared import open_tracer, open_tracers, opened
+from lfcore.rendering.prepared import lit, open_tracer, open_tracers, opened
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering, planes_between
+from lfcore.scene.baked import BakeOptions
 from lfcore.scene.build import build_scene
+from lfcore.scene.description import check
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
+from lfcore.scene.sky import with_sky
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.tracing.tracer import Tracer
@@ -58,6 +61,7 @@ def load_scene(
     up: str | None = None,
     view_from: str | None = None,
     zoom: float | None = None,
+    light: Mapping[str, Any] | None = None,
 ) -> Scene:
     """Load a scene from any file that describes one.
 
@@ -76,6 +80,9 @@ def load_scene(
         ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
     zoom : float, optional
         Above 1, a narrower field of view from the same place.
+    light : mapping, optional
+        Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
+        ``bake_mib``.  A file is relative to the scene's.
 
     Returns
     -------
@@ -90,7 +97,72 @@ def load_scene(
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return load_prepared(path)
-    return build_scene(path, light_points=light_points, up=up, view_from=view_from, zoom=zoom)
+    return build_scene(
+        path, light_points=light_points, up=up, view_from=view_from, zoom=zoom, light=light
+    )
+
+
+def bake(
+    scene: Scene,
+    *,
+    sky: Mapping[str, Any] | None = None,
+    bounces: int | None = None,
+    error: float | None = None,
+    mib: int | None = None,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+) -> Scene:
+    """Bake the light of a sky, of glowing surfaces and of all bounces between matt surfaces.
+
+    What reaches a matt surface does not depend on the viewer: it is computed once, and every ray
+    reads it.  :func:`render` and :func:`record` bake scenes that ask for it, if they are not baked.
+
+    Parameters
+    ----------
+    scene : Scene
+        What :func:`load_scene` returns.
+    sky : mapping, optional
+        As ``sky`` of a scene.yaml, upright before the camera.  Default: the scene's, if any.
+    bounces : int, optional
+        Default: the scene's, or 3.
+    error : float, optional
+        The root mean square error of the light, a share of its mean, where the camera sees it.
+        Default: the scene's, or 0.02.
+    mib : int, optional
+        Memory that this may use, MiB.  Default: the scene's, or 1024.
+    device : Device or str, optional
+        An open device, or part of its name.
+    progress : callable, optional
+        Called with (steps done, of all).
+
+    Returns
+    -------
+    Scene
+        The scene with its ``light``, which has the expected error.
+
+    Raises
+    ------
+    SceneError
+        No such sky, a setting out of range, or a material that reflects more than it gets.
+    DeviceError
+        There is no device, or none of that name.
+
+    Notes
+    -----
+    Source: docs/notebook/true-picture.md.
+    """
+    asked: dict[str, Any] = {"bounces": bounces, "bake_error": error, "bake_mib": mib, "sky": sky}
+    given = {name: value for name, value in asked.items() if value is not None}
+    check({"objects": [{"file": "-"}], **given}, file=scene.name)
+    options = scene.bake or BakeOptions()
+    for name, key in (("bounces", "bounces"), ("error", "bake_error"), ("mib", "bake_mib")):
+        if key in given:
+            options = replace(options, **{name: given[key]})
+    scene = replace(scene, bake=options, light=None)
+    if sky is not None:
+        upright = np.diag([1.0, -1.0, -1.0])
+        scene = with_sky(scene, dict(sky), upright, file=scene.name)
+    return lit(scene, opened(device), progress)
 
 
 def render(

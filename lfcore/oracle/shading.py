@@ -1,6 +1,6 @@
 """Shading in float64, written as the formulas read: Blinn-Phong, and ``metal`` for the rest.
 
-    colour = emission + ambient * diffuse
+    colour = emission + ambient * diffuse, ambient that which was baked, where something was,
              + sum over lights in sight: strength * (diffuse * (N . L)
                                                      + specular * max(N . H, 0) ^ shininess)
 
@@ -21,6 +21,7 @@ from lfcore.oracle.metal import bent_normals, glow, metals
 from lfcore.oracle.textures import bilinear
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
+from lfcore.scene.sky import radiance as sky_radiance
 
 # An occluder nearer than this share of the way touches the point: another triangle there.
 TOUCHING = 1e-9
@@ -37,6 +38,8 @@ def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.nd
 def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
     """(R, 3) float64 linear RGB in [0, 1] of ``hits`` seen along ``directions`` (R, 3)."""
     colours = np.tile(np.array(scene.background, np.float64), (len(hits.triangle), 1))
+    if len(scene.sky):
+        colours = sky_radiance(scene.sky, directions).astype(np.float64)
     hit = np.flatnonzero(hits.triangle >= 0)
     if len(hit):
         triangle, weights = hits.triangle[hit], hits.weights[hit]
@@ -60,7 +63,7 @@ def _shade_points(
     is_metal = np.array([[m.metallic >= 0] for m in materials])
     colour = glow(scene, triangle, weights)
     surrounded = np.where(is_metal, metal.surrounded(), diffuse)
-    colour += np.array(scene.ambient, np.float64) * surrounded
+    colour += surroundings(scene, triangle, weights, view) * surrounded
     for light in scene.lights:
         towards, strength = arriving(light, point)
         cosine = (bent * towards).sum(1)
@@ -73,6 +76,35 @@ def _shade_points(
         reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
         colour += np.where(seen[:, None], strength * reflected, 0)
     return colour
+
+
+def surroundings(
+    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
+) -> np.ndarray:
+    """(R, 3) light from everywhere: ambient, or what was baked on the side of the viewer.
+
+    Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
+    """
+    if scene.light is None:
+        return np.tile(np.array(scene.ambient, np.float64), (len(triangle), 1))
+    p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
+    front = (np.cross(q - p, r - p) * view).sum(1) > 0
+    side = scene.light.grids[triangle, 2]
+    first = np.where(front, scene.light.grids[triangle, 0], scene.light.grids[triangle, 1])
+    x, y = weights[:, 1] * side, weights[:, 2] * side
+    i = np.clip(np.floor(x), 0, side - 1).astype(int)
+    j = np.clip(np.floor(y), 0, side - 1 - i).astype(int)
+    f, g = x - i, y - j
+    near = f + g <= 1
+    one = 1 - near
+    corners = ((i + one, j + one, abs(1 - f - g)), (i + 1, j, np.where(near, f, 1 - g)),
+               (i, j + 1, np.where(near, g, 1 - f)))  # fmt: skip
+    light = np.zeros((len(triangle), 3))
+    for column, row, share in corners:
+        # Row j has R + 1 - j points.
+        point = first + row * (side + 1) - row * (row - 1) // 2 + column
+        light += share[:, None] * scene.light.values[np.minimum(point, len(scene.light.values) - 1)]
+    return light
 
 
 def normals(

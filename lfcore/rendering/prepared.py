@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import weakref
+from dataclasses import replace
 
 from lfcore.opencl.device import Device, open_device
+from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.tracer import Tracer
 
 _built: dict[int, tuple[weakref.ref[Scene], Bvh]] = {}
+_lit: dict[int, tuple[weakref.ref[Scene], Scene]] = {}
 
 
 def hierarchy_of(scene: Scene) -> Bvh:
@@ -27,14 +30,36 @@ def opened(device: Device | str | None) -> Device:
     return device if isinstance(device, Device) else open_device(device)
 
 
+def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene:
+    """The scene with the light of its sky and bounces baked, if it asks for that; it is kept as
+    long as the scene is."""
+    if scene.bake is None or scene.light is not None:
+        return scene
+    key = id(scene)
+    found = _lit.get(key)
+    if found is None or found[0]() is not scene:
+        from lfcore.rendering.bake import bake_light  # seldom needed
+
+        bvh = hierarchy_of(scene)
+        light = bake_light(scene, bvh, device, scene.bake, progress=progress)
+        made = replace(scene, light=light)
+        own = id(made)
+        _built[own] = weakref.ref(made, lambda _: _built.pop(own, None)), bvh
+        found = _lit[key] = weakref.ref(scene, lambda _: _lit.pop(key, None)), made
+    return found[1]
+
+
 def open_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:
-    """A tracer of the scene on all of a device."""
-    return Tracer(scene, hierarchy_of(scene), opened(device))
+    """A tracer of the scene on all of a device; light is baked where the scene asks for that."""
+    whole = opened(device)
+    scene = lit(scene, whole)
+    return Tracer(scene, hierarchy_of(scene), whole)
 
 
 def open_tracers(scene: Scene, device: Device | str | None = None) -> list[Tracer]:
     """One tracer a core, each of one thread, or a single one for a device beside the CPU."""
     whole = opened(device)
+    scene = lit(scene, whole)
     if not whole.is_cpu:
         return [Tracer(scene, hierarchy_of(scene), whole)]
     return [

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from lfcore.optics.camera import check_focus
 from lfcore.scene import framing, procedural
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
+from lfcore.scene.baked import BakeOptions
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
@@ -45,6 +47,7 @@ def build_scene(
     up: str | None = None,
     view_from: str | None = None,
     zoom: float | None = None,
+    light: Mapping[str, Any] | None = None,
 ) -> Scene:
     """Read a scene and everything it names.
 
@@ -59,6 +62,8 @@ def build_scene(
     view_from : the side that a scene without a pose is seen from, as ``camera.view_from`` of a
         scene.yaml; a camera in a glTF file is left out then.
     zoom : above 1, a narrower field of view from the same place.
+    light : keys of a scene.yaml, such as ``sky`` and ``bounces``, in place of the file's; paths
+        are relative to the scene file.
 
     Raises
     ------
@@ -70,7 +75,7 @@ def build_scene(
         path = path / "scene.yaml"
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
-        _refuse_view(path, view_from=view_from, zoom=zoom)
+        _refuse_view(path, view_from=view_from, zoom=zoom, light=light)
         return _pbrt(path, light_points)
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
@@ -82,6 +87,8 @@ def build_scene(
     else:
         description = read_description(path)
         name = description.get("name") or _default_name(path)
+    if light:
+        description = complete(check({**description, **light}, file=path))
     camera = description["camera"]
     if view_from is not None:
         if "pose" in camera:
@@ -93,7 +100,7 @@ def build_scene(
     return build(description, file=path, name=name, note_up=note_up)
 
 
-def _refuse_view(path: Path, **asked: str | float | None) -> None:
+def _refuse_view(path: Path, **asked: Any) -> None:
     for key, value in asked.items():
         if value is not None:
             raise SceneError(
@@ -174,6 +181,7 @@ def build(description: dict, *, file: str | Path, name: str, note_up: bool = Fal
         view=view,
         motions=_motions(geometry, parts, moving, to_camera),
         lights=_lights(description, staging, to_camera, file),
+        bake=_bake(description),
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
         focus_distances_m=tuple(float(d) for d in focus)
@@ -182,6 +190,10 @@ def build(description: dict, *, file: str | Path, name: str, note_up: bool = Fal
         notes=notebook.notes(),
         **vars(geometry),
     )
+    if "sky" in description:
+        from lfcore.scene.sky import with_sky  # seldom needed
+
+        scene = with_sky(scene, description["sky"], to_camera, file=file)
     return within_limits(scene, file)
 
 
@@ -330,11 +342,18 @@ def _material(material: dict, file: Path, key: str) -> dict:
     return changes
 
 
+def _bake(description: dict) -> BakeOptions | None:
+    """How light is baked; None without a sky and bounces."""
+    names = {"bounces": "bounces", "bake_error": "error", "bake_mib": "mib"}
+    given = {name: description[key] for key, name in names.items() if key in description}
+    return BakeOptions(**given) if "sky" in description or "bounces" in given else None
+
+
 def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Path) -> list[Light]:
     if "lights" not in description and staging.lights:
         return [moved(light, to_camera) for light in staging.lights]
     if "lights" not in description:
-        return framing.default_lights()
+        return [] if "sky" in description else framing.default_lights()
     lights = []
     for index, entry in enumerate(description["lights"]):
         colour, shadows = parse_colour(entry["colour"]), entry["casts_shadows"]

@@ -15,6 +15,7 @@ from lfcore.errors import SceneError
 from lfcore.files import whole_file
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import Light, Material
+from lfcore.scene.baked import NO_SKY, BakeOptions
 from lfcore.scene.model import Motion, Scene
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
@@ -47,6 +48,8 @@ def _write(file: Any, scene: Scene) -> None:
     arrays = {name: np.ascontiguousarray(getattr(scene, name), ARRAYS[name][0]) for name in ARRAYS}
     for index, texture in enumerate(scene.textures):
         arrays[f"texture_{index:04d}"] = np.ascontiguousarray(texture, np.uint8)
+    if len(scene.sky):
+        arrays["sky"] = np.ascontiguousarray(scene.sky, np.float32)
     header = json.dumps(_header(scene), sort_keys=True).encode()
     named: dict[str, Any] = {"header": np.frombuffer(header, np.uint8), **arrays}
     np.savez(file, **named)
@@ -75,6 +78,7 @@ def _header(scene: Scene) -> dict:
             for motion in scene.motions
         ],
         "notes": [[note.kind, str(note.file), note.line, note.what] for note in scene.notes],
+        **({"bake": asdict(scene.bake)} if scene.bake else {}),
     }
 
 
@@ -144,6 +148,8 @@ def _scene(archive: Any, path: str | Path) -> Scene:
         notes=tuple(
             Note(kind, Path(file), line, what) for kind, file, line, what in header["notes"]
         ),
+        sky=archive["sky"] if "sky" in archive else NO_SKY,
+        bake=BakeOptions(**header["bake"]) if "bake" in header else None,
         **arrays,
     )
 

@@ -22,6 +22,7 @@ from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
 from lfcore.optics.size import Pixels
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
+from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.notes import Note, summary
 from lfcore.scene.seen import depth_range
@@ -82,6 +83,10 @@ class Scene:
         is linear, where materials cut holes by it.  Codes of a material's ``data_textures`` are
         linear, too.
     ambient, background : linear RGB.
+    sky : (S, S, 3) float32 octahedral map in camera space (:mod:`lfcore.scene.sky`), which is seen
+        in place of ``background``; (0, 0, 3) without.
+    bake : how light of the sky and of surfaces is to be baked; None: not at all.
+    light : what was baked, which surfaces have in place of ``ambient``.
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
     focus_distances_m : distances that show the focal stack, near to far, metres.
@@ -108,6 +113,9 @@ class Scene:
     view: View | None = None
     motions: tuple[Motion, ...] = ()
     notes: tuple[Note, ...] = ()
+    sky: np.ndarray = field(default_factory=lambda: NO_SKY)
+    bake: BakeOptions | None = None
+    light: BakedLight | None = None
 
     @classmethod
     def from_triangles(

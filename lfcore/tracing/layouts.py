@@ -92,6 +92,7 @@ SCENE_ARGUMENTS = np.dtype([
     ("background", FLOAT, 3),
     ("unshadowed_lights", INT),  # these come first
     ("shadow_lights", INT),
+    ("sky_side", INT),  # texels of the sky
 ])  # fmt: skip
 RAY_ARGUMENTS = np.dtype([
     ("step", FLOAT, 4),  # sx, sy, tx, ty: per column and row of the inner grid
@@ -164,7 +165,7 @@ TREE = _read(
 )  # fmt: skip
 SURFACES = _read(
     corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
-    lights="LightRecord", levels="Level", texels="uint",
+    lights="LightRecord", levels="Level", texels="uint", grids="int", light="float", sky="float",
 ) | {"scene_numbers": "const SceneArguments "}  # fmt: skip
 RAYS = {
     **_read(elements="float4", groups="int"),

@@ -43,6 +43,9 @@ class Surfaces:
     texels: np.ndarray
     ambient: np.ndarray
     background: np.ndarray
+    grids: np.ndarray
+    light: np.ndarray
+    sky: np.ndarray
     shadow_lights: int
     defines: dict[str, int]
 
@@ -76,7 +79,12 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(shadows > 0),
         "CURVED": int(needs.curved and needs.smooth_normals),
+        "BAKED": int(scene.light is not None),
+        "SKY": int(len(scene.sky) > 0),
     }
+    grids, values = (
+        (scene.light.grids, scene.light.values) if scene.light else ((), np.zeros((0, 3)))
+    )
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
         attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
@@ -87,9 +95,17 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         texels=texels,
         ambient=np.array(scene.ambient, np.float32),
         background=np.array(scene.background, np.float32),
+        grids=np.ascontiguousarray(grids, np.int32),
+        light=_padded(values),
+        sky=_padded(scene.sky),
         shadow_lights=shadows,
         defines=defines,
     )
+
+
+def _padded(colours: np.ndarray) -> np.ndarray:
+    """Colours as four floats each: one load."""
+    return np.concatenate([colours, np.zeros_like(colours[..., :1])], -1, dtype=np.float32)
 
 
 def _pack_materials(scene: Scene) -> np.ndarray:

@@ -62,6 +62,11 @@ class Tracer:
                 f"all coordinates are below {SMALLEST_SCENE:g} m, too small for float32",
                 remedy="Give the scene in larger units",
             )
+        if scene.bake and scene.light is None:
+            raise SceneError(
+                "the light of its sky and bounces is not baked", file=scene.name,
+                remedy="Call lfcore.bake first",
+            )  # fmt: skip
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
         self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)

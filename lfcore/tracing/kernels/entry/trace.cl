@@ -64,7 +64,7 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
     b->rays = block_bundle(packet, number);
     find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
     if (!b->regions.count) {
-        shade_background(p->scene, colours);
+        shade_background(p->scene, &b->rays, colours);
         return;
     }
     sample_block(p->scene, p->pixel, b);

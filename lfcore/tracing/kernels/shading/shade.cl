@@ -59,10 +59,10 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
     *sum = plus3(*sum, times3(c, spread3(vload3(0, light->colour))));
 }
 
-// Ambient light and emission.
+// Ambient light, or what was baked in its place, and emission.
 inline Vec unlit_light(const Scene *scene, const Surface *s)
 {
-    const Vec ambient = spread3(vload3(0, scene->numbers->ambient));
+    const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
     const Vec emission = PHYSICAL ? s->emission : spread3(s->material->emission);
     const int metallic = PHYSICAL && is_metallic(s->material);
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
@@ -95,10 +95,15 @@ inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int a
 }
 
 // Of rays that meet nothing.
-inline void shade_background(const Scene *scene, global float *colours)
+inline void shade_background(const Scene *scene, const Bundle *r, global float *colours)
 {
-    const Vec background = spread3(vload3(0, scene->numbers->background));
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) store3(background, colours, at);
+    Vec background = spread3(vload3(0, scene->numbers->background));
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+#if SKY
+        background = sky_row(scene, r, row_at(at, r->half_extent));
+#endif
+        store3(background, colours, at);
+    }
 }
 
 // Directions of unit length to the viewer.
@@ -150,6 +155,9 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         s.normal = load3(b->samples->normal, at);
         if (PHYSICAL || is_glossy(&material))
             s.to_viewer = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
+#if BAKED
+        s.light = load3(b->samples->light, at);
+#endif
         s.albedo = albedo_row(scene, &patch, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
@@ -160,6 +168,12 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
 inline void shade_block(const Scene *scene, const Block *b, global float *colours)
 {
     private int keys[BLOCK_RAYS];
-    shade_background(scene, colours);
+#if SKY
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        if (row_any(LT(VLOAD(b->samples->key + at), (vi)(0))))
+            store3(sky_row(scene, &b->rays, row_at(at, b->rays.half_extent)), colours, at);
+#else
+    shade_background(scene, &b->rays, colours);
+#endif
     for (int left = list_keys(b, keys); left; --left) shade_key(scene, b, keys[left - 1], colours);
 }

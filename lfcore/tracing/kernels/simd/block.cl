@@ -68,6 +68,11 @@ inline vf row_dx(const Bundle *r, Row at) { return AT_OFFSETS(at.x, at.u, r->dx,
 inline float row_oy(const Bundle *r, Row at) { return AT_OFFSETS(at.y, at.v, r->oy, r->sy, r->a); }
 inline float row_dy(const Bundle *r, Row at) { return AT_OFFSETS(at.y, at.v, r->dy, r->ty, r->b); }
 
+inline Vec direction_row(const Bundle *r, Row row)
+{
+    return (Vec){row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
+}
+
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
 // direction.  Blocks of one element have no u and v: their U, V and BILINEAR are never read.

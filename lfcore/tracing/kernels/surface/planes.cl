@@ -20,6 +20,10 @@ typedef struct {
     // nothing.
     float tangent[TANGENT_WORDS];
     int key;                               // shading key
+#if BAKED
+    Affine light[3];  // each corner's weight; of one cell of a grid, red, green and blue times weights
+    int grid[3];      // first point in front and behind, and cells along an edge; 0: of one cell
+#endif
 } PlaneEquations;
 
 inline Affine slot_affine(global const PlaneEquations *p, int slot)
@@ -64,6 +68,9 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
                          weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+#if BAKED
+    for (int k = 0; k < 3; ++k) out->light[k] = e[k];
+#endif
     float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
     const float side = n.z < 0.0f ? -1.0f : 1.0f;
     n *= side;

@@ -1,6 +1,10 @@
 // What each ray of a block meets: place, normal, texture coordinates, tint and shading key.
 #pragma once
+#if BAKED || SKY
+#include "baked.cl"
+#else
 #include "planes.cl"
+#endif
 
 // (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
 typedef struct {
@@ -11,18 +15,19 @@ typedef struct {
     int key[BLOCK_RAYS];                        // shading key; -1 where nothing is met
     int triangle[BLOCK_RAYS];                   // -1 where nothing is met
     float tangent[TANGENT_WORDS * BLOCK_RAYS];  // see PlaneEquations
+#if BAKED
+    float light[3 * BLOCK_RAYS];
+#endif
 } Samples;
-
-inline Vec direction_row(const Bundle *r, Row row)
-{
-    return (Vec){row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
-}
 
 // A row of rays that meet one triangle.
 typedef struct {
     Vec normal, tint, tangent;
     vf depth, u, v, across;  // `across`: the sign beside the tangent
     vi key, triangle;
+#if BAKED
+    Vec light;
+#endif
 } SampleRow;
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
@@ -71,6 +76,9 @@ inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
     if (VERTEX_COLOURS) a->tint = pick3(a->tint, b.tint, mask);
     if (PHYSICAL) a->tangent = pick3(a->tangent, b.tangent, mask);
     if (PHYSICAL) a->across = pick(a->across, b.across, mask);
+#if BAKED
+    a->light = pick3(a->light, b.light, mask);
+#endif
     if (!TEXTURED) return;
     a->u = pick(a->u, b.u, mask);
     a->v = pick(a->v, b.v, mask);
@@ -102,7 +110,7 @@ typedef struct {
 } Block;
 
 // Interpolate the row that begins with ray `at`, region by region.
-inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
+inline void sample_row(const Scene *scene, const Block *b, int at, Row row, SampleRow *s)
 {
     s->key = s->triangle = -1;
     int first = 1;
@@ -113,6 +121,9 @@ inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
         SampleRow one = interpolate(b->planes + k, row);
         one.key = pick_int(s->key, (vi)(b->planes[k].key), mask);
         one.triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
+#if BAKED
+        one.light = baked_row(scene, b->planes + k, row);
+#endif
         if (first) *s = one;
         else merge_rows(s, one, mask);
         first = 0;
@@ -125,11 +136,15 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
     global Samples *out = b->samples;
     const Bundle *r = &b->rays;
     SampleRow s = {0};
-    for (int k = 0; k < b->regions.count; ++k)
+    for (int k = 0; k < b->regions.count; ++k) {
         set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
+#if BAKED
+        set_up_light(scene, r, b->regions.of + k, b->planes + k);
+#endif
+    }
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->rays.half_extent);
-        sample_row(b, at, row, &s);
+        sample_row(scene, b, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);
         if (!row_any(GE(s.key, (vi)(0)))) continue;
@@ -139,6 +154,9 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         store3(point, out->point, at);
         store3(viewed_normal(s.normal, direction), out->normal, at);
         if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
+#if BAKED
+        store3(s.light, out->light, at);
+#endif
         if (PHYSICAL) {
             const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
             store3(turn_vectors(s.tangent, away), out->tangent, at);

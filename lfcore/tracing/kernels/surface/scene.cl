@@ -16,6 +16,9 @@ typedef struct {
     global const LightRecord *lights;
     global const Level *levels;      // (textures, MIP_LEVELS)
     global const uint *texels;
+    global const int *grids;         // (T, 3) see light.cl
+    global const float *light;       // (P, 3) of the points of all grids
+    global const float *sky;         // (side, side, 3)
     const SceneArguments *numbers;
 } Scene;
 
@@ -23,7 +26,7 @@ typedef struct {
 #define MAKE_SCENE                                                                             \
     {.corners = corners, .attributes = attributes, .material_ids = material_ids,               \
      .materials = materials, .lights = lights, .levels = levels, .texels = texels,             \
-     .numbers = &scene_numbers}
+     .grids = grids, .light = light, .sky = sky, .numbers = &scene_numbers}
 
 inline float3 corner(const Scene *s, int triangle, int k)
 {
@@ -61,4 +64,6 @@ typedef struct {
     vf metallic;
     vf alpha2;      // the fourth power of roughness
     Vec emission;
+    // Scenes with BAKED alone.
+    Vec light;      // that arrives from sky and surfaces
 } Surface;

@@ -1,0 +1,188 @@
+"""Mesh colours: points on triangles where light is baked, shared between neighbours.
+
+A *face* is a side of a triangle, 2 t in front (where corners run counter-clockwise) and 2 t + 1
+behind.  Its grid is that of :class:`lfcore.scene.baked.BakedLight`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from lfcore.scene.model import Scene
+
+# Points whose places differ by less than this share of the scene's size, and normals by less than
+# the other, are one.
+_PLACE, _NORMAL = 2.0**-22, 2.0**-8
+# Rays start this share of a cell inside the triangle: corners lie on neighbouring walls.
+_INSET = 0.02
+# Opposite normals are as unlike as places this share of the scene's size apart.
+_ALIKE = 0.1
+
+
+@cache
+def lattice(side: int) -> np.ndarray:
+    """((side + 1) (side + 2) / 2, 2) columns and rows of a grid's points, in order."""
+    rows = [
+        np.stack([np.arange(side + 1 - j), np.full(side + 1 - j, j)], 1) for j in range(side + 1)
+    ]
+    return np.concatenate(rows)
+
+
+def grid_point(i: np.ndarray, j: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """The number of a point on its grid."""
+    return j * (2 * side + 3 - j) // 2 + i
+
+
+@dataclass(frozen=True)
+class Points:
+    """Places that gather light: float32 (P, 3) each; ``normals`` and ``flat``, the triangle's own,
+    on the side of the face, and ``cells``, metres (P,)."""
+
+    places: np.ndarray
+    normals: np.ndarray
+    flat: np.ndarray
+    cells: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def of(self, which: np.ndarray) -> Points:
+        return Points(*(array[which] for array in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: list[Points]) -> Points:
+        return cls(
+            *(
+                np.concatenate(arrays)
+                for arrays in zip(*(vars(p).values() for p in parts), strict=True)
+            )
+        )
+
+
+def corner_normals(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 3, 3) unit float64 shading normals in front, and (T, 3) the triangles' own."""
+    p, q, r = scene.triangles.astype(np.float64).swapaxes(0, 1)
+    flat = np.cross(q - p, r - p)
+    flat /= np.sqrt((flat * flat).sum(1, keepdims=True))
+    if not len(scene.normals):
+        return np.repeat(flat[:, None], 3, axis=1), flat
+    normals = scene.normals.astype(np.float64)
+    # Seen from a side, the shading normal is turned to it.
+    away = ((normals * flat[:, None]).sum(-1) < 0).all(1)
+    return np.where(away[:, None, None], -normals, normals), flat
+
+
+class Grids:
+    """Points of the grids of faces, each place once.
+
+    Attributes
+    ----------
+    sides : (T,) cells along an edge.
+    first : (2 T,) where a face's grid begins in ``index``; -1 without one.
+    index : (G,) the point of each grid point.
+    instead : (2 T,) of faces without a grid, a point that has about their light.
+    points : the points.
+    """
+
+    def __init__(self, scene: Scene, sides: np.ndarray):
+        self.scene, self.sides = scene, sides
+        self.first = np.full(2 * len(sides), -1, np.int64)
+        self.instead = np.zeros(2 * len(sides), np.int64)
+        self.index = np.zeros(0, np.int64)
+        self._hashes = np.zeros(0, np.uint64)
+        self.points = Points(*(np.zeros((0, 3), np.float32) for _ in range(3)), np.zeros(0))
+        self._normals, self._flat = corner_normals(scene)
+        corners = scene.triangles.reshape(-1, 3).astype(np.float64)
+        self._low = corners.min(0)
+        self._size = float(np.ptp(corners, axis=0).max())
+
+    def add(self, faces: np.ndarray) -> slice:
+        """Grids of faces that have none; returns their new points."""
+        faces = np.unique(faces[self.first[faces] < 0])
+        before, hashes, made = len(self.points), [self._hashes], [self.points]
+        length = len(self.index)
+        for side in np.unique(self.sides[faces // 2]).tolist():
+            of_side = faces[self.sides[faces // 2] == side]
+            points, keys = self.at(of_side, lattice(side), side)
+            count = len(lattice(side))
+            self.first[of_side] = length + count * np.arange(len(of_side))
+            length += count * len(of_side)
+            hashes.append(keys)
+            made.append(points)
+        every = np.concatenate(hashes)
+        unique, first, where = np.unique(every, return_index=True, return_inverse=True)
+        # Old points keep their numbers, new ones follow in order.
+        order = np.argsort(first, kind="stable")
+        number = np.empty(len(unique), np.int64)
+        number[order] = np.arange(len(unique))
+        joined = Points.joined(made)
+        self.points, self._hashes = joined.of(first[order]), every[first[order]]
+        self.index = np.concatenate([self.index, number[where[before:]]])
+        return slice(before, len(self.points))
+
+    def at(self, faces: np.ndarray, places: np.ndarray, side: int) -> tuple[Points, np.ndarray]:
+        """Points (F places) at columns and rows (n, 2) of grids of faces, and their hashes."""
+        weights = np.column_stack([side - places.sum(1), places]).astype(np.float64)
+        triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
+        corners = self.scene.triangles[triangle].astype(np.float64)
+        exact = _mixed(weights, corners) / side
+        normals = _mixed(weights, self._normals[triangle]) * sign[:, None, None]
+        normals /= np.sqrt((normals * normals).sum(-1, keepdims=True))
+        flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], len(places), axis=1)
+        share = _INSET / side
+        inset = exact + share * (corners.mean(1, keepdims=True) - exact)
+        edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1) / side
+        key = np.concatenate(
+            [np.rint((exact - self._low) / (self._size * _PLACE) + 0.37),
+             np.rint(normals / _NORMAL + 0.37)], -1
+        ).astype(np.int64)  # fmt: skip
+        made = [inset, normals, flat]
+        points = Points(
+            *(np.float32(array.reshape(-1, 3)) for array in made), np.repeat(edge, len(places))
+        )
+        return points, _hashed(key.reshape(-1, 6))
+
+    def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """The points that are nearest to hits of barycentric ``weights`` (R, 3); -1 without any."""
+        side = self.sides[faces // 2]
+        i = np.rint(weights[:, 1] * side).astype(np.int64)
+        j = np.rint(weights[:, 2] * side).astype(np.int64)
+        over = i + j > side
+        i = np.clip(i - (over & (weights[:, 1] >= weights[:, 2])), 0, side)
+        j = np.clip(j, 0, side - i)
+        first = self.first[faces]
+        at = np.maximum(first, 0) + grid_point(i, j, side)
+        return np.where(first < 0, self.instead[faces], self.index[np.where(first < 0, 0, at)])
+
+    def stand_in(self) -> None:
+        """Find points for faces without grids: the nearest that look alike."""
+        from scipy.spatial import cKDTree  # slow to import
+
+        tree = cKDTree(
+            np.concatenate([self.points.places / self._size, _ALIKE * self.points.normals], 1)
+        )
+        lacking = np.flatnonzero(self.first < 0)
+        flat = self._flat[lacking // 2] * (1 - 2 * (lacking % 2))[:, None]
+        middles = self.scene.triangles[lacking // 2].mean(1) / self._size
+        self.instead[lacking] = tree.query(np.concatenate([middles, _ALIKE * flat], 1))[1]
+
+
+def _mixed(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(F, n, 3) of weights (n, 3) and corners (F, 3, 3), term by term: a shared edge's points are
+    the same to the last bit."""
+    a, b, c = (weights[None, :, k, None] * corners[:, None, k] for k in range(3))
+    return a + b + c
+
+
+def _hashed(keys: np.ndarray) -> np.ndarray:
+    """(P,) uint64 of integers (P, n), by the finaliser of splitmix64 (G. Steele et al., 2014)."""
+    hashes = np.zeros(len(keys), np.uint64)
+    for column in keys.T.astype(np.uint64):
+        hashes = (hashes ^ column) + np.uint64(0x9E3779B97F4A7C15)
+        hashes = (hashes ^ (hashes >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        hashes = (hashes ^ (hashes >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        hashes ^= hashes >> np.uint64(31)
+    return hashes

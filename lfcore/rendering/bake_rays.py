@@ -1,0 +1,218 @@
+"""Rays that gather light at points: their directions, and what they see."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from lfcore.colour import srgb_decode
+from lfcore.rendering.bake_points import Points
+from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.model import Scene
+from lfcore.scene.sky import radiance, suns
+from lfcore.tracing.tracer import Tracer
+
+BATCH = 1 << 19
+"""Rays at a time."""
+_TURNS = 4096
+# Steps of the additive recurrence R2, of 2^32: M. Roberts, "The unreasonable effectiveness of
+# quasirandom sequences", 2018.
+_R2 = tuple(round(2**32 / 1.32471795724474602596**power) for power in (1, 2))
+_TEXELS = 64
+"""Side of the textures that reflected light is coloured by, at most."""
+_DIELECTRIC = 0.04
+
+
+@cache
+def _circle() -> np.ndarray:
+    """(2, _TURNS) float32 cosines and sines, which every processor rounds alike."""
+    turns = np.arange(_TURNS) * (2 * math.pi / _TURNS)
+    return np.stack([np.cos(turns), np.sin(turns)]).astype(np.float32)
+
+
+def directions(points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
+    """(P, count, 3) float32 directions, as dense as the cosine to the normal, of the samples from
+    ``first`` on: integers in a low-discrepancy sequence, shifted for each point by its seed.
+
+    Those below the triangle itself, which a bent normal allows, are mirrored above it.
+    """
+    number = np.arange(first, first + count, dtype=np.uint64)
+    shift = _shuffled(seeds.astype(np.uint64))[:, None]
+    a, b = ((number * np.uint64(step) + (shift >> np.uint64(32 * k))) & np.uint64(0xFFFFFFFF)
+            for k, step in enumerate(_R2))  # fmt: skip
+    share = ((a >> np.uint64(8)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-24)
+    cosine, sine = _circle()[:, (b >> np.uint64(20)).astype(np.int64)]
+    radius, up = np.sqrt(share), np.sqrt(1 - share)
+    n = points.normals[:, None]
+    # The frame of T. Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
+    sign = np.copysign(np.float32(1), n[..., 2])
+    one = -1 / (sign + n[..., 2])
+    two = n[..., 0] * n[..., 1] * one
+    x, y = radius * cosine, radius * sine
+    made = np.stack(
+        [
+            x * (1 + sign * n[..., 0] ** 2 * one) + y * two + up * n[..., 0],
+            x * (sign * two) + y * (sign + n[..., 1] ** 2 * one) + up * n[..., 1],
+            -x * sign * n[..., 0] - y * n[..., 1] + up * n[..., 2],
+        ],
+        -1,
+    )
+    flat = points.flat[:, None]
+    below = np.minimum(_dot(made, flat), 0)
+    return made - 2 * below[..., None] * flat
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Term by term: libraries add in other orders on other processors."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def _shuffled(x: np.ndarray) -> np.ndarray:
+    x = (x + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+class Surroundings:
+    """What rays of a scene's points see: the sky, and what surfaces glow with and reflect."""
+
+    def __init__(self, scene: Scene, tracer: Tracer):
+        self.scene, self.tracer = scene, tracer
+        self.sky = suns(scene.sky)[0] if len(scene.sky) else None
+        p, q, r = scene.triangles.swapaxes(0, 1)
+        self._flat = np.cross(q - p, r - p)
+        self._lift = np.float32(2e-6 * np.abs(scene.triangles).max(initial=0))
+        self._small = [_reduced(texture) for texture in scene.textures]
+        self.rays = 0
+        # Their points are lights already.
+        self._lamps = np.zeros(scene.triangle_count, bool)
+        for light in scene.lights:
+            self._lamps[light.own[0] : light.own[1]] = True
+        self._materials()
+
+    def _materials(self) -> None:
+        materials = self.scene.materials
+        self._diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
+        self._emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
+        metal = [
+            max(m.metallic, 0.0)
+            * (self._small[m.metal_texture][..., 2].mean() if self._has(m.metal_texture) else 1.0)
+            for m in materials
+        ]
+        # As the kernels reflect ambient light: diffuse, and specular as at normal incidence.
+        is_metal = np.array([m.is_metallic for m in materials], bool)
+        self._base = np.float32(np.where(is_metal, _DIELECTRIC * (1 - np.array(metal)), 0))[:, None]
+
+    def _has(self, texture: int) -> bool:
+        return texture >= 0 and len(self.scene.uvs) > 0
+
+    def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Faces (R,) that rays (P, n, 3) from points hit, -1 none; barycentric weights (R, 3)."""
+        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))[:, None]
+        start = points.places + lift * points.flat
+        origins = np.repeat(start, towards.shape[1], axis=0)
+        return self.cast(origins, towards.reshape(-1, 3))[:2]
+
+    def cast(
+        self, origins: np.ndarray, towards: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Faces (R,) that rays (R, 3) hit, -1 none; barycentric weights (R, 3), distances (R,)."""
+        triangle, distance, weights = self.tracer.closest_hit(origins, towards)
+        self.rays += len(origins)
+        behind = _dot(self._flat[triangle], towards) > 0
+        faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
+        return faces, np.where((triangle < 0)[:, None], 0, weights), distance
+
+    def glow(self, faces: np.ndarray, weights: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """(R, 3) what the sky and glowing surfaces send back along rays."""
+        light = np.zeros((len(faces), 3), np.float32)
+        if self.sky is not None:
+            out = faces < 0
+            light[out] = radiance(self.sky, towards[out])
+        triangle = faces // 2
+        material = self.scene.material_ids[triangle]
+        on = (faces >= 0) & self._emission.any(1)[material] & ~self._lamps[triangle]
+        on = np.flatnonzero(on)
+        if len(on):
+            kinds = np.array([m.emission_texture for m in self.scene.materials])
+            light[on] = self._emission[material[on]]
+            light[on] *= self._texels(kinds, triangle[on], weights[on])
+        return light
+
+    def albedo(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(R, 3) share of light that hits reflect, as the kernels have it of ambient light."""
+        triangle = np.maximum(faces, 0) // 2
+        material = self.scene.material_ids[triangle]
+        colour = self._diffuse[material]
+        kinds = np.array([m.texture for m in self.scene.materials])
+        colour = colour * self._texels(kinds, triangle, weights)
+        if len(self.scene.colours):
+            tints = self.scene.colours[triangle]
+            colour *= sum(weights[:, k, None] * tints[:, k] for k in range(3))
+        return np.where((faces < 0)[:, None], 0, np.minimum(colour + self._base[material], 1))
+
+    def _texels(
+        self, kinds: np.ndarray, triangle: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray | float:
+        """Colours of the textures ``kinds`` of materials at hits; 1 without."""
+        if not len(self.scene.uvs) or (kinds < 0).all():
+            return np.float32(1)
+        number = kinds[self.scene.material_ids[triangle]]
+        found = np.ones((len(triangle), 3), np.float32)
+        for texture in np.unique(number[number >= 0]).tolist():
+            rows = np.flatnonzero(number == texture)
+            corners, small = self.scene.uvs[triangle[rows]], self._small[texture]
+            uv = sum(weights[rows, k, None] * corners[:, k] for k in range(3))
+            size = np.array(small.shape[1::-1])
+            at = np.clip(((uv - np.floor(uv)) * size).astype(np.int64), 0, size - 1)
+            found[rows] = small[size[1] - 1 - at[:, 1], at[:, 0]]
+        return found
+
+    def direct(self, points: Points) -> np.ndarray:
+        """(P, 3) light of the scene's lights on points."""
+        total = np.zeros((len(points), 3), np.float32)
+        for light in self.scene.lights:
+            if any(light.colour):
+                total += self._of_light(light, points)
+        return total
+
+    def _of_light(self, light: Light, points: Points) -> np.ndarray:
+        vector = np.float32(light.vector)
+        towards = (
+            vector - points.places if light.kind == POINT else np.tile(vector, (len(points), 1))
+        )
+        distance = np.sqrt(_dot(towards, towards))
+        unit = towards / distance[:, None]
+        strength = np.maximum(_dot(unit, points.normals), 0)
+        strength[_dot(unit, points.flat) <= 0] = 0
+        if light.kind == POINT and light.reference_distance_m:
+            strength *= (np.float32(light.reference_distance_m) / distance) ** 2
+        if any(light.normal):
+            cosine = -_dot(unit, np.float32(light.normal))
+            if light.is_spot:
+                inner, outer = light.cone
+                cosine = np.clip((cosine - outer) / max(inner - outer, 0.001), 0, 1) ** 2
+            strength *= np.maximum(cosine, 0)
+        lit = np.flatnonzero(strength > 0)
+        if light.casts_shadows and len(lit):
+            lift = np.maximum(self._lift, np.float32(1e-4) * points.cells[lit].astype(np.float32))
+            start = points.places[lit] + lift[:, None] * points.flat[lit]
+            triangle, far, _ = self.tracer.closest_hit(start, towards[lit])
+            self.rays += len(lit)
+            own = (triangle >= light.own[0]) & (triangle < light.own[1])
+            dark = (triangle >= 0) & ~own & ((far < 1) | (light.kind != POINT))
+            strength[lit[dark]] = 0
+        return strength[:, None] * np.float32(light.colour)
+
+
+def _reduced(texture: np.ndarray) -> np.ndarray:
+    """A texture's colours in linear light, shrunk to at most _TEXELS a side."""
+    import cv2  # loaded for textures alone
+
+    linear = srgb_decode(texture[..., :3] / 255.0).astype(np.float32)
+    height, width = linear.shape[:2]
+    size = min(width, _TEXELS), min(height, _TEXELS)
+    return cv2.resize(linear, size, interpolation=cv2.INTER_AREA)

@@ -1,0 +1,148 @@
+"""Finer grids where baked light changes fast: contact shadows, and edges of what is lit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lfcore.rendering.bake_points import Points, grid_point, lattice
+from lfcore.scene.baked import BakedLight
+
+if TYPE_CHECKING:
+    from lfcore.rendering.bake import Baker
+
+LEVELS = 4
+"""Times that a grid's cells are halved, at most."""
+_CONTRAST, _SURPRISE = 0.12, 0.06
+"""Neighbours that differ by such a share have a point between them; where it differs so much from
+their mean, cells are halved once more."""
+_RAYS = 128
+_MOST_SIDE = 1024
+_VALUE_BYTES = 64
+
+
+class Refinement:
+    """The grids of all triangles, of which rough ones are halved.
+
+    Parameters
+    ----------
+    baker : what gathers light, converged.
+    seen : faces that are refined.
+    """
+
+    def __init__(self, baker: Baker, seen: np.ndarray):
+        self.baker, self.grids = baker, baker.grids
+        self._seen = seen
+        self._light = baker.smoothed()
+        bright = self._light[: max(baker._seen_points, 1)].mean(-1)
+        self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
+        self._room = baker.options.mib * 2**20 // 2 // _VALUE_BYTES
+        self._next_seed = len(self._light)
+
+    def light(self) -> BakedLight:
+        """All grids, finished."""
+        sides = self.grids.sides
+        kept: list[tuple[int, np.ndarray, np.ndarray]] = []
+        is_seen = np.zeros(2 * len(sides), bool)
+        is_seen[self._seen] = True
+        hidden = np.flatnonzero(~is_seen.reshape(-1, 2).any(1))
+        kept.append((1, hidden, self._constant(hidden)))
+        for side in np.unique(sides).tolist():
+            triangles = np.flatnonzero(is_seen.reshape(-1, 2).any(1) & (sides == side))
+            values = self._values(triangles, side)
+            self._room -= values.size // 3
+            kept += self._halve(triangles, side, values, is_seen)
+        return self._assembled(kept)
+
+    def _constant(self, triangles: np.ndarray) -> np.ndarray:
+        """(T, 2, 3, 3) values of 1-cell grids at corners, or those that stand in for them."""
+        faces = 2 * triangles[:, None] + np.arange(2)
+        weights = np.repeat(np.eye(3)[None], faces.size, axis=0).reshape(-1, 3)
+        points = self.grids.nearest(np.repeat(faces.ravel(), 3), weights)
+        return self._light[points].reshape(len(triangles), 2, 3, 3)
+
+    def _values(self, triangles: np.ndarray, side: int) -> np.ndarray:
+        """(T, 2, n, 3) values of grids of a side."""
+        faces = 2 * triangles[:, None] + np.arange(2)
+        first = self.grids.first[faces][..., None]
+        at = np.where(first < 0, 0, first + np.arange(len(lattice(side))))
+        points = np.where(first < 0, self.grids.instead[faces][..., None], self.grids.index[at])
+        return self._light[points]
+
+    def _halve(
+        self, triangles: np.ndarray, side: int, values: np.ndarray, is_seen: np.ndarray
+    ) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        kept = []
+        for _ in range(LEVELS):
+            finer, rough = _between(values, side, self._floor)
+            faces = 2 * triangles[:, None] + np.arange(2)
+            rough &= is_seen[faces][..., None]
+            todo = rough.any((1, 2))
+            cost = int(todo.sum()) * finer.shape[1] * finer.shape[2]
+            if not todo.any() or 2 * side > _MOST_SIDE or cost > self._room:
+                break
+            kept.append((side, triangles[~todo], values[~todo]))
+            self._room -= cost
+            triangles, values, rough = triangles[todo], finer[todo], rough[todo]
+            side *= 2
+            surprised = self._gather(faces[todo], side, values, rough)
+            kept.append((side, triangles[~surprised], values[~surprised]))
+            triangles, values = triangles[surprised], values[surprised]
+            if not len(triangles):
+                return kept
+        return [*kept, (side, triangles, values)]
+
+    def _gather(
+        self, faces: np.ndarray, side: int, values: np.ndarray, rough: np.ndarray
+    ) -> np.ndarray:
+        """Replace rough values by gathered ones; (T,) whether they differ from the mean."""
+        places, parts, keys = lattice(side), [], []
+        row, which, place = np.nonzero(rough)
+        for number in np.unique(place).tolist():
+            some = np.flatnonzero(place == number)
+            points, key = self.grids.at(
+                faces[row[some], which[some]], places[number : number + 1], side
+            )
+            parts.append(points)
+            keys.append(key)
+        order = np.argsort(place, kind="stable")
+        joined, key = Points.joined(parts), np.concatenate(keys)
+        _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+        seeds = self._next_seed + np.arange(len(first))
+        self._next_seed += len(first)
+        light = self.baker.gather(joined.of(first), seeds, 0, _RAYS).sum(0) / _RAYS
+        found = np.empty((len(row), 3), np.float32)
+        found[order] = light[inverse]
+        before = values[row, which, place]
+        off = abs(found - before).mean(-1)
+        large = off > _SURPRISE * np.maximum(found.mean(-1), self._floor)
+        values[row, which, place] = found
+        surprised = np.zeros(len(values), bool)
+        surprised[row[large]] = True
+        return surprised
+
+    def _assembled(self, kept: list[tuple[int, np.ndarray, np.ndarray]]) -> BakedLight:
+        grids = np.zeros((len(self.grids.sides), 3), np.int32)
+        chunks, length = [], 0
+        for side, triangles, values in kept:
+            count = values.shape[2]
+            firsts = length + count * np.arange(2 * len(triangles)).reshape(-1, 2)
+            grids[triangles] = np.column_stack([firsts, np.full(len(triangles), side)])
+            chunks.append(values.reshape(-1, 3))
+            length += 2 * count * len(triangles)
+        return BakedLight(grids, np.concatenate(chunks, dtype=np.float32))
+
+
+def _between(values: np.ndarray, side: int, floor: float) -> tuple[np.ndarray, np.ndarray]:
+    """Values of grids of twice the cells, linear between those of a side; and (T, 2, n) whether the
+    neighbours of a new point differ."""
+    places = lattice(2 * side)
+    odd = places % 2
+    # Across a cell's diagonal where both are odd.
+    step = np.stack([odd[:, 0], np.where(odd[:, 0] == 1, -odd[:, 1], odd[:, 1])], 1)
+    ends = [(places + sign * step) // 2 for sign in (-1, 1)]
+    a, b = (values[:, :, grid_point(end[:, 0], end[:, 1], np.int64(side))] for end in ends)
+    x, y = a.mean(-1), b.mean(-1)
+    rough = abs(x - y) > _CONTRAST * np.maximum(np.maximum(x, y), floor)
+    return (a + b) / 2, rough

@@ -1,0 +1,64 @@
+"""Light that was computed once for all rays: irradiance on the surfaces of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.files import whole_file
+
+FORMAT = "lfcore light 1"
+NO_SKY = np.zeros((0, 0, 3), np.float32)
+
+
+@dataclass(frozen=True)
+class BakeOptions:
+    """How light is baked: ``bounces`` between matt surfaces, until the root mean square ``error``
+    is such a share of the mean, within ``mib`` of memory."""
+
+    bounces: int = 3
+    error: float = 0.02
+    mib: int = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class BakedLight:
+    """Irradiance over pi: the radiance of a white, matt surface.
+
+    Attributes
+    ----------
+    grids : (T, 3) int32, of each triangle the first point of its grid in front (where corners run
+        counter-clockwise) and behind, and the grid's cells R along an edge.
+    values : (P, 3) float32, linear RGB at the points: (i, j) with i + j <= R, row by row of j,
+        where i / R and j / R are the weights of the second and the third corner.
+    error : the expected root mean square error over the mean, where the camera sees them.
+    rays : how many were traced.
+    """
+
+    grids: np.ndarray
+    values: np.ndarray
+    error: float = 0.0
+    rays: int = 0
+
+    def save(self, path: str | Path) -> None:
+        """Write it; the file appears when it is whole."""
+        with whole_file(path) as file:
+            np.savez(file, format=FORMAT, **vars(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> BakedLight:
+        """Inverse of :meth:`save`; raises :class:`SceneError` for a missing or damaged file."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                if str(file["format"]) != FORMAT:
+                    raise ValueError(f"format {file['format']}")
+                grids, values = file["grids"], file["values"]
+                return cls(grids, values, float(file["error"]), int(file["rays"]))
+        except Exception as error:  # zipfile, zlib and numpy raise anything
+            raise SceneError(
+                f"no whole file of baked light: {' '.join(str(error).split())[:200]}", file=path,
+                remedy="Delete it and bake again",
+            ) from None  # fmt: skip

@@ -1,0 +1,239 @@
+"""Skies: what rays see that leave the scene, and the light that it gives.
+
+A sky is an octahedral map in camera space, (S, S, 3) float32 linear radiance: direction d is at
+d.xy over the sum of its components' sizes, and behind the camera folded outward over the edges
+(T. Engelhardt and C. Dachsbacher, "Octahedron Environment Maps", VMV 2008).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.errors import SceneError, StorageError
+from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.colour import parse_colour
+from lfcore.scene.limits import BRIGHTEST
+from lfcore.scene.model import Scene
+from lfcore.scene.reading import read_bytes
+
+MOST_TEXELS = 2**26
+LARGEST_FILE = 1 << 30
+LARGEST_SIDE, GRADIENT_SIDE = 2048, 256
+SUNS, WIDEST_SUN, SUN_CONTRAST = 8, 0.02, 50.0
+"""At most so many suns, up to so many steradians, so many times as bright as the sky's mean."""
+
+
+def octahedron(places: np.ndarray) -> np.ndarray:
+    """(..., 3) unit directions of places (..., 2) on a map that reaches from -1 to 1."""
+    x, y = places[..., 0], places[..., 1]
+    z = 1 - abs(x) - abs(y)
+    fold = np.maximum(-z, 0)
+    d = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], -1)
+    return d / np.sqrt((d * d).sum(-1, keepdims=True))
+
+
+def radiance(sky: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(R, 3) float32 that a sky gives from ``directions`` (R, 3), bilinearly."""
+    d, side = np.asarray(directions, np.float32), len(sky)
+    size = abs(d)
+    d = d / (size[:, 0] + size[:, 1] + size[:, 2])[:, None]
+    x, y = d[:, 0], d[:, 1]
+    behind = d[:, 2] < 0
+    u = np.where(behind, np.copysign(1 - abs(y), x), x)
+    v = np.where(behind, np.copysign(1 - abs(x), y), y)
+    at = [np.clip((axis * np.float32(0.5) + np.float32(0.5)) * side - np.float32(0.5), 0, side - 1)
+          for axis in (u, v)]  # fmt: skip
+    i, j = (np.minimum(axis.astype(np.int64), side - 2) for axis in at)
+    f, g = ((axis - low).astype(np.float32)[:, None] for axis, low in zip(at, (i, j), strict=True))
+    flat, first = sky.reshape(-1, 3), j * side + i
+    top = flat[first] + f * (flat[first + 1] - flat[first])
+    first += side
+    return top + g * (flat[first] + f * (flat[first + 1] - flat[first]) - top)
+
+
+def solid_angles(side: int) -> np.ndarray:
+    """(S, S) steradians of a map's texels."""
+    axis = (np.arange(side) + 0.5) / side * 2 - 1
+    x, y = np.meshgrid(axis, axis)
+    z = 1 - abs(x) - abs(y)
+    fold = np.maximum(-z, 0)
+    square = (abs(x) - fold) ** 2 + (abs(y) - fold) ** 2 + z**2
+    return (2 / side) ** 2 / square**1.5
+
+
+def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
+    """The sky without its small bright spots, and a directional light for each of them.
+
+    A spot's share of a surface's light is found by one shadow ray, with sharp shadows, where rays
+    to the whole sky would hardly ever hit it.
+    """
+    import cv2  # loaded for skies alone
+
+    angles = solid_angles(len(sky))
+    light = sky.mean(-1, dtype=np.float64)
+    bright = light > SUN_CONTRAST * (light * angles).sum() / (4 * math.pi)
+    count, labels = cv2.connectedComponents(bright.astype(np.uint8))
+    numbers = labels.ravel()
+    if count < 2:
+        return sky, []
+    size = np.bincount(numbers, angles.ravel(), count)
+    power = np.bincount(numbers, (light * angles).ravel(), count)
+    small = np.flatnonzero(size <= WIDEST_SUN)
+    small = small[small > 0]
+    rest, found = sky.copy(), []
+    base = sky[~bright].mean(0)
+    axis = (np.arange(len(sky)) + 0.5) / len(sky) * 2 - 1
+    for number in small[np.argsort(-power[small], kind="stable")][:SUNS]:
+        row, column = np.nonzero(labels == number)
+        flux = (sky[row, column] - base) * angles[row, column, None]
+        towards = octahedron(np.stack([axis[column], axis[row]], -1))
+        towards = (towards * flux.mean(-1, keepdims=True)).sum(0)
+        towards /= math.sqrt(float((towards**2).sum()))
+        rest[row, column] = base
+        colour = tuple((np.maximum(flux, 0).sum(0) / math.pi).tolist())
+        found.append(Light(DIRECTIONAL, tuple(towards.tolist()), colour))
+    return rest, found
+
+
+def with_sky(
+    scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path, key: str = "sky"
+) -> Scene:
+    """The scene under a sky, as :func:`sky_of` takes it, and lit by its suns."""
+    sky = sky_of(description, to_camera, file=file, key=key)
+    return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
+
+
+def sky_of(description: dict, to_camera: np.ndarray, *, file: str | Path, key: str) -> np.ndarray:
+    """The map of a checked ``sky`` mapping of a scene.yaml, in camera space.
+
+    ``to_camera`` (4, 4) or (3, 3) turns the world, y up.  Raises :class:`SceneError` for a file
+    that is no panorama of light.
+    """
+    strength = description.get("strength", 1.0)
+    if "file" in description:
+        path = Path(file).parent / description["file"]
+        panorama = read_panorama(path, file=file, key=f"{key}.file") * np.float32(strength)
+        side = max(2, min(panorama.shape[1], LARGEST_SIDE))
+    elif "colour" in description:
+        colour = np.multiply(parse_colour(description["colour"]), strength)
+        return np.tile(np.float32(colour), (2, 2, 1))
+    else:
+        ends = [
+            np.multiply(parse_colour(description[end]), strength) for end in ("horizon", "zenith")
+        ]
+        panorama, side = _gradient(*ends), GRADIENT_SIDE
+    turned = math.radians(description.get("rotation_deg", 0.0))
+    return octahedral(panorama, to_camera[:3, :3], turned, side)
+
+
+def octahedral(panorama: np.ndarray, to_camera: np.ndarray, turned: float, side: int) -> np.ndarray:
+    """The map of a panorama (H, 2 H, 3), in whose middle is world -z, x to the right and y up.
+
+    ``turned`` turns it about the world's y by so many radians, to the right.
+    """
+    made = np.zeros((side, side, 3), np.float32)
+    rays = panorama.shape[1] // side + 2
+    within = (np.arange(rays) + 0.5) / rays
+    for row in range(side):
+        y = (row + within) / side * 2 - 1
+        x = (np.arange(side)[:, None] + within).ravel() / side * 2 - 1
+        places = np.stack(np.broadcast_arrays(x, y[:, None]), -1)
+        world = octahedron(places) @ to_camera  # the transpose, of vectors in rows
+        made[row] = _looked_up(panorama, world, turned).reshape(rays, side, rays, 3).mean((0, 2))
+    return made
+
+
+def _looked_up(panorama: np.ndarray, world: np.ndarray, turned: float) -> np.ndarray:
+    import cv2  # loaded for skies alone
+
+    height, width = panorama.shape[:2]
+    u = (0.5 + (np.arctan2(world[..., 0], -world[..., 2]) - turned) / (2 * math.pi)) % 1.0
+    v = np.arccos(np.clip(world[..., 1], -1, 1)) / math.pi
+    x, y = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
+    return cv2.remap(
+        panorama, np.float32(x), np.float32(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+    )
+
+
+def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
+    """Above the horizon linear in the sine of the elevation; below as at the horizon."""
+    height = GRADIENT_SIDE
+    up = np.maximum(np.cos((np.arange(height) + 0.5) / height * math.pi), 0)[:, None]
+    return np.repeat(np.float32(horizon + up * (zenith - horizon))[:, None], 2 * height, axis=1)
+
+
+def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:
+    """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file.
+
+    Raises :class:`SceneError` for a file that is missing, damaged, too large, no panorama, or has
+    values that are no light.
+    """
+
+    def refuse(problem: str, remedy: str) -> SceneError:
+        return SceneError(f"{str(path)!r} {problem}", file=file, key=key, remedy=remedy)
+
+    data = read_bytes(path, LARGEST_FILE, "sky")
+    kind = path.suffix.lower()
+    if kind not in (".hdr", ".exr"):
+        raise refuse("is no sky", "Give a Radiance HDR or an EXR file")
+    try:
+        width, height = _exr_size(path) if kind == ".exr" else _hdr_size(data)
+        if width * height > MOST_TEXELS:
+            raise refuse(f"has {width} x {height} texels, of {MOST_TEXELS} at most", "Shrink it")
+        if width != 2 * height or not height:
+            raise refuse(
+                f"is no panorama: {width} x {height} texels", "Give an equirectangular picture, "
+                "twice as wide as high",
+            )  # fmt: skip
+        panorama = _exr(path) if kind == ".exr" else _hdr(data)
+    except (StorageError, ValueError, OSError) as error:
+        raise refuse(
+            f"cannot be read: {' '.join(str(error).split())[:200]}", "Get it again"
+        ) from None
+    if not np.isfinite(panorama).all() or panorama.min() < 0 or panorama.max() > BRIGHTEST:
+        raise refuse(
+            f"has values from {panorama.min():g} to {panorama.max():g}",
+            f"Give radiance from 0 to {BRIGHTEST:g}",
+        )
+    return panorama
+
+
+def _hdr_size(data: bytes) -> tuple[int, int]:
+    found = re.search(rb"\n[-+]Y (\d+) [-+]X (\d+)\n", data[: 1 << 16])
+    if not data.startswith(b"#?") or not found:
+        raise ValueError("it is no Radiance HDR")
+    return int(found[2]), int(found[1])
+
+
+def _hdr(data: bytes) -> np.ndarray:
+    import cv2  # loaded for skies alone
+
+    try:
+        made = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(str(error)) from None
+    if made is None or made.ndim != 3:
+        raise ValueError("it is damaged")
+    return np.ascontiguousarray(made[..., ::-1], np.float32)
+
+
+def _exr_size(path: Path) -> tuple[int, int]:
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), header_only=True) as found:
+            low, high = found.header()["dataWindow"]
+    except Exception as error:  # the package raises RuntimeError, ValueError and more
+        raise ValueError(str(error)) from None
+    return int(high[0] - low[0] + 1), int(high[1] - low[1] + 1)
+
+
+def _exr(path: Path) -> np.ndarray:
+    from lfcore.exr import read_exr_picture
+
+    return read_exr_picture(path)

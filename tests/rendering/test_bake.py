@@ -1,0 +1,204 @@
+"""Baked light: closed forms, bounces, skies, bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import plain_scenes
+import pytest
+import trimesh
+
+import lfcore
+from lfcore.optics import bundles
+from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.appearance import Material
+from lfcore.scene.baked import BakedLight, BakeOptions
+from lfcore.scene.model import Scene
+from lfcore.scene.sky import octahedral, octahedron, radiance, solid_angles, suns
+
+pytestmark = pytest.mark.kernels
+WHITE = np.ones((2, 2, 3), np.float32)
+
+
+def world(triangles, albedo=0.5, emission=0.0, sky=WHITE, **options):
+    """A matt scene before a pinhole, lit by its sky alone."""
+    material = Material("matt", (albedo,) * 3, emission=(emission,) * 3)
+    lens = replace(plain_scenes.CAMERA, f_number=1e4)
+    return plain_scenes.scene(
+        triangles, materials=[material], sky=sky, bake=BakeOptions(**options), camera=lens
+    )
+
+
+def seen(scene, pixels=48):
+    slab = lfcore.Slab(scene.camera, 1, pixels)
+    return open_tracer(scene).bundle_radiance(bundles.views(slab, np.int32([[0, 0]])))[0]
+
+
+def solid(kind, at, **size):
+    mesh = getattr(trimesh.creation, kind)(**size)
+    return mesh.apply_translation(at).triangles
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_a_furnace_shows_nothing(size):
+    """What glows with half of what is all around, and reflects half, looks as all around."""
+    things = [solid("icosphere", (0, 0, 2), subdivisions=2, radius=0.3),
+              solid("box", (0.4, 0.1, 2.2), extents=(0.5, 0.5, 0.5))]  # fmt: skip
+    scene = world(size * np.concatenate(things), 0.5, 0.5, bounces=8)
+    lens = replace(
+        scene.camera, focus_m=2 * size, focal_length_m=0.05 * size, sensor_width_m=0.036 * size
+    )
+    assert abs(seen(replace(scene, camera=lens)) - 1).max() < 0.005
+
+
+def test_a_sphere_in_half_a_sky():
+    """A place whose normal is at an angle a to the bright half gets (1 + cos a) / 2."""
+    place = (np.arange(64) + 0.5) / 32 - 1
+    towards = octahedron(np.stack(np.meshgrid(place, place), -1))
+    sky = np.repeat(np.float32(towards[..., 1:2] < 0), 3, axis=-1)
+    ball = solid("icosphere", (0, 0, 2), subdivisions=4, radius=0.3)
+    normals = (ball - (0, 0, 2)) / 0.3
+    scene = replace(world(ball, 1.0, sky=sky, bounces=0), normals=np.float32(normals))
+    baked = lfcore.bake(scene, error=0.01).light
+    first, side = baked.grids[:, 0], baked.grids[:, 2]
+    for corner, offset in enumerate([0 * side, side, (side + 1) * (side + 2) // 2 - 1]):
+        wanted = (1 - normals[:, corner, 1]) / 2
+        front = ball.mean(1)[:, 2] < 1.9
+        off = (baked.values[first + offset, 1] - wanted)[front]
+        assert abs(off.mean()) < 0.002 and np.sqrt((off**2).mean()) < 0.01
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.0])
+def test_two_plates_exchange_what_their_form_factor_says(distance):
+    """Parallel squares: J. Howell, "A Catalog of Radiation Heat Transfer Configuration Factors",
+    C-11."""
+    x = 1 / distance
+    r = np.sqrt(1 + x * x)
+    factor = 2 / (np.pi * x * x) * (
+        np.log(r * r / np.sqrt(1 + 2 * x * x)) + 2 * x * r * np.arctan(x / r)
+        - 2 * x * np.arctan(x)
+    )  # fmt: skip
+    square = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1.0]]) - (0, 0.5, 0.5)
+    faces = square[[[0, 1, 2], [0, 2, 3]]]
+    plates = np.concatenate([faces, faces + (distance, 0, 0)]) + (-distance / 2, 0, 1.6)
+    scene = replace(
+        world(plates, sky=np.zeros_like(WHITE), bounces=0),
+        materials=[Material("glows", (0, 0, 0), emission=(1, 1, 1)), Material("dark", (0, 0, 0))],
+        material_ids=np.int32([0, 0, 1, 1]),
+    )
+    light = lfcore.bake(scene).light
+    # The mean over a triangle of what is linear between its points.
+    total = []
+    for triangle in (2, 3):
+        _, first, side = light.grids[triangle]
+        values = light.values[first : first + (side + 1) * (side + 2) // 2, 0]
+        at = [(i, j) for j in range(side + 1) for i in range(side + 1 - j)]
+        weight = [{0: 6, 1: 3, 2: 1}[(i == 0) + (j == 0) + (i + j == side)] for i, j in at]
+        total.append(np.average(values, weights=weight))
+    assert np.mean(total) == pytest.approx(factor, rel=0.01)
+
+
+def test_bounces_of_a_closed_room_are_a_geometric_series():
+    """Inside a sphere that glows with 1 and reflects a share a, light is 1 + a + a^2 + ..."""
+    room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
+    for bounces, light in ((0, 1.0), (1, 1.6), (3, 1 + 0.6 + 0.36 + 0.216)):
+        scene = world(room, 0.6, 1.0, sky=np.zeros_like(WHITE), bounces=bounces)
+        assert seen(scene, 16) == pytest.approx(1 + 0.6 * light, rel=0.01)
+    dark = world(room, 1.0, sky=WHITE, bounces=4)
+    assert seen(dark, 16).max() == 0
+
+
+def test_a_sun_is_one_light_and_the_rest_is_a_sky():
+    sky = np.ones((64, 64, 3), np.float32)
+    sky[20, 40] = 1e5
+    rest, (sun,) = suns(sky)
+    assert rest.max() == 1
+    flux = 1e5 * solid_angles(64)[20, 40] / np.pi
+    assert sun.colour == pytest.approx((flux,) * 3, rel=1e-3)
+    assert radiance(sky, np.float32([sun.vector]))[0] == pytest.approx(1e5, rel=1e-3)
+    assert suns(np.ones((8, 8, 3), np.float32))[1] == []
+
+
+def test_a_panorama_is_where_the_page_says():
+    """World -z in its middle, +x to the right, y up; turned to the right."""
+    picture = np.zeros((64, 128, 3), np.float32)
+    picture[:, 92:100, 0] = 1  # a quarter of a turn to the right
+    picture[:8, :, 1] = 1
+    to_camera = np.diag([1.0, -1.0, -1.0])  # x right, y down, z forward
+    looks = np.float32([[1, 0, 0], [0, -1, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1]])
+    for turned, red in ((0.0, 0), (np.pi / 2, 4), (-np.pi / 2, 2), (np.pi, 3)):
+        found = radiance(octahedral(picture, to_camera, turned, 64), looks)
+        assert np.flatnonzero(found[:, 0] > 0.9).tolist() == [red]
+        assert found[1, 1] == pytest.approx(1, abs=0.01)
+
+
+def test_the_same_light_from_any_number_of_threads(tmp_path):
+    things = [solid("box", (0.2, 0.1, 2), extents=(0.5, 0.5, 0.5)), plain_scenes.wall(2.6)]
+    scene = world(np.concatenate(things), bounces=2)
+    one, two = (
+        lfcore.bake(scene, device=lfcore.open_device(threads=threads)).light for threads in (1, 2)
+    )
+    assert (one.values == two.values).all() and (one.grids == two.grids).all()
+    one.save(tmp_path / "light.npz")
+    again = BakedLight.load(tmp_path / "light.npz")
+    assert (again.values == one.values).all() and again.error == one.error
+
+
+def test_scenes_that_lack_it_are_refused_by_a_tracer():
+    scene = world(plain_scenes.wall(2.0))
+    with pytest.raises(lfcore.SceneError, match="not baked"):
+        lfcore.Tracer(scene, None)
+
+
+def test_white_above_white_is_refused():
+    with pytest.raises(lfcore.SceneError, match=r"material matt: diffuse.*1\.5.*Give at most 1"):
+        lfcore.bake(world(plain_scenes.wall(2.0), 1.5))
+
+
+def _scene_file(folder, light):
+    (folder / "ball.ply").write_bytes(trimesh.creation.icosphere().export(file_type="ply"))
+    (folder / "scene.yaml").write_text(f"objects: [{{file: ball.ply}}]\n{light}\n")
+    return folder / "scene.yaml"
+
+
+@pytest.mark.parametrize(
+    ("size", "change", "message"),
+    [
+        ((8, 8), lambda p: p, "no panorama: 8 x 8"),
+        ((8, 16), lambda p: -p, "values from -1"),
+        ((8, 16), lambda p: p * np.nan, "values from nan"),
+    ],
+)
+def test_a_sky_that_is_none_is_refused(tmp_path, size, change, message):
+    lfcore.write_picture(tmp_path / "sky.exr", change(np.ones((*size, 3), np.float32)))
+    path = _scene_file(tmp_path, "sky: {file: sky.exr}")
+    with pytest.raises(lfcore.SceneError, match=f"scene.yaml: sky.file: .*{message}"):
+        lfcore.load_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("light", "message"),
+    [
+        ("bounces: -1", "bounces: -1 is less than the minimum"),
+        ("sky: {colour: [-1, 0, 0]}", "sky.colour"),
+        ("sky: {zenith: [1, 1, 1]}", "sky: needs exactly one of"),
+        ("sky: {file: none.hdr}", "none.hdr: sky not found"),
+        ("sky: {file: large.hdr}", "sky.file: .*40000 x 25000 texels"),
+    ],
+)
+def test_light_that_cannot_be_is_refused(tmp_path, light, message):
+    (tmp_path / "large.hdr").write_bytes(b"#?RADIANCE\n\n-Y 25000 +X 40000\n")
+    with pytest.raises(lfcore.SceneError, match=message):
+        lfcore.load_scene(_scene_file(tmp_path, light))
+
+
+def test_a_mesh_under_a_sky_of_ones_own(tmp_path):
+    path = _scene_file(tmp_path, "").with_name("ball.ply")
+    hdr = tmp_path / "sky.hdr"
+    import cv2
+
+    cv2.imwrite(str(hdr), np.full((16, 32, 3), (1.0, 0.5, 0.25), np.float32))
+    light = {"sky": {"file": "sky.hdr", "strength": 2}, "bounces": 0}
+    scene = lfcore.load_scene(path, light=light)
+    assert isinstance(scene, Scene) and scene.lights == []
+    assert seen(scene, 16)[0, 0] == pytest.approx([0.5, 1, 2], rel=0.02)
+    assert lfcore.bake(scene, bounces=1).bake == BakeOptions(1)
