@@ -29,7 +29,7 @@ from lfcore.tracing.tracer import Tracer
 
 CELLS = 64
 """Cells of grids over the width of the picture, to begin with."""
-_FEWEST, _MOST = 64, 1024
+_FEWEST, _MOST = 32, 1024
 """Rays per point."""
 _OF_HIDDEN = 16
 _ROUNDS = 4
