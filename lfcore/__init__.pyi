@@ -1,4 +1,5 @@
 from .api import bake, load_scene, record, render, render_to_quality, trace_array
+from .colour import exposed
 from .datasets.sample import sample_scene
 from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
 from .exchange import export_lightfield, import_lightfield
@@ -36,7 +37,7 @@ __version__: str
 
 __all__ = [
     "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
-    "import_lightfield", "export_lightfield", "open_device",
+    "exposed", "import_lightfield", "export_lightfield", "open_device",
     "sample_scene",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Encoding", "Device", "Tracer", "ViewerPage",

@@ -465,6 +465,7 @@ def record(
     Source: thesis, Algorithm 3.
     """
     from lfcore.lightfield import LightField
+    from lfcore.rendering.brightest import peak_to_store
     from lfcore.rendering.record import record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
@@ -473,26 +474,31 @@ def record(
     plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=size)
     camera = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
     encoding = encoding or Encoding()
+    tracer = open_tracer(scene, device)
+    peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
+    encoding = replace(encoding, transfer="pq" if peak else "srgb")
     if quality is not None:
         if encoding.depth is False or views is not None:
             raise OpticsError(
                 "chooses the rays itself, and stores their depths", key="quality",
                 remedy="Leave out views and depth",
             )  # fmt: skip
-        tracer = open_tracer(scene, device)
-        views, encoding, content["expected"] = _planned(tracer, camera, size, quality, encoding)
+        views, encoding, content["expected"] = _planned(
+            tracer, camera, size, quality, encoding, peak
+        )
     by_depth, lattice = lattice_to_store(encoding.depth, views)
     if by_depth and views is not None and not isinstance(views, Lattice):
         content["views"] = int(views)
     spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
     if by_depth:
         kind = encoding.layout or "views"
-        slab, store = depth_store(camera, lattice, size, spec, kind=kind)
-        tracer = open_tracer(scene, device)
+        slab, store = depth_store(camera, lattice, size, spec, kind=kind, peak=peak)
         record_by_depth(path, tracer, slab, store, content=content, progress=progress)
     else:
         slab = Slab.of(camera, lattice, size)
-        frames = frame_layout(slab.views, slab.size, spec.stored_format, kind=encoding.layout)
+        frames = frame_layout(
+            slab.views, slab.size, spec.stored_format, kind=encoding.layout, peak=peak
+        )
         tracers = open_tracers(scene, device)
         record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
     return LightField.open(path)
@@ -511,7 +517,12 @@ def with_lens(
 
 
 def _planned(
-    tracer: Tracer, camera: Camera, size: Size, quality: Quality, encoding: Encoding
+    tracer: Tracer,
+    camera: Camera,
+    size: Size,
+    quality: Quality,
+    encoding: Encoding,
+    peak: float | None,
 ) -> tuple[Lattice, Encoding, dict]:
     """The lattice that one view chooses, the encoding that trials choose, and what the file says of
     its quality."""
@@ -528,7 +539,7 @@ def _planned(
     found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:
         return lattice, encoding, found | {"db": round(rays_db, 2)}
-    trials = Trials(tracer, camera, lattice, size, planes, spec)
+    trials = Trials(tracer, camera, lattice, size, planes, spec, peak)
     if encoding.crf is None:
         crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
         encoding = replace(encoding, crf=crf)

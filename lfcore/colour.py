@@ -4,7 +4,11 @@ The kernels have their own (tracing/kernels), and lfcore.storage.ycbcr goes on f
 planes of a video frame.
 """
 
+import math
+
 import numpy as np
+
+from lfcore.errors import OpticsError
 
 PEAK = 255.0
 """Display value of white."""
@@ -34,6 +38,30 @@ def srgb_decode(encoded: np.ndarray | float) -> np.ndarray:
     return np.where(shown <= 0.04045, shown * kind(1 / 12.92), curve)
 
 
+_M1, _M2 = 2610 / 16384, 2523 / 32
+_C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
+
+
+def pq_encode(light: np.ndarray | float) -> np.ndarray:
+    """Codes in [0, 1] by PQ of light over the most that it holds, both clipped; types as above.
+
+    Source: SMPTE ST 2084, equation 5.2, whose most is 10,000 cd/m2.
+    """
+    share = np.clip(floating(light), 0, 1)
+    kind = share.dtype.type
+    with np.errstate(under="ignore"):
+        power = share ** kind(_M1)
+        return ((kind(_C1) + kind(_C2) * power) / (1 + kind(_C3) * power)) ** kind(_M2)
+
+
+def pq_decode(codes: np.ndarray | float) -> np.ndarray:
+    """The inverse of :func:`pq_encode` (SMPTE ST 2084, equation 4.1), in float64 within."""
+    given = floating(codes)
+    power = np.clip(given, 0, 1).astype(np.float64) ** (1 / _M2)
+    share = np.maximum(power - _C1, 0) / (_C2 - _C3 * power)
+    return (share ** (1 / _M1)).astype(given.dtype)
+
+
 def display_values(picture: np.ndarray) -> np.ndarray:
     """float64 sRGB values from 0 to 255, not rounded, of linear light in [0, 1] (clipped).
 
@@ -50,6 +78,54 @@ def srgb_codes(picture: np.ndarray) -> np.ndarray:
 def to_uint8(encoded: np.ndarray) -> np.ndarray:
     """uint8 codes of display values in [0, 1] (clipped), rounded."""
     return np.rint(np.clip(encoded, 0, 1) * PEAK).astype(np.uint8)
+
+
+MOST_EV = 64.0
+"""Stops of exposure at most, either way."""
+SHOULDER = 0.5
+"""Linear light at which the roll-off of highlights begins: 74 % of the display's values."""
+
+
+def exposed(picture: np.ndarray, exposure_ev: float = 0.0, roll_off: bool = False) -> np.ndarray:
+    """Expose linear light for a display, on which 1 is white.
+
+    Parameters
+    ----------
+    picture : ndarray
+        (..., 3) linear light.
+    exposure_ev : float
+        Stops: 1 doubles the light.
+    roll_off : bool
+        Compress highlights instead of cutting them at white: where the largest channel m is above
+        one half, the colour is scaled so that it is ``1 - 1 / (4 m)``.
+
+    Returns
+    -------
+    ndarray
+        The same shape and type; at most 1 with ``roll_off``.
+
+    Raises
+    ------
+    OpticsError
+        The exposure is not finite, or beyond 64 stops.
+    """
+    check_exposure(exposure_ev)
+    picture = floating(picture)
+    kind = picture.dtype.type
+    light = picture * kind(2.0**exposure_ev) if exposure_ev else picture
+    if roll_off:
+        most = np.maximum(light.max(axis=-1, keepdims=True), kind(SHOULDER))
+        light = light * ((1 - kind(SHOULDER**2) / most) / most)
+    return light
+
+
+def check_exposure(exposure_ev: float, key: str = "exposure_ev") -> None:
+    """Raise :class:`OpticsError` for stops that are no number up to 64, either way."""
+    if not (math.isfinite(exposure_ev) and abs(exposure_ev) <= MOST_EV):
+        raise OpticsError(
+            f"is no number of stops from {-MOST_EV:g} to {MOST_EV:g}: {exposure_ev:g}", key=key,
+            remedy="Give stops, e.g. -1.5",
+        )  # fmt: skip
 
 
 def tonemap(image: np.ndarray) -> np.ndarray:

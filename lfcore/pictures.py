@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_codes, srgb_decode, srgb_encode
+from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode, srgb_encode
 from lfcore.errors import LfcoreError
 from lfcore.files import WholeFile, make_folder, whole_file
 
@@ -42,8 +42,13 @@ def check_suffix(
         )
 
 
-def check_bits(path: str | Path, bits: int) -> None:
-    """Raise :class:`LfcoreError` for more than 8 bits of a format that has not so many."""
+def check_codes(path: str | Path, bits: int, exposure: bool) -> None:
+    """Raise :class:`LfcoreError` for more than 8 bits of a format that has not so many, and for an
+    exposure of one that holds all light."""
+    if exposure and Path(path).suffix.lower() not in ALL_CODED:
+        raise LfcoreError(
+            "holds all light", file=path, key="--exposure", remedy="Leave it out, or write a .png"
+        )
     if bits != 8 and Path(path).suffix.lower() not in DEEP:
         raise LfcoreError(
             f"has no codes of {bits} bits", file=path, key="--bits", remedy="Write a .png"
@@ -51,7 +56,13 @@ def check_bits(path: str | Path, bits: int) -> None:
 
 
 def write_picture(
-    path: str | Path, picture: np.ndarray, *, half: bool = False, bits: int = 8
+    path: str | Path,
+    picture: np.ndarray,
+    *,
+    half: bool = False,
+    bits: int = 8,
+    exposure_ev: float = 0.0,
+    roll_off: bool = False,
 ) -> None:
     """Write one picture; the suffix of the name is the format.
 
@@ -66,27 +77,40 @@ def write_picture(
         Write 16-bit floats in EXR.
     bits : int
         8, or 16 in PNG and TIFF: of the codes of linear light.
+    exposure_ev, roll_off : float, bool
+        As in :func:`exposed`, before linear light becomes codes; EXR, PFM and NPY keep all light.
 
     Raises
     ------
     LfcoreError
         A name of no known format, or a file that cannot be written; none is left.
     """
-    write_pictures([(path, picture)], half=half, bits=bits)
+    named = [(path, picture)]
+    write_pictures(named, half=half, bits=bits, exposure_ev=exposure_ev, roll_off=roll_off)
 
 
 def write_pictures(
-    named: Sequence[tuple[str | Path, np.ndarray]], *, half: bool = False, bits: int = 8
+    named: Sequence[tuple[str | Path, np.ndarray]],
+    *,
+    half: bool = False,
+    bits: int = 8,
+    exposure_ev: float = 0.0,
+    roll_off: bool = False,
 ) -> None:
     """As :func:`write_picture`, several; all of them appear, or none."""
+    check_exposure(exposure_ev)
     with ExitStack() as stack:
         files = []
         for path, picture in named:
             check_suffix(path, ALL_SUFFIXES, key=None)
-            check_bits(path, bits)
+            check_codes(path, bits, exposure=False)
             make_folder(Path(path).parent)
             file = stack.enter_context(whole_file(path))
-            _writer(Path(path), half, bits)(file, np.asarray(picture))
+            picture = np.asarray(picture)
+            coded = Path(path).suffix.lower() in ALL_CODED and picture.dtype.kind == "f"
+            if coded and (exposure_ev or roll_off):
+                picture = exposed(picture, exposure_ev, roll_off)
+            _writer(Path(path), half, bits)(file, picture)
             files.append(file)
         for file in files:
             file.sync()

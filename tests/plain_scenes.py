@@ -12,7 +12,8 @@ CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m
 
 
 def scene(triangles, **changes):
-    """A grey scene of ``triangles`` (T, 3, 3); ``changes`` are fields of Scene."""
+    """A grey scene of ``triangles`` (T, 3, 3), clipped at white; ``changes`` are fields of
+    Scene."""
     triangles = np.ascontiguousarray(triangles, np.float32)
     base = Scene(
         name="test",
@@ -27,6 +28,7 @@ def scene(triangles, **changes):
         lights=[],
         ambient=(0.1, 0.2, 0.3),
         background=(0.7, 0.8, 0.9),
+        clip=True,
     )
     return dataclasses.replace(base, **changes)
 

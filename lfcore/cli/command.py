@@ -120,8 +120,9 @@ def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:
     raise OpticsError(problem, key=key, remedy=remedy)
 
 
-def write_named(named: Sequence[tuple[Path, np.ndarray]], *, bits: int = 8) -> None:
-    """Write pictures, all or none, and report their names."""
-    write_pictures(named, bits=bits)
+def write_named(named: Sequence[tuple[Path, np.ndarray]], **form: Any) -> None:
+    """Write pictures, all or none, and report their names; ``form`` as of ``--bits`` and
+    ``--exposure``."""
+    write_pictures(named, **form)
     for path, _ in named:
         wrote(path)

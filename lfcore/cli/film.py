@@ -7,7 +7,7 @@ import numpy as np
 
 import lfcore
 from lfcore.cli.command import refuse, write_named
-from lfcore.cli.options import add, encoder, flags
+from lfcore.cli.options import add, encoder, flags, form
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix
@@ -47,7 +47,7 @@ def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
 
     (image, view), output = _expose(arguments, scene), arguments.output
     if not (is_array(scene) and output.suffix.lower() == ".exr"):
-        write_named([(output, image)], bits=arguments.bits)
+        write_named([(output, image)], **form(arguments))
         return
     make_folder(output.parent)
     extra = {"scene": scene.name, "shutter": list(view.shutter)}

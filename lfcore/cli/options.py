@@ -6,6 +6,7 @@ from typing import Any
 
 import lfcore
 from lfcore.cli import values
+from lfcore.pictures import check_codes
 from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
 
@@ -32,6 +33,9 @@ KINDS: dict[str, dict[str, Any]] = {
                 "help": "rays per pixel, and instants of the shutter while objects move, e.g. 64:4 "
                 "(the scene's; up to 16 instants)"},
     "bits": {"type": int, "choices": (8, 16), "default": 8, "help": "bits per sample of a PNG (8)"},
+    "exposure": {"type": values.exposure, "default": {}, "metavar": "EV[:soft]",
+                 "help": "brighter by so many stops, and highlights roll off instead of being cut "
+                 "at white; -2, 0:soft"},
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
                  "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
     "normalise": {"action": argparse.BooleanOptionalAction,
@@ -97,6 +101,16 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
     """The arguments of these names that were given or have a default."""
     found = {name: getattr(arguments, name, None) for name in names}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def check_form(arguments: argparse.Namespace, path: Path) -> None:
+    """Raise :class:`LfcoreError` for ``--bits`` and ``--exposure`` that ``path`` does not take."""
+    check_codes(path, arguments.bits, bool(arguments.exposure))
+
+
+def form(arguments: argparse.Namespace) -> dict[str, Any]:
+    """``--bits`` and ``--exposure`` as :func:`lfcore.write_picture` takes them."""
+    return {"bits": arguments.bits, **arguments.exposure}
 
 
 def flags(arguments: argparse.Namespace, *names: str) -> list[str]:

@@ -44,7 +44,7 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Options of the pictures that a command makes, of a light field file or of a scene."""
     one = command.add_argument_group("the picture")
     add_focus(one, of_file=of_file)
-    add(one, "aperture", "normalise", "bits")
+    add(one, "aperture", "normalise", "bits", "exposure")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -206,15 +206,18 @@ def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[st
 
 
 def save(
-    path: Path, planes: list[SensorPlane], pictures: np.ndarray, bits: int,
+    path: Path, planes: list[SensorPlane], pictures: np.ndarray, how: Mapping[str, Any],
     field: lfcore.LightField | None = None,
 ) -> None:  # fmt: skip
-    """Write pictures and report their names: several in one NPY, or in a file each."""
+    """Write pictures and report their names: several in one NPY, or in a file each.
+
+    ``how`` is as :func:`lfcore.write_picture` takes it.
+    """
     if path.suffix.lower() == ".npy":
         write_named([(path, pictures[0] if len(planes) == 1 else pictures)])
     else:
         names = [path] if len(planes) == 1 else output_names(path, planes, field)
-        write_named(list(zip(names, pictures, strict=True)), bits=bits)
+        write_named(list(zip(names, pictures, strict=True)), **how)
 
 
 def output_names(

@@ -7,10 +7,10 @@ import numpy as np
 import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_field
-from lfcore.cli.options import add, add_lightfield, add_output
+from lfcore.cli.options import add, add_lightfield, add_output, check_form, form
 from lfcore.cli.progress import progress
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import check_bits, check_suffix
+from lfcore.pictures import check_suffix
 
 DESCRIPTION = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -72,14 +72,14 @@ def make_pictures(
 
 def run(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
-    check_bits(arguments.output, arguments.bits)
+    check_form(arguments, arguments.output)
     field = open_field(arguments)
     planes = plane_options.read_planes(arguments, field)
     if field.metric:
         plane_options.report(planes)
     plane_options.say_doubts(planes, field)
     pictures = make_pictures(arguments, field, planes)
-    plane_options.save(arguments.output, planes, pictures, arguments.bits, field)
+    plane_options.save(arguments.output, planes, pictures, form(arguments), field)
 
 
 COMMANDS = {"refocus": Command(DESCRIPTION, EPILOG, options, run)}

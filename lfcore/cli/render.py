@@ -13,10 +13,10 @@ import lfcore
 from lfcore.cli import film
 from lfcore.cli import planes as plane_options
 from lfcore.cli.command import Command, open_scene, refuse
-from lfcore.cli.options import add, add_output, add_scene, flags, given
+from lfcore.cli.options import add, add_output, add_scene, check_form, flags, form, given
 from lfcore.cli.progress import note, progress, say
 from lfcore.errors import OpticsError
-from lfcore.pictures import check_bits, check_suffix
+from lfcore.pictures import check_suffix
 
 if TYPE_CHECKING:
     from lfcore.rendering.quality import Rendering
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.api import lattice_to_trace
 
     check_suffix(arguments.output)
-    check_bits(arguments.output, arguments.bits)
+    check_form(arguments, arguments.output)
     if arguments.error_map is not None:
         check_suffix(arguments.error_map)
     excluded = ["--filter nearest"] if arguments.filter == "nearest" else []
@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> None:
             pictures = made.pictures
     if quality:
         _report_quality(arguments, made, planes)
-    plane_options.save(arguments.output, planes, pictures, arguments.bits)
+    plane_options.save(arguments.output, planes, pictures, form(arguments))
 
 
 def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list) -> None:
@@ -111,7 +111,7 @@ def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list
     note(expected_db=list(map(float, made.expected_db)), rays_per_pixel=made.rays_per_pixel)
     if arguments.error_map is not None:
         shown = srgb_decode(np.repeat(made.error[..., None], 3, axis=-1))
-        plane_options.save(arguments.error_map, planes, shown, arguments.bits)
+        plane_options.save(arguments.error_map, planes, shown, {"bits": arguments.bits})
 
 
 def chosen_quality(

@@ -11,11 +11,12 @@ import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli import values
 from lfcore.cli.command import Command, open_field, refuse
-from lfcore.cli.options import add, add_lightfield, add_output
+from lfcore.cli.options import add, add_lightfield, add_output, check_form, form
 from lfcore.cli.progress import progress, wrote
 from lfcore.cli.refocus import add_method, make_pictures
+from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import CODED, SUFFIXES, check_bits, check_suffix, contact_sheet
+from lfcore.pictures import CODED, SUFFIXES, check_suffix, contact_sheet
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
@@ -67,12 +68,12 @@ def options(command: argparse.ArgumentParser) -> None:
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
     add(what, "aperture", "normalise")
-    form = command.add_argument_group("form")
-    form.add_argument("--sheet", action="store_true", help="all pictures in one")
-    form.add_argument(
+    made = command.add_argument_group("form")
+    made.add_argument("--sheet", action="store_true", help="all pictures in one")
+    made.add_argument(
         "--fps", type=values.count(1, 240), default=12, help="pictures per second of a film (12)"
     )
-    add(form, "bits")
+    add(made, "bits", "exposure")
     add_method(command, "blocks", help="; blocks is fast for many pictures, with a little blur")
 
 
@@ -81,7 +82,7 @@ def run(arguments: argparse.Namespace) -> None:
     film = path.suffix.lower() == ".mp4"
     check_suffix(path, (*CODED, ".mp4") if arguments.sheet else (*SUFFIXES, ".mp4"))
     if not film:
-        check_bits(path, arguments.bits)
+        check_form(arguments, path)
     if film and arguments.sheet:
         refuse("--sheet", "a contact sheet is no film", "Write a .png")
     field = open_field(arguments)
@@ -92,13 +93,15 @@ def run(arguments: argparse.Namespace) -> None:
     if film:
         from lfcore.film import write_film
 
-        write_film(path, pictures, arguments.fps)
+        write_film(path, exposed(pictures, **arguments.exposure), arguments.fps)
     elif arguments.sheet:
         labels = plane_options.labels(planes, field)
-        sheet = contact_sheet(pictures, SHEET_WIDTH, GAP_PX, labels)
-        lfcore.write_picture(path, sheet, bits=arguments.bits)
+        shown = exposed(pictures, **arguments.exposure).clip(0, 1)
+        lfcore.write_picture(
+            path, contact_sheet(shown, SHEET_WIDTH, GAP_PX, labels), bits=arguments.bits
+        )
     else:
-        plane_options.save(path, planes, pictures, arguments.bits, field)
+        plane_options.save(path, planes, pictures, form(arguments), field)
         return
     wrote(path, f": {len(planes)} pictures")
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from lfcore.colour import MOST_EV
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import blur_share, check_place, check_words
 from lfcore.optics.planes import SHAPES
@@ -89,6 +90,14 @@ def length(text: str) -> float:
         if text.endswith(unit):
             return positive(text.removesuffix(unit)) * metres
     return positive(text)
+
+
+def exposure(text: str) -> dict[str, Any]:
+    """Stops, and whether highlights roll off: ``-1.5``, ``0:soft``."""
+    stops, _, how = text.partition(":")
+    if how not in ("", "soft"):
+        raise argparse.ArgumentTypeError(f"{how!r} is not soft")
+    return {"exposure_ev": number(-MOST_EV, MOST_EV)(stops), "roll_off": how == "soft"}
 
 
 def rays(text: str) -> tuple[int | None, int | None]:

@@ -1,6 +1,6 @@
 """Sensor planes while they are formed: exact integer sums, and how to read pictures from them.
 
-Radiance is summed in fixed point, 2^20 to one, so the sum of a plane's rays is the same in
+Radiance is summed in fixed point, so the sum of a plane's rays is the same in
 whatever order and on however many threads or tiles they were added.
 """
 
@@ -18,6 +18,14 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
 FIXED_ONE = 1 << 20
+"""Radiance 1 in sums, where 32 bits hold the brightest ray's."""
+SPARE_STOPS = 5
+"""Stops above white that sums while tracing hold beside it."""
+
+
+def one_of_sums(stops: int) -> int:
+    """Radiance 1 in sums of rays up to so many stops above white."""
+    return FIXED_ONE >> max(stops - SPARE_STOPS, 0)
 
 
 def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
@@ -91,6 +99,7 @@ class PlaneSums:
     ----------
     sums : (P, 3, height, width) uint64, fixed point, of the region of the planes that starts at
         pixel (left, top).
+    one : radiance 1 in ``sums``.
     """
 
     slab: Slab
@@ -98,16 +107,17 @@ class PlaneSums:
     sums: np.ndarray
     left: int = 0
     top: int = 0
+    one: float = FIXED_ONE
 
     @classmethod
-    def zeros(cls, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
+    def zeros(cls, slab: Slab, planes: list[SensorPlane], one: float = FIXED_ONE) -> PlaneSums:
         left, top, width, height = shown(slab, planes)
         sums = np.zeros((len(planes), 3, height, width), np.uint64)
-        return cls(slab, list(planes), sums, left, top)
+        return cls(slab, list(planes), sums, left, top, one)
 
     def add(self, part: PlaneSums) -> None:
         """Add the sums of other rays of the same slab on the same planes."""
-        if (part.slab, part.planes) != (self.slab, self.planes):
+        if (part.slab, part.planes, part.one) != (self.slab, self.planes, self.one):
             raise OpticsError("these partial planes belong to another slab or other planes")
         height, width = part.sums.shape[2:]
         top, left = part.top - self.top, part.left - self.left
@@ -122,7 +132,8 @@ class PlaneSums:
         both = self
         if (left, top, right - left, bottom - top) != (self.left, self.top, width, height):
             shape = (*self.sums.shape[:2], bottom - top, right - left)
-            both = PlaneSums(self.slab, self.planes, np.zeros(shape, np.uint64), left, top)
+            sums = np.zeros(shape, np.uint64)
+            both = PlaneSums(self.slab, self.planes, sums, left, top, self.one)
             both.add(self)
         both.add(part)
         return both
@@ -151,7 +162,7 @@ class PlaneSums:
             else:
                 rays = np.maximum(ray_counts(slab, plane), 1)
             np.divide(
-                sums, rays * float(FIXED_ONE), out=picture.transpose(2, 0, 1), casting="same_kind"
+                sums, rays * float(self.one), out=picture.transpose(2, 0, 1), casting="same_kind"
             )
         return out
 
@@ -159,20 +170,23 @@ class PlaneSums:
         """Write the region and sums (npz), whole or not at all; slab and planes are the
         configuration's."""
         with whole_file(path) as file:
-            np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]))
+            np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]), one=self.one)
 
     @classmethod
     def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
         """Read what :meth:`save` wrote; raises :class:`LfcoreError` for any other file."""
         return read_arrays(
             path, "file of sums",
-            lambda data: cls(slab, list(planes), data["sums"], *data["corner"].tolist()),
+            lambda data: cls(
+                slab, list(planes), data["sums"], *data["corner"].tolist(), float(data["one"])
+            ),
         )  # fmt: skip
 
 
 def total(slab: Slab, planes: list[SensorPlane], parts: Iterable[PlaneSums]) -> PlaneSums:
     """The sum of all partial sums, which together must cover the slab."""
-    whole = PlaneSums.zeros(slab, planes)
+    whole: PlaneSums | None = None
     for part in parts:
+        whole = whole or PlaneSums.zeros(slab, planes, part.one)
         whole.add(part)
-    return whole
+    return whole or PlaneSums.zeros(slab, planes)

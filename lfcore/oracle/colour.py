@@ -1,6 +1,7 @@
 """Colour by the letter of the standards, one formula a function, float64.
 
-Sources: IEC 61966-2-1 (sRGB), ITU-R BT.709-6 (luma weights, limited range codes).
+Sources: IEC 61966-2-1 (sRGB), ITU-R BT.709-6 (luma weights, limited range codes), SMPTE ST 2084
+(PQ).
 """
 
 import numpy as np
@@ -39,3 +40,9 @@ def rgb(codes: np.ndarray, bits: int = 8) -> np.ndarray:
     blue = luma + 2 * (1 - BLUE) * (cb - 128) / 224
     green = (luma - RED * red - BLUE * blue) / GREEN
     return np.stack([red, green, blue], -1)
+
+
+def pq(light: np.ndarray) -> np.ndarray:
+    """PQ codes in [0, 1] of light over its most, in [0, 1] (SMPTE ST 2084, equation 5.2)."""
+    power = np.asarray(light, np.float64) ** 0.1593017578125
+    return ((0.8359375 + 18.8515625 * power) / (1 + 18.6875 * power)) ** 78.84375

@@ -29,12 +29,13 @@ def slice_by_depth(
     least_px: float,
     bounds_px: tuple[float, ...],
     edge_steps: int | None = None,
+    brightest: float = 1.0,
 ) -> np.ndarray:
     """One picture (H, W, 3) float64, linear light; ``pixels`` are those of its longer side.
 
     Parameters
     ----------
-    light : (K, rows, columns, 3) radiance of every ray, [view, v, u], taken as at most 1.
+    light : (K, rows, columns, 3) radiance of every ray, [view, v, u], at most ``brightest``.
     depth : (K, rows, columns), metres; infinity for a miss.
     least_px : least side of a box, in pixels of the picture.
     bounds_px : sweeps that part the layers, rising: what is swept by less than the first is in
@@ -70,7 +71,7 @@ def slice_by_depth(
             boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), (width, height)[axis]))
         layer = _layer(moves.ravel() * slab.lens_pitch_m, bounds_px)
         colour = np.ones((layer.size, 4))
-        colour[:, :3] = np.minimum(light[k].reshape(-1, 3), 1)
+        colour[:, :3] = np.minimum(light[k].reshape(-1, 3), brightest)
         for number in range(layers):
             rays = layer == number
             total[number] += cells.share[k] * np.einsum(

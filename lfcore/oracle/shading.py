@@ -30,13 +30,13 @@ FLAT_NORMALS = 1e-5
 
 
 def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(R, 3) float64 linear RGB in [0, 1] seen along rays (R, 3) float32."""
+    """(R, 3) float64 linear RGB seen along rays (R, 3) float32."""
     hits = closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
     return shade(scene, directions, hits)
 
 
 def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
-    """(R, 3) float64 linear RGB in [0, 1] of ``hits`` seen along ``directions`` (R, 3)."""
+    """(R, 3) float64 linear RGB of ``hits`` seen along ``directions`` (R, 3)."""
     colours = np.tile(np.array(scene.background, np.float64), (len(hits.triangle), 1))
     if len(scene.sky):
         colours = sky_radiance(scene.sky, directions).astype(np.float64)
@@ -45,7 +45,7 @@ def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
         triangle, weights = hits.triangle[hit], hits.weights[hit]
         view = -_unit(np.asarray(directions, np.float64)[hit])
         colours[hit] = _shade_points(scene, triangle, weights, view)
-    return np.clip(colours, 0, 1)
+    return np.clip(colours, 0, 1 if scene.clip else 2.0**16)
 
 
 def _shade_points(

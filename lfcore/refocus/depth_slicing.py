@@ -22,6 +22,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
 from lfcore.optics.size import Size
@@ -35,7 +36,7 @@ LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 together where they are in focus, whichever is less: measured there."""
 STRIPS_A_THREAD = 2
 MOST_RAYS_A_PIXEL = 1 << 20
-"""Sums are 63 bits, a ray 2^40."""
+"""Sums are 63 bits, a ray 2^40; light above white takes bits that rays leave, or its last ones."""
 
 
 HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
@@ -61,8 +62,10 @@ class DepthSlicer:
     views : where the rays run.
     pixels : longer side of the pictures; need not divide that of the views.
     bounds_px, least_px : as for the reference, default as measured.
+    stops : above white, of the brightest ray.
     fill_far : give the farthest light of a pixel what all rays leave, as holes at edges need.
-    codes : of depths, where rays of a file are added (:meth:`add_stored`) and not traced ones.
+    codes, one : of depths, and radiance 1 in fixed point, where rays of a file are added
+        (:meth:`add_stored`) and not traced ones.
 
     Raises
     ------
@@ -79,8 +82,10 @@ class DepthSlicer:
         *,
         bounds_px: Sequence[float] = BOUNDS_PX,
         least_px: float | None = None,
+        stops: int = 0,
         fill_far: bool = False,
         codes: DepthCodes | None = None,
+        one: float = FIXED_ONE,
     ):
         for plane in planes:
             plane.check(views.slab)
@@ -102,10 +107,13 @@ class DepthSlicer:
         defines: dict[str, object] = {
             "N_BOUNDS": len(bounds_px),
             "FILL_FAR": int(fill_far),
+            "STOPS": stops,
+            "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
             "STORED": 0,
         }
         if codes is not None:
-            defines |= {"STORED": 1, "CODE": "uchar" if codes.format.bits == 8 else "ushort"}
+            code = "uchar" if codes.format.bits == 8 else "ushort"
+            defines |= {"STORED": 1, "CODE": code, "LIGHT_ONE": one}
         program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")
@@ -175,8 +183,8 @@ class DepthSlicer:
         Parameters
         ----------
         part : their numbers, i + N j.
-        light : (K, rows, columns, 3) float32 linear radiance, [view, v, u]; more than 1 counts as
-            1.
+        light : (K, rows, columns, 3) float32 linear radiance, [view, v, u]; more than
+            ``2 ** stops`` counts as that.
         depth : (K, rows, columns) float32, metres; infinity for a miss.
         """
         shape = (len(self.views.positions[part]), *self.views.slab.size[::-1])
@@ -193,7 +201,7 @@ class DepthSlicer:
     ) -> None:
         """Add rows of views of a file, from ``first_row`` on.
 
-        ``light`` holds (K, 3, rows, columns) uint32, 2^20 to one, ``codes`` (K, rows, columns).
+        ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
         shown = _shown(self.device, codes, codes.dtype)

@@ -36,6 +36,7 @@ from lfcore.refocus.shift_sum import (
     zeroed,
 )
 from lfcore.refocus.stored_views import add_frames
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 
 MOST_BYTES = 1 << 30
@@ -99,6 +100,7 @@ class FocalStackSummer:
     ----------
     planes : pictures of one aperture, at any focus, without the sensor's magnification.
     tolerance_px : by how much a view may be displaced within its block at the most.
+    layout : of a file's frames, where views come from one.
 
     Raises
     ------
@@ -113,9 +115,13 @@ class FocalStackSummer:
         *,
         tolerance_px: float = 0.5,
         device: Device | None = None,
+        layout: FrameLayout | None = None,
     ):
         _check(slab, planes, tolerance_px)
         self.slab, self.planes = slab, list(planes)
+        # Sums of blocks hold as many views of PQ, too, where these lose their last bits.
+        self._one = layout.one if layout else FIXED_ONE
+        self._divisor = MOST_VIEWS // layout.most_views if layout else 1
         self.device = device or open_device()
         self.schedule = plan(slab, planes, tolerance_px)
         self._mask = planes[0].mask(slab)
@@ -142,6 +148,9 @@ class FocalStackSummer:
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         """Add (K, 3, h, w) uint32 fixed point to the block pictures."""
+        if self._divisor > 1:
+            length = 3 * len(samples) * region[2] * region[3]
+            self._scale(self.device.queue, (length,), None, views, np.uint32(self._divisor))
         blocks, pad, lens = self.schedule.blocks, self.schedule.pad, self.slab.lens_positions()
         place = self._block[samples]
         which = place[:, 1] * blocks + place[:, 0]
@@ -189,7 +198,7 @@ class FocalStackSummer:
         out = np.empty((len(self.planes), size, size, 3), np.float32)
         found = read_sums(self.device, sums, len(self.planes), self.slab)
         for picture, plane, light in zip(out, self.planes, found, strict=True):
-            scaled = light * (divisor / float(FIXED_ONE))
+            scaled = light * (divisor * self._divisor / self._one)
             picture[:] = normalise(self.slab, plane, "nearest", scaled)
         return out
 
@@ -252,7 +261,7 @@ def focal_stack(
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(
-        field.require_grid(), planes, tolerance_px=tolerance_px, device=device
+        field.require_grid(), planes, tolerance_px=tolerance_px, device=device, layout=field.layout
     )
     add_frames(summer, field, progress)
     return crop(field.require_slab(), summer.pictures()) * np.float32(field.white)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_encode
+from lfcore.colour import pq_encode, srgb_encode
 from lfcore.errors import OpticsError, StorageError
 from lfcore.files import make_folder
 from lfcore.optics.array import CameraArray
@@ -20,6 +20,7 @@ from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
+from lfcore.storage.layout import MOST_LIGHT
 from lfcore.storage.views_store import store_views
 
 CODES = (np.uint8, np.uint16)
@@ -61,11 +62,18 @@ def store_arrays(
     if views.dtype == np.uint8 and encoding.codec == "ffv1" and encoding.pixel_format is None:
         encoding = replace(encoding, pixel_format="gbrp")  # exact
     slab, content = _slab(views, geometry)
-    _check_light(views, white, path)
+    peak = _peak(views, white, encoding, path)
+    encoding = replace(encoding, transfer="pq" if peak else "srgb")
+
+    def shown(column: int, row: int) -> np.ndarray:
+        picture = views[row, column]
+        if peak is None:  # codes as they are, light encoded
+            return picture if picture.dtype in CODES else srgb_encode(picture.astype(np.float32))
+        return pq_encode(picture.astype(np.float32) / np.float32(peak))
+
     store_views(
-        path, slab, lambda column, row: _shown(views[row, column]),
-        chosen_encoding(max(rows, columns), encoding),
-        name=name, digest=digest, content=content, progress=progress,
+        path, slab, shown, chosen_encoding(max(rows, columns), encoding),
+        name=name, digest=digest, peak=peak, content=content, progress=progress,
     )  # fmt: skip
 
 
@@ -85,19 +93,18 @@ def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:
     return known.slab(columns, rows, width, height), content
 
 
-def _check_light(views: np.ndarray, white: float | None, path: Path) -> None:
+def _peak(views: np.ndarray, white: float | None, encoding: Encoding, path: Path) -> float | None:
+    """The light of the brightest code; None for sRGB."""
     if white is not None:
         raise OpticsError("belongs to a camera array", key="white", remedy="Give a CameraArray")
     if views.dtype in CODES:
-        return
+        if encoding.transfer == "pq":
+            raise StorageError("is of linear light, not of codes", key="transfer")
+        return None
     low, high = float(views.min()), float(views.max())
-    if not (low >= 0 and high <= 1):
+    if not (low >= 0 and high <= (MOST_LIGHT if encoding.transfer != "srgb" else 1)):
         raise OpticsError(
-            f"have light from {low:g} to {high:g}, and the file holds 0 to 1", file=path,
-            key="views", remedy="Clip it, or give a CameraArray, whose file holds brighter light",
+            f"have light from {low:g} to {high:g}", file=path, key="views",
+            remedy="Clip it: sRGB holds 0 to 1, PQ 0 to 65536",
         )  # fmt: skip
-
-
-def _shown(picture: np.ndarray) -> np.ndarray:
-    """sRGB of one view: codes as they are, light encoded."""
-    return picture if picture.dtype in CODES else srgb_encode(picture.astype(np.float32))
+    return max(1.0, high) if high > 1 or encoding.transfer == "pq" else None

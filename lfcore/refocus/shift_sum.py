@@ -35,6 +35,7 @@ class ViewSummer:
     slab : what the views were recorded by.
     planes : pictures to make.
     filter : ``nearest`` or ``bilinear``.
+    one, most_views : radiance 1 in the fixed point of views, and how many of them 32 bits hold.
 
     Raises
     ------
@@ -48,12 +49,15 @@ class ViewSummer:
         *,
         filter: str = "nearest",
         device: Device | None = None,
+        one: float = FIXED_ONE,
+        most_views: int = MOST_VIEWS,
     ):
         check_filter(filter)
         for plane in planes:
             plane.check(slab)
             plane.check_pixels(slab.pixels)
         self.slab, self.planes, self.filter = slab, list(planes), filter
+        self.one, self.most_views = one, most_views
         self.device = device or open_device()
         self._masks = [plane.mask(slab) for plane in planes]
         self._taps = [taps(slab, plane, filter) for plane in planes]
@@ -89,7 +93,7 @@ class ViewSummer:
 
     def group_size(self, width: int, height: int) -> int:
         """Views of that size that go to the device at a time."""
-        return int(np.clip(GROUP_BYTES // (12 * width * height), 1, MOST_VIEWS))
+        return int(np.clip(GROUP_BYTES // (12 * width * height), 1, self.most_views))
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         """Add (K, 3, h, w) uint32 fixed point on the device; region is (column, row, w, h)."""
@@ -103,7 +107,7 @@ class ViewSummer:
         out = np.zeros((len(self.planes), size, size, 3), np.float32)
         for batch in self._batches:
             for index, sums in zip(batch.indices, batch.collect(), strict=True):
-                light = sums / float(FIXED_ONE)
+                light = sums / float(self.one)
                 out[index] = normalise(self.slab, self.planes[index], self.filter, light)
         return out
 
@@ -257,7 +261,10 @@ def shift_sum(
     """
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
-    summer = ViewSummer(field.require_grid(), planes, filter=filter, device=device)
+    summer = ViewSummer(
+        field.require_grid(), planes, filter=filter, device=device, one=field.layout.one,
+        most_views=field.layout.most_views,
+    )  # fmt: skip
     add_frames(summer, field, progress)
     return crop(field.require_slab(), summer.pictures())
 

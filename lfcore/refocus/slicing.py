@@ -48,11 +48,7 @@ class PlaneFormer:
             plane.check(slab)
         self.tile, self.device = tile, device or open_device()
         layout, views = tile.layout, tile.layout.kind == "views"
-        defines = {
-            "BITS": layout.format.bits,
-            "CHROMA": layout.format.subsampling,
-            "RGB": int(layout.format.rgb),
-        }
+        defines = layout.defines
         if not views:
             # Its rows are of samples, a byte each: sixteen cost less than the eight floats of a
             # register even where they take two.
@@ -62,8 +58,10 @@ class PlaneFormer:
         self._kernel = cl.Kernel(program, "form_planes")
         planes = list(planes)
         tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
-        self._sums = PlaneBuffers(self.device, slab, planes, tables)
-        self._words = 3 * 256 if views else table_words(slab.views)
+        self._sums = PlaneBuffers(self.device, slab, planes, tables, layout.one)
+        self._words = (
+            3 * 256 if views else table_words(slab.views) * (1 if layout.peak is None else 2)
+        )
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
         self._slots = slots_of(tile, slab)
         if views:

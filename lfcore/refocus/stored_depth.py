@@ -59,9 +59,11 @@ def slice_stored(
     made = []
     for number, group in enumerate(groups):
         views = stored.views(field.require_slab())
-        by_views = field.layout.kind == "views"
+        by_views, layout = field.layout.kind == "views", field.layout
         codes = stored.codes if by_views else None
-        slicer = DepthSlicer(views, group, side, device, codes=codes)
+        slicer = DepthSlicer(
+            views, group, side, device, stops=layout.stops, codes=codes, one=layout.one
+        )
         tell = _of_all(progress, number, len(groups))
         (_add_views if by_views else _add_macropixels)(field, slicer, tell)
         made.append(slicer.pictures())

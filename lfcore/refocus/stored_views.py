@@ -34,8 +34,8 @@ class TakesViews(Protocol):
         """How many views of that size are taken at a time; 0 for some of their rows."""
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
-        """Take views (K, 3, h, w) uint32, 2^20 to one, of samples (K, 2); region is their
-        rectangle of pixels: (column, row, w, h)."""
+        """Take views (K, 3, h, w) uint32, ``layout.one`` to one, of samples (K, 2); region is
+        their rectangle of pixels: (column, row, w, h)."""
 
 
 class FrameSummer:
@@ -55,12 +55,7 @@ class FrameSummer:
         self.summer, self.layout = summer, layout
         self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
         self._corner = np.array(corner, np.int32)
-        defines = {
-            "BITS": layout.format.bits,
-            "CHROMA": layout.format.subsampling,
-            "RGB": int(layout.format.rgb),
-            "VIEWS": int(layout.kind == "views"),
-        }
+        defines = layout.defines | {"VIEWS": int(layout.kind == "views")}
         program = build_program(summer.device, [_SOURCE], defines, header())
         self._kernel = cl.Kernel(program, "unpack_views")
         self._open = summer.open_samples

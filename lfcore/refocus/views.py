@@ -8,7 +8,6 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
-from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.refocus.shift_sum import GROUP_BYTES
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.lightfield import LightFieldFile
@@ -47,6 +46,7 @@ class _Collector:
             )
         samples = samples + np.array([column, row], np.int32)
         self.device, self.open_samples = device or open_device(), samples
+        self._one = np.float32(field.layout.one)
         self.views = np.zeros((len(samples), height, width, 3), np.float32)
         self._place = {tuple(sample): k for k, sample in enumerate(samples.tolist())}
         if len(self._place) < len(samples):
@@ -64,4 +64,4 @@ class _Collector:
             out = self.views[
                 self._place[tuple(sample)], row : row + height, column : column + width
             ]
-            out[:] = np.moveaxis(picture, 0, -1) / np.float32(FIXED_ONE)
+            out[:] = np.moveaxis(picture, 0, -1) / self._one

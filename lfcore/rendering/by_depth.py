@@ -136,7 +136,8 @@ def trace_by_depth(
             key="size",
             remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
         )
-    slicer = DepthSlicer(views, planes, pixels, device, least_px=widths.get("least_px"))
+    stops, least_px = tracer.needs.stops, widths.get("least_px")
+    slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
     for part, light, depth in traced_views(tracer, views, pixels, widths.get("footprint_px")):
         slicer.add(part, light, depth)
         if progress:

@@ -69,13 +69,18 @@ def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, flo
 
 def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
     """Depths in metres, infinity for a miss, of few rays all over lens and picture."""
-    views, extent = min(slab.views, RANGE_VIEWS), None
-    if slab.extent is not None:
-        extent = Extent((0, 0, views, views), slab.picture(RANGE_PIXELS))
-    coarse = Slab(slab.camera, views, RANGE_PIXELS, extent)
+    coarse = spread_over(slab)
     origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
     depth = tracer.closest_hit(origins, directions)[1]
     return depth[depth > 0]
+
+
+def spread_over(slab: Slab) -> Slab:
+    """A slab of few rays all over the lens and the picture."""
+    views, extent = min(slab.views, RANGE_VIEWS), None
+    if slab.extent is not None:
+        extent = Extent((0, 0, views, views), slab.picture(RANGE_PIXELS))
+    return Slab(slab.camera, views, RANGE_PIXELS, extent)
 
 
 def all_samples(slab: Slab) -> np.ndarray:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
 from lfcore.optics.camera import Camera
@@ -144,7 +143,7 @@ def encode(
     with ExitStack() as stack:
         writers = []
         for file, spec in streams:
-            own = replace(layout, pixel_format=spec.stored_format)
+            own = replace(layout, pixel_format=spec.stored_format, peak=None)
             size = own.frame_width, own.frame_height
             writer = stack.enter_context(SegmentWriter(file, spec, *size))
             # One thread each, so that frames stay in order; it ends before its writer does.
@@ -171,11 +170,11 @@ def frames_by_depth(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
     layout = store.layout
-    grey = replace(layout, pixel_format=codes.pixel_format)
+    grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
     deep = replace(tile, layout=grey)
     wide, high = np.subtract(layout.slot, layout.inner)
     for elements, light, depth in _traced(tracer, slab, store, tile, progress):
-        shown = np.pad(srgb_encode(light), ((0, 0), (0, high), (0, wide), (0, 0)), mode="edge")
+        shown = np.pad(layout.encoded(light), ((0, 0), (0, high), (0, wide), (0, 0)), mode="edge")
         depths = _in_frames(deep, elements, codes.of_depth(depth))
         yield (
             frames_from_rgb(_in_frames(tile, elements, shown), layout.pixel_format),

@@ -59,6 +59,7 @@ class Trials:
     pixels: Pixels
     planes: Sequence[SensorPlane]
     encoding: Encoding
+    peak: float | None = None
 
     def chosen(self, codec_db: float) -> tuple[float, float]:
         """The rate factor for pictures of ``codec_db``, and the PSNR in dB that it gives."""
@@ -77,12 +78,14 @@ class Trials:
 
     @cached_property
     def _lossless(self) -> np.ndarray:
-        return self._pictures(Encoding(LOSSLESS[0], "gbrp", tune=None, gop=self.encoding.gop))
+        form, transfer = "gbrp" if self.peak is None else "yuv444p12le", self.encoding.transfer
+        exact = Encoding(LOSSLESS[0], form, tune=None, gop=self.encoding.gop, transfer=transfer)
+        return self._pictures(exact)
 
     def _pictures(self, spec: Encoding) -> np.ndarray:
         """(P, H, W, 3) sRGB-encoded pictures of a trial."""
         lattice, size = self._small
-        slab, store = depth_store(self.camera, lattice, size, spec)
+        slab, store = depth_store(self.camera, lattice, size, spec, peak=self.peak)
         with TemporaryDirectory() as folder:
             path = Path(folder) / "trial.mkv"
             record_by_depth(path, self.tracer, slab, store)

@@ -184,6 +184,7 @@ def build(description: dict, *, file: str | Path, name: str, note_up: bool = Fal
         bake=_bake(description),
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
+        clip=description["clip"],
         focus_distances_m=tuple(float(d) for d in focus)
         if focus
         else framing.default_focus_distances(camera, geometry.triangles),

@@ -87,6 +87,7 @@ class Scene:
         in place of ``background``; (0, 0, 3) without.
     bake : how light of the sky and of surfaces is to be baked; None: not at all.
     light : what was baked, which surfaces have in place of ``ambient``.
+    clip : whether each ray's light is cut at white, as in the thesis.
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
     focus_distances_m : distances that show the focal stack, near to far, metres.
@@ -108,6 +109,7 @@ class Scene:
     lights: list[Light]
     ambient: tuple[float, float, float] = (0.1, 0.1, 0.1)
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    clip: bool = False
     dropped: dict[str, int] = field(default_factory=dict)
     focus_distances_m: tuple[float, ...] = ()
     view: View | None = None

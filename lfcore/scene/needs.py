@@ -8,6 +8,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
+from lfcore.scene.brightest import stops_above_white
 from lfcore.scene.model import Scene
 
 FLAT_NORMALS = 1e-5
@@ -39,6 +40,7 @@ class Needs:
     coloured_lights : some light's colour is not grey.
     emitters : some point light is a point of a surface that glows.
     spots : some point light shines within a cone.
+    stops : above white, that hold the brightest ray; 0: none is above it.
     """
 
     textures: bool
@@ -58,6 +60,7 @@ class Needs:
     coloured_lights: bool
     emitters: bool
     spots: bool
+    stops: int
 
     @classmethod
     def of(cls, scene: Scene) -> Needs:
@@ -85,6 +88,7 @@ class Needs:
             coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
             emitters=any(light.is_of_emitter for light in lights),
             spots=any(light.is_spot for light in lights),
+            stops=stops_above_white(scene),
         )
 
     def to_json(self) -> dict:

@@ -13,12 +13,22 @@ CODECS = {
     "libx264": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"),
     "libx265": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le"),
     "libsvtav1": ("yuv420p", "yuv420p10le"),
-    "ffv1": ("yuv420p", "yuv444p", "yuv420p10le", "yuv444p10le", "gbrp"),
+    "ffv1": (
+        "yuv420p",
+        "yuv444p",
+        "yuv420p10le",
+        "yuv444p10le",
+        "yuv420p12le",
+        "yuv444p12le",
+        "gbrp",
+    ),
 }
 """Encoders of FFmpeg's that can be used, with the pixel formats of colour of each."""
 GREY_CODECS = ("libx264", "ffv1")
 """Those that are used for streams of one plane, too."""
 LOSSLESS = ("ffv1",)
+TRANSFERS = ("srgb", "pq")
+"""How linear light becomes codes."""
 
 WHOLE_ROWS = 128
 """x264's macroblock tree and its like in x265 ("cutree") are used for frames of such widths only.
@@ -69,6 +79,9 @@ class Encoding:
         Threads of one encoder.  With 1 (default) the stream is reproducible.
     extra : tuple of (str, str)
         More parameters of the encoder, as (key, value).
+    transfer : str, optional
+        ``srgb``, which ends at white, or ``pq`` (SMPTE ST 2084), which needs 10 bits and holds all
+        light; default ``pq`` where something that is traced may be brighter than white.
     layout : str, optional
         ``views`` (a frame holds one view) or ``macropixels`` (all lens samples of a pixel).
     depth : bool, optional
@@ -91,6 +104,7 @@ class Encoding:
     lookahead: int | None = None
     threads: int = 1
     extra: tuple[tuple[str, str], ...] = ()
+    transfer: str | None = None
     layout: str | None = None
     depth: bool | None = None
 
@@ -107,6 +121,11 @@ class Encoding:
             raise StorageError(f"is no preset's name: {self.preset!r}", key="preset")
         if self.pixel_format is not None:
             self._check_pixel_format(self.pixel_format)
+        if self.transfer not in (None, *TRANSFERS):
+            raise StorageError(
+                f"unknown transfer {self.transfer!r}", key="transfer",
+                remedy=f"Use one of {', '.join(TRANSFERS)}",
+            )  # fmt: skip
         if self.layout not in (None, *KINDS):
             raise StorageError(
                 f"unknown layout {self.layout!r}", key="layout", remedy=f"Use one of {KINDS}"
@@ -223,7 +242,9 @@ class Encoding:
     def to_json(self) -> dict:
         """The encoder's settings, as light field files record them."""
         data = asdict(self) | {"extra": [list(pair) for pair in self.extra]}
-        return {key: value for key, value in data.items() if key not in ("layout", "depth")}
+        return {
+            key: value for key, value in data.items() if key not in ("transfer", "layout", "depth")
+        }
 
 
 def _joined(parameters: dict[str, str]) -> str:

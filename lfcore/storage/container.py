@@ -152,7 +152,7 @@ class _Stream:
     ) -> _Stream:
         """Raises :class:`StorageError` unless the files are the videos of the tiles."""
         if codes:
-            layout = replace(layout, pixel_format=codes.pixel_format)
+            layout = replace(layout, pixel_format=codes.pixel_format, peak=None)
         found = cls([read_batch(file, grey=codes is not None) for file in files])
         if len(found.infos) != len(tiles) or not files:
             raise StorageError(f"{len(found.infos)} segments for {len(tiles)} tiles", file=path)

@@ -13,7 +13,8 @@ What follows from it:
   as fast.
 - 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
   at N = 512 frames are 2 dB better at equal bits.
-- 10 bits for slicing by depth: few frames are averaged, so that 8 bits leave bands on dark walls.
+- 10 bits for PQ, and for slicing by depth: few frames are averaged, so that 8 bits leave bands on
+  dark walls.
   At the same bytes, views of a grey model are 1.4 dB better.
 - Preset ``medium`` up to N = 16, where the codec's noise is averaged least.
 - ``veryfast`` beyond, with what gives most of ``medium``'s quality back for 15% of its rate:
@@ -131,7 +132,8 @@ def chosen_encoding(
     elif given.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
     full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
-    if by_depth and not given.lossless and f"{full}10le" in CODECS[given.codec]:
+    deep = given.transfer == "pq" or (by_depth and not given.lossless)
+    if deep and f"{full}10le" in CODECS[given.codec]:
         full += "10le"
     best |= {"pixel_format": full, "crf": crf, "gop": KEY_EVERY}
     open_keys = [key for key in best if getattr(given, key) in (None, ())]
@@ -147,13 +149,15 @@ def frame_layout(
     kind: str | None = None,
     order: str = "serpentine",
     pack: int | None = None,
+    peak: float | None = None,
 ) -> FrameLayout:
-    """The layout of N = ``views`` of so many pixels in frames; None is what measured best."""
+    """The layout of N = ``views`` of so many pixels in frames; None is what measured best, and of
+    ``peak`` sRGB."""
     size = Size.of(pixels)
     kind = kind or default_kind(views, size.longer)
     if pack is None:
         pack = min(macropixel_pack(views), size.longer) if kind == "macropixels" else 1
-    return FrameLayout(kind, views, size.longer, order, pack, pixel_format, size)
+    return FrameLayout(kind, views, size.longer, order, pack, pixel_format, size, peak)
 
 
 def _check(views: int) -> None:

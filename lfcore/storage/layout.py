@@ -19,13 +19,20 @@ from functools import cached_property
 
 import numpy as np
 
+from lfcore.colour import floating, pq_decode, pq_encode, srgb_decode, srgb_encode
 from lfcore.errors import StorageError
+from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.size import Size
 from lfcore.optics.slab import Slab
 from lfcore.storage.curves import ORDERS
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
 KINDS = ("macropixels", "views")
+LEAST_PQ_BITS = 10
+PQ_ONE = float(1 << 26)
+"""The brightest PQ code in the fixed point that frames are decoded to."""
+MOST_LIGHT = 1 << 16
+"""Times white."""
 MOST_A_SIDE = 65536
 """Of views and of pixels, as in a slab."""
 SMALLEST_FRAME = 16
@@ -39,7 +46,9 @@ class FrameLayout:
     ``picture`` is the width and height of pictures that are not square, whose longer side has M
     pixels; without it frames have squares, in which a slab's wide pictures lie where its extent
     says.  ``order`` is the scan order of frames within a tile: ``raster``, ``serpentine`` or
-    ``hilbert``.  Raises :class:`StorageError` for values that make no layout.
+    ``hilbert``.  ``peak`` is the linear light of the brightest code of PQ (SMPTE ST 2084); without
+    it codes are sRGB and end at white.  Raises :class:`StorageError` for values that make no
+    layout.
     """
 
     kind: str
@@ -49,6 +58,7 @@ class FrameLayout:
     pack: int = 1
     pixel_format: str = "yuv420p"
     picture: tuple[int, int] | None = None
+    peak: float | None = None
 
     def __post_init__(self) -> None:
         for key, value, known in (("kind", self.kind, KINDS), ("order", self.order, ORDERS)):
@@ -62,7 +72,16 @@ class FrameLayout:
                 raise StorageError(f"must be a positive integer, not {value!r}", key=key)
             if value > MOST_A_SIDE:
                 raise StorageError(f"must be at most {MOST_A_SIDE}, not {value}", key=key)
-        pixel_format(self.pixel_format)
+        form = pixel_format(self.pixel_format)
+        if self.peak is not None and not (
+            isinstance(self.peak, int | float) and 1 <= self.peak <= MOST_LIGHT
+        ):
+            raise StorageError(f"must be from 1 to {MOST_LIGHT}, not {self.peak!r}", key="peak")
+        if self.peak is not None and form.bits < LEAST_PQ_BITS:
+            raise StorageError(
+                f"has too few bits for PQ: {form.name}", key="pixel_format",
+                remedy="Use one of 10 or 12 bits, or the transfer srgb",
+            )  # fmt: skip
         if self.picture is not None:
             width, height = self.picture
             whole = type(width) is type(height) is int and min(width, height) >= 1
@@ -169,17 +188,55 @@ class FrameLayout:
                 tiles.append(self.tile(left, top, right - left, bottom - top, len(tiles)))
         return tiles
 
+    def encoded(self, light: np.ndarray) -> np.ndarray:
+        """What frames hold of linear light, in [0, 1]: sRGB or PQ."""
+        if self.peak is None:
+            return srgb_encode(light)
+        return pq_encode(floating(light) * floating(light).dtype.type(1 / self.peak))
+
+    def decoded(self, codes: np.ndarray) -> np.ndarray:
+        """Linear light of what frames hold, in [0, 1]."""
+        if self.peak is None:
+            return srgb_decode(codes)
+        return pq_decode(codes) * floating(codes).dtype.type(self.peak)
+
+    @property
+    def one(self) -> float:
+        """Radiance 1 in the fixed point that frames are decoded to."""
+        return FIXED_ONE if self.peak is None else PQ_ONE / self.peak
+
+    @property
+    def most_views(self) -> int:
+        """Views of that fixed point whose sum 32 bits hold."""
+        return ((1 << 32) - 1) // int(FIXED_ONE if self.peak is None else PQ_ONE)
+
+    @property
+    def stops(self) -> int:
+        """Whole stops above white that hold all light."""
+        return math.ceil(math.log2(self.peak or 1))
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """What programs that decode frames are built with."""
+        form = self.format
+        return {
+            "BITS": form.bits,
+            "CHROMA": form.subsampling,
+            "RGB": int(form.rgb),
+            "PQ": int(self.peak is not None),
+        }
+
     def to_json(self) -> dict:
-        """``picture`` is left out of squares."""
-        data = asdict(self)
-        picture = data.pop("picture")
-        return data | ({"picture": list(picture)} if picture else {})
+        """``picture`` is left out of squares, ``peak`` of sRGB."""
+        data = {key: value for key, value in asdict(self).items() if value is not None}
+        return data | ({"picture": list(self.picture)} if self.picture else {})
 
     @classmethod
     def from_json(cls, data: dict) -> FrameLayout:
         """Raises :class:`StorageError` for unknown or missing keys and impossible values."""
-        known = {field.name for field in fields(cls)} - {"picture"}
-        if not isinstance(data, dict) or set(data) - {"picture"} != known:
+        optional = {"picture", "peak"}
+        known = {field.name for field in fields(cls)} - optional
+        if not isinstance(data, dict) or set(data) - optional != known:
             raise StorageError(f"must have exactly the keys {sorted(known)}", key="layout")
         return cls(**data)
 

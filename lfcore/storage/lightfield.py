@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_decode, to_uint8
+from lfcore.colour import srgb_codes, to_uint8
 from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
@@ -24,7 +24,7 @@ from lfcore.storage.ycbcr import rgb_from_planes
 
 CHUNK_BYTES = 4 << 20
 """Frames that are decoded before rays are taken out of them; as floats these are some 50 MB."""
-FULL = {8: "yuv444p", 10: "yuv444p10le"}
+FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
 """Formats of as many bits whose chroma is not subsampled."""
 
 
@@ -157,7 +157,7 @@ class LightFieldFile(StoredVideo):
         u, v : int
             Column and row of the pixel.
         codes : bool
-            Return the stored sRGB codes.
+            Return the stored sRGB codes, of PQ those of the light that is not above white.
 
         Returns
         -------
@@ -174,7 +174,7 @@ class LightFieldFile(StoredVideo):
         i, j : int
             Column and row of the lens sample.
         codes : bool
-            Return the stored sRGB codes.
+            Return the stored sRGB codes, of PQ those of the light that is not above white.
 
         Returns
         -------
@@ -191,7 +191,7 @@ class LightFieldFile(StoredVideo):
         i0, j0, i1, j1 : int
             First column and row, and the column and row after the last.
         codes : bool
-            Return the stored sRGB codes.
+            Return the stored sRGB codes, of PQ those of the light that is not above white.
 
         Returns
         -------
@@ -214,7 +214,7 @@ class LightFieldFile(StoredVideo):
         u0, v0, u1, v1 : int
             First column and row, and the column and row after the last.
         codes : bool
-            Return the stored sRGB codes.
+            Return the stored sRGB codes, of PQ those of the light that is not above white.
 
         Returns
         -------
@@ -240,7 +240,7 @@ class LightFieldFile(StoredVideo):
             First column and row, and the column and row after the last, from the first view and
             pixel that the file holds.
         codes : bool
-            Return the stored sRGB codes.
+            Return the stored sRGB codes, of PQ those of the light that is not above white.
 
         Returns
         -------
@@ -283,8 +283,14 @@ class LightFieldFile(StoredVideo):
             for frames, places_of, which in self._needed(part, places[:, 0]):
                 column, line = (elements[which] - corner).T
                 found = windows(self.layout, frames, places_of, places[which, 1:], inner)
-                out[line, column] = to_uint8(found) if codes else srgb_decode(found)
+                out[line, column] = self._read_codes(found) if codes else self.layout.decoded(found)
         return out if codes or self.white == 1.0 else out * np.float32(self.white)
+
+    def _read_codes(self, found: np.ndarray) -> np.ndarray:
+        """uint8 sRGB of what frames hold; light above white is cut."""
+        return (
+            to_uint8(found) if self.layout.peak is None else srgb_codes(self.layout.decoded(found))
+        )
 
     def _needed(
         self, part: Segment, numbers: np.ndarray
@@ -326,7 +332,7 @@ def windows(
     corners: np.ndarray,
     inner: tuple[int, int, int, int],
 ) -> np.ndarray:
-    """(E, rows, columns, 3) float32 sRGB in [0, 1]: the same rectangle of each of E elements.
+    """(E, rows, columns, 3) float32 in [0, 1], encoded: the same rectangle of each of E elements.
 
     Parameters
     ----------

@@ -31,6 +31,7 @@ COLOUR = {
     "range": "limited",
     "chroma_location": "centre of 2 x 2 pixels for 4:2:0",
 }
+PQ = {"transfer": "PQ, SMPTE ST 2084; layout.peak is the linear light of the brightest code"}
 COLOUR_RGB = COLOUR | {"matrix": "none, RGB", "range": "full", "chroma_location": "none"}
 KEYS = {
     "version", "software", "geometry", "slab", "array", "layout", "colour", "codec",
@@ -92,7 +93,7 @@ class Metadata:
             raise StorageError("holds no depth", key="depth")
         numbers = self.segments.numbers.copy()
         numbers[:, [BYTES, CRC32]] = depth.segments
-        layout = replace(self.layout, pixel_format=depth.codes.pixel_format)
+        layout = replace(self.layout, pixel_format=depth.codes.pixel_format, peak=None)
         return replace(
             self,
             layout=layout,
@@ -116,7 +117,8 @@ class Metadata:
             "slab": self.slab.to_json() if self.slab else None,
             "array": self.array,
             "layout": self.layout.to_json(),
-            "colour": COLOUR_RGB if self.layout.format.rgb else COLOUR,
+            "colour": (COLOUR_RGB if self.layout.format.rgb else COLOUR)
+            | (PQ if self.layout.peak else {}),
             "codec": self.codec,
             "header_crc32": self.header_crc32,
             "settings": self.settings,

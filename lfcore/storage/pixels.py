@@ -2,8 +2,8 @@
 
 A frame is one contiguous run of bytes, plane after plane, rows without padding.  Formats of more
 than 8 bits hold little-endian 16-bit samples.  YCbCr is BT.709, limited ("tv") range, made from
-sRGB-encoded RGB; ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue, red.  Grey
-formats have one plane of codes, which need not be light.
+encoded RGB (sRGB, or PQ); ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue,
+red.  Grey formats have one plane of codes, which need not be light.
 """
 
 from __future__ import annotations
@@ -100,6 +100,8 @@ PIXEL_FORMATS = {
         PixelFormat("yuv444p", 8, 1),
         PixelFormat("yuv420p10le", 10, 2),
         PixelFormat("yuv444p10le", 10, 1),
+        PixelFormat("yuv420p12le", 12, 2),
+        PixelFormat("yuv444p12le", 12, 1),
         PixelFormat("gbrp", 8, 1, rgb=True),
     )
 }

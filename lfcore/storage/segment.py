@@ -36,7 +36,8 @@ from lfcore.storage.remote import RemoteFile
 
 # Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
 # matrix for RGB; and FFmpeg's own for the range.
-BT709, SRGB_TRANSFER, RGB_MATRIX = 1, 13, 0
+BT709, RGB_MATRIX = 1, 0
+TRANSFER_TAGS = {"srgb": 13, "pq": 16}
 LIMITED, FULL = 1, 2
 FEW_FRAMES = 2
 """Of so few none is decoded before its turn, and x265 leaves their decoding times unset: the muxer
@@ -87,7 +88,8 @@ class SegmentWriter:
         context.thread_count = self.spec.threads
         context.gop_size = self.spec.gop or 1 << 20
         if not form.grey:  # whose codes are no colours
-            context.color_primaries, context.color_trc = BT709, SRGB_TRANSFER
+            context.color_primaries = BT709
+            context.color_trc = TRANSFER_TAGS[self.spec.transfer or "srgb"]
             context.colorspace = RGB_MATRIX if form.rgb else BT709
             context.color_range = FULL if form.rgb else LIMITED
         if form.subsampling == 2:

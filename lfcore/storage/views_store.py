@@ -31,6 +31,7 @@ def store_views(
     name: str,
     digest: str | None = None,
     white: float = 1.0,
+    peak: float | None = None,
     content: dict | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
@@ -42,13 +43,15 @@ def store_views(
         Of the views that there are; an array has as many columns as rows of square pictures.
     view : callable
         ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or
-        sRGB-encoded values in [0, 1], float.
+        sRGB-encoded values in [0, 1], float; with ``peak`` PQ-encoded ones.
     encoding : Encoding
         With its pixel format chosen.
     name, digest : str
         Of the scene; default of the digest is that of the views.
     white : float
         Of an array: the linear light of the brightest code.
+    peak : float, optional
+        As of :class:`FrameLayout`.
     content : dict, optional
         What else is known, as :class:`Metadata` has it.
     progress : callable, optional
@@ -62,8 +65,9 @@ def store_views(
     recorded: Slab | dict = geometry if isinstance(geometry, Slab) else _described(geometry, white)
     held, (views, pixels) = _held(geometry)
     layout = FrameLayout(
-        "views", views, pixels, pixel_format=encoding.stored_format, picture=held.pixels[2:]
-    )
+        "views", views, pixels, pixel_format=encoding.stored_format, picture=held.pixels[2:],
+        peak=peak,
+    )  # fmt: skip
     tiles, hashed, done = _tiles(layout, held), hashlib.sha256(), 0
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]

@@ -76,6 +76,7 @@ class DeviceScene:
     ----------
     arguments : of kernels, by name: TREE and SURFACES of :mod:`lfcore.tracing.layouts`.
     shadow_lights : how many lights cast shadows.
+    stops : above white, of the brightest ray.
 
     Raises
     ------
@@ -88,7 +89,7 @@ class DeviceScene:
                 f"its hierarchy has more than {MOST_LEVELS} levels",
                 remedy="Remove triangles that lie in each other",
             )
-        self.device = device
+        self.device, self.stops = device, needs.stops
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self._defines, self.shadow_lights = s.defines, s.shadow_lights
         arrays = {**vars(bvh), **vars(pack_cut_outs(scene, needs)), **vars(s)}
@@ -108,7 +109,15 @@ class DeviceScene:
         scene = dict(self._defines)
         if sink in ("HITS", "GIVEN"):  # these know no surfaces, but whether triangles have holes
             scene = dict.fromkeys(scene, 0) | {"TEXTURES": scene["TEXTURES"] & CUT_OUTS}
-        values = {"BITS": 0, "PLANES": 0, **shape.defines, **scene, **defines}
+        values = {
+            "BITS": 0,
+            "PLANES": 0,
+            "STOPS": 0,
+            "PEAK": 0,
+            **shape.defines,
+            **scene,
+            **defines,
+        }
         key = (sink, *sorted(values.items()))
         if key not in self._kernels:
             self._kernels[key] = EntryKernel(self.device, sink, values)

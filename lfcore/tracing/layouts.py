@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
 from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
 from lfcore.scene.needs import FLAT_NORMALS
@@ -34,6 +34,7 @@ CONSTANTS: dict[str, int | float] = {
     "FAR": 3.0e38,  # beyond every depth
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
+    "SPARE_STOPS": SPARE_STOPS,
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "CUT_OUTS_BIT": CUT_OUTS,  # triangles with holes
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical

@@ -9,7 +9,7 @@ import numpy as np
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device
-from lfcore.optics.plane_sums import PlaneSums, offsets
+from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, offsets
 from lfcore.optics.plane_tables import PlaneTables, beam_targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -41,6 +41,7 @@ class PlaneBuffers:
 
     Attributes
     ----------
+    one : radiance 1 in sums.
     workers : how many may add; fewer than the device's threads where its memory holds no more sums.
 
     Raises
@@ -48,8 +49,15 @@ class PlaneBuffers:
     DeviceError : the sums of one worker are too large for the device.
     """
 
-    def __init__(self, device: Device, slab: Slab, planes: list[SensorPlane], tables: PlaneTables):
-        self.device, self.slab, self.planes = device, slab, planes
+    def __init__(
+        self,
+        device: Device,
+        slab: Slab,
+        planes: list[SensorPlane],
+        tables: PlaneTables,
+        one: float = FIXED_ONE,
+    ):
+        self.device, self.slab, self.planes, self.one = device, slab, planes, one
         self.tables = t = tables
         self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)
         self._shape = (self.workers, len(planes), t.height, t.width, 4)
@@ -77,11 +85,12 @@ class PlaneBuffers:
                 for number, plane in enumerate(t.order):
                     of_plane = np.moveaxis(workers[:, number, ..., :3], -1, 1)
                     np.add.reduce(of_plane, axis=0, out=sums[plane])
-        return PlaneSums(self.slab, self.planes, sums, t.left, t.top)
+        return PlaneSums(self.slab, self.planes, sums, t.left, t.top, self.one)
 
 
 STRIP_PACKETS = 8
-"""Packets in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63."""
+"""Packets in a strip, measured: there is little left to save.  Sums of 32 bits would hold 63,
+and half as many per stop above white."""
 ITEMS_A_WORKER = 8
 """Strips that each worker gets at least, lest some wait for others."""
 
@@ -96,12 +105,15 @@ class StripBuffers:
     workers : how many may sum, at most as many as ``sums`` has room for.
     """
 
-    def __init__(self, sums: PlaneBuffers, shape: PacketShape, views: int, elements: int):
+    def __init__(
+        self, sums: PlaneBuffers, shape: PacketShape, views: int, elements: int, stops: int = 0
+    ):
         self._sums = sums
         device, planes = sums.device, len(sums.planes)
         per_group = shape.packets_per_group(views, views)
         packets = elements // shape.elements * per_group if planes else 0
         self.height = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
+        self.height = min(self.height, 1 << max(SPARE_STOPS - stops, 0))
         span = shape.cells * BLOCK
         reached = strip_rows(sums.slab, sums.planes, self.height * shape.group, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()

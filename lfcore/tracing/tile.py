@@ -13,7 +13,7 @@ import numpy as np
 from lfcore.opencl.device import PAGE, Device, cl
 from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics import bundles as rays
-from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.plane_sums import PlaneSums, one_of_sums
 from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -110,12 +110,14 @@ class TraceSlab:
         defines = {
             "PLANES": 0 if not planes else 1 if self.macro else 2,
             "BITS": layout.format.bits if frames else 0,
+            "STOPS": scene.stops,
+            "PEAK": layout.peak or 0 if frames else 0,
         }
         self.job = PacketJob(scene, shape, "FRAMES", **defines)
         tables = _plane_tables(slab, planes, tile, shape)
-        self.sums = PlaneBuffers(device, slab, list(planes), tables)
+        self.sums = PlaneBuffers(device, slab, list(planes), tables, one_of_sums(scene.stops))
         summed = len(self.elements) if self.macro else 0
-        self.strips = StripBuffers(self.sums, shape, slab.views, summed)
+        self.strips = StripBuffers(self.sums, shape, slab.views, summed, scene.stops)
 
     def run(
         self, tracing: TileTracing, progress: Callable[[int, int], None] | None

@@ -37,6 +37,11 @@ class Feature:
         return not getattr(needs, self.field)
 
 
+def _without_lights(scene: Scene) -> Scene:
+    """So dim that it needs no more than white."""
+    return replace(scene, lights=[], clip=False)
+
+
 def _white_corners(scene: Scene) -> Scene:
     return replace(scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))
 
@@ -93,6 +98,7 @@ FEATURES = (
     Feature("coloured_lights", (), "two of the three factors of a grey light"),
     Feature("emitters", (), "cosines at emitting surfaces, and their emission"),
     Feature("spots", (), "cones of lights"),
+    Feature("stops", (), "sums of light above white (ambient light)", part=_without_lights),
 )  # fmt: skip
 
 

@@ -8,17 +8,19 @@
 // hold the differences of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow,
 // "Summed-area tables for texture mapping", SIGGRAPH 1984, the other way round).
 //
-// STORED: rays are of a file, light in planes of fixed point and codes of depth of type CODE.
+// STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to
+// one, and codes of depth of type CODE.
 
 #define STEPS 256
 #define ONE 1099511627776.0f  // 2^40: the weight of a ray whose cell is open
+#define BRIGHTEST ((float)(1 << STOPS))
+#define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
 #define ABREAST 16  // rays of a row
 
 #if STORED
 typedef uint light_t;
 typedef CODE depth_t;
-#define LIGHT_ONE 1048576.0f  // 2^20
 #define METRES(code) table[code]
 #else
 typedef float light_t, depth_t;
@@ -189,12 +191,13 @@ inline void add_row(const Strip *s,
             if (!seen[k]) continue;
             const int4 box = (int4)(at[0][k], at[1][k], at[2][k], at[3][k]);
             global const light_t *from = light + (start + k) * pixel;
-            const float3 lit = clamp((float3)(from[0], from[channel], from[2 * channel]) / LIGHT_ONE, 0.0f, 1.0f);
-            const float4 colour = (float4)(lit * share[k], share[k]);
+            const float3 found = (float3)(from[0], from[channel], from[2 * channel]) / (float)(LIGHT_ONE);
+            const float4 colour = (float4)(clamp(found, 0.0f, BRIGHTEST) * LIGHT * share[k], share[k]);
+            const float most = STOPS ? max(max(colour.x, colour.y), max(colour.z, colour.w)) : share[k];
             global long4 *to = s->sums + layer[k] * layer_size(s, strip_rows);
             const int outermost = is_outermost(layer[k]);
             // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
-            if (share[k] < 0x1p30f) add_box(s, to, outermost, box, convert_long4(convert_int4_rte(colour)));
+            if (most < 0x1p30f) add_box(s, to, outermost, box, convert_long4(convert_int4_rte(colour)));
             else add_box(s, to, outermost, box, convert_long4_rte(colour));
         }
     }
@@ -256,6 +259,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
     const int plane = get_global_id(1);
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
+    const float4 light = (float4)((float3)(ONE * LIGHT), ONE);
     for (int y = 0; y < s.rows; ++y) {
         for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
             global long4 *row = s.sums + layer * size + y * pitch;
@@ -272,7 +276,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
                 const ulong from = layer * size + y * pitch + x;
-                const float4 found = convert_float4(s.sums[from]) / ONE;
+                const float4 found = convert_float4(s.sums[from]) / light;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
                 colour += found.xyz * (used / found.w);

@@ -1,10 +1,11 @@
-// Linear light of what video frames hold: BITS is 8 or 10 (in 16-bit samples), RGB 1 for planar green,
-// blue, red, else BT.709 YCbCr of limited range.
+// Linear light of what video frames hold: BITS is 8, or 10 or 12 (in 16-bit samples), RGB 1 for planar
+// green, blue, red, else BT.709 YCbCr of limited range; PQ 1 for PQ, else sRGB.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
 #include "lanes.cl"
 
 #define SCALE (1.0f / CODES)
+#define LIGHT_ONE (PQ ? 67108864.0f : FIXED_ONE)  // of the brightest code; 2^26 is layout.PQ_ONE
 
 // IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above
 // the knee a polynomial of least largest error, 2e-6, below it the straight line.
@@ -20,11 +21,33 @@
             POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))),         \
         (T)(0.0f))
 
-// By way of signed numbers, into which every processor converts in one instruction.
-inline vu linear_row(vf x) { return AS_VU(TO_VI(LINEAR(vf, x))); }
-inline uint linear_light(float x) { return convert_int(LINEAR(float, x)); }
+// SMPTE ST 2084, to fixed point in which the brightest code is LIGHT_ONE.
+inline vf decode_pq(vf x)
+{
+    const vf power = exp2_fast((1.0f / PQ_M2) * log2_fast(clamp(x, (vf)(1.0e-30f), (vf)(1.0f))));
+    const vf share = max(power - PQ_C1, (vf)(1.0e-30f)) / fma(power, (vf)(-PQ_C3), (vf)(PQ_C2));
+    return fma(exp2_fast((1.0f / PQ_M1) * log2_fast(share)), (vf)(LIGHT_ONE), (vf)(0.5f));
+}
 
-// Red, green and blue of the three samples of a ray (T is vf or float), sRGB-encoded, not clamped.
+// By way of signed numbers, into which every processor converts in one instruction.
+inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? decode_pq(x) : LINEAR(vf, x))); }
+
+// Three colours of one ray.
+inline void linear_ray(float r, float g, float b, uint light[3])
+{
+#if PQ
+    private float encoded[16] = {r, g, b};
+    private uint row[16];
+    for (int k = 0; k < 3; k += LANES) VSTORE(linear_row(VLOAD(encoded + k)), row + k);
+    for (int k = 0; k < 3; ++k) light[k] = row[k];
+#else
+    light[0] = convert_int(LINEAR(float, r));
+    light[1] = convert_int(LINEAR(float, g));
+    light[2] = convert_int(LINEAR(float, b));
+#endif
+}
+
+// Red, green and blue of the three samples of a ray (T is vf or float), encoded, not clamped.
 #if RGB
 #define TO_RGB(T, first, second, third, r, g, b) \
     const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f), b = (second) * (1.0f / 255.0f)

@@ -4,7 +4,7 @@
 // whatever order views come.
 //
 // MAGNIFIED: source pixels come from tables instead of one shift a view.  BILINEAR: four taps, not one.
-// Of unpack_views: BITS, CHROMA, RGB, VIEWS as in slicing.cl.
+// Of unpack_views: BITS, CHROMA, RGB, PQ, VIEWS as in slicing.cl.
 #include "lanes.cl"
 
 #ifdef BITS
@@ -17,9 +17,9 @@ inline void unpack(global const sample *frame, int width, int height, int x, int
     global const sample *small = frame + pixels + (ulong)(y / CHROMA) * (width / CHROMA) + x / CHROMA;
     const float first = frame[(ulong)y * width + x] * SCALE, second = small[0] * SCALE, third = small[chroma] * SCALE;
     TO_RGB(float, first, second, third, r, g, b);
-    out[0] = linear_light(r);
-    out[plane] = linear_light(g);
-    out[2 * plane] = linear_light(b);
+    private uint light[3];
+    linear_ray(r, g, b, light);
+    for (int channel = 0; channel < 3; ++channel) out[channel * plane] = light[channel];
 }
 
 // views (K, 3, height, width) of the pixels of one tile, from frames that hold all their rays.
@@ -101,7 +101,7 @@ inline void add_row(global SUM *sums, vu values, int count)
     for (int k = 0; k < count; ++k) sums[k] += some[k];
 }
 
-// Add a group of at most 4095 views (or a rectangle of them) to one row of one plane.
+// Add a group of at most 4095 views, 63 of PQ, (or a rectangle of them) to one row of one plane.
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
 void add_views(global const uint *restrict views,    // (K, 3, height, width)
                const int4 region,                    // first column and row, width, height

@@ -7,6 +7,11 @@
 // 1 or 16: sixteen samples fill a register even where four or eight floats do.
 #include "light.cl"
 
+#if PQ
+typedef ulong4 table_sum;  // of a summed-area table
+#else
+typedef uint4 table_sum;
+#endif
 #define CHUNK 16
 #define LEAD 3  // entries before the 0 of a table's row, so that its sums begin at a multiple of 64 bytes
 #define PITCH(views) (((views) + CHUNK - 1) / CHUNK * CHUNK + LEAD + 65)
@@ -103,13 +108,13 @@ inline void next_row(const Macropixel *m, int x, int y, int count, int begins, R
 }
 
 // here[k] = here[-1] + the sum of rays 0 ... k of a row of LANES.
-inline void prefix(vu r, vu g, vu b, global uint4 *here)
+inline void prefix(vu r, vu g, vu b, global table_sum *here)
 {
-    uint4 sum = here[-1];
+    table_sum sum = here[-1];
 #if LANES == 1
-    *here = sum + (uint4)(r, g, b, 0);
+    *here = sum + (table_sum)(r, g, b, 0);
 #else
-#define NEXT(k, i) sum += (uint4)(r.i, g.i, b.i, 0), here[k] = sum;
+#define NEXT(k, i) sum += (table_sum)(r.i, g.i, b.i, 0), here[k] = sum;
     NEXT(0, s0) NEXT(1, s1) NEXT(2, s2) NEXT(3, s3) NEXT(4, s4) NEXT(5, s5) NEXT(6, s6) NEXT(7, s7)
     NEXT(8, s8) NEXT(9, s9) NEXT(10, sa) NEXT(11, sb) NEXT(12, sc) NEXT(13, sd) NEXT(14, se) NEXT(15, sf)
 #endif
@@ -118,7 +123,7 @@ inline void prefix(vu r, vu g, vu b, global uint4 *here)
 // The summed-area table of a strip, whose first row and first column are 0: a row for each lens row at which
 // a run ends, of the sums from the strip's first row.  LANES columns are walked down the strip, their sums in
 // registers.
-inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, global uint4 *table)
+inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip, global table_sum *table)
 {
     const int pitch = PITCH(s->views), chunks = (s->views + CHUNK - 1) / CHUNK, y0 = strip * STRIP;
     global const uchar *kinds = s->kinds + (mask * s->strips + strip) * chunks;
@@ -126,7 +131,7 @@ inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip
     global const TableRows *ends = s->table_rows + mask * s->strips + strip;
     const int rows = ends->count;
     for (int x = 0; x < s->views; x += LANES) {
-        global uint4 *here = table + LEAD + 1 + x;
+        global table_sum *here = table + LEAD + 1 + x;
         const int kind = kinds[x / CHUNK], count = s->views - x;
         vu r = 0, g = 0, b = 0;
         if (!kind) {
@@ -146,7 +151,7 @@ inline void make_strip(const Strips *s, const Macropixel *m, int mask, int strip
     }
 }
 
-inline void add_strip(const Strips *s, int plane, int strip, int u, int v, global const uint4 *table)
+inline void add_strip(const Strips *s, int plane, int strip, int u, int v, global const table_sum *table)
 {
     const StripPlane info = s->plane[plane];
     const int pitch = PITCH(s->views);
@@ -157,15 +162,15 @@ inline void add_strip(const Strips *s, int plane, int strip, int u, int v, globa
     for (int b = rows[0]; b < rows[1]; ++b) {
         const StripRun down = s->runs[b];
         const int y = v + down.target - s->top;
-        global const uint4 *top = table + before_row * pitch + LEAD, *bottom = table + down.end * pitch + LEAD;
+        global const table_sum *top = table + before_row * pitch + LEAD, *bottom = table + down.end * pitch + LEAD;
         before_row = down.end;
         if (y < 0 || y >= s->height) continue;
         global ulong4 *line = sums + (ulong)y * s->width;
-        uint4 before = 0;
+        table_sum before = 0;
         for (int a = columns[0]; a < columns[1]; ++a) {
             const StripRun across = s->runs[a];
             const int x = u + across.target - s->left;
-            const uint4 here = bottom[across.end] - top[across.end];
+            const table_sum here = bottom[across.end] - top[across.end];
             if (x >= 0 && x < s->width) line[x] += convert_ulong4(here - before);
             before = here;
         }
@@ -173,7 +178,7 @@ inline void add_strip(const Strips *s, int plane, int strip, int u, int v, globa
 }
 
 // Add one strip of a macropixel of pixel (u, v); `table` is scratch, (STRIP + 1, PITCH).
-inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int u, int v, global uint4 *table)
+inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int u, int v, global table_sum *table)
 {
     int have = -1;
     for (int plane = 0; plane < s->planes; ++plane) {
@@ -208,7 +213,7 @@ void form_planes(global const sample *restrict frames,
     const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
     const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, inner,
                            plane_records, pointers, runs, masks, kinds, table_rows, sums + own};
-    global uint4 *table = (global uint4 *)(scratch + get_global_id(0) * (ulong)scratch_words);
+    global table_sum *table = (global table_sum *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;
     for (int row = 1; row <= STRIP; ++row) table[row * pitch + LEAD] = 0;

@@ -1,6 +1,7 @@
 // Algorithm 4: sensor planes from decoded frames that hold views.  BITS and RGB are as in light.cl,
 // CHROMA is 1 (4:4:4) or 2 (4:2:0).
 #include "light.cl"
+#define ONE_OF_SUMS LIGHT_ONE
 #include "plane_sums.cl"
 
 inline vf load_row(global const sample *at, int step, int count)
@@ -28,9 +29,9 @@ inline void load_block(global const sample *frame,
         const vf second = load_row(small, CHROMA, count), third = load_row(small + chroma, CHROMA, count);
         TO_RGB(vf, first, second, third, r, g, b);
         // Whole numbers of fixed point, as everywhere; dividing by a power of two keeps them so.
-        VSTORE(TO_VF(linear_row(r)) / FIXED_ONE, colours + at);
-        VSTORE(TO_VF(linear_row(g)) / FIXED_ONE, colours + BLOCK_RAYS + at);
-        VSTORE(TO_VF(linear_row(b)) / FIXED_ONE, colours + 2 * BLOCK_RAYS + at);
+        VSTORE(TO_VF(linear_row(r)) / LIGHT_ONE, colours + at);
+        VSTORE(TO_VF(linear_row(g)) / LIGHT_ONE, colours + BLOCK_RAYS + at);
+        VSTORE(TO_VF(linear_row(b)) / LIGHT_ONE, colours + 2 * BLOCK_RAYS + at);
     }
 }
 

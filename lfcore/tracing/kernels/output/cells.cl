@@ -25,7 +25,7 @@ inline void clamp_colours(const Cells *c, const Packet *packet, int block, globa
 {
     if (OUTER == 1) {
         for (int at = 0; at < COLOURS; at += LANES)
-            VSTORE(clamp(VLOAD(colours + at), (vf)(0.0f), (vf)(1.0f)), colours + at);
+            VSTORE(clamp(VLOAD(colours + at), (vf)(0.0f), (vf)(BRIGHTEST)), colours + at);
         return;
     }
     const int2 first = packet->rays->block[block].at;
@@ -38,7 +38,7 @@ inline void clamp_colours(const Cells *c, const Packet *packet, int block, globa
         global float *to = c->colours + (element * side * side + within) * COLOURS + ray;
         for (int channel = 0; channel < 3; ++channel) {
             const float4 colour = vload4(0, colours + channel * BLOCK_RAYS + at);
-            vstore4(clamp(colour, 0.0f, 1.0f), 0, to + channel * BLOCK_RAYS);
+            vstore4(clamp(colour, 0.0f, BRIGHTEST), 0, to + channel * BLOCK_RAYS);
         }
     }
 }

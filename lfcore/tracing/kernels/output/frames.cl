@@ -1,4 +1,4 @@
-// Encoder-ready frames: linear light to sRGB-encoded BT.709 YCbCr, limited range, rounded once;
+// Encoder-ready frames: linear light to sRGB- or PQ-encoded BT.709 YCbCr, limited range, rounded once;
 // with RGB to channels of green, blue and red, full range.
 #pragma once
 #include "srgb.cl"

@@ -42,7 +42,7 @@ inline void drop_closed_blocks(const SensorPlanes *p, Packet *packet)
 // A row of colours in fixed point where the mask is open.
 inline uint16 open_colours(global const float *colours, int16 keep)
 {
-    const float16 fixed = fma(vload16(0, colours), (float16)(FIXED_ONE), (float16)(0.5f));
+    const float16 fixed = fma(vload16(0, colours), (float16)(ONE_OF_SUMS), HALVES);
     return as_uint16(convert_int16(fixed) & keep);
 }
 
@@ -53,7 +53,7 @@ inline void store_prefix(private const uint16 *sum, int column, global ColourRow
 }
 
 // Exclusive prefix sums down the columns of fixed-point colours where the mask is open: (rows + 1,)
-// rows, each below 2^27.  Returns whether anything is open.
+// rows, each below 2^27, or 2^32 above white.  Returns whether anything is open.
 inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
                        global const float *colours, global ColourRow *prefix)
 {
@@ -90,7 +90,7 @@ typedef struct {
     // (planes,) first row and one past the last that hold anything; first >= last: none.
     global int2 *window;
     // (planes, ring) zero but for those rows; row y is at y % ring.  32 bits will do: of a column a
-    // packet adds 64 rays of 2^20 at the most.
+    // packet adds 64 rays of 2^20 at the most, or 2^25 above white (StripBuffers).
     global ColourRow *rows;
 } Strip;
 

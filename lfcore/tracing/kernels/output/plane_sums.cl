@@ -1,9 +1,23 @@
 // Sensor planes while they are formed: exact integer sums, and how blocks of a view are added.
 //
-// Radiance is held in fixed point (20 bits below the binary point): sums are integers, exact, and
-// the same in whatever order blocks are added.
+// Radiance is held in fixed point: sums are integers, exact, and the same in whatever order blocks
+// are added.  It reaches STOPS above white.
 #pragma once
 #include "lanes.cl"
+
+#ifndef STOPS
+#define STOPS 0
+#endif
+#define BRIGHTEST ((float)(1 << STOPS))
+// Radiance 1: a column of a packet adds 64 rays, which 32 bits hold.
+#define COARSE (STOPS > SPARE_STOPS)
+#ifndef ONE_OF_SUMS
+#define ONE_OF_SUMS (FIXED_ONE / (COARSE ? 1 << (STOPS - SPARE_STOPS) : 1))
+#endif
+// What is added before fractions are dropped: one half, or of coarse sums numbers with that mean,
+// as the fractions of equal rays then count, too.
+#define HALVES (COARSE ? (float16)(1, 17, 9, 25, 5, 21, 13, 29, 3, 19, 11, 27, 7, 23, 15, 31) / 32.0f \
+                       : (float16)(0.5f))
 
 typedef struct {
     const SensorPlaneArguments *numbers;
@@ -27,6 +41,8 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
     const int columns = min(BLOCK, n->columns - at.x), rows = min(BLOCK, n->rows - at.y);
     for (int plane = 0; plane < n->planes; ++plane) {
         const SensorPlane info = p->plane[plane];
+        const float part = COARSE ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
+        const float4 half_unit = (float4)(part, part, part, 0.0f);
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
         global const int *across = p->runs + info.runs + view.x * n->size + n->column + at.x;
         global const int *down = p->runs + info.runs + view.y * n->size + n->row + at.y;
@@ -40,8 +56,7 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
                 if (line_x < 0 || line_x >= n->width) continue;
                 const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x],
                                                0.0f);
-                const float4 half_unit = (float4)(0.5f, 0.5f, 0.5f, 0.0f);
-                const int4 fixed = convert_int4(fma(colour, FIXED_ONE, half_unit));
+                const int4 fixed = convert_int4(fma(colour, ONE_OF_SUMS, half_unit));
                 line[line_x] += convert_ulong4(as_uint4(fixed));
             }
         }

@@ -1,4 +1,5 @@
-// sRGB encoding, ray by ray or for a whole block at once.
+// sRGB encoding, ray by ray or for a whole block at once, or PQ where PEAK is the linear light of the
+// brightest code, and not 0.
 #pragma once
 #include "block.cl"
 
@@ -17,6 +18,15 @@ inline vf encode_srgb(vf x)
     const vf low = fma(root, (vf)(1.620262543e-01f), (vf)(-6.134021422e-02f));
     const vf p = fma(fma(high, square, middle), square, low);
     return pick(12.92f * x, p, GT(x, (vf)(LINEAR_END)));
+}
+
+// SMPTE ST 2084, of light up to PEAK; less than a millionth of a millionth of it is black.
+inline vf encode_pq(vf x)
+{
+    const vf share = clamp(x * (1.0f / (float)(PEAK)), (vf)(1.0e-12f), (vf)(1.0f));
+    const vf power = exp2_fast(PQ_M1 * log2_fast(share));
+    const vf code = fma(power, (vf)(PQ_C2), (vf)(PQ_C1)) / fma(power, (vf)(PQ_C3), (vf)(1.0f));
+    return exp2_fast(PQ_M2 * log2_fast(code));
 }
 
 // Chebyshev nodes of the third degree: cos(pi / 8) and cos(3 pi / 8).
@@ -49,7 +59,7 @@ inline int colour_range(global const float *colours, float4 *from, float4 *to)
 inline int make_cubic(global const float *colours, CubicEncoding *e)
 {
     float4 from, to;
-    if (!colour_range(colours, &from, &to)) return 0;
+    if (PEAK > 0 || !colour_range(colours, &from, &to)) return 0;
     const float4 middle = 0.5f * (from + to);
     const float4 half_width = max(0.5f * (to - from), NARROWEST * middle);
     private float nodes[16];
@@ -82,6 +92,7 @@ inline vf cubic(vf t, float a, float b, float c, float d)
 // A row of colours encoded, by a cubic if there is one.
 inline Vec encode_row(Vec c, const CubicEncoding *e)
 {
+    if (PEAK > 0) return (Vec){encode_pq(c.x), encode_pq(c.y), encode_pq(c.z)};
     if (!e) {
         return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
     }

@@ -56,7 +56,14 @@ typedef WIDE(uint) vu;
 #endif
 typedef SAMPLE sample;
 #define SAMPLES(n) JOIN(SAMPLE, n)
-#define CODES (BITS == 10 ? 4 : 1)  // to one of 8 bits
+
+// SMPTE ST 2084: PQ.
+#define PQ_M1 (2610.0f / 16384.0f)
+#define PQ_M2 (2523.0f / 32.0f)
+#define PQ_C1 (3424.0f / 4096.0f)
+#define PQ_C2 (2413.0f / 128.0f)
+#define PQ_C3 (2392.0f / 128.0f)
+#define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // to one of 8 bits
 
 // a where the mask is unset, b where it is set
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }
