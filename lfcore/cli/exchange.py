@@ -69,6 +69,7 @@ def export_options(command: argparse.ArgumentParser) -> None:
     part.add_argument("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
     add(part, "baseline", pixels="M x M pixels, of a file with depth (as recorded for)")
     part.add_argument("--crop", type=values.window, metavar="WxH+X+Y", help="pixels of every view")
+    add(part, "exposure")
     group = command.add_argument_group("more")
     add_scene(group, "--scene", "the scene that was recorded: traces depth of every view")
     more = group.add_argument
@@ -119,7 +120,8 @@ def run_export(arguments: argparse.Namespace) -> None:
             arguments.format,
             arguments.output,
             selection=Selection(
-                arguments.views, arguments.baseline, arguments.crop, arguments.pixels
+                arguments.views, arguments.baseline, arguments.crop, arguments.pixels,
+                **arguments.exposure,
             ),
             scene=scene,
             device=arguments.device,

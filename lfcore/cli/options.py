@@ -116,4 +116,6 @@ def form(arguments: argparse.Namespace) -> dict[str, Any]:
 def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
     """The flags of these names that were given."""
     found = given(arguments, *names)
-    return [flag(name) for name, value in found.items() if value is not False and value != []]
+    return [
+        flag(name) for name, value in found.items() if value is not False and value not in ([], {})
+    ]

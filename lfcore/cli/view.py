@@ -10,7 +10,7 @@ from lfcore.cli import values
 from lfcore.cli.command import Command, open_field, refuse
 from lfcore.cli.options import add, add_lightfield, add_output, flags, given
 from lfcore.cli.progress import progress, say, wrote
-from lfcore.pictures import SUFFIXES, check_suffix, contact_sheet, write_picture
+from lfcore.pictures import SUFFIXES, check_codes, check_suffix, contact_sheet, write_picture
 
 DESCRIPTION = """\
 Look at a light field file in the browser, or write a page for it (-o NAME.html): look around,
@@ -29,7 +29,7 @@ examples:
   lfcore view bike.mkv -o sheet.png --grid 3          3 x 3 views, evenly from the whole lens
 """
 PAGES = (".html", ".htm")
-OF_PICTURES = ("view", "at", "macropixel")
+OF_PICTURES = ("view", "at", "macropixel", "exposure")
 OF_PAGES = ("pixels", "format", "jpeg_quality", "serve")
 
 
@@ -49,6 +49,7 @@ def options(command: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
     )
+    add(command, "exposure")
     page = command.add_argument_group("a page")
     add(page, pixels="pixels of a picture's longer side (at most 512)")
     page.add_argument(
@@ -102,16 +103,18 @@ def _page(arguments: argparse.Namespace) -> None:
 
 
 def _picture(arguments: argparse.Namespace) -> None:
+    check_codes(arguments.output, 8, bool(arguments.exposure))
     field = open_field(arguments)
+    codes = field.layout.peak is None and not arguments.exposure
     if arguments.macropixel:
-        picture = field.macropixel(*arguments.macropixel, codes=True)
+        picture = field.macropixel(*arguments.macropixel, codes=codes)
     elif arguments.grid:
         picture = _grid(field, arguments)
     elif arguments.at:
         picture = field.views_at(np.array([arguments.at]) / 1000, device=arguments.device)[0]
     else:
-        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)), codes=True)
-    write_picture(arguments.output, picture)
+        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)), codes=codes)
+    write_picture(arguments.output, picture, **arguments.exposure)
     wrote(arguments.output, f"; {field.count.frames} frames were decoded")
 
 

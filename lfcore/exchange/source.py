@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lfcore.colour import srgb_codes
+from lfcore.colour import exposed, srgb_codes
 from lfcore.exchange.grid import ExchangeError
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
@@ -44,12 +44,24 @@ class Selection:
     pixels : int or (int, int), optional
         Longer side, or width and height, before the crop, of a file with depth.  Default: as
         recorded for.
+    exposure_ev, roll_off : float, bool
+        As in :func:`lfcore.exposed`, before light becomes codes.
     """
 
     views: tuple[int, int] | None = None
     baseline_m: float | None = None
     crop: tuple[int, int, int, int] | None = None
     pixels: Pixels | None = None
+    exposure_ev: float = 0.0
+    roll_off: bool = False
+
+    def codes(self, light: np.ndarray) -> np.ndarray:
+        """uint8 sRGB of linear light."""
+        return srgb_codes(exposed(light, self.exposure_ev, self.roll_off))
+
+    @property
+    def exposes(self) -> bool:
+        return bool(self.exposure_ev or self.roll_off)
 
 
 class Truth:
@@ -170,10 +182,12 @@ class Source:
         step = max(1, BAND_BYTES // (across * self.stride))
         for start in range(0, self.rows, step):
             rows = self._j[start : start + step]
-            part = self.field.views(first, int(rows[0]), last + 1, int(rows[-1]) + 1, codes=True)
+            place = first, int(rows[0]), last + 1, int(rows[-1]) + 1
+            light = self.selection.exposes
+            part = self.field.views(*place, codes=not light)
             for k, line in enumerate(part[rows - rows[0]]):
                 for column, picture in enumerate(line[self._i - first]):
-                    yield column, start + k, picture
+                    yield column, start + k, self.selection.codes(picture) if light else picture
 
     def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
         """From a file of macropixels, which is decoded whole for each group of views."""
@@ -184,13 +198,14 @@ class Source:
             light = read_views(self.field, samples[start : start + step], device=self.device)
             for k, picture in enumerate(light, start):
                 row, column = divmod(k, self.columns)
-                yield column, row, srgb_codes(picture)
+                yield column, row, self.selection.codes(picture)
 
     def _made(self) -> Iterator[tuple[int, int, np.ndarray]]:
         """By depth."""
         assert self.free is not None
         for row, column in np.ndindex(self.rows, self.columns):
-            yield column, row, srgb_codes(self.free.picture(self._point(column, row)))
+            made = self.free.picture(self._point(column, row))
+            yield column, row, self.selection.codes(made)
 
     def _point(self, column: int, row: int) -> np.ndarray:
         return np.array([self.columns_m[column], self.rows_m[row]])

@@ -118,7 +118,7 @@ class FreeViews:
     def _seen(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
         slicer = _PointSlicer(
             self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
-            self.device,
+            self.field.layout.stops, self.device,
         )  # fmt: skip
         slicer.add_held(slice(None), self._rays)
         return slicer.pictures()[0]
@@ -262,7 +262,7 @@ class _PointSlicer(DepthSlicer):
 
     def __init__(
         self, views: ViewSet, point: np.ndarray, share: np.ndarray, pixels: int, codes: DepthCodes,
-        device: Device,
+        stops: int, device: Device,
     ):  # fmt: skip
         slab = views.slab
         self.point, self.share = point, share
@@ -271,7 +271,9 @@ class _PointSlicer(DepthSlicer):
         # All lies before the plane: sweeps from 0 to that of the nearest.
         widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
         bounds = np.arange(1, LAYERS) * widest / LAYERS
-        super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), fill_far=True)
+        super().__init__(
+            views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops, fill_far=True
+        )
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         count = len(self.share)
