@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.colour import srgb_encode, to_uint8
+from lfcore.colour import to_uint8
 from lfcore.errors import StorageError
 from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
@@ -124,7 +124,8 @@ def read(
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(K, height, width, 3) uint8 sRGB of the chosen views; sizes change in linear light."""
+    """(K, height, width, 3) uint8 of the chosen views, sRGB or PQ as in the file; sizes change in
+    linear light."""
     samples, (width, height) = choice.samples, field.picture_size
     step = max(1, READ_BYTES // (12 * width * height))
     out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
@@ -137,7 +138,7 @@ def read(
 
         light = read_views(field, samples[start : start + step], device=device, progress=report)
         for place, picture in enumerate(light, start):
-            out[place] = to_uint8(srgb_encode(_resized(picture, choice)))
+            out[place] = to_uint8(field.layout.encoded(_resized(picture, choice)))
     return out
 
 

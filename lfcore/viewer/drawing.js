@@ -1,11 +1,22 @@
 // Draws by WebGL2: views are shifted and added in linear light (equation 6.1 of the thesis), as
-// in lfcore.refocus.shift_sum. Textures are sRGB, so that reads give linear light.
+// in lfcore.refocus.shift_sum. Textures are sRGB, so that reads give linear light, or of a file with light above
+// white PQ, whose brightest code is PEAK; else PEAK is 0.
 
 const VERTEX = `#version 300 es
 void main() {
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
   gl_Position = vec4(corner, 0.0, 1.0);
 }`;
+
+const DECODE = `
+// SMPTE ST 2084.
+vec3 decoded(vec3 code) {
+  if (PEAK == 0.0) return code;
+  vec3 power = pow(code, vec3(32.0 / 2523.0));
+  vec3 share = max(power - 0.8359375, 0.0) / (18.8515625 - 18.6875 * power);
+  return PEAK * pow(share, vec3(8192.0 / 1305.0));
+}
+`;
 
 const COMMON = `#version 300 es
 precision highp float;
@@ -19,6 +30,8 @@ uniform float top;            // of the canvas, in its own pixels from below
 uniform float gain;
 uniform bool nearest;
 out vec4 colour;
+${DECODE}
+vec3 texel(ivec2 at, float page) { return decoded(texelFetch(pages, ivec3(at, int(page)), 0).rgb); }
 
 // Light at pixel p of a view, and in w the share of the pixel that the view covers.
 vec4 light(float number, vec2 p) {
@@ -30,7 +43,15 @@ vec4 light(float number, vec2 p) {
   float cell = number - page * cells.x * cells.y;
   float row = floor((cell + 0.5) / cells.x);
   vec2 corner = vec2(cell - row * cells.x, row) * size;
-  vec2 at = (corner + clamp(p, vec2(0.0), size - 1.0) + 0.5) / pageSize;
+  p = corner + clamp(p, vec2(0.0), size - 1.0);
+  if (PEAK > 0.0) {
+    ivec2 a = ivec2(p), b = min(a + 1, ivec2(corner + size) - 1);
+    vec2 share = fract(p);
+    vec3 above = mix(texel(a, page), texel(ivec2(b.x, a.y), page), share.x);
+    vec3 below = mix(texel(ivec2(a.x, b.y), page), texel(b, page), share.x);
+    return vec4(mix(above, below, share.y) * cover, cover);
+  }
+  vec2 at = (p + 0.5) / pageSize;
   return vec4(textureLod(pages, vec3(at, page), 0.0).rgb * cover, cover);
 }
 
@@ -106,7 +127,7 @@ class Drawing {
     /** Pixels of a page. @type {[number, number]} */
     this.page = [pages[0].width, pages[0].height];
     this.programs = {picture: this.program(PICTURE), slice: this.program(SLICE), map: this.program(MAP)};
-    this.upload(pages, gl.TEXTURE0, gl.SRGB8_ALPHA8, gl.RGBA);
+    this.upload(pages, gl.TEXTURE0, field.peak ? gl.RGBA8 : gl.SRGB8_ALPHA8, gl.RGBA);
     this.lens = this.texture(gl.TEXTURE1, gl.TEXTURE_2D, gl.NEAREST);
     this.texture(gl.TEXTURE2, gl.TEXTURE_2D, gl.LINEAR);
     if (field.map && map) {
@@ -128,7 +149,7 @@ class Drawing {
     for (const [kind, text] of /** @type {[number, string][]} */ (
       [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, source]])) {
       const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
-      gl.shaderSource(shader, text);
+      gl.shaderSource(shader, text.replace("\n", `\n#define PEAK ${this.field.peak.toExponential()}\n`));
       gl.compileShader(shader);
       gl.attachShader(program, shader);
     }
@@ -179,7 +200,7 @@ class Drawing {
     gl.useProgram(program);
     this.setAll(program, {
       size: [field.width, field.height], cells: [field.atlas.across, field.atlas.down],
-      pageSize: this.page, step_: divisor * field.width / pictureSize(field)[0], top: this.top, gain: field.white,
+      pageSize: this.page, step_: divisor * field.width / pictureSize(field)[0], top: this.top, gain: gain(field, state),
       disparity: state.d * field.scale, tilt: [state.tx * field.scale, state.ty * field.scale],
     }, {pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest")});
   }
@@ -288,6 +309,9 @@ class Drawing {
 function pictureSize(field) {
   return field.depth ? field.depth.size : [field.width, field.height];
 }
+
+/** The factor of light that is shown. @param {Field} field @param {State} state */
+function gain(field, state) { return field.white * 2 ** state.ev; }
 
 /** Pixels of a view from one sample to the next. @param {Field} field @param {number} divisor */
 function stride(field, divisor) {

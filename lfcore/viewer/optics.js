@@ -13,6 +13,7 @@
  * @property {number} scale  Pixels of the atlas per pixel of the file.
  * @property {Depth | null} depth  The depth of each ray, of a file that holds it.
  * @property {number} white  Linear light of the brightest code.
+ * @property {number} peak  Linear light of the brightest code of PQ; 0 of sRGB.
  * @property {[number, number]} range  Range of the slider of disparities.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
  * @property {{data: string, width: number, height: number, low: number, high: number} | null} map
@@ -54,6 +55,7 @@
  * @property {number} tx  Change of the disparity in focus from the left edge to the right one.
  * @property {number} ty  The same from the upper edge to the lower one.
  * @property {string} filter
+ * @property {number} ev  Exposure, stops.
  * @property {boolean} single
  * @property {boolean} depth
  * @property {boolean} epi
@@ -70,7 +72,7 @@ const FILTERS = ["bilinear", "nearest"];
 function initial(field) {
   return {
     x: 0, y: 0, d: 0, a: field.views, shape: "circle", blades: 6, turn: 0, tx: 0, ty: 0,
-    filter: "bilinear", single: false, depth: false, epi: false, u: 0.5, v: 0.5,
+    filter: "bilinear", ev: 0, single: false, depth: false, epi: false, u: 0.5, v: 0.5,
   };
 }
 
@@ -81,7 +83,7 @@ function limits(field) {
   return /** @type {Record<string, number[]>} */ ({
     x: ends(field.columns), y: ends(field.rows), d: [low, high], a: [0.5, field.views],
     blades: [3, 1000], turn: [-360, 360], tx: [-span, span], ty: [-span, span],
-    u: [0, 1], v: [0, 1],
+    u: [0, 1], v: [0, 1], ev: [-16, 16],
   });
 }
 
@@ -258,14 +260,15 @@ function command(field, state) {
   const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
   const file = /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`;
   const {metric} = field;
+  const exposure = state.ev ? `--exposure ${number(state.ev)} ` : "";
   if (state.single && field.depth && metric && !state.depth) {
     const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * metric.pitch));
-    return `lfcore view ${file} --at ${x} ${y} -o picture.png`;
+    return `lfcore view ${file} --at ${x} ${y} ${exposure}-o picture.png`;
   }
   if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
   const words = ["lfcore refocus", file, `--focus ${number(state.d)}px`, `--f-number ${number(state.a)}views`];
   const corners = state.shape === "polygon" ? `:${state.blades}:${number(state.turn)}` : "";
   words.push(`--aperture ${state.shape}${corners}`);
   if (!field.depth) words.push(`--filter ${state.filter}`);
-  return [...words, "-o picture.png"].join(" ");
+  return [...words, `${exposure}-o picture.png`].join(" ");
 }

@@ -175,6 +175,7 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
         "height": choice.height,
         "scale": choice.scale,
         "white": field.white,
+        "peak": field.layout.peak or 0,
         "metric": metric if field.metric else None,
         "atlas": {"pages": _pages(atlas), "across": atlas.across, "down": atlas.down},
     }

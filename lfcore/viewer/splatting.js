@@ -13,6 +13,7 @@ uniform int view, stride, parts;
 uniform float ratio, least, disparity, follow, share, margin, bounds[5];
 uniform vec2 picture, tilt, lens, centre, side, displaced;
 flat out vec4 box, light;
+${DECODE}
 void main() {
   int across = int(size.x) / stride;
   ivec2 p = ivec2(gl_VertexID % across, gl_VertexID / across) * stride + stride / 2;
@@ -36,7 +37,7 @@ void main() {
   vec2 low = floor(box.xy), wide = ceil(box.zw) - low;
   gl_PointSize = max(wide.x, wide.y);
   gl_Position = vec4((low + 0.5 * gl_PointSize) / target * 2.0 - 1.0, 0.0, 1.0);
-  light = vec4(texelFetch(pages, at, 0).rgb, 1.0) * share / (4.0 * reach.x * reach.y);
+  light = vec4(decoded(texelFetch(pages, at, 0).rgb), 1.0) * share / (4.0 * reach.x * reach.y);
 }`;
 
 const BOX = `#version 300 es
@@ -195,7 +196,7 @@ class Splatting {
     ]));
     this.gl.useProgram(layers);
     drawing.setAll(layers, {
-      ...this.common, stride: this.count?.stride || 1, top: drawing.canvas.height, gain: drawing.field.white,
+      ...this.common, stride: this.count?.stride || 1, top: drawing.canvas.height, gain: gain(drawing.field, state),
     }, {
       pages: 0, lens: 1, sums: 4, layers: this.count?.layers || 0, behind: this.count?.behind || 0, count: cells.length,
     });

@@ -24,6 +24,15 @@ function loaded(pages) {
   }));
 }
 
+/** The sRGB codes of PQ's (SMPTE ST 2084). @param {Field} field */
+function shownCodes(field) {
+  return Array.from({length: 256}, (_, code) => {
+    const power = (code / 255) ** (32 / 2523), share = Math.max(power - 0.8359375, 0) / (18.8515625 - 18.6875 * power);
+    const light = Math.min(field.peak * share ** (8192 / 1305), 1);
+    return 255 * (light > 0.0031308 ? 1.055 * light ** (1 / 2.4) - 0.055 : 12.92 * light);
+  });
+}
+
 class Viewer {
   /** @param {Field} field */
   constructor(field) {
@@ -142,6 +151,10 @@ class Viewer {
     context.drawImage(this.pages[Math.floor(view / (across * down))],
       cell % across * field.width, Math.floor(cell / across) * field.height, field.width, field.height,
       0, 0, field.width, field.height);
+    if (!field.peak) return;
+    const picture = context.getImageData(0, 0, field.width, field.height), shown = shownCodes(field);
+    picture.data.forEach((code, k) => { if (k % 4 < 3) picture.data[k] = shown[code]; });
+    context.putImageData(picture, 0, 0);
   }
 
   /** @param {string} text */
@@ -150,7 +163,7 @@ class Viewer {
   /** Show the state in controls, words and link. */
   show() {
     const {field, state} = this;
-    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty"]) {
+    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty", "ev"]) {
       input(key).value = String(/** @type {any} */ (state)[key]);
     }
     for (const key of ["single", "depth", "epi"]) input(key).checked = /** @type {any} */ (state)[key];
@@ -165,7 +178,8 @@ class Viewer {
     for (const [key, views] of Object.entries({x: state.x, y: state.y})) {
       element(`${key}-text`).textContent = `${views.toFixed(1)} views`;
     }
-    for (const key of ["d", "a", "f", "x", "y"]) {
+    element("ev-text").textContent = `${state.ev.toFixed(1)} stops`;
+    for (const key of ["d", "a", "f", "x", "y", "ev"]) {
       input(key).setAttribute("aria-valuetext", element(`${key}-text`).textContent || "");
     }
     element("command").textContent = command(field, state) || "no command makes this picture";
@@ -194,10 +208,10 @@ class Viewer {
 
   listen() {
     const {field} = this, bounds = limits(field);
-    for (const key of ["d", "a", "x", "y", "tx", "ty"]) {
+    for (const key of ["d", "a", "x", "y", "tx", "ty", "ev"]) {
       [input(key).min, input(key).max] = bounds[key].map(String);
     }
-    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty", "shape", "filter"]) {
+    for (const key of ["d", "a", "x", "y", "blades", "turn", "tx", "ty", "ev", "shape", "filter"]) {
       input(key).addEventListener("input", () => this.set({[key]: input(key).value}));
     }
     for (const key of ["single", "depth", "epi"]) {
