@@ -2,7 +2,7 @@
 // green, blue, red, else BT.709 YCbCr of limited range; PQ 1 for PQ, else sRGB.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
-#include "lanes.cl"
+#include "powers.cl"
 
 #define SCALE (1.0f / CODES)
 #define LIGHT_ONE (PQ ? 67108864.0f : FIXED_ONE)  // of the brightest code; 2^26 is layout.PQ_ONE
@@ -21,16 +21,8 @@
             POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))),         \
         (T)(0.0f))
 
-// SMPTE ST 2084, to fixed point in which the brightest code is LIGHT_ONE.
-inline vf decode_pq(vf x)
-{
-    const vf power = exp2_fast((1.0f / PQ_M2) * log2_fast(clamp(x, (vf)(1.0e-30f), (vf)(1.0f))));
-    const vf share = max(power - PQ_C1, (vf)(1.0e-30f)) / fma(power, (vf)(-PQ_C3), (vf)(PQ_C2));
-    return fma(exp2_fast((1.0f / PQ_M1) * log2_fast(share)), (vf)(LIGHT_ONE), (vf)(0.5f));
-}
-
 // By way of signed numbers, into which every processor converts in one instruction.
-inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? decode_pq(x) : LINEAR(vf, x))); }
+inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? fma(decode_pq(x), (vf)(LIGHT_ONE), (vf)(0.5f)) : LINEAR(vf, x))); }
 
 // Three colours of one ray.
 inline void linear_ray(float r, float g, float b, uint light[3])

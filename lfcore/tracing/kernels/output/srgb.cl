@@ -2,6 +2,7 @@
 // brightest code, and not 0.
 #pragma once
 #include "block.cl"
+#include "powers.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
 // the fourth root.
@@ -18,15 +19,6 @@ inline vf encode_srgb(vf x)
     const vf low = fma(root, (vf)(1.620262543e-01f), (vf)(-6.134021422e-02f));
     const vf p = fma(fma(high, square, middle), square, low);
     return pick(12.92f * x, p, GT(x, (vf)(LINEAR_END)));
-}
-
-// SMPTE ST 2084, of light up to PEAK; less than a millionth of a millionth of it is black.
-inline vf encode_pq(vf x)
-{
-    const vf share = clamp(x * (1.0f / (float)(PEAK)), (vf)(1.0e-12f), (vf)(1.0f));
-    const vf power = exp2_fast(PQ_M1 * log2_fast(share));
-    const vf code = fma(power, (vf)(PQ_C2), (vf)(PQ_C1)) / fma(power, (vf)(PQ_C3), (vf)(1.0f));
-    return exp2_fast(PQ_M2 * log2_fast(code));
 }
 
 // Chebyshev nodes of the third degree: cos(pi / 8) and cos(3 pi / 8).
@@ -92,7 +84,8 @@ inline vf cubic(vf t, float a, float b, float c, float d)
 // A row of colours encoded, by a cubic if there is one.
 inline Vec encode_row(Vec c, const CubicEncoding *e)
 {
-    if (PEAK > 0) return (Vec){encode_pq(c.x), encode_pq(c.y), encode_pq(c.z)};
+    if (PEAK > 0) return (Vec){encode_pq(c.x, 1.0f / (float)(PEAK)), encode_pq(c.y, 1.0f / (float)(PEAK)),
+                              encode_pq(c.z, 1.0f / (float)(PEAK))};
     if (!e) {
         return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
     }

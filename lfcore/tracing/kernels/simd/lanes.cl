@@ -48,7 +48,7 @@ typedef WIDE(uint) vu;
 #define GE(a, b) MASK((a) >= (b))
 #define EQ(a, b) MASK((a) == (b))
 
-// Codes of video frames: BITS is 8, or 10 in 16-bit words; 0 where no frames are written.
+// Codes of video frames: BITS is 8, or 10 or 12 in 16-bit words; 0 where no frames are written.
 #if BITS == 8
 #define SAMPLE uchar
 #else
@@ -56,13 +56,6 @@ typedef WIDE(uint) vu;
 #endif
 typedef SAMPLE sample;
 #define SAMPLES(n) JOIN(SAMPLE, n)
-
-// SMPTE ST 2084: PQ.
-#define PQ_M1 (2610.0f / 16384.0f)
-#define PQ_M2 (2523.0f / 32.0f)
-#define PQ_C1 (3424.0f / 4096.0f)
-#define PQ_C2 (2413.0f / 128.0f)
-#define PQ_C3 (2392.0f / 128.0f)
 #define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // to one of 8 bits
 
 // a where the mask is unset, b where it is set
