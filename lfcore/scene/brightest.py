@@ -20,8 +20,8 @@ MOST_DISTANCES = 1 << 26
 def stops_above_white(scene: Scene) -> int:
     """The least number of stops above white, 0 to 16, that no ray's radiance exceeds.
 
-    0 of a scene that clips its light.  Highlights, near lights and vertex colours are counted at
-    their most, each alone.
+    0 of a scene that clips its light.  Highlights, near lights, vertex colours, the sky and baked light are
+    counted at their most, each alone.
     """
     most = 1.0 if scene.clip else _brightest(scene)
     return min(MOST_STOPS, math.ceil(math.log2(most))) if most > 1 + 1e-6 else 0
@@ -30,11 +30,14 @@ def stops_above_white(scene: Scene) -> int:
 def _brightest(scene: Scene) -> float:
     tint = float(scene.colours.max(initial=1.0)) if len(scene.colours) else 1.0
     arriving = sum(_arriving(scene, light) for light in scene.lights if any(light.colour))
-    most = max(scene.background)
+    sky = float(scene.sky.max(initial=0.0))
+    around = max(scene.ambient) if scene.light is None else float(scene.light.values.max(initial=0))
+    around = max(around, sky)  # which metals reflect
+    most = sky if len(scene.sky) else max(scene.background)
     for number in np.unique(scene.material_ids):
         m = scene.materials[number]
         base = max(m.diffuse) * tint + (DIELECTRIC if m.is_metallic else 0.0)
-        reflected = (max(scene.ambient) + arriving) * base + arriving * _highlight(m, base)
+        reflected = (around + arriving) * base + arriving * _highlight(m, base)
         most = max(most, max(m.emission) + reflected)
     return min(most, 2.0**MOST_STOPS)
 
