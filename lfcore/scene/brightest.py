@@ -20,8 +20,8 @@ MOST_DISTANCES = 1 << 26
 def stops_above_white(scene: Scene) -> int:
     """The least number of stops above white, 0 to 16, that no ray's radiance exceeds.
 
-    0 of a scene that clips its light.  Highlights, near lights, vertex colours, the sky and baked light are
-    counted at their most, each alone.
+    0 of a scene that clips its light.  Highlights, near lights, vertex colours, the sky and baked
+    light are counted at their most, each alone.
     """
     most = 1.0 if scene.clip else _brightest(scene)
     return min(MOST_STOPS, math.ceil(math.log2(most))) if most > 1 + 1e-6 else 0
