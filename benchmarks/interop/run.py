@@ -1,8 +1,8 @@
 """Run other programs' readers on the output of ``lfcore export``, and compare what they read.
 
-    python benchmarks/interop/run.py --work /tmp/interop [--only plenpy,...]
+    python -m benchmarks.interop.run --work /tmp/interop [--only plenpy,...]
         [--source lftoolbox=FOLDER] [--source hci-tools=FOLDER] [--source jpeg-pleno=FOLDER]
-        [--source nerf=FOLDER] [--out table.md]
+        [--source nerf=FOLDER] [--source dfv=FOLDER] [--source basic-lfsr=FOLDER] [--out table.md]
 
 Each package is installed into an environment of its own under ``--work``; for a program without a
 package, ``--source`` names a checkout of its repository.  A reader that is not available is a row
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.interop import data_sets
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
@@ -226,6 +227,43 @@ def jpeg_pleno(bench: Bench) -> list[str]:
     return [same(found, expected, "views, 10 bits")]
 
 
+def dfv(bench: Bench) -> list[str]:
+    folder = data_sets.made(bench.work, "stacks", data_sets.STACKS)
+    python = bench.environment("data-sets", data_sets.PACKAGES)
+    made = bench.read(python, "dfv_reader.py", bench.source("dfv"), f"{folder}/data/")
+    return [
+        same(made["stack"], data_sets.stack_of(folder, 0), "a stack"),
+        same(made["depth"], data_sets.depth_of(folder, 0), "its depth"),
+        same(made["batch"], np.array([2, 5, 3, 256, 256]), "a batch's shape"),
+    ]
+
+
+def basic_lfsr(bench: Bench) -> list[str]:
+    folder = data_sets.made(bench.work, "fields", data_sets.FIELDS)
+    python = bench.environment("data-sets", data_sets.PACKAGES)
+    words = bench.source("basic-lfsr"), f"{folder}/data/", bench.work / "lfsr"
+    made = bench.read(python, "lfsr_reader.py", *words)
+    side = 5 * 64
+    return [
+        same(made["high"], np.array([1, side, side]), "patches of 5 x 5 views of 64 pixels"),
+        same(made["low"], np.array([1, side // 2, side // 2]), "half as fine"),
+        same(made["count"], np.array(4), "four of them"),
+    ]
+
+
+def training_tools(bench: Bench) -> list[str]:
+    folder = data_sets.made(bench.work, "stacks", data_sets.STACKS)
+    python = bench.environment("data-sets", data_sets.PACKAGES)
+    card = folder / "croissant.json"
+    made = bench.read(python, "webdataset_reader.py", folder / "shard.tar", card)
+    names = [name for name in made["names"].tolist() if not name.startswith("_")]
+    return [
+        same(made["keys"], np.array(["000000", "000001"]), "webdataset: samples"),
+        same(np.array(names), np.array(data_sets.names_in(folder)), "their fields"),
+        near(np.minimum(made["db"], 30), np.full(2, 30.0), 0, "mlcroissant: items of 30 dB"),
+    ]
+
+
 PEERS: dict[str, tuple[str, Callable[[Bench], list[str]]]] = {
     "plenpy": ("plenpy 0.9.2", plenpy),
     "plenopticam": ("PlenoptiCam 0.9.3", plenopticam),
@@ -235,6 +273,9 @@ PEERS: dict[str, tuple[str, Callable[[Bench], list[str]]]] = {
     "hci-tools": ("HCI python-tools, by 2to3", hci_tools),
     "lftoolbox": ("LFToolbox in Octave", lftoolbox),
     "jpeg-pleno": ("JPEG Pleno's PPM reader", jpeg_pleno),
+    "dfv": ("DFV's loader of FoD500", dfv),
+    "basic-lfsr": ("BasicLFSR's script and loader", basic_lfsr),
+    "training-tools": ("webdataset, mlcroissant", training_tools),
 }
 
 

@@ -32,6 +32,7 @@ PAGES = {
     "blender-scene": "tutorials/blender-scene.md",
     "hci-ground-truth": "tutorials/hci-ground-truth.md",
     "stanford": "tutorials/stanford.md",
+    "datasets": "tutorials/datasets.md",
     "cluster": "tutorials/cluster.md",
     "gallery": "gallery.md",
 }

@@ -38,7 +38,7 @@ MOST_SIDE = 12
 """The most rays per pixel and side of a light field's view."""
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """Edges of the records' histogram of depths, metres."""
-BLUR_BINS = np.linspace(0, 40, 41)
+BLUR_BINS = np.linspace(0, 10, 41)
 """Edges of that of blur radii, pixels; larger ones are in the last."""
 
 

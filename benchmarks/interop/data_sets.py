@@ -1,0 +1,59 @@
+"""Data sets as their readers want them: two focal stacks, and a light field, made small."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.datasets.batch import make_batch, members, unpack
+from lfcore.datasets.card import tables, write_card
+from lfcore.datasets.description import Description
+from lfcore.exr import read_exr
+from lfcore.opencl.device import open_device
+from lfcore.pictures import read_codes
+
+PACKAGES = ["numpy<2.3", "torch", "torchvision", "OpenEXR", "opencv-python-headless", "pillow",
+            "h5py", "scipy", "scikit-image", "matplotlib", "einops", "xlwt", "webdataset",
+            "mlcroissant"]  # fmt: skip
+"""DFV's loader calls what numpy 2.3 no longer has."""
+STACKS = {"kind": "focal_stacks", "pixels": 256, "quality_db": 30, "scenes": {"train": 2,
+          "validation": 0}}  # fmt: skip
+FIELDS = {
+    "kind": "light_fields", "pixels": 96, "quality_db": 25, "scenes": {"train": 1, "validation": 0},
+    "lens": {"focal_length_mm": 100, "sensor_width_mm": 100, "focus_m": [1.6], "views": 5},
+    "placement": {"depth_m": [1.1, 2.8], "wall_m": 3},
+}  # fmt: skip
+
+
+def made(work: Path, name: str, keys: Mapping[str, object]) -> Path:
+    """The folder with ``data``, ``shard.tar`` and ``croissant.json``; made once."""
+    folder = work / "datasets" / name
+    if not (folder / "croissant.json").exists():
+        of = Description.check({"name": name, **keys})
+        shard = folder / "shard.tar"
+        records = make_batch(
+            of, range(of.count), shard, folder / "records.json", folder / "drafts", open_device()
+        )
+        unpack(of, [shard], folder / "data")
+        files = {}
+        for title, table in tables(of, records, folder / "data").items():
+            files[title] = folder / f"{title}.csv"
+            table.to_csv(files[title], index=False)
+        write_card(folder / "croissant.json", of, files, command="benchmark", commit="none")
+    return folder
+
+
+def stack_of(folder: Path, index: int) -> np.ndarray:
+    """(5, H, W, 3) codes of a stack."""
+    files = sorted((folder / "data").glob(f"{index:06d}_*All.tif"))
+    return np.stack([read_codes(file) for file in files])
+
+
+def depth_of(folder: Path, index: int) -> np.ndarray:
+    return read_exr(folder / "data" / f"{index:06d}Dpt.exr")[0][..., 0].astype(np.float32)
+
+
+def names_in(folder: Path) -> list[str]:
+    """Fields of the first sample of the shard, as webdataset names them."""
+    first = [name.partition(".")[2] for name, _ in members(folder / "shard.tar")]
+    return sorted(set(first))

@@ -1,0 +1,31 @@
+"""Read a data set of focal stacks with DFV's own loader: SOURCE, FOLDER/ and output.
+
+torch is the real one; of torchvision, operators that a build lacks are declared, and not run.
+"""
+
+import importlib.util
+import sys
+
+import numpy as np
+import torch
+
+library = torch.library.Library("torchvision", "FRAGMENT")
+for name in ("nms", "qnms"):
+    if not hasattr(torch.ops.torchvision, name):
+        library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+
+source, folder, out = sys.argv[1:]
+spec = importlib.util.spec_from_file_location("FoD500", f"{source}/dataloader/FoD500.py")
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+# Its training crops to 224 pixels; nothing is cropped for validation.
+train, valid = module.FoD500Loader(folder)
+valid.imglist_all, valid.imglist_dpt = train.imglist_all, train.imglist_dpt
+stack, depth, focus = valid[0]
+batch = next(iter(torch.utils.data.DataLoader(valid, batch_size=2)))
+mean, std = valid.img_mean.reshape(3, 1, 1), valid.img_std.reshape(3, 1, 1)
+np.savez(
+    out,
+    stack=np.rint(255 * (stack.numpy() * std + mean)).astype(np.uint8).transpose(0, 2, 3, 1),
+    depth=depth.numpy()[0], focus=focus.numpy(), count=len(train), batch=batch[0].shape,
+)  # fmt: skip

@@ -1,0 +1,39 @@
+"""Make training data with BasicLFSR's own script and read them with its loader: SOURCE, FOLDER/,
+work folder and output.
+
+torch is the real one; of torchvision, operators that a build lacks are declared, and not run.
+"""
+
+import os
+import runpy
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import torch
+
+library = torch.library.Library("torchvision", "FRAGMENT")
+for name in ("nms", "qnms"):
+    if not hasattr(torch.ops.torchvision, name):
+        library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+
+source, folder, work, out = sys.argv[1:]
+sys.path.insert(0, source)
+os.makedirs(work, exist_ok=True)
+script = f"{source}/Generate_Data_for_Training.py"
+# Its module `option` parses the command line at import, and knows none of the script's own words.
+sys.argv = [script]
+import option  # noqa: E402, F401
+
+sys.argv = [script, "--angRes", "5", "--scale_factor", "2", "--src_data_path", folder,
+            "--save_data_path", f"{work}/"]  # fmt: skip
+runpy.run_path(script, run_name="__main__")
+sys.argv = [script]
+from utils.utils_datasets import TrainSetDataLoader  # noqa: E402
+
+loader = TrainSetDataLoader(SimpleNamespace(
+    angRes_in=5, angRes_out=5, task="SR", path_for_train=f"{work}/data_for_training/",
+    scale_factor=2, data_name="ALL",
+))  # fmt: skip
+low, high, angles = loader[0]
+np.savez(out, low=low.shape, high=high.shape, count=len(loader), range=[high.min(), high.max()])
