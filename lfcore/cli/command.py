@@ -101,7 +101,7 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
     scene = lfcore.load_scene(
         arguments.scene, light_points=arguments.light_points, up=arguments.up,
-        view_from=arguments.view_from, zoom=arguments.zoom,
+        view_from=arguments.view_from, zoom=arguments.zoom, light=arguments.sky,
     )  # fmt: skip
     if scene.notes:
         say(scene.summary())

@@ -22,6 +22,9 @@ KINDS: dict[str, dict[str, Any]] = {
                   "help": "see a mesh from front, back, left, right, top, or azimuth,elevation in "
                   "degrees (24,18)"},
     "zoom": {"type": values.positive, "metavar": "Z", "help": "narrow the field of view (1)"},
+    "sky": {"type": values.sky, "metavar": "SKY[,KEY=VALUE...]",
+            "help": "light from all around: an .hdr or .exr panorama, or #rrggbb; keys: bounces, "
+            "rotation_deg, strength (the scene's)"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
     "subpixels": {"type": values.positive, "metavar": "Q"},
@@ -77,7 +80,7 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None, **
     """The scene that a command traces, and the device that traces it."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
     command.add_argument(name, type=Path, help=help or usual, **more)
-    add(command, "light_points", "up", "view_from", "zoom", "device")
+    add(command, "light_points", "up", "view_from", "zoom", "sky", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:

@@ -4,6 +4,7 @@ import argparse
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from lfcore.colour import MOST_EV
@@ -191,3 +192,24 @@ def truth(text: str) -> bool:
     if text.lower() not in known:
         raise argparse.ArgumentTypeError(f"{text!r} is neither yes nor no")
     return known[text.lower()]
+
+
+def sky(text: str) -> dict[str, Any]:
+    """Keys of a scene.yaml, of ``FILE`` or ``#rrggbb`` with ``bounces``, ``rotation_deg``,
+    ``strength``."""
+    what, *settings = text.split(",")
+    made: dict[str, Any] = {}
+    if what:
+        is_colour = what.startswith("#")
+        made["sky"] = {"colour": what} if is_colour else {"file": str(Path(what).resolve())}
+    for setting in settings:
+        key, _, value = setting.partition("=")
+        if key == "bounces":
+            made[key] = count(0)(value)
+        elif key in ("rotation_deg", "strength") and what:
+            made["sky"][key] = number()(value)
+        else:
+            raise argparse.ArgumentTypeError(
+                f"{setting!r} is none of bounces, rotation_deg, strength"
+            )
+    return made

@@ -11,6 +11,8 @@ from lfcore.errors import SceneError
 from lfcore.files import whole_file
 
 FORMAT = "lfcore light 1"
+ASKS = ("sky", "bounces")
+"""The keys of a scene.yaml with which light is baked."""
 NO_SKY = np.zeros((0, 0, 3), np.float32)
 
 

@@ -16,7 +16,7 @@ from lfcore.optics.camera import check_focus
 from lfcore.scene import framing, procedural
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
-from lfcore.scene.baked import BakeOptions
+from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
@@ -347,7 +347,7 @@ def _bake(description: dict) -> BakeOptions | None:
     """How light is baked; None without a sky and bounces."""
     names = {"bounces": "bounces", "bake_error": "error", "bake_mib": "mib"}
     given = {name: description[key] for key, name in names.items() if key in description}
-    return BakeOptions(**given) if "sky" in description or "bounces" in given else None
+    return BakeOptions(**given) if any(key in description for key in ASKS) else None
 
 
 def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Path) -> list[Light]:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from lfcore.errors import SceneError
 from lfcore.scene import reading
+from lfcore.scene.baked import ASKS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
@@ -60,6 +61,15 @@ def files_of_scene(path: str | Path) -> list[Path]:
     return [path, *sorted(seen - {path})]
 
 
+def asks_for_light(path: str | Path) -> bool:
+    """Whether light is to be baked for a scene; a file that cannot be read says so when parsed."""
+    try:
+        description = reading.read_yaml(path) if _scanner_of(Path(path)) is _description else None
+    except SceneError:
+        return False
+    return isinstance(description, dict) and any(key in description for key in ASKS)
+
+
 def _named_by(file: Path, scanner: Scanner) -> list[tuple[str, Scanner | None]]:
     """Names in a file, and how to scan what they mean; None: by its suffix."""
     try:
@@ -89,6 +99,7 @@ def _nothing(file: Path) -> Iterable[str]:
 def _description(file: Path) -> Iterator[str]:
     description = reading.read_yaml(file)
     entries = description.get("objects") if isinstance(description, dict) else None
+    yield from _strings_at(_at(description, "sky"), "file")
     for entry in entries if isinstance(entries, list) else ():
         yield from _strings_at(entry, "file")
         for surface in (_at(entry, "material"), *_values(_at(entry, "materials"))):

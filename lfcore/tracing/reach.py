@@ -175,7 +175,8 @@ def lean(scene: Scene, bvh: Bvh, camera: Camera) -> tuple[Scene, Bvh]:
     number = np.concatenate([[0], np.cumsum(keep)])
     own = [tuple(number[list(light.own)].tolist()) for light in lights]
     lights = [replace(light, own=range_) for light, range_ in zip(lights, own, strict=True)]
-    return replace(scene, lights=lights, **columns), prune(bvh, keep)
+    light = scene.light and replace(scene.light, grids=scene.light.grids[keep])
+    return replace(scene, lights=lights, light=light, **columns), prune(bvh, keep)
 
 
 def prune(bvh: Bvh, keep: np.ndarray) -> Bvh:

@@ -1,6 +1,7 @@
 """A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,22 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import finished
+from lfcore.scene.baked import BakedLight
 from lfcore.scene.files import load_scene
+from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
 from lfcore.tracing import reach
-from lfcore.tracing.bvh import load_bvh
+from lfcore.tracing.bvh import Bvh, load_bvh
 from lfcore.tracing.tracer import Tracer
+
+
+def open_scene(files: Any) -> tuple[Scene, Bvh]:
+    """The scene ``files.scene``, with its light in the list ``files.light``, and ``files.bvh``."""
+    scene = load_scene(files.scene)
+    for light in getattr(files, "light", ()):
+        scene = replace(scene, light=BakedLight.load(light))
+    return scene, load_bvh(files.bvh)
 
 
 def open_tracer(files: Any, device: str, threads: int, *, lean: bool = False) -> Tracer:
@@ -24,7 +35,7 @@ def open_tracer(files: Any, device: str, threads: int, *, lean: bool = False) ->
     ``lean`` leaves out triangles that no ray through the scene's own camera can meet, nor its
     shadow rays.
     """
-    scene, bvh = load_scene(files.scene), load_bvh(files.bvh)
+    scene, bvh = open_scene(files)
     if lean:
         scene, bvh = reach.lean(scene, bvh, scene.camera)
     return Tracer(scene, bvh, open_device(device or None, threads=threads))

@@ -1,5 +1,6 @@
 """Focus, blur and view in words on the command line, and the distances that commands report."""
 
+import argparse
 import json
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import trimesh
 
 from lfcore.api import load_scene, render
-from lfcore.cli import main
+from lfcore.cli import main, values
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +119,24 @@ def test_what_cannot_be_is_one_line(mesh, tmp_path, capsys, options, said):
         code = error.code
     lines = capsys.readouterr().err.strip().splitlines()
     assert code and said in lines[-1] and not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("#ffffff", {"sky": {"colour": "#ffffff"}}),
+        (",bounces=2", {"bounces": 2}),
+        (
+            "#0f0f0f,strength=2,bounces=0",
+            {"sky": {"colour": "#0f0f0f", "strength": 2}, "bounces": 0},
+        ),
+    ],
+)
+def test_a_sky_on_the_command_line(text, found):
+    assert values.sky(text) == found
+
+
+@pytest.mark.parametrize("text", ["#ffffff,bounce=1", ",bounces=-1", ",strength=2"])
+def test_a_sky_that_cannot_be(text):
+    with pytest.raises(argparse.ArgumentTypeError):
+        values.sky(text)

@@ -59,6 +59,18 @@ def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     assert "curves" not in only_views
 
 
+def test_light_is_baked_for_a_scene_with_a_sky_alone(checkout, tmp_path):
+    text = "objects: [{builder: chart}]\n"
+    for name, more in (("dark", ""), ("bright", "sky: {colour: '#ffffff'}\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.yaml").write_text(text + more)
+        scenes = f"scenes=['{tmp_path / name}']"
+        jobs = checkout.planned(
+            *SMOKE, "--config", scenes, "--", f"results/{name}/M32/N4/trace.json"
+        )
+        assert jobs.get("bake", 0) == (name == "bright") and jobs["trace"] == 1
+
+
 def test_any_key_can_be_overridden(checkout):
     jobs = checkout.planned(
         *SMOKE, "--config", "views=[16]", "tile_mib=1", "job_minutes=0.0001", "pixels=64",

@@ -89,15 +89,21 @@ def of_settings(*keys):
     return {key: config[key] for key in keys}
 
 
-def scene_inputs(wildcards):
-    """The scene's file, and all files that it names: an edit of any parses it anew."""
-    from lfcore.scene.sources import files_of_scene
+def file_of_scene(name):
+    """The file of a scene of this name."""
     from lfcore.workflow.cases import scene_file
 
     entries = [config["scenes"], config["assignment"]["scenes"]]
     if config["sweep"]:
         entries.append(planned_sweep().scenes)
-    return [local(str(file)) for file in files_of_scene(scene_file(wildcards.scene, *entries))]
+    return scene_file(name, *entries)
+
+
+def scene_inputs(wildcards):
+    """The scene's file, and all files that it names: an edit of any parses it anew."""
+    from lfcore.scene.sources import files_of_scene
+
+    return [local(str(file)) for file in files_of_scene(file_of_scene(wildcards.scene))]
 
 
 def moving_sphere(wildcards):
@@ -182,8 +188,19 @@ def of_scenes(file):
 
 
 def of_scene(name):
-    """The files with a scene's arrays in camera space and its tree."""
-    return {"scene": f"results/{name}/scene.npz", "bvh": f"results/{name}/bvh.npz"}
+    """The files with a scene's arrays in camera space, its tree and, if any, its baked light."""
+
+    def light(wildcards):
+        from lfcore.scene.sources import asks_for_light
+
+        scene = name.format(**wildcards)
+        return [f"results/{scene}/light.npz"] if asks_for_light(file_of_scene(scene)) else []
+
+    return {
+        "scene": f"results/{name}/scene.npz",
+        "bvh": f"results/{name}/bvh.npz",
+        "light": light,
+    }
 
 
 def captions(*names):

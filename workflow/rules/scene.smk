@@ -33,3 +33,23 @@ rule build:
         version=version("tree"),
     script:
         "../scripts/build.py"
+
+
+# Of scenes with a sky or bounces alone.
+rule bake:
+    input:
+        scene="results/{scene}/scene.npz",
+        bvh="results/{scene}/bvh.npz",
+    output:
+        "results/{scene}/light.npz",
+    log:
+        "logs/bake/{scene}.log",
+    group:
+        grouped("prepare")
+    conda:
+        "../envs/lfcore.yaml"
+    params:
+        version=version("trace"),
+        device=DEVICE,
+    script:
+        "../scripts/bake.py"

@@ -3,12 +3,11 @@
 from lfcore.evaluation.left_out.comparisons import check_identical, left_out
 from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
-from lfcore.scene.files import load_scene
-from lfcore.tracing.bvh import load_bvh
+from lfcore.workflow.batch import open_scene
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
-    scene, bvh = load_scene(snakemake.input.scene), load_bvh(snakemake.input.bvh)
+    scene, bvh = open_scene(snakemake.input)
     device = open_device(snakemake.params.device or None, threads=snakemake.threads)
     rows = left_out(scene, bvh, device, **snakemake.params.measured)
     check_identical(rows)

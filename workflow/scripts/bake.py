@@ -1,0 +1,13 @@
+"""Bake the light of a scene's sky and bounces."""
+
+from lfcore.opencl.device import open_device
+from lfcore.rendering.bake import bake_light
+from lfcore.workflow.batch import open_scene
+from lfcore.workflow.job import job, log_progress
+
+with job(snakemake.log[0], snakemake.threads):
+    scene, bvh = open_scene(snakemake.input)
+    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
+    light = bake_light(scene, bvh, device, scene.bake, progress=log_progress("steps"))
+    print(f"{light.rays} rays, {len(light.values)} points, error {light.error:.3g}")
+    light.save(snakemake.output[0])
