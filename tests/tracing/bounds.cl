@@ -5,6 +5,7 @@
 #undef MOST_COLUMNS
 #define MOST_COLUMNS (PACKET_COLUMNS / 4)
 #endif
+#include "light_space.cl"
 #include "shadow_mask.cl"
 
 #define CANDIDATE 16
@@ -143,4 +144,58 @@ kernel void columns(global const float *in, global const Leaf *leaf, global floa
     private int lit[BLOCK];
     for (int k = 0; k < ROW_GROUPS; ++k) VSTORE(m.lit[k], lit + k * LANES);
     vstore2((float2)(lit[(int)(in[3] - m.first.y)], 0.0f), get_global_id(0), out);
+}
+
+// Two corners of a box of hit points, the direction to a light, and a place that is seen from the
+// box in it, which no line of the shaft excludes: how much of the slack the nearest line has used.
+kernel void shafts(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const float light[3] = {in[6], in[7], in[8]};
+    Box box;
+    float size = 0.0f, share = -FAR;
+    for (int k = 0; k < 3; ++k) {
+        box.lo[k] = min(in[k], in[3 + k]);
+        box.hi[k] = max(in[k], in[3 + k]);
+        size = max(size, max(fabs(box.lo[k]), fabs(box.hi[k])));
+    }
+    const Shaft shaft = make_shaft(light, 0, &box);
+    for (int line = 0; line < 6; ++line) {
+        const float na = shaft.na[line], nb = shaft.nb[line];
+        const float x = fma(in[9 + line / 2], na, in[9 + (line / 2 + 1) % 3] * nb);
+        share = max(share, (x - shaft.limit[line]) / (SHAFT_SLACK * (fabs(na) + fabs(nb)) * size));
+    }
+    vstore2((float2)(1.0f + share, 0.0f), get_global_id(0), out);
+}
+
+// A block's affine numerator and denominator, and a ray: its depth, and the least of the block.
+kernel void depths(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const Affine numerator = {{in[0], in[1], in[2]}}, denominator = {{in[3], in[4], in[5]}};
+    const Row row = {in[6], in[7], 0, 0};
+    const Rectangle grid = {0.0f, 0.0f, 7.5f, 7.5f};
+    const vf depth = plane_row(numerator, row) * reciprocal(plane_row(denominator, row));
+    const float least = depth_range(numerator, denominator, grid).x;
+    vstore2((float2)(FIRST(depth), least), get_global_id(0), out);
+}
+
+// A function a u + b v + g d + c, and the extremes of u, v and d over hit points: its value where
+// that is largest, and the largest value that culling assumes.
+kernel void pictures(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const float a = in[0], b = in[1], g = in[2], c = in[3];
+    Box hits;
+    float at[3];
+    for (int k = 0; k < 3; ++k) {
+        hits.lo[k] = min(in[4 + k], in[7 + k]);
+        hits.hi[k] = max(in[4 + k], in[7 + k]);
+        at[k] = in[k] < 0.0f ? hits.lo[k] : hits.hi[k];
+    }
+    LightSpace space;
+    set_range(&hits, &space);
+    const float value = fma(at[2], g, fma(at[0], a, fma(at[1], b, c)));
+    const vf most = most_in_range(&space, a, b, g, 1) + widened_constant(&space, a, b, g, c, 1);
+    vstore2((float2)(value, FIRST(most)), get_global_id(0), out);
 }

@@ -170,6 +170,50 @@ def share_of_frusta(run, outer):
     return share
 
 
+def share_of_shafts(run, outer):
+    """Of occluders up to 64 times as far away as the hit points are from the origin."""
+
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        c[:, :9] = np.sign(c[:, :9]) * between(c[:, :9], 0, 4095) / 4096  # few bits: sums are exact
+        box, towards, low = c[:, :6], c[:, 6:9], c[:, 10:13] < 0
+        corner = np.where(
+            low, np.minimum(box[:, :3], box[:, 3:]), np.maximum(box[:, :3], box[:, 3:])
+        )
+        away = 2.0 ** between(c[:, 13], 0, 6)
+        c[:, 9:12] = corner + away[:, None] * towards
+        near = np.abs(c[:, 9:12]).max(1) < 64 * np.abs(box).max(1)
+        return run(c)[0] * (near & (towards != 0).all(1))
+
+    return share
+
+
+def share_of_depths(run, outer):
+    """Of triangles that are nearly edge-on and in focus, so that all rays have one depth."""
+
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        c[:, 6:8] = -np.sign(c[:, 4:6]) * (between(c[:, 6:8], 0, 1) + 5.5)
+        c[:, 3] = 22.5 * np.abs(c[:, 4:6]).sum(1) * (1 + np.abs(c[:, 8]) % 0.1)
+        c[:, :3] = np.abs(c[:, 9:10]) * c[:, 3:6] * (1 + c[:, 10:13] * 2.0**-30)
+        c[:, :6] = np.float32(c[:, :6])
+        depth, least = run(c)
+        return (1 - (depth - least) / least / (10 * 2.0**-24)) * (least > 0)
+
+    return share
+
+
+def share_of_pictures(run, outer):
+    def share(candidates):
+        c = candidates.astype(np.float64)
+        largest = np.maximum(np.abs(c[:, 4:7]), np.abs(c[:, 7:10]))
+        bound = 11 * 2.0**-24 * ((np.abs(c[:, :3]) * largest).sum(1) + np.abs(c[:, 3]))
+        value, most = run(c)
+        return 1 - (most - value) / bound
+
+    return share
+
+
 @pytest.mark.parametrize(
     ("name", "shares", "outer"),
     [
@@ -180,6 +224,9 @@ def share_of_frusta(run, outer):
         ("corners", share_of_corners, 1),
         ("boxes", share_of_boxes, 1),
         ("frusta", share_of_frusta, 1),
+        ("shafts", share_of_shafts, 1),
+        ("depths", share_of_depths, 1),
+        ("pictures", share_of_pictures, 1),
     ],
 )
 def test_more_than_half_of_a_bound_is_used(device, name, shares, outer):

@@ -1,5 +1,5 @@
-// Compaction: a packet of several blocks of one element keeps those triangles of the candidates that
-// the packet may hit, so that its blocks set up few others.
+// Compaction: a packet of several blocks of one element keeps those triangles of the candidates
+// that the packet may hit, so that its blocks set up few others.
 #pragma once
 #include "triangles.cl"
 

@@ -60,24 +60,36 @@ inline Affine element_affine(Affine f, float u, float v)
     return f;
 }
 
+// Whether corner values are positive, and none is more than twice another: rounding errors are then
+// in proportion to each.
+inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }
+
+// Least and most depth over a rectangle: the quotient is linear-fractional with a denominator of
+// one sign, so the extremes are at the corners.  (0, 0) where rounding errors may be large.
+inline float2 depth_range(Affine numerator, Affine denominator, Rectangle grid)
+{
+    const float4 n = corner_values(numerator, grid), d = corner_values(denominator, grid);
+    const float4 z = n / d;
+    if (!are_even(n) || !are_even(d)) return 0.0f;
+    return (float2)(least_of(z) * (1.0f - DEPTH_SLACK), most_of(z) * (1.0f + DEPTH_SLACK));
+}
+
 // A triangle that every ray of the block passes through: accept it or reject it at once, if its
-// range of depths and that of the block's hits do not overlap; false if they do.  Depth is linear-
-// fractional with a denominator of one sign, so its extremes are at the corners.
+// range of depths and that of the block's hits do not overlap; false if they do.
 inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (c->covering_triangle == BUFFERED) return 0;
     const Affine numerator = affine_of(t->functions + NUMERATOR, lane);
     const Affine denominator = affine_of(t->functions + DENOMINATOR, lane);
     const Rectangle grid = {0.0f, 0.0f, c->half_extent, c->half_extent};
-    float least = FAR, most = -FAR;
+    float near = FAR, far = 0.0f;
     for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
         const float u = k & 1 ? OUTER_HALF : -OUTER_HALF, v = k & 2 ? OUTER_HALF : -OUTER_HALF;
-        const float2 z = quotient_range(element_affine(numerator, u, v),
-                                        element_affine(denominator, u, v), grid);
-        least = min(least, z.x);
-        most = max(most, z.y);
+        const float2 z = depth_range(element_affine(numerator, u, v),
+                                     element_affine(denominator, u, v), grid);
+        near = min(near, z.x);
+        far = max(far, z.y);
     }
-    const float near = least * (1.0f - DEPTH_SLACK), far = most * (1.0f + DEPTH_SLACK);
     if (!(near > 0.0f)) return 0;
     if (near > c->z_far) return 1;
     if (!(far < c->z_near)) return 0;

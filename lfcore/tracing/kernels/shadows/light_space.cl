@@ -62,6 +62,32 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *space, global cons
                  x[2]};
 }
 
+inline void set_range(const Box *hits, LightSpace *space)
+{
+    for (int k = 0; k < 3; ++k) {
+        space->middle[k] = 0.5f * (hits->lo[k] + hits->hi[k]);
+        space->half_extent[k] = 0.5f * BOUND_SLACK * (hits->hi[k] - hits->lo[k]);
+        space->most[k] = max(fabs(hits->lo[k]), fabs(hits->hi[k]));
+    }
+}
+
+// The most of a u + b v, and of g d besides for a `face`, over the hit points' box, without c.
+inline vf most_in_range(const LightSpace *space, vf a, vf b, vf g, int face)
+{
+    const vf most = fma(a, (vf)(space->middle[0]), b * space->middle[1]) +
+                    fma(fabs(a), (vf)(space->half_extent[0]), fabs(b) * space->half_extent[1]);
+    if (!face) return most;
+    return most + fma(g, (vf)(space->middle[2]), fabs(g) * space->half_extent[2]);
+}
+
+// c with a bound of the rounding errors of such a function at hit points.
+inline vf widened_constant(const LightSpace *space, vf a, vf b, vf g, vf c, int face)
+{
+    vf most = fma(fabs(a), (vf)(space->most[0]), fma(fabs(b), (vf)(space->most[1]), fabs(c)));
+    if (face) most = fma(fabs(g), (vf)(space->most[2]), most);
+    return fma(most, (vf)(LIGHT_SPACE_ERROR), c);
+}
+
 // Fill s->seen with u, v, d of the hit points in s->active, and bound them.  False if some lie
 // beside the light or behind it, where it has no picture of them.
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
@@ -88,11 +114,7 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
         }
         l->lit |= (uint)(box.lo[0] <= box.hi[0]) << stripe;
     }
-    for (int k = 0; k < 3; ++k) {
-        space->middle[k] = 0.5f * (hits.lo[k] + hits.hi[k]);
-        space->half_extent[k] = 0.5f * BOUND_SLACK * (hits.hi[k] - hits.lo[k]);
-        space->most[k] = max(fabs(hits.lo[k]), fabs(hits.hi[k]));
-    }
+    set_range(&hits, space);
     if (!r->is_point) return 1;
     const float nearest = NEAREST_SHARE * largest_component(r->half_extent);
     return hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f;
@@ -118,19 +140,12 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
         const vf a = component(plane.n, space->axes[0]), b = component(plane.n, space->axes[1]);
         const vf n = component(plane.n, space->axes[2]);
         const vf c = r->is_point ? n * space->sign : plane.c;
-        vf largest = fma(a, (vf)(space->middle[0]), b * space->middle[1]) +
-                     fma(fabs(a), (vf)(space->half_extent[0]), fabs(b) * space->half_extent[1]);
-        vf error = fma(fabs(a), (vf)(space->most[0]), fma(fabs(b), (vf)(space->most[1]), fabs(c)));
-        vf g = 0.0f;
-        if (k == 3) {
-            const vf along = fma(a, (vf)(space->slope_x), fma(b, (vf)(space->slope_y), n));
-            g = r->is_point ? plane.c : along;
-            largest += fma(g, (vf)(space->middle[2]), fabs(g) * space->half_extent[2]);
-            error = fma(fabs(g), (vf)(space->most[2]), error);
-        }
-        const vf function[PICTURE_TERMS] = {a, b, g, c, fma(error, (vf)(LIGHT_SPACE_ERROR), c)};
+        const vf along = fma(a, (vf)(space->slope_x), fma(b, (vf)(space->slope_y), n));
+        const vf g = k < 3 ? (vf)(0.0f) : r->is_point ? plane.c : along;
+        const vf most_c = widened_constant(space, a, b, g, c, k == 3);
+        const vf function[PICTURE_TERMS] = {a, b, g, c, most_c};
         for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(function[term], out->of[k][term]);
-        may &= GE(largest + function[MOST_C], (vf)(0.0f));
+        may &= GE(most_in_range(space, a, b, g, k == 3) + most_c, (vf)(0.0f));
     }
     return row_bits(may);
 }

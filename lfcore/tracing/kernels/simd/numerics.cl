@@ -33,12 +33,16 @@
 #define FRUSTUM_SLACK GAMMA(7.0f)
 // Hit points on a triangle, and the columns and rows of its rays: an estimate.
 #define HIT_SLACK GAMMA(17.0f)
-// Lines of shafts, whose normals and limits come from boxes of hit points: an estimate.
-#define SHAFT_SLACK GAMMA(67.0f)
-// Edges and planes of occluders in light space: an estimate.
-#define LIGHT_SPACE_ERROR GAMMA(34.0f)
-// Depths at a block's corners against those at its rays: an estimate.
-#define DEPTH_SLACK GAMMA(17.0f)
+// Lines of shafts, in proportion to the box of hit points: products and sum (2) and the slack's own
+// sum (1); evaluation at an occluder up to 64 times as far from the origin, a product in proportion
+// to half of that (32) and an fma (1).
+#define SHAFT_SLACK GAMMA(36.0f)
+// Functions of occluders in light space: evaluation at a hit point (3); a product, a difference to
+// the middle, two sums, those with g's and c's terms (6), c's own (1); the bound (1).
+#define LIGHT_SPACE_ERROR GAMMA(11.0f)
+// Depths at a block's corners against those at its rays, of numerators and denominators that differ
+// by a factor of two at the most: measured, at most 6.1 roundings.  Both places round alike.
+#define DEPTH_SLACK GAMMA(10.0f)
 // Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it: a
 // millionth.  Half of it darkens rays beside a neighbouring triangle, four times it loses contact
 // shadows: measured against the float64 oracle.
