@@ -32,6 +32,8 @@ BESIDE = {
     "textures": {"read_maps", "mip_level", "find_tangent", "texture_row", "read_patch",
                  "TexelPatch"},
     "highlights": {"highlight"},
+    "baked light": {"set_up_light", "baked_row", "sky_row"},
+    "light above white": {"encode_pq"},
     "packets of one element": {"compacted_tree", "compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
                       "SensorPlanes", "Strip"},
