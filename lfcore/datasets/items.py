@@ -36,6 +36,8 @@ SHARED_DB = 1.5
 """The error in dB that both grids of a pair share, so that their disagreement does not show it."""
 MOST_SIDE = 12
 """The most rays per pixel and side of a light field's view."""
+SHARED_DB = 1.5
+"""The error in dB that both grids of a pair share, so that their disagreement does not show it."""
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """Edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)

@@ -70,7 +70,10 @@ def described(given: Description | str | Path | Mapping[str, Any]) -> Descriptio
     Description = _class()
     if isinstance(given, Description):
         return given
-    return Description.check(given) if isinstance(given, Mapping) else Description.read(given)
+    if isinstance(given, Mapping):
+        return Description.check(given)
+    assert isinstance(given, str | Path)
+    return Description.read(given)
 
 
 def camera_of(description: Description) -> Camera:
