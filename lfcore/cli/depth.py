@@ -52,6 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
         slab = field.made_views
         of_samples = partial(field.depth, scene, device=arguments.device)
     else:
+        assert scene  # checked above
         slab = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
         of_samples = partial(depths.depth_of_views, open_tracer(scene, arguments.device), slab)
     if arguments.output:

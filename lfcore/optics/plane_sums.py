@@ -178,7 +178,8 @@ class PlaneSums:
         return read_arrays(
             path, "file of sums",
             lambda data: cls(
-                slab, list(planes), data["sums"], *data["corner"].tolist(), float(data["one"])
+                slab, list(planes), data["sums"],
+                int(data["corner"][0]), int(data["corner"][1]), float(data["one"]),
             ),
         )  # fmt: skip
 

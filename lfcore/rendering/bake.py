@@ -167,7 +167,8 @@ class Baker:
             self._add(part, glow, count)
             if self.options.bounces:
                 colour = self.around.albedo(faces, weights).astype(np.float16)
-                self._hits.append((part, count, np.int32(faces), np.float16(weights), colour))
+                hits = faces.astype(np.int32), weights.astype(np.float16), colour
+                self._hits.append((part, count, *hits))
                 found.append(np.unique(faces[faces >= 0]))
         every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
         return every[self.grids.first[every] < 0]

@@ -31,7 +31,7 @@ def lattice(side: int) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def grid_point(i: np.ndarray, j: np.ndarray, side: np.ndarray) -> np.ndarray:
+def grid_point(i: np.ndarray, j: np.ndarray, side: np.ndarray | np.int64) -> np.ndarray:
     """The number of a point on its grid."""
     return j * (2 * side + 3 - j) // 2 + i
 
@@ -49,7 +49,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.places)
 
-    def of(self, which: np.ndarray) -> Points:
+    def of(self, which: np.ndarray | slice) -> Points:
         return Points(*(array[which] for array in vars(self).values()))
 
     @classmethod
@@ -93,7 +93,8 @@ class Grids:
         self.instead = np.zeros(2 * len(sides), np.int64)
         self.index = np.zeros(0, np.int64)
         self._hashes = np.zeros(0, np.uint64)
-        self.points = Points(*(np.zeros((0, 3), np.float32) for _ in range(3)), np.zeros(0))
+        empty = np.zeros((0, 3), np.float32)
+        self.points = Points(empty, empty, empty, np.zeros(0))
         self._normals, self._flat = corner_normals(scene)
         corners = scene.triangles.reshape(-1, 3).astype(np.float64)
         self._low = corners.min(0)
@@ -139,10 +140,8 @@ class Grids:
             [np.rint((exact - self._low) / (self._size * _PLACE) + 0.37),
              np.rint(normals / _NORMAL + 0.37)], -1
         ).astype(np.int64)  # fmt: skip
-        made = [inset, normals, flat]
-        points = Points(
-            *(np.float32(array.reshape(-1, 3)) for array in made), np.repeat(edge, len(places))
-        )
+        made = (array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat))
+        points = Points(next(made), next(made), next(made), np.repeat(edge, len(places)))
         return points, _hashed(key.reshape(-1, 6))
 
     def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:

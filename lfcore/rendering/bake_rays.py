@@ -104,7 +104,9 @@ class Surroundings:
         ]
         # As the kernels reflect ambient light: diffuse, and specular as at normal incidence.
         is_metal = np.array([m.is_metallic for m in materials], bool)
-        self._base = np.float32(np.where(is_metal, _DIELECTRIC * (1 - np.array(metal)), 0))[:, None]
+        self._base = np.where(is_metal, _DIELECTRIC * (1 - np.array(metal)), 0).astype(np.float32)[
+            :, None
+        ]
 
     def _has(self, texture: int) -> bool:
         return texture >= 0 and len(self.scene.uvs) > 0
@@ -134,8 +136,8 @@ class Surroundings:
             light[out] = radiance(self.sky, towards[out])
         triangle = faces // 2
         material = self.scene.material_ids[triangle]
-        on = (faces >= 0) & self._emission.any(1)[material] & ~self._lamps[triangle]
-        on = np.flatnonzero(on)
+        glows = self._emission.max(1) > 0
+        on = np.flatnonzero((faces >= 0) & glows[material] & ~self._lamps[triangle])
         if len(on):
             kinds = np.array([m.emission_texture for m in self.scene.materials])
             light[on] = self._emission[material[on]]
@@ -159,7 +161,7 @@ class Surroundings:
     ) -> np.ndarray | float:
         """Colours of the textures ``kinds`` of materials at hits; 1 without."""
         if not len(self.scene.uvs) or (kinds < 0).all():
-            return np.float32(1)
+            return 1.0
         number = kinds[self.scene.material_ids[triangle]]
         found = np.ones((len(triangle), 3), np.float32)
         for texture in np.unique(number[number >= 0]).tolist():
@@ -180,7 +182,7 @@ class Surroundings:
         return total
 
     def _of_light(self, light: Light, points: Points) -> np.ndarray:
-        vector = np.float32(light.vector)
+        vector = np.array(light.vector, np.float32)
         towards = (
             vector - points.places if light.kind == POINT else np.tile(vector, (len(points), 1))
         )
@@ -191,7 +193,7 @@ class Surroundings:
         if light.kind == POINT and light.reference_distance_m:
             strength *= (np.float32(light.reference_distance_m) / distance) ** 2
         if any(light.normal):
-            cosine = -_dot(unit, np.float32(light.normal))
+            cosine = -_dot(unit, np.array(light.normal, np.float32))
             if light.is_spot:
                 inner, outer = light.cone
                 cosine = np.clip((cosine - outer) / max(inner - outer, 0.001), 0, 1) ** 2
@@ -205,7 +207,7 @@ class Surroundings:
             own = (triangle >= light.own[0]) & (triangle < light.own[1])
             dark = (triangle >= 0) & ~own & ((far < 1) | (light.kind != POINT))
             strength[lit[dark]] = 0
-        return strength[:, None] * np.float32(light.colour)
+        return strength[:, None] * np.array(light.colour, np.float32)
 
 
 def _reduced(texture: np.ndarray) -> np.ndarray:

@@ -142,7 +142,10 @@ def _between(values: np.ndarray, side: int, floor: float) -> tuple[np.ndarray, n
     # Across a cell's diagonal where both are odd.
     step = np.stack([odd[:, 0], np.where(odd[:, 0] == 1, -odd[:, 1], odd[:, 1])], 1)
     ends = [(places + sign * step) // 2 for sign in (-1, 1)]
-    a, b = (values[:, :, grid_point(end[:, 0], end[:, 1], np.int64(side))] for end in ends)
+    a, b = (
+        values[:, :, grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64)]
+        for end in ends
+    )
     x, y = a.mean(-1), b.mean(-1)
     rough = abs(x - y) > _CONTRAST * np.maximum(np.maximum(x, y), floor)
     return (a + b) / 2, rough

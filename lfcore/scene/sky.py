@@ -156,7 +156,11 @@ def _looked_up(panorama: np.ndarray, world: np.ndarray, turned: float) -> np.nda
     v = np.arccos(np.clip(world[..., 1], -1, 1)) / math.pi
     x, y = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
     return cv2.remap(
-        panorama, np.float32(x), np.float32(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+        panorama,
+        x.astype(np.float32),
+        y.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_WRAP,
     )
 
 
@@ -164,7 +168,8 @@ def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
     """Above the horizon linear in the sine of the elevation; below as at the horizon."""
     height = GRADIENT_SIDE
     up = np.maximum(np.cos((np.arange(height) + 0.5) / height * math.pi), 0)[:, None]
-    return np.repeat(np.float32(horizon + up * (zenith - horizon))[:, None], 2 * height, axis=1)
+    rows = (horizon + up * (zenith - horizon)).astype(np.float32)
+    return np.repeat(rows[:, None], 2 * height, axis=1)
 
 
 def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:

@@ -171,9 +171,11 @@ def test_the_command_alone_hands_the_page_to_the_browser(field, monkeypatch, cap
 
     def visit(address: str) -> None:
         def read() -> None:
-            with urllib.request.urlopen(address, timeout=30) as page:
-                got.append(page.read().decode())
-            _thread.interrupt_main()  # as Ctrl+C, which ends the service
+            try:
+                with urllib.request.urlopen(address, timeout=30) as page:
+                    got.append(page.read().decode())
+            finally:
+                _thread.interrupt_main()  # as Ctrl+C, which ends the service
 
         threading.Thread(target=read).start()
 

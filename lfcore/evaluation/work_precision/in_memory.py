@@ -64,7 +64,7 @@ def memory_rows(
             }
         for name, (setting, work) in works.items():
             yield timed_point(
-                reference, lambda work=work, shown=shown: work()[shown], tracer.device,
+                reference, partial(_shown, work, shown), tracer.device,
                 panel=IN_MEMORY, method=name.split(":")[0],
                 setting=setting, rays=field.slab.rays,
             )  # fmt: skip
@@ -84,6 +84,10 @@ def trace_views(tracer: Tracer, slab: Slab) -> Views:
 
 
 Work = Callable[[], np.ndarray]
+
+
+def _shown(work: Work, shown: tuple) -> np.ndarray:
+    return work()[shown]
 
 
 def _shift_sum(field: Views, planes: Planes, *, filter: str) -> Work:
