@@ -25,7 +25,7 @@ SCENE = re.compile(r"(scenes/\w+|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)
 FOREIGN = re.compile(r"https?://|--serve|array\.exr|chess\.mkv|(boxes|shots|views)/ ")
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
-SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "25",
+SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "32",
            "--tiles": "3"}  # fmt: skip
 PARSER = parser()
 
