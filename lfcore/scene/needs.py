@@ -40,6 +40,8 @@ class Needs:
     coloured_lights : some light's colour is not grey.
     emitters : some point light is a point of a surface that glows.
     spots : some point light shines within a cone.
+    baked : light of the sky and of surfaces is baked.
+    sky : rays without a hit see a sky.
     stops : above white, that hold the brightest ray; 0: none is above it.
     """
 
@@ -60,6 +62,8 @@ class Needs:
     coloured_lights: bool
     emitters: bool
     spots: bool
+    baked: bool
+    sky: bool
     stops: int
 
     @classmethod
@@ -88,6 +92,8 @@ class Needs:
             coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
             emitters=any(light.is_of_emitter for light in lights),
             spots=any(light.is_spot for light in lights),
+            baked=scene.light is not None,
+            sky=len(scene.sky) > 0,
             stops=stops_above_white(scene),
         )
 

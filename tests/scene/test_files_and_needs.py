@@ -79,7 +79,7 @@ def test_needs_of_everything(scene):
         vertex_colours=False,
         specular=True, emission=False, ambient=True, background=False, shadows=True, point_lights=1,
         directional_lights=1, falloff=True, coloured_lights=True, emitters=False, spots=False,
-        stops=5,
+        baked=False, sky=False, stops=5,
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.baked import BakedLight
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
@@ -42,6 +43,18 @@ def _without_lights(scene: Scene) -> Scene:
     return replace(scene, lights=[], clip=False)
 
 
+def _black_light(scene: Scene) -> Scene:
+    """A sky needs baked light, too."""
+    if scene.light:
+        return scene
+    grids = np.tile(np.int32([0, 0, 1]), (scene.triangle_count, 1))
+    return replace(scene, light=BakedLight(grids, np.zeros((3, 3), np.float32)))
+
+
+def _black_sky(scene: Scene) -> Scene:
+    return replace(_black_light(scene), sky=np.zeros((8, 8, 3), np.float32))
+
+
 def _white_corners(scene: Scene) -> Scene:
     return replace(scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))
 
@@ -59,6 +72,10 @@ def _flat_normals(scene: Scene) -> Scene:
 def _unused_texture(scene: Scene) -> Scene:
     uvs = np.zeros((scene.triangle_count, 3, 2), np.float32)
     return replace(scene, uvs=uvs, textures=[np.full((2, 2, 3), 255, np.uint8)])
+
+
+def _in_the_dark(scene: Scene) -> Scene:
+    return replace(scene, ambient=(0.0,) * 3, background=(0.0,) * 3)
 
 
 def _without_shadows(scene: Scene) -> Scene:
@@ -98,6 +115,10 @@ FEATURES = (
     Feature("coloured_lights", (), "two of the three factors of a grey light"),
     Feature("emitters", (), "cosines at emitting surfaces, and their emission"),
     Feature("spots", (), "cones of lights"),
+    Feature("baked", ("BAKED",), "baked light (without background and ambient light)",
+            _black_light, _in_the_dark),
+    Feature("sky", ("SKY",), "the sky and baked light (without background and ambient light)",
+            _black_sky, _in_the_dark),
     Feature("stops", (), "sums of light above white (ambient light)", part=_without_lights),
 )  # fmt: skip
 
