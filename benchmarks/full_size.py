@@ -51,7 +51,7 @@ CHOICE = {
     "bytes": "bytes", "psnr_true_db": "true PSNR dB",
 }  # fmt: skip
 """The published columns of the table on chosen rays, and their names."""
-SHOWN = (16, 64, 512)
+SHOWN = (16, 512)
 """The N whose rows are on the page; the CSV files have all."""
 DIGITS = {"seconds": 1, "psnr_db": 1, "psnr_true_db": 1, "ssim": 4, "ratio_float32": 0}
 
@@ -239,7 +239,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         lines += [""]
     lines += ["## Pictures", ""]
     for title, file in stacks:
-        lines += [f"![{title.partition(':')[0]}]({file})", "", f"{title}.", ""]
+        lines += [f"![{title}]({file})", ""]
     more = f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
     lines += [*wrapped(Result(provenance, run.first).source()), "", more, ""]
     return "\n".join(lines)

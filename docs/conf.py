@@ -26,6 +26,7 @@ smartquotes = False
 nitpicky = False
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"

@@ -34,7 +34,7 @@ examples:
       depth, disparity and materials of every view traced again, not those of the file
   lfcore export bike.mkv --format hci --views 9x9 --baseline 6mm -o bike_9x9
   lfcore export bike.mkv --format nerfstudio -o bike_nerf
-  lfcore export bike.mkv --format quilt --tiles 8x6 -o quilt
+  lfcore export bike.mkv --format quilt:8x6 -o quilt
 
 formats:
 """
@@ -64,7 +64,10 @@ def import_options(command: argparse.ArgumentParser) -> None:
 def export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("lightfield", help="light field file (.mkv), or its URL")
     add_output(command, "folder to write")
-    command.add_argument("--format", required=True, metavar="NAME", help="see below")
+    command.add_argument(
+        "--format", required=True, type=_format_and_tiles, metavar="NAME",
+        help="see below; a quilt's columns and rows may follow: quilt:8x6",
+    )  # fmt: skip
     part = command.add_argument_group("a part of it")
     part.add_argument("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
     add(part, "baseline", pixels="M x M pixels, of a file with depth (as recorded for)")
@@ -74,9 +77,15 @@ def export_options(command: argparse.ArgumentParser) -> None:
     add_scene(group, "--scene", "the scene that was recorded: traces depth of every view")
     more = group.add_argument
     more("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
-    more("--tiles", type=values.pair, metavar="CxR", help="of a quilt")
     more("--depth-range", type=values.positive, nargs=2, metavar=("NEAR", "FAR"),
          help="metres, where the file does not hold them")  # fmt: skip
+
+
+def _format_and_tiles(text: str) -> tuple[str, tuple[int, int] | None]:
+    name, _, tiles = text.partition(":")
+    if tiles and name != "quilt":
+        raise argparse.ArgumentTypeError(f"{name} has no tiles")
+    return name, values.pair(tiles) if tiles else None
 
 
 def run_import(arguments: argparse.Namespace) -> None:
@@ -114,10 +123,11 @@ def run_export(arguments: argparse.Namespace) -> None:
 
     scene = open_scene(arguments) if arguments.scene else None
     near, far = arguments.depth_range or (None, None)
-    with progress(f"writing {arguments.format}", "views") as report:
+    format, tiles = arguments.format
+    with progress(f"writing {format}", "views") as report:
         notes = lfcore.export_lightfield(
             arguments.lightfield,
-            arguments.format,
+            format,
             arguments.output,
             selection=Selection(
                 arguments.views, arguments.baseline, arguments.crop, arguments.pixels,
@@ -126,7 +136,7 @@ def run_export(arguments: argparse.Namespace) -> None:
             scene=scene,
             device=arguments.device,
             options=WriteOptions(
-                Order.parse(arguments.order) if arguments.order else None, arguments.tiles,
+                Order.parse(arguments.order) if arguments.order else None, tiles,
                 near_m=near, far_m=far, progress=report,
             ),
         )  # fmt: skip

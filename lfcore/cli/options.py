@@ -41,9 +41,8 @@ KINDS: dict[str, dict[str, Any]] = {
                  "at white; -2, 0:soft"},
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
                  "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
-    "normalise": {"action": argparse.BooleanOptionalAction,
-                  "help": "same brightness at every aperture (default), or dims as the lens stops "
-                  "down"},
+    "no_normalise": {"action": "store_const", "const": False, "dest": "normalise",
+                     "help": "dim as the lens stops down"},
     "crf": {"type": values.number(0, 63),
             "help": "constant rate factor; lower is better and larger"},
     "white": {"type": values.positive, "metavar": "L",

@@ -44,7 +44,7 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Options of the pictures that a command makes, of a light field file or of a scene."""
     one = command.add_argument_group("the picture")
     add_focus(one, of_file=of_file)
-    add(one, "aperture", "normalise", "bits", "exposure")
+    add(one, "aperture", "no_normalise", "bits", "exposure")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",

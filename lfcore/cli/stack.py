@@ -67,7 +67,7 @@ def options(command: argparse.ArgumentParser) -> None:
         "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
-    add(what, "aperture", "normalise")
+    add(what, "aperture", "no_normalise")
     made = command.add_argument_group("form")
     made.add_argument("--sheet", action="store_true", help="all pictures in one")
     made.add_argument(

@@ -24,12 +24,12 @@ examples:
   lfcore view bike.mkv -o bike.html --pixels 128      the page as a file, a small one
   lfcore view bike.mkv --serve 8000                   at http://127.0.0.1:8000/
   lfcore view bike.mkv -o corner.png --view 0 3       lens column 0, row 3
-  lfcore view bike.mkv -o between.png --at 12.5 -40   any point of the lens, of a file with depth
+  lfcore view bike.mkv -o between.png --view 12.5mm -40mm    between views, of a file with depth
   lfcore view bike.mkv -o lens.png --macropixel 64 32
   lfcore view bike.mkv -o sheet.png --grid 3          3 x 3 views, evenly from the whole lens
 """
 PAGES = (".html", ".htm")
-OF_PICTURES = ("view", "at", "macropixel", "exposure")
+OF_PICTURES = ("view", "macropixel", "exposure")
 OF_PAGES = ("pixels", "format", "jpeg_quality", "serve")
 
 
@@ -41,10 +41,9 @@ def options(command: argparse.ArgumentParser) -> None:
         "--grid", type=values.views, metavar="K",
         help="K x K views: side by side in a picture, or 9 to 33 in a page (17)",
     )  # fmt: skip
-    add(what, view="lens column and row")
     what.add_argument(
-        "--at", nargs=2, type=values.number(), metavar=("S", "T"),
-        help="mm right of and below the middle of the lens, of a file with depth",
+        "--view", nargs=2, type=_lens_place, metavar=("I", "J"),
+        help="lens column and row, or of a file with depth: 12.5mm right of its middle, 4mm below",
     )  # fmt: skip
     what.add_argument(
         "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
@@ -65,6 +64,11 @@ def options(command: argparse.ArgumentParser) -> None:
         help="serve the page on this machine until interrupted",
     )  # fmt: skip
     add(command, "device")
+
+
+def _lens_place(text: str) -> int | float:
+    """A column or row, or metres from the middle of the lens."""
+    return values.number()(text[:-2]) / 1000 if text.endswith("mm") else values.count(0)(text)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -110,10 +114,15 @@ def _picture(arguments: argparse.Namespace) -> None:
         picture = field.macropixel(*arguments.macropixel, codes=codes)
     elif arguments.grid:
         picture = _grid(field, arguments)
-    elif arguments.at:
-        picture = field.views_at(np.array([arguments.at]) / 1000, device=arguments.device)[0]
     else:
-        picture = field.view(*(arguments.view or (side // 2 for side in field.grid)), codes=codes)
+        place = arguments.view or [side // 2 for side in field.grid]
+        kinds = {type(each) for each in place}
+        if len(kinds) > 1:
+            refuse("--view", "mixes a column or row with mm", "Give both in mm")
+        if kinds == {float}:
+            picture = field.views_at(np.array([place]), device=arguments.device)[0]
+        else:
+            picture = field.view(*place, codes=codes)
     write_picture(arguments.output, picture, **arguments.exposure)
     wrote(arguments.output, f"; {field.count.frames} frames were decoded")
 

@@ -52,7 +52,7 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
             f"a quilt of {across} x {down} shows {across * down} views; there are "
             f"{source.columns} in a row",
             file=source.field.path,
-            key="--tiles",
+            key="tiles",
         )
     crop = (source.left, source.top, source.width, source.height)
     chosen = replace(source.selection, views=(across * down, 1), crop=crop)

@@ -263,7 +263,7 @@ function command(field, state) {
   const exposure = state.ev ? `--exposure ${number(state.ev)} ` : "";
   if (state.single && field.depth && metric && !state.depth) {
     const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * metric.pitch));
-    return `lfcore view ${file} --at ${x} ${y} ${exposure}-o picture.png`;
+    return `lfcore view ${file} --view ${x}mm ${y}mm ${exposure}-o picture.png`;
   }
   if (state.single || state.depth || state.x || state.y || state.tx || state.ty) return "";
   const words = ["lfcore refocus", file, `--focus ${number(state.d)}px`, `--f-number ${number(state.a)}views`];

@@ -38,7 +38,7 @@ COMMANDS = (
     "render scene.pbrt -o out/p.exr --samples 2:2 --light-points 4",
     "refocus store.mkv -o out/r.png --plane planes.yaml --aperture polygon:6:10 --no-normalise",
     "export store.mkv --format hci -o out/h --views 2x2 --baseline 6.25mm --crop 4x4+1+1",
-    "export store.mkv --format quilt --tiles 2x2 -o out/q",
+    "export store.mkv --format quilt:2x2 -o out/q",
     "export store.mkv --format nerfstudio -o out/n",
     "import views -o out/i.mkv --views 2x2 --order rows-up --codec ffv1",
     "import views -o out/i.mkv --views 2x2 --baseline 6mm --field-of-view 40 --focus 1.2",

@@ -25,8 +25,7 @@ SCENE = re.compile(r"(scenes/\w+|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)
 FOREIGN = re.compile(r"https?://|--serve|array\.exr|chess\.mkv|(boxes|shots|views)/ ")
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
-SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "32",
-           "--tiles": "3"}  # fmt: skip
+SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "32"}
 PARSER = parser()
 
 
@@ -166,8 +165,8 @@ def adapted(command: str, model: Model) -> list[str]:
             word = SMALLER[option] if _number(word) else "3x3"
         elif option == "--baseline":
             word = f"{model.lens_m / 8:.9g}m"
-        elif option == "--at":
-            word = f"{float(word) * 5 * model.lens_m:.9g}"
+        elif option == "--view" and word.endswith("mm"):
+            word = f"{float(word[:-2]) * 5 * model.lens_m:.9g}mm"
         elif option in ("--focus", "--focus-range", "--refocus") and _number(word):
             word = model.metres(word)
         word = re.sub(r"(?<=focus=)[\d.]+", lambda found: model.metres(found[0]), word)

@@ -260,7 +260,7 @@ def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
         both = np.isfinite(found) & np.isfinite(right)
         apart = max(apart, np.mean(np.abs(1 / found[both] - 1 / right[both]) > 0.02))
     assert abs(worst - float(expected)) < 4 and apart < 0.06
-    assert main([*export, "--format", "quilt", "--tiles", "8x6", "-o", str(tmp_path / "q")]) == 0
+    assert main([*export, "--format", "quilt:8x6", "-o", str(tmp_path / "q")]) == 0
     assert read_codes(tmp_path / "q" / "test_qs8x6a1.png").shape == (6 * 24, 8 * 24, 3)
     # Depth without the scene is the file's own.
     words = ["depth", "--lightfield", str(field.path), "-o", str(tmp_path / "depth.npz")]

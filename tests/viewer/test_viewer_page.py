@@ -157,9 +157,10 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
     for more, said in (
         (["-o", str(picture), "--pixels", "9"], "--pixels: belongs to a page"),
         (["-o", str(picture), "--serve"], "--serve: belongs to a page"),
-        (["-o", str(page), "--at", "2", "1"], "--at: belongs to a picture"),
+        (["-o", str(page), "--view", "2mm", "1mm"], "--view: belongs to a picture"),
         (["-o", str(page), "--grid", "3"], "grid: must be from 9 to 33"),
         (["--view", "2", "1"], "--output: is missing"),
+        (["-o", str(picture), "--view", "2", "1mm"], "--view: mixes a column or row with mm"),
         (["--json"], "--json: reports on a file"),
     ):
         assert main([*words, *more]) == 1
