@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import logging
 import os
+import shutil
+import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -129,9 +132,17 @@ def is_named(device: cl.Device, name: str | None) -> bool:
     return not name or name.lower() in f"{name_of(device)} {device.platform.version}".lower()
 
 
+def _give_pocl_a_folder() -> None:
+    """Where the user has none, PoCL offers no device without one of its own."""
+    if program_cache.folder() is None and "POCL_CACHE_DIR" not in os.environ:
+        folder = os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="lfcore-pocl-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+
+
 @functools.cache
 def all_devices() -> list[cl.Device]:
     """All devices that drivers offer, CPUs first, by the name of the driver."""
+    _give_pocl_a_folder()
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
