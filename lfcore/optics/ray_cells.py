@@ -128,19 +128,23 @@ def _lens_cells(count: int, pitch: float, aperture: Aperture) -> LensCells:
     edges = (np.arange(count + 1) - count / 2)[:, None] * pitch
     ends = np.maximum(edges[:-1], line - spacing / 2), np.minimum(edges[1:], line + spacing / 2)
     member, part = np.clip((ends[1] - ends[0]) / spacing, 0, 1), (ends[0] + ends[1]) / 2
-    area = member @ inside @ member.T
+    # The few points of each cell: without BLAS, whose threads spin where a machine is busy.
+    most = (member > 0).sum(1).max()
+    near = np.minimum((member > 0).argmax(1), len(line) - most)[:, None] + np.arange(most)
+    powers = [np.take_along_axis(member * part**power, near, 1) for power in range(3)]
+    rows = inside[near]
+
+    def sums(across: int, down: int) -> np.ndarray:
+        """(N N,) sums over each cell's open points of powers of their places."""
+        cells = np.einsum("jkp,jk->jp", rows, powers[down])[:, near]
+        return np.einsum("jik,ik->ji", cells, powers[across]).ravel()
+
+    area = sums(0, 0)
     filled = np.maximum(area, 1e-300)
     middle, extent = [], []
-    for axis in range(2):
-        first, second = (_moment(member, inside, part**power, axis) / filled for power in (1, 2))
-        middle.append(first.ravel())
-        spread = np.maximum(second - first**2, 0) + spacing**2 / 12
-        extent.append(np.sqrt(12 * spread).ravel())
-    share = area.ravel() * (spacing / pitch) ** 2
+    for first, second in ((sums(1, 0), sums(2, 0)), (sums(0, 1), sums(0, 2))):
+        middle.append(first / filled)
+        spread = np.maximum(second / filled - middle[-1] ** 2, 0) + spacing**2 / 12
+        extent.append(np.sqrt(12 * spread))
+    share = area * (spacing / pitch) ** 2
     return LensCells(np.stack(middle, 1), np.stack(extent, 1), share)
-
-
-def _moment(member: np.ndarray, inside: np.ndarray, place: np.ndarray, axis: int) -> np.ndarray:
-    """(rows, columns) sum of ``place`` (cells, points) of the points of each cell along x or y."""
-    across, down = (member * place, member) if axis == 0 else (member, member * place)
-    return down @ inside @ across.T
