@@ -2,7 +2,6 @@
 
     python benchmarks/tracer.py --out tracer.csv
     python benchmarks/tracer.py --scenes bike --angular 512 --peers embree --out bike.csv
-    python benchmarks/tracer.py --estimate --out estimate.csv
 
 Without a mode it compares: visibility (closest triangle and depth of every ray) and Algorithm 1
 (interpolated normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in
@@ -35,7 +34,6 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     modes = parser.add_mutually_exclusive_group()
-    modes.add_argument("--estimate", action="store_true", help="whole pictures at N = 512")
     for name, (_, text) in MODES.items():
         modes.add_argument(f"--{name}", action="store_true", help=text)
     options = parser.parse_args(arguments)
@@ -43,7 +41,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")
     if options.angular is None:
-        options.angular = [512] if options.estimate or _mode(options) else [16, 64, 512]
+        options.angular = [512] if _mode(options) else [16, 64, 512]
     return options
 
 
@@ -57,20 +55,12 @@ def main() -> None:
     say(", ".join(f"{key} {value}" for key, value in here.items()))
     say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
     mode = _mode(options)
-    if mode:
-        rows = MODES[mode][0](options)
-    elif options.estimate:
-        options.peers = []
-        rows = compare.estimate(compare.compare(options))
-    else:
-        rows = compare.compare(options)
+    rows = (MODES[mode][0] if mode else compare.compare)(options)
     rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
     print_table(
         rows, leave_out=("note", "processor", "cores", "threads", "sampled_rays", "repeats")
     )
-    if options.estimate:
-        say("estimated from the sampled share of each picture, not measured whole")
 
 
 if __name__ == "__main__":

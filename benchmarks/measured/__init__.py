@@ -1,1 +1,1 @@
-"""The measurements of tracer.py and store.py: sampled rays, our own methods, a module per mode."""
+"""The measurements of tracer.py: sampled rays, our own methods, a module per mode."""

@@ -1,4 +1,4 @@
-"""Our tracer against every peer, in turn in one run; and estimates for whole pictures."""
+"""Our tracer against every peer, in turn in one run."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -11,20 +11,15 @@ from benchmarks.measured.rows import in_turn, rates, say
 from benchmarks.measured.sample import sample_slab
 from benchmarks.measured.scenes import Loaded
 from benchmarks.peers.embree_packets import EmbreePackets
-from benchmarks.peers.embreex_rays import EmbreexRays
 from benchmarks.peers.method import Method, SkippedError
 from benchmarks.peers.mitsuba_picture import MitsubaPicture
 from benchmarks.peers.povray_picture import PovrayPicture
 from lfcore.optics.slab import Slab
 
 PEERS: dict[str, Callable] = {
-    "embree": EmbreePackets, "embreex": EmbreexRays, "mitsuba": MitsubaPicture,
-    "povray": PovrayPicture,
+    "embree": EmbreePackets, "mitsuba": MitsubaPicture, "povray": PovrayPicture,
 }  # fmt: skip
 """What makes a peer of a scene and the number of threads."""
-THESIS_SECONDS = {"bike": 1598, "cabin": 2789, "bedroom": 4230}
-GOAL_SECONDS = {"bike": 400, "cabin": 500, "bedroom": 700}
-TILE_RAYS = 1 << 30
 
 
 class Peers:
@@ -104,31 +99,3 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
                 "note": method.note,
             })  # fmt: skip
     return rows
-
-
-def estimate(rows: list[dict]) -> list[dict]:
-    """Whole-picture seconds of Algorithm 1 from the sampled rate, beside the thesis's.
-
-    We assume tiles of TILE_RAYS rays, each of which pays once for its accumulators.
-    ``seconds_free_cores`` is the estimate for unshared cores, from CPU time.
-    """
-    out = []
-    for row in rows:
-        if row["method"] != ours.NAME or row["work"] != "algorithm1":
-            continue
-        rays = (row["N"] * row["M"]) ** 2
-        fixed = -(-rays // TILE_RAYS) * (row["tile_seconds"] or 0.0)
-        free = rays / 1e6 / (row["mrays_per_core_second"] * row["threads"])
-        thesis = row["N"] == row["M"] == 512
-        out.append({
-            "scene": row["scene"],
-            "N": row["N"],
-            "M": row["M"],
-            "estimated_seconds": rays / 1e6 / row["mrays_per_second"] + fixed,
-            "estimated_seconds_free_cores": free + fixed,
-            "goal_seconds": GOAL_SECONDS.get(row["scene"]) if thesis else None,
-            "thesis_seconds": THESIS_SECONDS.get(row["scene"]) if thesis else None,
-            "sampled_rays": row["sampled_rays"],
-            "share_of_picture": row["sampled_rays"] / rays,
-        })  # fmt: skip
-    return out

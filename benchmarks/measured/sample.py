@@ -38,12 +38,6 @@ class Sample:
     def rays(self) -> int:
         return len(self.corners) * self.side**2 * self.slab.views**2
 
-    def thinned(self, most_rays: int) -> np.ndarray:
-        """(P, 2): evenly chosen pixels of the sample, with at most ``most_rays`` rays together."""
-        keep = max(1, most_rays // self.slab.views**2)
-        pixels = self.pixels
-        return pixels[np.linspace(0, len(pixels) - 1, min(keep, len(pixels))).astype(int)]
-
 
 def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
     """About ``mrays`` million rays of ``slab``, but at least one pixel in each cell."""

@@ -47,7 +47,7 @@ def _black_light(scene: Scene) -> Scene:
     """A sky needs baked light, too."""
     if scene.light:
         return scene
-    grids = np.tile(np.int32([0, 0, 1]), (scene.triangle_count, 1))
+    grids = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
     return replace(scene, light=BakedLight(grids, np.zeros((3, 3), np.float32)))
 
 
