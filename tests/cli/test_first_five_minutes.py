@@ -153,7 +153,7 @@ def adapted(command: str, model: Model) -> list[str]:
     """Words of a command with the model in place of its scene, at few pixels."""
     words, made, option = shlex.split(command, comments=True)[1:], [], ""
     for word in words:
-        if word.startswith("-") and not _number(word):
+        if re.match(r"-+[a-z]", word):
             option = word
         if option == "--from" and model.path.suffix == ".pbrt":
             continue  # its camera stays where it is
