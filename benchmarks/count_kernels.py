@@ -44,7 +44,6 @@ MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7
 
 
 def sources() -> dict[Path, str]:
-    """Every kernel file with its text."""
     return {path: path.read_text(encoding="ascii") for path in sorted(KERNELS.rglob("*.cl"))}
 
 

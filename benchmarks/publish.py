@@ -234,7 +234,6 @@ def _known(rows: pd.DataFrame, column: str, result: str) -> pd.Series:
 
 
 def markdown(rows: pd.DataFrame) -> Iterator[str]:
-    """The lines of a Markdown table."""
     yield f"| {' | '.join(rows.columns)} |"
     yield "|" + "---|" * len(rows.columns)
     for row in rows.itertuples(index=False):
@@ -242,7 +241,6 @@ def markdown(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def wrapped(text: str) -> list[str]:
-    """The lines of a paragraph."""
     return textwrap.wrap(text, 118, break_long_words=False, break_on_hyphens=False)
 
 

@@ -116,7 +116,6 @@ def cases(name: str, pixels: int, kept: Path | None) -> Iterator[Case]:
 
 
 def rows_of(case: Case, repeats: int, targets: list[float]) -> Iterator[dict]:
-    """A row per quality."""
     fixed = case.fixed(repeats)
     for target in targets:
         row: dict = {"planes": case.name, "asked dB": f"{target:g}"}

@@ -119,7 +119,6 @@ def run(
     words: tuple[str, ...],
     beside: Callable[[], None] = lambda: None,
 ) -> Run:
-    """One run of the workflow."""
     before = {one["number"] for one in slurm.jobs()}
     begun = time.monotonic()
     status, said = snakemake(slurm, folder, *words, beside=beside)

@@ -11,7 +11,6 @@ CORPUS = Path(__file__).with_name("corpus")
 
 
 def kept(target: str) -> list[Path]:
-    """The input files of a target, sorted."""
     folder = CORPUS / _slug(target)
     return sorted(path for path in folder.glob("*") if path.is_file()) if folder.is_dir() else []
 

@@ -177,7 +177,6 @@ class small_disk:
         _call(self._libc.umount2, bytes(self.folder), 2)  # MNT_DETACH: whatever is open there
 
     def grow(self, size: int) -> None:
-        """Room is made on the disk."""
         self._mount(REMOUNT, size)
 
 

@@ -49,7 +49,6 @@ def text(draw: Random) -> str:
 
 
 def scalar(draw: Random) -> object:
-    """Any value but a list or a mapping."""
     kind = draw.random()
     if kind < 0.6:
         return number(draw)

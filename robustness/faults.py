@@ -83,7 +83,6 @@ def miss_all(home: Path) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Cause accidents; status 1 when there are findings."""
     parser = argparse.ArgumentParser("robustness.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=20, help="how many (20)")
     count, bad = parser.parse_args(argv).kills, False

@@ -52,8 +52,6 @@ class Bench:
         target.sides(self.work)
 
     def run(self, inputs: Sequence[bytes]) -> list[Outcome]:
-        """The outcomes of inputs, run in children."""
-
         def one(index: int) -> Outcome:
             return self.target.judge(inputs[index], self.work)
 
@@ -61,7 +59,6 @@ class Bench:
         return [outcome for _, outcome in found]
 
     def batch(self, seed: int, count: int | None = None) -> None:
-        """The next inputs of the run ``seed``."""
         before = time.monotonic()
         count = count or self.target.batch
         indices = range(self.done, self.done + count)
@@ -77,7 +74,6 @@ class Bench:
             self.tally.add(outcome, data)
 
     def replay(self) -> None:
-        """Run the target's corpus and its seeds."""
         self.account([path.read_bytes() for path in corpus.kept(self.target.name)])
         self.account(self.seeds, are_seeds=self.target.takes_seeds)
 
@@ -145,7 +141,6 @@ def report(benches: Sequence[Bench]) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Fuzz; status 1 when there are findings."""
     parser = argparse.ArgumentParser("robustness.fuzz", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60, help="seconds of random inputs (60)")
     parser.add_argument(

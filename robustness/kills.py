@@ -71,7 +71,6 @@ class Killed:
             raise RuntimeError(f"{job.name} does not make the same twice: {before} {self.whole}")
 
     def clean(self) -> None:
-        """As before the first run."""
         for name in ("results", "logs", ".snakemake", "out"):
             shutil.rmtree(self.folder / name, ignore_errors=True)
         (self.folder / "out").mkdir()
@@ -108,7 +107,6 @@ class Killed:
         return (99, "it does not end") if said is None else (process.returncode, said[-2000:])
 
     def disturb(self, draw: Random, way: str, tally: Tally) -> None:
-        """Run, kill, run again, compare."""
         self.clean()
         after = draw.uniform(0, 1.05 * self.seconds)
         note = f"{self.job.name}, {way} after {after:.2f} of {self.seconds:.2f} s"
@@ -162,7 +160,6 @@ class Killed:
 
 
 def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
-    """Name below ``folder`` and SHA-256 of each file."""
     return {str(file.relative_to(folder)): file_digest(file) for file in sorted(files)}
 
 
@@ -213,7 +210,6 @@ def stat_of(process: int | str) -> list[str]:
 
 
 def descendants(process: int) -> list[int]:
-    """Processes below one, as /proc has them."""
     found: list[int] = []
     for file in Path("/proc").glob(f"{process}/task/*/children"):
         with suppress(OSError):

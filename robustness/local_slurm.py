@@ -46,7 +46,6 @@ class LocalSlurm:
     _node: subprocess.Popen | None = None
 
     def command(self, *words: str, check: bool = True) -> str:
-        """What one of SLURM's commands prints."""
         done = subprocess.run(
             words, env=self.environment, capture_output=True, text=True, timeout=60, check=False
         )
@@ -55,7 +54,6 @@ class LocalSlurm:
         return done.stdout
 
     def running(self) -> list[str]:
-        """Numbers of the jobs that run."""
         return self.command("squeue", "-h", "-t", "R", "-o", "%A").split()
 
     def jobs(self) -> list[dict[str, str]]:
@@ -69,7 +67,6 @@ class LocalSlurm:
         return [dict(zip(keys, line.split(), strict=False)) for line in text.splitlines()]
 
     def start_node(self) -> None:
-        """Start the server of the node, and wait until it takes jobs."""
         node = str(shutil.which("slurmd", path=PATHS))
         self._node = self.start(node, "-D", "-N", "node", "-f", self.environment["SLURM_CONF"])
         _until(

@@ -83,7 +83,6 @@ def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
 
 
 def objects(client, bucket: str) -> dict[str, str]:
-    """Name and SHA-256 of each object that holds no seconds."""
     found = {}
     for page in client.get_paginator("list_objects_v2").paginate(Bucket=bucket):
         for one in page.get("Contents", ()):

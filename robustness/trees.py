@@ -20,7 +20,6 @@ def damage_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def damage_json(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """A changed tree as JSON."""
     return _damage(draw, data, seeds, json.loads, json.dumps)
 
 

@@ -52,7 +52,6 @@ class Peers:
 
 
 def compare(options) -> list[dict]:
-    """Rows of the comparison over scenes and N."""
     rows = []
     for name in options.scenes:
         loaded = Loaded.open(name)

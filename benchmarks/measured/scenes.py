@@ -25,7 +25,6 @@ class Loaded:
 
     @classmethod
     def open(cls, name: str) -> Loaded:
-        """The scene of a folder of ``scenes/``."""
         say(f"building {name}")
         scene = build_scene(SCENES / name / "scene.yaml")
         bvh = build_bvh(scene.triangles)

@@ -128,7 +128,6 @@ def _picture(arguments: argparse.Namespace) -> None:
 
 
 def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray:
-    """K x K views side by side, from corner to corner of the lens."""
     from lfcore.refocus.free_views import served_positions
     from lfcore.refocus.views import read_views
 

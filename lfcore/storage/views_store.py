@@ -110,7 +110,6 @@ def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
 
 
 def _frame(picture: np.ndarray, layout: FrameLayout) -> np.ndarray:
-    """One planar frame."""
     if picture.dtype == np.uint16:
         picture = picture / np.float32(65535)
     return frames_from_rgb(

@@ -67,7 +67,6 @@ def _files(folder: Path) -> list[Path]:
 
 
 def write_blender(folder: Path, views: np.ndarray) -> None:
-    """Write a light field as IDLab's add-on does."""
     from PIL import Image
 
     (folder / "png").mkdir(parents=True)

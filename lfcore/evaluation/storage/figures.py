@@ -134,7 +134,6 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def _legend(figure: Figure, axis: Axes) -> None:
-    """The legend of one axis, beside all of them."""
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", fontsize=9)
 

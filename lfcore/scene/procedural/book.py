@@ -92,7 +92,6 @@ RED_ON_DARK = (240, 120, 96)
 
 
 def _ripples(seed: int, size: Size) -> np.ndarray:
-    """Interfering waves of five sources."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: size[0], : size[1]] / size[0]
     wave = np.zeros(size)
@@ -108,7 +107,6 @@ def _spine(title: str) -> np.ndarray:
 
 
 def _pages(seed: int) -> np.ndarray:
-    """Lines of paper edges along v."""
     rng = np.random.default_rng(seed + 3)
     shade = rng.uniform(0.78, 1.0, (1, 256, 1))
     return textures.finish(np.broadcast_to(np.array(CREAM) * shade, (256, 256, 3)))
