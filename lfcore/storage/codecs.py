@@ -170,7 +170,7 @@ class Encoding:
     def options(self, width: int) -> dict[str, str]:
         """The settings as FFmpeg's encoder options, for frames of that width."""
         if self.codec in ("libx264", "libx265"):
-            return (self._x264 if self.codec == "libx264" else self._x265)(width)
+            return self._x26x(width)
         return self._svtav1() if self.codec == "libsvtav1" else self._ffv1()
 
     def _named(self) -> dict[str, str]:
@@ -180,45 +180,26 @@ class Encoding:
     def _rate(self) -> dict[str, str]:
         return {} if self.crf is None else {"crf": f"{self.crf:g}"}
 
-    def _x264(self, width: int) -> dict[str, str]:
+    def _x26x(self, width: int) -> dict[str, str]:
         # Segments are joined: headers must not depend on what is in them (stitchable), and no
         # frame may refer beyond its own segment (open-gop=0).
-        own = {
-            "keyint": str(self.gop) if self.gop else "infinite",
-            "min-keyint": "1",
-            "scenecut": "0",
-            "open-gop": "0",
-            "stitchable": "1",
-        }
+        is_x265 = self.codec == "libx265"
+        endless = "-1" if is_x265 else "infinite"
+        own = {"keyint": str(self.gop or endless), "min-keyint": "1", "scenecut": "0",
+               "open-gop": "0"}  # fmt: skip
+        if is_x265:
+            own |= {"repeat-headers": "0", "info": "0", "log-level": "error"}
+        else:
+            own["stitchable"] = "1"
         if width % WHOLE_ROWS:
-            own["mbtree"] = "0"
-        if self.bframes is not None:
-            own["bframes"] = str(self.bframes)
-        if self.refs is not None:
-            own["ref"] = str(self.refs)
-        if self.lookahead is not None:
-            own["rc-lookahead"] = str(self.lookahead)
-        return self._named() | {"x264-params": _joined(own | dict(self.extra))}
-
-    def _x265(self, width: int) -> dict[str, str]:
-        own = {
-            "keyint": str(self.gop) if self.gop else "-1",
-            "min-keyint": "1",
-            "scenecut": "0",
-            "open-gop": "0",
-            "repeat-headers": "0",
-            "info": "0",
-            "log-level": "error",
-        }
-        if width % WHOLE_ROWS:
-            own["cutree"] = "0"
-        if self.threads == 1:
+            own["cutree" if is_x265 else "mbtree"] = "0"
+        if is_x265 and self.threads == 1:
             own |= {"pools": "none", "frame-threads": "1", "wpp": "0"}
-        if self.bframes is not None:
-            own["bframes"] = str(self.bframes)
-        if self.refs is not None:
-            own["ref"] = str(self.refs)
-        return self._named() | {"x265-params": _joined(own | dict(self.extra))}
+        lookahead = None if is_x265 else self.lookahead
+        chosen = {"bframes": self.bframes, "ref": self.refs, "rc-lookahead": lookahead}
+        own |= {key: str(value) for key, value in chosen.items() if value is not None}
+        name = self.codec.removeprefix("lib")
+        return self._named() | {f"{name}-params": _joined(own | dict(self.extra))}
 
     def _svtav1(self) -> dict[str, str]:
         os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to stderr by itself
