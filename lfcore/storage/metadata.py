@@ -48,19 +48,16 @@ _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
 @dataclass(frozen=True)
 class Metadata:
-    """Everything but the frames.
+    """Everything but the frames: the tag of the file format, whose page has all keys.
 
+    Attributes
+    ----------
     geometry : ``slab`` (then ``slab`` is one) or ``array`` (then ``array`` is a JSON object:
         :meth:`CameraArray.to_json`, and ``white``, the linear light of the brightest code).
     codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
     header_crc32 : of the codec's global header.
     scene : JSON object with at least ``name`` and ``digest``.
-    content : JSON object of what is known beside the rays: ``depth_m`` [nearest, farthest] seen,
-        ``expected`` of a file of a wanted quality: ``db`` of pictures with ``focus_m`` [nearest,
-        farthest], before the codec's loss unless ``codec_db`` is there; ``views`` per side that the
-        file is for, where fewer are stored;
-        ``metric`` false where the slab's lengths are not those of the cameras, but say how views
-        are shifted against one another; ``source``, what an imported one was.
+    content : JSON object of what is known beside the rays.
     depth : of the stream of inverse depths, where there is one.
     """
 
