@@ -10,7 +10,7 @@
 #   make cluster FAULTS=all    nodes that die or are full: docs/robustness.md
 #   make s3        the pipeline with its results in object storage, killed in between
 #   make bare      the smoke pipeline in a bare Debian: python3, python3-venv and make
-#   make bare SUITE=trixie STEPS="wheel try"    other targets, in another Debian; STEPS=container: as in a container
+#   make bare SUITE=trixie STEPS="wheel try"    other targets, in another Debian (.ci/bare.sh)
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
 #   make count     how much there is to read in the tracer's kernels

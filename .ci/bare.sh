@@ -4,6 +4,7 @@
 #   make bare                                       make smoke, in Debian 12 (Python 3.11)
 #   make bare SUITE=trixie STEPS="smoke wheel try"  another Debian, more targets of make
 #   make bare STEPS=container                       the steps of workflow/envs/Containerfile
+#   make bare STEPS=test DEVICE=pocl                the tests on Debian's PoCL, which is installed, too
 #
 # Nothing of the machine is used but its mirror of Debian, its settings of pip, which say where
 # packages come from, and the folders that these name, given in BARE_FOLDERS.
@@ -21,7 +22,8 @@ mirror=
 if grep -qx 'ID=debian' /etc/os-release; then
     mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)
 fi
-mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,make,ca-certificates "$suite" "$root" $mirror
+packages=python3,python3-venv,make,ca-certificates${LFCORE_DEVICE:+,pocl-opencl-icd}
+mmdebstrap --quiet --variant=minbase --include="$packages" "$suite" "$root" $mirror
 mkdir "$root/project"
 git archive HEAD | tar -x -C "$root/project"
 [ -f /etc/pip.conf ] && cp /etc/pip.conf "$root/etc/"
@@ -40,7 +42,7 @@ unshare --mount --propagation private sh -eu -c '
     # In the same network, with settings of pip and proxies, and nothing else of the environment.
     inside() {
         chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin \
-            $(env | grep -E "^(PIP_|https?_proxy=)" || true) "$@"
+            $(env | grep -E "^(PIP_|LFCORE_DEVICE=|https?_proxy=)" || true) "$@"
     }
     python=$(inside python3 -c "import platform; print(platform.python_version())")
     for step in $STEPS; do

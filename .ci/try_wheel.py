@@ -28,13 +28,10 @@ def main() -> None:
         near = field.refocus()
         assert picture.max() > 0.1 and np.abs(near - picture).mean() < 0.05
         command = Path(sys.executable).with_name("lfcore")
-        for words in (["info", "a.mkv"], ["refocus", "a.mkv", "-o", "a.png"], ["devices"]):
-            subprocess.run([command, *words], cwd=folder, check=True)
         (folder / "ball.yaml").write_text("objects: [{builder: sphere}]\n")
-        subprocess.run(
-            [command, "render", "ball.yaml", "-o", "b.png", "--pixels", "32"],
-            cwd=folder, check=True,
-        )  # fmt: skip
+        ball = "render ball.yaml -o b.png --pixels 32"
+        for words in ("devices --check", "info a.mkv", "refocus a.mkv -o a.png", ball):
+            subprocess.run([command, *words.split()], cwd=folder, check=True)
         assert (folder / "a.png").is_file() and (folder / "b.png").is_file()
     print(f"lfcore {lfcore.__version__} on Python {sys.version.split()[0]}: well")
 

@@ -25,11 +25,12 @@ def cells(order, columns, rows):
 
 
 def rgb(frame, form):
-    """(height, width, 3) float sRGB in [0, 1] of a decoded frame."""
+    """(height, width, 3) float R'G'B' in [0, 1] of a decoded frame."""
     if form == "gbrp":  # FFV1 holds it as blue, green, red, 0
         plane = np.frombuffer(frame.planes[0], np.uint8).reshape(frame.height, -1)
         return plane[:, : 4 * frame.width].reshape(frame.height, -1, 4)[..., 2::-1] / 255
-    kind, scale = (np.dtype("<u2"), 4) if "10le" in form else (np.dtype(np.uint8), 1)
+    bits = int(form[-4:-2]) if form.endswith("le") else 8
+    kind, scale = np.dtype("<u2" if bits > 8 else "u1"), 2 ** (bits - 8)
     codes = [np.frombuffer(p, kind).reshape(p.height, -1)[:, : p.width] for p in frame.planes]
     y, cb, cr = (c if c.shape == codes[0].shape else c.repeat(2, 0).repeat(2, 1) for c in codes)
     y, cb, cr = (y / scale - 16) / 219, (cb / scale - 128) / 112, (cr / scale - 128) / 112
@@ -38,20 +39,22 @@ def rgb(frame, form):
 
 
 def read(path):
-    """(metadata, rays): float32 [j, i, v, u, channel] sRGB; NaN for rays that are not recorded."""
+    """(metadata, rays): float32 [j, i, v, u, channel] R'G'B'; NaN for rays that are not there."""
     with av.open(str(path)) as file:
         about = json.loads(file.metadata["LIGHTFIELD"])
         layout, frames = about["layout"], file.decode(video=0)
         n, m, pack, form = (layout[key] for key in ("views", "pixels", "pack", "pixel_format"))
-        outer, inner = (n, m) if layout["kind"] == "views" else (m, n)
-        slot = inner + inner % 2 if "420" in form else inner
-        rays = np.full((outer, outer, inner, inner, 3), np.nan, np.float32)
+        outer, inner = (n, n), tuple(layout.get("picture", (m, m)))[::-1]  # rows, columns
+        if layout["kind"] == "macropixels":
+            outer, inner = inner, outer
+        slot = [side + side % 2 if "420" in form else side for side in inner]
+        rays = np.full((*outer, *inner, 3), np.nan, np.float32)
         for column, row, columns, rows, _first, _count, _bytes, _crc in about["segments"]:
             for block in cells(layout["order"], -(-columns // pack), -(-rows // pack)):
                 picture = rgb(next(frames), form)
                 for y, x in np.ndindex(pack, pack):
                     a, b = block[0] * pack + x, block[1] * pack + y
                     if a < columns and b < rows:
-                        part = picture[y * slot :, x * slot :][:inner, :inner]
-                        rays[row + b, column + a] = part
+                        part = picture[y * slot[0] :, x * slot[1] :]
+                        rays[row + b, column + a] = part[: inner[0], : inner[1]]
     return about, rays if layout["kind"] == "views" else rays.transpose(2, 3, 0, 1, 4)

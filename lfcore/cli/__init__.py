@@ -28,7 +28,7 @@ COMMANDS = {
     "import": ("exchange", "a light field file from another program's light field"),
     "export": ("exchange", "a light field file in another program's format"),
     "imgtool": ("imgtool", "camera arrays: synthesise pictures, convert EXR"),
-    "devices": ("inspect", "OpenCL devices, each checked"),
+    "devices": ("inspect", "OpenCL devices; check each"),
 }
 DESCRIPTION = "Light fields: record a scene once, choose focus, aperture and view afterwards."
 EPILOG = """examples:

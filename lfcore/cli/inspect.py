@@ -26,13 +26,19 @@ examples:
 
 
 DEVICES = """\
-List the OpenCL devices, and check a small scene on each against exact arithmetic. The default has
-an asterisk; LFCORE_DEVICE or --device chooses another by part of its name."""
+List the OpenCL devices. The default has an asterisk; LFCORE_DEVICE or --device chooses another by
+part of its name."""
 
 
 def info_options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command, "light field file (.mkv), its URL, or a scene")
     command.add_argument("--verify", action="store_true", help="check every segment")
+
+
+def devices_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--check", action="store_true", help="trace a small scene on each, against exact arithmetic"
+    )
 
 
 def devices(arguments: argparse.Namespace) -> None:
@@ -47,22 +53,27 @@ def devices(arguments: argparse.Namespace) -> None:
         print(software)
     for device in all_devices():
         default = is_named(device, asked) and not any(one["default"] for one in found)
-        problem = check_apart(name_of(device))
         found.append({
             "name": name_of(device), "compute_units": device.max_compute_units,
-            "memory_bytes": device.global_mem_size, "default": default, "problem": problem,
+            "memory_bytes": device.global_mem_size, "default": default,
         })  # fmt: skip
+        remarks = [f"{device.global_mem_size / 2**30:.1f} GiB"]
+        remarks += [] if is_cpu(device) else ["a GPU is slow: kernels are for processors"]
+        remarks += [] if device.double_fp_config else ["no float64: some rays pass at edges"]
+        if arguments.check:
+            problem = found[-1]["problem"] = check_apart(name_of(device))
+            remarks.append(f"FAILS: {problem}" if problem else "passes")
         if not arguments.json:
-            remarks = [f"FAILS: {problem}" if problem else "passes"]
-            remarks += [] if is_cpu(device) else ["a GPU is slow: kernels are for processors"]
-            remarks += [] if device.double_fp_config else ["no float64: some rays pass at edges"]
             print(
                 f"{'*' if default else ' '} {name_of(device)}, {device.max_compute_units} compute "
-                f"units, {device.global_mem_size / 2**30:.1f} GiB: {'; '.join(remarks)}",
+                f"units, {'; '.join(remarks)}",
                 flush=True,
             )
     if not any(one["default"] for one in found):
         lfcore.open_device()  # says which names there are
+    failed = sum(bool(one.get("problem")) for one in found)
+    if failed and not arguments.json:
+        raise lfcore.DeviceError(f"{failed} of {len(found)} devices fail the check")
 
 
 def info(arguments: argparse.Namespace) -> None:
@@ -188,5 +199,5 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
 
 COMMANDS = {
     "info": Command(INFO, INFO_EPILOG, info_options, info),
-    "devices": Command(DEVICES, "", lambda command: None, devices),
+    "devices": Command(DEVICES, "", devices_options, devices),
 }

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 
 from lfcore.errors import DeviceError
-from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.device import UPDATE, Device, open_device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
@@ -32,7 +32,12 @@ AT_SHADOWS = 2e-3
 
 
 def check_apart(name: str) -> str:
-    """What is wrong with the device of that name; empty if nothing is."""
+    """What is wrong with the device of that name, and the remedy; empty if nothing is."""
+    problem = _problem(name)
+    return problem and f"{problem}. {UPDATE}"
+
+
+def _problem(name: str) -> str:
     try:
         found = subprocess.run(command(name), capture_output=True, text=True, timeout=LONGEST_S)
     except subprocess.TimeoutExpired:
@@ -89,4 +94,4 @@ if __name__ == "__main__":
     try:
         print(check(open_device(sys.argv[1])))
     except DeviceError as error:
-        print(error)
+        print(error.problem)

@@ -42,7 +42,7 @@ _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
 )
-_UPDATE = "Update this driver, or choose another device: 'lfcore devices' checks each"
+UPDATE = "Update this driver, or name another in LFCORE_DEVICE: 'lfcore devices --check' tests each"
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,8 @@ def all_devices() -> list[cl.Device]:
         try:
             found += platform.get_devices()
         except cl.Error as error:
-            log.warning("OpenCL platform %s passed over: %s", platform.name, error)
+            name = f"{platform.name} {platform.version}"
+            log.warning("OpenCL driver %s passed over: %s. %s", name, error, UPDATE)
     if not found:
         raise DeviceError("no OpenCL device was found", remedy=_REMEDY)
     return sorted(found, key=lambda device: (not is_cpu(device), device.platform.name))
@@ -248,7 +249,7 @@ def _choose(name: str | None) -> cl.Device:
             fault = fault or _fault(device)
             log.warning("passed over: %s", _fault(device))
     if fault:
-        raise DeviceError(fault, remedy=_UPDATE)
+        raise DeviceError(fault, remedy=UPDATE)
     known = ", ".join(map(name_of, all_devices()))
     raise DeviceError(
         f"no OpenCL device is named like {name!r}", key="device", remedy=f"Found: {known}"
@@ -283,7 +284,7 @@ def build_program(
         return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:
         problem = f"{device.name} cannot build {', '.join(files)}: {_reason(error)}"
-        raise DeviceError(problem, remedy=_UPDATE) from error
+        raise DeviceError(problem, remedy=UPDATE) from error
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""``lfcore devices``: each device is checked, also one whose driver compiles wrongly."""
+"""``lfcore devices --check``: each device is checked, also one whose driver compiles wrongly."""
 
 import json
 import re
@@ -13,37 +13,39 @@ pytestmark = pytest.mark.kernels
 
 
 def checked(device, monkeypatch, capsys):
-    """What the command says of a device, which is chosen by its name."""
+    """The status of the command, and its line on a device, which is chosen by its name."""
     monkeypatch.setenv("LFCORE_DEVICE", device.name)
-    assert main(["devices", "--json"]) == 0
-    (found,) = (one for one in json.loads(capsys.readouterr().out)["devices"] if one["default"])
-    assert found["name"] == device.name
-    return found["problem"]
+    status = main(["devices", "--check"])
+    (line,) = (one for one in capsys.readouterr().out.splitlines() if one.startswith("* "))
+    assert line.startswith(f"* {device.name}, ")
+    return status, line
 
 
 def test_a_device_that_is_tested_passes(device, monkeypatch, capsys):
-    assert checked(device, monkeypatch, capsys) == ""
-    assert main(["devices"]) == 0
-    out = capsys.readouterr().out
-    assert f"\n* {device.name}, " in out and out.count("*") == 1
+    status, line = checked(device, monkeypatch, capsys)
+    assert status == 0 and line.endswith("; passes")
+    assert main(["devices", "--json"]) == 0
+    (found,) = (one for one in json.loads(capsys.readouterr().out)["devices"] if one["default"])
+    assert found["name"] == device.name and "problem" not in found
 
 
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
         ("-Dsqrt=fabs -D_cl_sqrt=_cl_fabs", "colours are wrong"),  # PoCL's name, too
-        ("-Dfloat=nonsense", "cannot build a kernel.*nonsense.*Update"),
+        ("-Dfloat=nonsense", "cannot build a kernel.*nonsense"),
     ],
 )
 def test_a_driver_that_compiles_wrongly_fails(device, monkeypatch, capsys, options, problem):
     monkeypatch.setenv("PYOPENCL_BUILD_OPTIONS", options)
-    assert re.search(problem, checked(device, monkeypatch, capsys))
+    status, line = checked(device, monkeypatch, capsys)
+    assert status == 1 and re.search(f"FAILS: .*{problem}.*Update", line)
 
 
 def test_a_driver_that_ends_the_process_or_never_ends_is_said(monkeypatch):
     for code, said in (("os.abort()", "signal 6"), ("os._exit(3)", "ends the process")):
         command = [sys.executable, "-c", f"import os; {code}"]
         monkeypatch.setattr(device_check, "command", lambda name, line=command: line)
-        assert said in device_check.check_apart("any")
+        assert re.search(f"{said}.*Update", device_check.check_apart("any"))
     monkeypatch.setattr(device_check, "LONGEST_S", 0.01)
     assert "does not end" in device_check.check_apart("any")

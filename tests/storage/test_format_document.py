@@ -29,6 +29,7 @@ def reader():
         (FrameLayout("views", 5, 17, "hilbert", 2, "yuv420p"), "libx264"),
         (FrameLayout("macropixels", 5, 18, "hilbert", 4, "yuv444p10le"), "libx264"),
         (FrameLayout("macropixels", 6, 9, "raster", 2, "gbrp"), "ffv1"),
+        (FrameLayout("views", 3, 20, "raster", 1, "yuv420p12le"), "ffv1"),
     ],
 )
 def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, layout, codec):
@@ -41,10 +42,16 @@ def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, lay
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "mean"), [("2026-11-21", 16, 79.9), ("content", 16, 80.4), ("depth", 32, 83.4)]
+    ("name", "version", "size", "mean"),
+    [
+        ("2026-11-21", 1, (16, 16), 79.9),
+        ("content", 1, (16, 16), 80.4),
+        ("depth", 1, (32, 32), 83.4),
+        ("wide", 2, (32, 16), 75.7),
+    ],
 )
-def test_files_of_earlier_programs_open(name, size, mean):
-    """Written by the first program, the first with ``content``, and the first with ``depth``.
+def test_files_of_earlier_programs_open(name, version, size, mean):
+    """Written by the first program, the first with ``content``, with ``depth``, and wide.
 
     ``mean`` is that of the codes of the picture that this program made of the file.
     """
@@ -53,6 +60,6 @@ def test_files_of_earlier_programs_open(name, size, mean):
     about, rays = reader().read(field.path)
     read = field.views(0, 0, *field.grid, codes=True)
     assert np.abs(np.rint(255 * rays) - read).max() <= 1
-    assert about["version"] == 1 and field.picture_size == (size, size)
+    assert about["version"] == version and field.picture_size == size
     assert (field.depth_video is not None) == (name == "depth")
     assert abs(display_values(field.refocus()).mean() - mean) < 0.3
