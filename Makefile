@@ -45,13 +45,9 @@ unexport PYTHONPATH PYTHONHOME
 ifdef DEVICE
 export LFCORE_DEVICE := $(DEVICE)
 endif
-ifdef SUPPORT
-export SUPPORT
-endif
 
 .PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \
-	wheel release format digests clean distclean \
-	pins
+	wheel release format digests clean distclean pins
 .DELETE_ON_ERROR:
 
 # Snakemake in the folder $(1). Runs of a folder wait for one another. A killed one leaves Snakemake's lock, which is
@@ -100,7 +96,7 @@ s3: $(VENV)/installed-dev
 	$(BIN)/python -m robustness.object_storage
 
 bare:
-	SUITE="$(SUITE)" STEPS="$(STEPS)" sh .ci/bare.sh
+	sh .ci/bare.sh
 
 # A part of the tests: for a Python that the project is not developed with.
 try: $(VENV)/installed-dev

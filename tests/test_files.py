@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -133,7 +132,7 @@ def test_drafts_of_a_killed_run_are_cleared_and_those_of_a_living_one_kept(tmp_p
         assert len(list(tmp_path.iterdir())) == 2
         subprocess.run([*write, str(tmp_path / "b")], check=True, timeout=60)
         assert len(list(tmp_path.iterdir())) == 3
-        other.send_signal(signal.SIGKILL)
+        other.kill()
     subprocess.run([*write, str(tmp_path / "c")], check=True, timeout=60)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["b", "c"]
 

@@ -12,6 +12,8 @@ import pytest
 
 from lfcore.files import whole_file
 
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
 SCENES = Path(__file__).parents[2] / "scenes"
 WITHIN_S = 2.0
 LOAD_S = 1.0  # what a machine that is busy with other things may add
