@@ -69,22 +69,31 @@ inline int overlap(int low, int high, int pixel)
     return min(high, (pixel + 1) * STEPS) - max(low, pixel * STEPS);
 }
 
-// A box of at most two pixels along each axis, inside the strip: no loop whose length is guessed.
-inline void add_four(const Strip *s, global long4 *to, int4 box, long4 colour)
+// Rays side by side, ABREAST of a row: how the box of each is added, where, and by what weights.
+enum { OUTSIDE, FOUR, FEW, EDGES };
+typedef struct {
+    int kind[ABREAST], layer[ABREAST];
+    int box[4][ABREAST];       // left, top, right and bottom edge, in 1 / STEPS
+    int x[4][ABREAST];         // columns: the first and one behind it, the last and one behind it
+    int y[4][ABREAST];         // rows likewise, as offsets
+    int part[4][4][ABREAST];   // what these rows and columns get
+    float colour[ABREAST][4];  // and what they get it of
+} Boxes;
+
+// Add to the first rows and columns of a box: two, of a box that is no larger, or four, of differences.
+inline void add_parts(const Boxes *b, int k, int count, global long4 *to, long4 colour)
 {
-    const int x = floor_pixel(box.x), y = floor_pixel(box.y);
-    const int left = min(box.z, (x + 1) * STEPS) - box.x, top = min(box.w, (y + 1) * STEPS) - box.y;
-    const int right = box.z - box.x - left, below = box.w - box.y - top;
-    global long4 *at = to + (ulong)(y - s->top) * (s->width + 1) + x;
-    at[0] += colour * (long)(top * left);
-    at[1] += colour * (long)(top * right);
-    at += s->width + 1;
-    at[0] += colour * (long)(below * left);
-    at[1] += colour * (long)(below * right);
+#pragma unroll
+    for (int j = 0; j < count; ++j) {
+        global long4 *row = to + b->y[j][k];
+#pragma unroll
+        for (int i = 0; i < count; ++i) row[b->x[i][k]] += colour * (long)b->part[j][i][k];
+    }
 }
 
-inline void add_few(const Strip *s, global long4 *to, int4 box, long4 colour)
+inline void add_few(const Strip *s, const Boxes *b, int k, global long4 *to, long4 colour)
 {
+    const int4 box = (int4)(b->box[0][k], b->box[1][k], b->box[2][k], b->box[3][k]);
     const int x0 = max(0, floor_pixel(box.x)), x1 = min(s->width - 1, floor_pixel(box.z - 1));
     const int y0 = max(s->top, floor_pixel(box.y)), y1 = min(s->top + s->rows - 1, floor_pixel(box.w - 1));
     for (int y = y0; y <= y1; ++y) {
@@ -94,43 +103,29 @@ inline void add_few(const Strip *s, global long4 *to, int4 box, long4 colour)
     }
 }
 
-// Differences of overlap along one axis: at the first pixel and the one behind it, the last and the one behind it.
-inline void differences(int low, int high, int first, int count, int at[4], int value[4])
+// Add the boxes of one kind.  But for the smallest ones 32 bits hold a colour, and products of 32 bits cost least.
+inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind, int small)
 {
-    const int a = floor_pixel(low), b = floor_pixel(high - 1);
-    const int head = (a + 1) * STEPS - low, tail = high - b * STEPS;
-    at[0] = a; at[1] = a + 1; at[2] = b; at[3] = b + 1;
-    value[0] = head; value[1] = STEPS - head; value[2] = tail - STEPS; value[3] = -tail;
-    for (int k = 0; k < 4; ++k) at[k] = clamp(at[k] - first, 0, count);
-}
-
-inline void add_edges(const Strip *s, global long4 *to, int4 box, long4 colour)
-{
-    int x[4], y[4];
-    int along[4], down[4];
-    differences(box.x, box.z, 0, s->width, x, along);
-    differences(box.y, box.w, s->top, s->rows, y, down);
-    for (int j = 0; j < 4; ++j) {
-        global long4 *at = to + (ulong)y[j] * (s->width + 1);
-        for (int i = 0; i < 4; ++i) at[x[i]] += colour * (long)(down[j] * along[i]);
+    int list[ABREAST], count = 0;
+    for (int k = 0; k < ABREAST; ++k) {
+        list[count] = k;
+        count += b->kind[k] == kind;
+    }
+    for (int at = 0; at < count; ++at) {
+        const int k = list[at];
+        global long4 *to = s->sums + b->layer[k] * layer_size;
+        const float4 whole = rint(vload4(0, b->colour[k]));
+        const long4 colour = small ? convert_long4(whole) : convert_long4(convert_int4(whole));
+        if (kind == FEW) add_few(s, b, k, to, colour);
+        else add_parts(b, k, kind == FOUR ? 2 : 4, to, colour);
     }
 }
 
-// Whether a layer holds differences.
-inline int is_outermost(int layer) { return layer == 0 || layer == LAYERS - 1; }
-
-inline void add_box(const Strip *s, global long4 *to, int outermost, int4 box, long4 colour)
+inline void add_boxes(const Strip *s, ulong layer_size, const Boxes *b, int small)
 {
-    if (outermost) {
-        add_edges(s, to, box, colour);
-        return;
-    }
-    const int columns = floor_pixel(box.z - 1) - floor_pixel(box.x) + 1;
-    const int rows = floor_pixel(box.w - 1) - floor_pixel(box.y) + 1;
-    const int inside = box.x >= 0 && box.y >= s->top * STEPS && box.x < s->width * STEPS &&
-                       box.y < (s->top + s->rows) * STEPS;
-    if (columns <= 2 && rows <= 2 && inside) add_four(s, to, box, colour);
-    else add_few(s, to, box, colour);
+    add_kind(s, layer_size, b, EDGES, small);
+    add_kind(s, layer_size, b, FOUR, small);
+    add_kind(s, layer_size, b, FEW, small);
 }
 
 // The layers of what is swept by so many pixels, the nearest first.
@@ -144,7 +139,101 @@ inline int16 layer_of(float16 sweep, constant const float *bounds)
 // Whole steps; what lies far outside is clamped there: integers must hold it.
 inline int16 to_steps(const Strip *s, float16 place)
 {
-    return convert_int16_rte(clamp(place, -s->far, s->far + s->far) * (float)STEPS);
+    return convert_int16(rint(clamp(place, -s->far, s->far + s->far) * (float)STEPS));
+}
+
+// One axis of boxes: where those of `differences` change, and by how much, in their first pixel and the one behind
+// it, the last and the one behind it; of others what the first two pixels have.  Pixels are counted from `first`.
+inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[4], int16 part[4])
+{
+    const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first, all = (int16)(STEPS);
+    const int16 head = all - (low & (STEPS - 1)), tail = high - (first + b) * STEPS;
+    at[0] = clamp(a, 0, count);
+    at[1] = clamp(a + 1, 0, count);
+    at[2] = clamp(b, 0, count);
+    at[3] = clamp(b + 1, 0, count);
+    part[0] = select(min(head, high - low), head, differences);
+    part[1] = select(high - low, all, differences) - part[0];
+    part[2] = tail - all;
+    part[3] = -tail;
+}
+
+// The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
+inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, float16 moves, float16 x, float16 y,
+                       float least, constant const float *bounds, Boxes *b)
+{
+    const float16 half_x = 0.5f * max(fabs(moves) * cell->side_x, least);
+    const float16 half_y = 0.5f * max(fabs(moves) * cell->side_y, least);
+    const int16 left = to_steps(s, x - half_x), top = to_steps(s, y - half_y);
+    const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, y + half_y);
+    const int16 wide = right - left, tall = bottom - top;
+    const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, across = s->width * STEPS;
+    const int16 falls = bottom > first & top < end & right > 0 & left < across & wide > 0 & tall > 0;
+    const int16 layer = layer_of(moves * p->pitch, bounds), outermost = layer == 0 | layer == LAYERS - 1;
+    const int16 few = ((right - 1) >> 8) - (left >> 8) > 1 | ((bottom - 1) >> 8) - (top >> 8) > 1 | left < 0 |
+                      top < first | left >= across | top >= end;
+    vstore16(falls & select(select((int16)(FOUR), (int16)(FEW), few), (int16)(EDGES), outermost), 0, b->kind);
+    vstore16(layer, 0, b->layer);
+    vstore16(left, 0, b->box[0]);
+    vstore16(top, 0, b->box[1]);
+    vstore16(right, 0, b->box[2]);
+    vstore16(bottom, 0, b->box[3]);
+    int16 at_x[4], at_y[4], along[4], down[4];
+    parts_along(left, right, 0, s->width, outermost, at_x, along);
+    parts_along(top, bottom, s->top, s->rows, outermost, at_y, down);
+    for (int k = 0; k < 4; ++k) {
+        vstore16(at_x[k], 0, b->x[k]);
+        vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
+        for (int i = 0; i < 4; ++i) vstore16(down[k] * along[i], 0, b->part[k][i]);
+    }
+    return select((float16)(0.0f), cell->share * ONE / (convert_float16(wide) * convert_float16(tall)), falls);
+}
+
+// Depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
+inline void read_rays(global const light_t *light, ulong channel, int pixel, global const depth_t *depth,
+                      global const float *table, int rays, float16 *z, float16 found[3])
+{
+    float metres[ABREAST], of[3][ABREAST];
+    if (rays == ABREAST) {
+#if STORED
+        for (int k = 0; k < ABREAST; ++k) metres[k] = METRES(depth[k]);
+        *z = vload16(0, metres);
+        for (int c = 0; c < 3; ++c) found[c] = convert_float16(vload16(0, light + c * channel)) / (float)(LIGHT_ONE);
+#else
+        const uint16 r = (uint16)(0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
+        const uint16 r2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29);
+        const uint16 g = (uint16)(1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0);
+        const uint16 g2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30);
+        const uint16 b = (uint16)(2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0);
+        const uint16 b2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31);
+        const float16 x = vload16(0, light), y = vload16(1, light), w = vload16(2, light);
+        *z = vload16(0, depth);
+        found[0] = shuffle2(shuffle2(x, y, r), w, r2);
+        found[1] = shuffle2(shuffle2(x, y, g), w, g2);
+        found[2] = shuffle2(shuffle2(x, y, b), w, b2);
+#endif
+        return;
+    }
+    for (int k = 0; k < ABREAST; ++k) {
+        const int at = min(k, rays - 1);
+        metres[k] = METRES(depth[at]);
+        for (int c = 0; c < 3; ++c) of[c][k] = light[at * pixel + c * channel] / (float)(LIGHT_ONE);
+    }
+    *z = vload16(0, metres);
+    for (int c = 0; c < 3; ++c) found[c] = vload16(0, of[c]);
+}
+
+// Colours and weights, ray by ray.
+inline void store_colours(const float16 c[4], float to[ABREAST][4])
+{
+    const uint16 low = (uint16)(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23), high = low + 8;
+    const uint16 first = (uint16)(0, 1, 16, 17, 2, 3, 18, 19, 4, 5, 20, 21, 6, 7, 22, 23), last = first + 8;
+    const float16 rg = shuffle2(c[0], c[1], low), bw = shuffle2(c[2], c[3], low);
+    const float16 rg2 = shuffle2(c[0], c[1], high), bw2 = shuffle2(c[2], c[3], high);
+    vstore16(shuffle2(rg, bw, first), 0, to[0]);
+    vstore16(shuffle2(rg, bw, last), 0, to[4]);
+    vstore16(shuffle2(rg2, bw2, first), 0, to[8]);
+    vstore16(shuffle2(rg2, bw2, last), 0, to[12]);
 }
 
 // Add the rays of one row of a view: their boxes are found side by side, and added one by one.
@@ -163,43 +252,24 @@ inline void add_row(const Strip *s,
                     global const float *table)
 {
     const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const ulong size = layer_size(s, strip_rows);
+    Boxes b;
     for (int start = 0; start < columns; start += ABREAST) {
         const int rays = min(ABREAST, columns - start);
-        float z[ABREAST];
-        for (int k = 0; k < ABREAST; ++k) z[k] = METRES(depth[start + min(k, rays - 1)]);
-        const float16 moves = (p.delta - 1.0f / vload16(0, z)) * p.scale;
-        const float16 half_x = 0.5f * max(fabs(moves) * cell.side_x, least);
-        const float16 half_y = 0.5f * max(fabs(moves) * cell.side_y, least);
+        float16 z, found[3];
+        read_rays(light + start * pixel, channel, pixel, depth + start, table, rays, &z, found);
+        const float16 moves = (p.delta - 1.0f / z) * p.scale;
         const float16 x = fma(along + (float)start, p.step, cell.x) + cell.off_x * moves;
-        const float16 at_y = y + cell.off_y * moves;
-        const int16 left = to_steps(s, x - half_x), top = to_steps(s, at_y - half_y);
-        const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, at_y + half_y);
-        const int16 wide = right - left, tall = bottom - top;
-        const int16 falls = bottom > s->top * STEPS & top < (s->top + s->rows) * STEPS & right > 0 &
-                            left < s->width * STEPS & wide > 0 & tall > 0;
-        const float16 weight = cell.share * ONE / (convert_float16(wide) * convert_float16(tall));
-        int at[4][ABREAST], seen[ABREAST], layer[ABREAST];
-        float share[ABREAST];
-        vstore16(left, 0, at[0]);
-        vstore16(top, 0, at[1]);
-        vstore16(right, 0, at[2]);
-        vstore16(bottom, 0, at[3]);
-        vstore16(falls, 0, seen);
-        vstore16(layer_of(moves * p.pitch, bounds), 0, layer);
-        vstore16(weight, 0, share);
-        for (int k = 0; k < rays; ++k) {
-            if (!seen[k]) continue;
-            const int4 box = (int4)(at[0][k], at[1][k], at[2][k], at[3][k]);
-            global const light_t *from = light + (start + k) * pixel;
-            const float3 found = (float3)(from[0], from[channel], from[2 * channel]) / (float)(LIGHT_ONE);
-            const float4 colour = (float4)(clamp(found, 0.0f, BRIGHTEST) * LIGHT * share[k], share[k]);
-            const float most = STOPS ? max(max(colour.x, colour.y), max(colour.z, colour.w)) : share[k];
-            global long4 *to = s->sums + layer[k] * layer_size(s, strip_rows);
-            const int outermost = is_outermost(layer[k]);
-            // But for the smallest boxes 32 bits hold it, and products of 32 bits cost least.
-            if (most < 0x1p30f) add_box(s, to, outermost, box, convert_long4(convert_int4_rte(colour)));
-            else add_box(s, to, outermost, box, convert_long4_rte(colour));
+        const float16 weight = find_boxes(s, &p, &cell, moves, x, y + cell.off_y * moves, least, bounds, &b);
+        float16 colour[4] = {weight, weight, weight, weight}, most = STOPS ? 0.0f : weight;
+        for (int c = 0; c < 3; ++c) {
+            colour[c] = clamp(found[c], 0.0f, BRIGHTEST) * LIGHT * weight;
+            if (STOPS) most = max(most, max(weight, colour[c]));
         }
+        store_colours(colour, b.colour);
+        for (int k = rays; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
+        if (any(most >= 0x1p31f)) add_boxes(s, size, &b, 1);
+        else add_boxes(s, size, &b, 0);
     }
 }
 
