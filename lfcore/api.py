@@ -26,7 +26,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
 from lfcore.optics.lattice import Lattice
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.size import Pixels, Size, whole_number
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 FILTERS = ("depth", "nearest")
+OF_LENS = ("focus_at", "blur")
+"""Settings of :meth:`Scene.plane` that stand for a focus and an f-number."""
 VIEWS = 16
 """The default lens samples per side where rays count in the pixel that they fall on."""
 # Video and exposure are imported by the functions that need them: a picture is there sooner.
@@ -170,8 +172,6 @@ def render(
     focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
-    focus_at: Sequence[float] | None = None,
-    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: Pixels = 256,
     views: int | Lattice | None = None,
@@ -179,6 +179,7 @@ def render(
     quality: Quality | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
+    **more: Any,
 ) -> np.ndarray:
     """Render pictures of a scene through its lens, without storing a light field.
 
@@ -190,13 +191,7 @@ def render(
         Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
         ``"40%"`` of the depth that is seen.  Default: the scene's.
     f_number : float, optional
-        Of a round aperture.  Default: the scene's.
-    focus_at : (float, float), optional
-        Instead of ``focus_m``, focus on what is seen at this place: x and y from 0 to 1, from the
-        picture's upper left corner.
-    blur : float or str, optional
-        Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
-        out of focus: a share of the picture's shorter side, 0.03 or ``"3%"``.
+        Default: the scene's.
     planes : sequence of SensorPlane, optional
         Several pictures from the same rays, instead of focus and aperture; see
         :meth:`Scene.plane`.
@@ -216,6 +211,8 @@ def render(
         An open device, or part of its name.
     progress : callable, optional
         Called with (done, of all).
+    **more
+        Other settings of :meth:`Scene.plane`, such as ``blur`` and ``focus_at``.
 
     Returns
     -------
@@ -234,6 +231,7 @@ def render(
     -----
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
+    check_keywords("render", more, ("aperture", *OF_LENS))
     size = Size.of(pixels)
     if quality is not None:
         if views is not None or filter != "depth":
@@ -242,13 +240,12 @@ def render(
                 remedy="Leave out views and filter",
             )  # fmt: skip
         found = render_to_quality(
-            scene, quality, focus_m, f_number, focus_at=focus_at, blur=blur, planes=planes,
-            pixels=size, device=device, progress=progress,
+            scene, quality, focus_m, f_number, planes=planes, pixels=size, device=device,
+            progress=progress, **more,
         ).pictures  # fmt: skip
         return found[0] if planes is None else found
     lattice = lattice_to_trace(filter, views)
-    asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
-    wanted = _wanted_planes(scene, planes, asked, size)
+    wanted = _wanted_planes(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
     if filter == "depth":
@@ -284,12 +281,11 @@ def render_to_quality(
     focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
-    focus_at: Sequence[float] | None = None,
-    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: Pixels = 256,
     device: Device | str | None = None,
     progress: Progress | None = None,
+    **more: Any,
 ) -> Rendering:
     """Render as :func:`render`, with about as few rays as every picture needs for a quality.
 
@@ -306,10 +302,6 @@ def render_to_quality(
         As in :func:`render`.
     f_number : float, optional
         As in :func:`render`.
-    focus_at : (float, float), optional
-        As in :func:`render`.
-    blur : float or str, optional
-        As in :func:`render`.
     planes : sequence of SensorPlane, optional
         As in :func:`render`.
     pixels : int or (int, int)
@@ -319,6 +311,8 @@ def render_to_quality(
         An open device, or part of its name.
     progress : callable, optional
         Called with (views done, of all).
+    **more
+        As in :func:`render`.
 
     Returns
     -------
@@ -339,18 +333,17 @@ def render_to_quality(
     if quality.focus_range_m is not None:
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
-    asked = {"focus_m": focus_m, "f_number": f_number, "focus_at": focus_at, "blur": blur}
-    wanted = _wanted_planes(scene, planes, asked, size)
+    wanted = _wanted_planes(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
     camera = _lens_for(scene, wanted)
     tracer = open_tracer(scene, device)
     return QualitySearch(tracer, camera, wanted, size, quality).pictures(progress)
 
 
 def _wanted_planes(
-    scene: Scene, planes: Sequence[SensorPlane] | None, asked: dict[str, Any], size: Size
+    scene: Scene, planes: Sequence[SensorPlane] | None, size: Size, **asked: Any
 ) -> list[SensorPlane]:
     if planes is None:
-        return [scene.plane(**asked, pixels=size)]
+        return [scene.plane(pixels=size, **asked)]
     for name, value in asked.items():
         exclude_twice(**{name: value, "planes": planes})
     return list(planes)
@@ -393,12 +386,11 @@ def record(
     pixels: Pixels = 256,
     focus_m: float | str | None = None,
     f_number: float | None = None,
-    focus_at: Sequence[float] | None = None,
-    blur: float | str | None = None,
     quality: Quality | None = None,
     encoding: Encoding | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
+    **more: Any,
 ) -> LightField:
     """Record a light field of a scene as video (Algorithm 3): trace, encode, join.
 
@@ -429,12 +421,6 @@ def record(
         ``"40%"`` of the depth that is seen.  Default: the scene's.
     f_number : float, optional
         The widest aperture that can be refocused later.  Default: the scene's.
-    focus_at : (float, float), optional
-        Instead of ``focus_m``, focus on what is seen at this place: x and y from 0 to 1, from the
-        picture's upper left corner.
-    blur : float or str, optional
-        Instead of ``f_number``, the diameter of the blur at the end of what is seen that is more
-        out of focus: a share of the picture's shorter side, 0.03 or ``"3%"``.
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
         ``views``.  One view predicts the rays that are needed, small light fields what the codec
@@ -445,6 +431,8 @@ def record(
         An open device, or part of its name.
     progress : callable, optional
         Called with (outer elements done, of all).
+    **more
+        ``focus_at`` and ``blur`` of :meth:`Scene.plane`.
 
     Returns
     -------
@@ -470,9 +458,8 @@ def record(
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
     size = Size.of(pixels)
-    scene, content = with_lens(scene, f_number, blur)
-    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=size)
-    camera = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
+    check_keywords("record", more, OF_LENS, ())
+    scene, camera, content = recorded_lens(scene, size, focus_m, f_number, **more)
     encoding = encoding or Encoding()
     tracer = open_tracer(scene, device)
     peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
@@ -504,16 +491,26 @@ def record(
     return LightField.open(path)
 
 
-def with_lens(
-    scene: Scene, f_number: float | None = None, blur: float | str | None = None
-) -> tuple[Scene, dict[str, Any]]:
-    """The scene, with a lens where its camera is a pinhole, and what the file says of it.
+def recorded_lens(
+    scene: Scene,
+    pixels: Pixels,
+    focus_m: float | str | None = None,
+    f_number: float | None = None,
+    **more: Any,
+) -> tuple[Scene, Camera, dict[str, Any]]:
+    """The scene, the camera that :func:`record` traces, and what the file says of its lens.
 
-    All views of a pinhole are the same.
+    A pinhole gets a lens unless one is asked for: all its views are the same.  The extent of the
+    picture stays.  Raises :class:`OpticsError` for a focus inside the focal length or a picture
+    without extent.
     """
-    if f_number is not None or blur is not None or not scene.is_pinhole:
-        return scene, {}
-    return scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
+    content = {}
+    if f_number is None and more.get("blur") is None and scene.is_pinhole:
+        scene, content = scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
+    camera = focused_camera(scene.camera, scene.plane(focus_m, f_number, pixels=pixels, **more))
+    if not np.isfinite(camera.field_width):
+        raise OpticsError("the picture has no extent", key="focus_m")
+    return scene, camera, content
 
 
 def _planned(
@@ -572,17 +569,6 @@ def views_to_trace(views: int | None) -> int:
     Views between them are made by depth: 36 to 47 dB from 4 x 4, and about 0.7 dB more from 6 x 6.
     """
     return max(4, math.isqrt(whole_number("views", 4 if views is None else views, 4096)))
-
-
-def recorded_camera(camera: Camera, focus_m: float | None, f_number: float | None) -> Camera:
-    """The camera with another focus or lens; the extent of its picture stays.
-
-    Raises :class:`OpticsError` for a focus inside the focal length or a picture without extent.
-    """
-    found = focused_camera(camera, SensorPlane.of(camera, focus_m, f_number))
-    if not np.isfinite(found.field_width):
-        raise OpticsError("the picture has no extent", key="focus_m")
-    return found
 
 
 def trace_array(

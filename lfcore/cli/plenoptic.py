@@ -44,7 +44,7 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    from lfcore.api import recorded_camera, with_lens
+    from lfcore.api import recorded_lens
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
     from lfcore.rendering.plenoptic import photograph, refocus_photograph
@@ -62,12 +62,9 @@ def run(arguments: argparse.Namespace) -> None:
     ]
     check_suffix(arguments.output)
     scene = open_scene(arguments)
-    asked = plane_options.of_scene(arguments)
-    scene, fitted = with_lens(scene, asked.get("f_number"), asked.get("blur"))
+    scene, lens, fitted = recorded_lens(scene, 1, **plane_options.of_scene(arguments))
     for what, how in fitted.items():
         say(f"{what} {how}")
-    plane = scene.plane(**asked)
-    lens = recorded_camera(scene.camera, plane.focus_m, plane.f_number)
     camera = PlenopticCamera(lens, arguments.pixels or 128, samples)
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:

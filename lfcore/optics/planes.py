@@ -87,13 +87,19 @@ class PlaneOptions(TypedDict, total=False):
     keep_magnification: bool
 
 
-def check_keywords(call: str, given: Mapping[str, object], more: Sequence[str] = ()) -> None:
+def check_keywords(
+    call: str,
+    given: Mapping[str, object],
+    more: Sequence[str] = (),
+    options: Sequence[str] = tuple(PlaneOptions.__annotations__),
+) -> None:
     """Raise :class:`TypeError` naming the public ``call`` for a keyword that is neither one of
-    :class:`PlaneOptions` nor of ``more``."""
-    known = [*PlaneOptions.__annotations__, *more]
+    ``options`` nor of ``more``."""
+    known = [*options, *more]
     for name in given:
         if name not in known:
-            raise unknown_keyword(call, name, ["focus_m", "f_number", "aperture", *known])
+            every = ["focus_m", "f_number", "aperture", *known]
+            raise unknown_keyword(call, name, [one for one in every if one != name])
 
 
 @answers_typos

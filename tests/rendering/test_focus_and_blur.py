@@ -147,6 +147,8 @@ def test_unknown_keywords_name_the_public_call(scene, field):
         (field.refocus, "LightField.refocus"),
         (lambda **more: field.stack([3.0], **more), "LightField.stack"),
         (lambda **more: lfcore.SensorPlane.of(scene.camera, **more), "SensorPlane.of"),
+        (lambda **more: lfcore.render(scene, **more), "render"),
+        (lambda **more: lfcore.record(scene, "a.mkv", **more), "record"),
     ):  # fmt: skip
         with pytest.raises(TypeError, match=rf"^{name}\(\).*'fnumber'.*f_number"):
             call(fnumber=2)
