@@ -7,6 +7,7 @@ differ in the encoder alone.
 """
 
 import copy
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ import pandas as pd
 import yaml
 
 from lfcore.errors import SettingsError
+from lfcore.evaluation.table_files import read_rows
 from lfcore.workflow import cases
 from lfcore.workflow.settings import check_settings
 
@@ -102,14 +104,27 @@ def plan(path: Path, base: Mapping) -> Sweep:
     overrides = read_sweep(path)
     settings = {case: check_settings(overridden(base, row)) for case, row in overrides.items()}
     members: dict[tuple[str, str, int], list[str]] = {}
-    groups: dict[str, str] = {}
     for case, one in settings.items():
         for scene in cases.scene_files(one["scenes"]):
             for n in one["views"]:
                 same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
-                group = groups.setdefault(same, f"{len(groups):02d}")
-                members.setdefault((group, scene, n), []).append(case)
+                members.setdefault((_digest(same), scene, n), []).append(case)
     return Sweep(overrides, settings, members)
+
+
+def made_of(study: Mapping[str, Mapping], *common: str) -> dict[str, str]:
+    """A digest per case of its settings and of what all cases have in common: code and scene."""
+    return {case: _digest(repr((sorted(one.items()), common))) for case, one in study.items()}
+
+
+def unchanged(path: Path, digests: Mapping[str, str]) -> list[dict]:
+    """The rows of a file of an earlier run whose cases have these digests; none without a file."""
+    rows = read_rows([path]) if path.exists() else []
+    return [row for row in rows if digests.get(row["case"]) == row["made_of"]]
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def joined(overrides: Mapping[str, Mapping], rows: list[dict]) -> pd.DataFrame:
@@ -120,4 +135,5 @@ def joined(overrides: Mapping[str, Mapping], rows: list[dict]) -> pd.DataFrame:
         for case, keys in overrides.items()
     }
     rows = sorted(rows, key=lambda row: (order.index(row["case"]), row["scene"], row["N"]))
-    return pd.DataFrame([{"case": row["case"], **varied[row["case"]], **row} for row in rows])
+    table = pd.DataFrame([{"case": row["case"], **varied[row["case"]], **row} for row in rows])
+    return table.drop(columns="made_of")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -42,11 +43,10 @@ b\t[chart]\t[4]\t30\t16
 c\t[chart]\t[4]\t20\t32
 """
     sweep = sweep_of(tmp_path, text)
-    members = {key[1:]: value for key, value in sweep.members.items() if key[0] == "00"}
-    assert members["chart", 4] == ["a", "b"]
+    (group,) = {group for (group, _, n), cases in sweep.members.items() if cases == ["a", "b"]}
     assert sorted(case for one in sweep.members.values() for case in one) == ["a", "a", "b", "c"]
     assert sweep.scenes == ["chart"]
-    assert [one["encoding"]["crf"] for one in sweep.study("00", "chart", 4).values()] == [20, 30]
+    assert [one["encoding"]["crf"] for one in sweep.study(group, "chart", 4).values()] == [20, 30]
 
 
 def test_a_sweep_is_measured_and_joined(tmp_path):
@@ -56,7 +56,8 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
     triangles = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
     scene = bare_scene(np.float32(triangles), ambient=(0.5, 0.4, 0.3), name="chart")
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
-    study = sweep.study("00", "chart", 4)
+    ((group, *_),) = sweep.members
+    study = sweep.study(group, "chart", 4)
     one = study["fine"]
     rows = sweep_rows(
         tracer,
@@ -66,7 +67,7 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
         {case: cases.encoding(settings, 4) for case, settings in study.items()},
         tmp_path,
     )
-    table = joined(sweep.overrides, rows[::-1])
+    table = joined(sweep.overrides, [row | {"made_of": ""} for row in rows[::-1]])
     assert table.case.tolist() == ["fine", "coarse"]
     assert table.columns[:4].tolist() == ["case", "pixels", "encoding.crf", "scene"]
     assert table.video_bytes[0] > table.video_bytes[1] and table.psnr_db[0] > table.psnr_db[1]
@@ -100,3 +101,19 @@ def test_dotted_keys_nest():
     base = {"a": {"b": 0, "e": 4}, "f": 5}
     made = overridden(base, {"a.b": 1, "a.c": 2, "d.g": 3})
     assert made == {"a": {"b": 1, "e": 4, "c": 2}, "f": 5, "d": {"g": 3}} and base["a"]["b"] == 0
+
+
+@pytest.mark.workflow
+def test_a_changed_row_leaves_the_others(project_copy):
+    """Seconds that were measured twice would differ."""
+    checkout, tables = project_copy("sweep"), []
+    table = checkout.folder / "config" / "sweeps" / "s.tsv"
+    for rows in ("a\t20\nb\t30\n", "new\t25\na\t20\nb\t31\n"):
+        table.write_text("case\tencoding.crf\n" + rows)
+        checkout.made("--configfile", "config/micro.yaml", "--config",
+                      "sweep=config/sweeps/s.tsv", "--", "sweep")  # fmt: skip
+        tables.append(pd.read_csv(checkout.folder / "results/sweeps/s/table.csv"))
+    before, after = (one.set_index(["case", "N"]) for one in tables)
+    assert after.loc["a"].equals(before.loc["a"])
+    assert (after.loc["b"] != before.loc["b"]).trace_seconds.all()
+    assert after.loc["new"].video_bytes.gt(0).all()

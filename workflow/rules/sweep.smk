@@ -8,7 +8,8 @@ if config["sweep"]:
         input:
             **of_scene("{scene}"),
         output:
-            f"{SWEPT}/{POINT}.json",
+            # Rows of unchanged cases are kept.
+            update(f"{SWEPT}/{POINT}.json"),
         log:
             f"logs/{SWEPT}/{POINT}.log",
         conda:

@@ -1,26 +1,32 @@
-"""One tracing of a sweep, stored by the encoders of all cases that share it."""
+"""One tracing of a sweep, stored by the encoders of all new or changed cases that share it."""
 
 from pathlib import Path
 
 from lfcore.evaluation.sweep import sweep_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.slab import Slab
+from lfcore.scene.files import scene_digest
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.sweep import made_of, unchanged
 
 with job(snakemake.log[0], snakemake.threads):
-    params, n = snakemake.params, int(snakemake.wildcards.n)
+    params, n, output = snakemake.params, int(snakemake.wildcards.n), Path(snakemake.output[0])
     tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
     scene = tracer.scene
-    one = next(iter(params.study.values()))
-    rows = sweep_rows(
-        tracer,
-        Slab.of(scene.camera, n, one["pixels"]),
-        cases.tiles(one, n),
-        cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
-        {case: cases.encoding(settings, n) for case, settings in params.study.items()},
-        Path(snakemake.output[0]).parent,
-        progress=log_progress("tiles"),
-    )
-    write_rows(snakemake.output[0], rows)
+    digests = made_of(params.study, params.version, scene_digest(scene))
+    rows = unchanged(output, digests)
+    changed = {case: params.study[case] for case in digests.keys() - {row["case"] for row in rows}}
+    if changed:
+        one = next(iter(changed.values()))
+        rows += sweep_rows(
+            tracer,
+            Slab.of(scene.camera, n, one["pixels"]),
+            cases.tiles(one, n),
+            cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
+            {case: cases.encoding(settings, n) for case, settings in changed.items()},
+            output.parent,
+            progress=log_progress("tiles"),
+        )
+    write_rows(output, [row | {"made_of": digests[row["case"]]} for row in rows])
