@@ -170,18 +170,9 @@ def test_every_public_name_is_there_and_loads_alone():
         _ = lfcore.nothing
 
 
-def examples(language: str) -> list[str]:
-    """Blocks of README in a language."""
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    return [
-        block.partition("\n")[2]
-        for block in readme.split("```")[1::2]
-        if block.partition("\n")[0] == language
-    ]
-
-
 def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
-    (example,) = examples("python")
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    example = readme.split("```python\n")[1].split("```")[0]
     assert "pixels=512" in example
     (tmp_path / "model.glb").write_bytes(model.read_bytes())
     monkeypatch.chdir(tmp_path)
@@ -189,21 +180,6 @@ def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     exec(compile(example.replace("pixels=512", "pixels=32"), "README.md", "exec"), made)
     assert made["near"].shape == (32, 32, 3)
     assert (tmp_path / "near.png").is_file() and (tmp_path / "model.mkv").is_file()
-
-
-def test_the_commands_in_the_readme_run(model, tmp_path, monkeypatch):
-    """As they stand there, but for the size of the light field."""
-    lines = [line for block in examples("") for line in block.splitlines()]
-    commands = [line for line in lines if line.startswith("lfcore ")]
-    assert commands
-    (tmp_path / "model.glb").write_bytes(model.read_bytes())
-    monkeypatch.chdir(tmp_path)
-    for line in commands:
-        words = line.replace("--pixels 256", "--pixels 32").split()[1:]
-        if words[0] == "view":  # alone it serves the page until it is interrupted
-            words += ["-o", "page.html"]
-        assert main(words) == 0, line
-        assert (tmp_path / words[words.index("-o") + 1]).is_file()
 
 
 def test_focal_stacks_take_arrays(recorded):

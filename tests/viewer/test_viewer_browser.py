@@ -5,7 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from two_planes import FAR, NEAR, PIXELS
-from viewer_browser import choose, chromium, complaints, needed, pixels, psnr, settle, state, visit
+from viewer_browser import (
+    before_pages,
+    choose,
+    chromium,
+    complaints,
+    needed,
+    pixels,
+    psnr,
+    settle,
+    state,
+    visit,
+)
 
 from lfcore import Encoding, load_scene, record
 from lfcore.colour import srgb_codes
@@ -243,39 +254,26 @@ def test_controls_are_large_enough_for_a_finger(opened):
 
 
 def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
-    command = "Page.addScriptToEvaluateOnNewDocument"
-    added = browser.execute_cdp_cmd(command, {"source": NO_WEBGL2})
-    try:
+    with before_pages(browser, NO_WEBGL2):
         visit(browser, page)
         said = browser.find_element("id", "status").text
         assert "no WebGL2: only single views are shown" in said and "lfcore refocus" in said
         choose(browser, x=-4, y=4)
         np.testing.assert_array_equal(pixels(browser), field.view(0, 8, codes=True))
         assert complaints(browser) == []
-    finally:
-        remove = "Page.removeScriptToEvaluateOnNewDocument"
-        browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
 
 
 def test_a_browser_without_the_pictures_format_says_what_to_do(browser, page):
-    command = "Page.addScriptToEvaluateOnNewDocument"
+    from selenium.webdriver.support.ui import WebDriverWait
+
     refusal = "HTMLImageElement.prototype.decode = () => Promise.reject(new Error('unknown'))"
-    added = browser.execute_cdp_cmd(command, {"source": refusal})
-    try:
+    with before_pages(browser, refusal):
         browser.get("about:blank")
         browser.get(page.as_uri())
-        from selenium.webdriver.support.ui import WebDriverWait
-
-        said = WebDriverWait(browser, 20).until(lambda one: _status(one, "cannot be shown"))
-        assert "this browser reads no WEBP pictures. Make the page with --format jpeg" in said
-    finally:
-        remove = "Page.removeScriptToEvaluateOnNewDocument"
-        browser.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
-
-
-def _status(browser, wanted):
-    said = browser.find_element("id", "status").text
-    return said if wanted in said else None
+        status = browser.find_element("id", "status")
+        WebDriverWait(browser, 20).until(lambda _: "cannot be shown" in status.text)
+        wanted = "this browser reads no WEBP pictures. Make the page with --format jpeg"
+        assert wanted in status.text
 
 
 def test_pictures_come_often_enough_while_something_moves(opened):

@@ -6,7 +6,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from viewer_browser import choose, chromium, complaints, needed, pixels, psnr, visit
+from viewer_browser import (
+    before_pages,
+    choose,
+    chromium,
+    complaints,
+    needed,
+    pixels,
+    psnr,
+    visit,
+)
 
 from lfcore import load_scene, record
 from lfcore.cli import main
@@ -108,17 +117,12 @@ def test_a_page_is_at_most_four_times_the_file(field):
 
 def test_a_graphics_card_without_sums_shows_single_views(opened, field):
     refusal = "WebGL2RenderingContext.prototype.getExtension = () => null"
-    command = "Page.addScriptToEvaluateOnNewDocument"
-    added = opened.execute_cdp_cmd(command, {"source": refusal})
-    try:
+    with before_pages(opened, refusal):
         visit(opened, field.page)
         assert "only single views are shown" in opened.find_element("id", "status").text
         choose(opened, x=-1.5, y=0.5)
         assert psnr(pixels(opened), field.view(0, 2, codes=True)) > 30
-    finally:
-        remove = "Page.removeScriptToEvaluateOnNewDocument"
-        opened.execute_cdp_cmd(remove, {"identifier": added["identifier"]})
-        visit(opened, field.page)
+    visit(opened, field.page)
 
 
 def test_the_command_makes_the_picture_that_is_shown(opened, field, tmp_path, monkeypatch):

@@ -56,6 +56,16 @@ def visit(browser, page: Path, link: str = "") -> None:
     settle(browser)
 
 
+@contextmanager
+def before_pages(browser, script: str) -> Iterator:
+    """Pages that are opened within the block run a script before their own."""
+    added = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": script})
+    try:
+        yield
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
+
+
 def settle(browser) -> None:
     from selenium.webdriver.support.ui import WebDriverWait
 
