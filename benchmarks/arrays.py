@@ -1,41 +1,27 @@
-"""Camera arrays: tracing one against Mitsuba 3, and pictures synthesised from it.
+"""Camera arrays, traced by us and by Mitsuba 3 in turn.
 
     python benchmarks/arrays.py --out arrays.csv
     python benchmarks/arrays.py --scenes book --cameras 8 --tile 128 --peers none --out arrays.csv
 
-Tracing (work ``array``): 16 x 16 data cameras of 512 x 512 pixels, one ray per pixel, shaded with
-shadows, into host memory that is reused, or new; ours and Mitsuba's in turn.  Synthesis (work
-``synthesis``): a picture of 600 x 600 with 64 rays per pixel from that array, by every method; see
-benchmarks/README.md.
+Arrays have 16 x 16 data cameras of 512 x 512 pixels, one ray per pixel, shaded with shadows, into
+host memory that is reused, or new.
 """
 
 import argparse
 import os
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from benchmarks.measured.rows import in_turn, print_table, rates, say, write_csv
 from benchmarks.measured.scenes import SCENES
 from benchmarks.peers.method import Method, SkippedError, clocked
-from lfcore.evaluation.assignment.book import BOOK_FOCUS_M, assignment_camera
 from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.device_field import DeviceField
-from lfcore.refocus.array.focal_surface import parallel
-from lfcore.refocus.array.isaksen import isaksen
-from lfcore.refocus.array.monte_carlo import monte_carlo
-from lfcore.refocus.array.quadrature import quadrature
 from lfcore.rendering.array import trace_array
 from lfcore.scene.build import build_scene
 from lfcore.timing import machine
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
-
-PICTURE, SAMPLES = 600, 64
-"""Of the synthesis: the picture's side in pixels, and rays per pixel."""
-LENS_M, FILTER_M = 0.15, 0.3  # as in the assignment's command line, see workflow/scripts
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -52,8 +38,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], DeviceField]:
-    """Rows of tracing one scene's array, and the array itself."""
+def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
+    """Rows of tracing one scene's array."""
     scene = build_scene(SCENES / name)
     bounds, fov_deg = ARRAYS[name]["bounds_m"], ARRAYS[name]["fov_deg"]
     size = (options.cameras,) * 2, (options.tile,) * 2
@@ -100,33 +86,6 @@ def traced(options: argparse.Namespace, name: str, device) -> tuple[list[dict], 
             row["core_ratio_to_mitsuba"] = (
                 row["mrays_per_core_second"] / peers["mrays_per_core_second"]
             )
-    return rows, DeviceField(device, made["image"], array)
-
-
-def synthesised(options: argparse.Namespace, name: str, field: DeviceField) -> list[dict]:
-    """Rows of pictures from one array; rates count samples, Isaksen's rate counts pixels."""
-    camera, surface = assignment_camera(PICTURE, LENS_M), parallel(BOOK_FOCUS_M)
-    points = max(1, round((SAMPLES / 4) ** 0.5))
-    works: dict[str, tuple[Callable[[], object], int]] = {
-        f"monte_carlo {sampler}": (
-            partial(monte_carlo, field, camera, surface, SAMPLES, sampler=sampler),
-            SAMPLES,
-        )
-        for sampler in ("halton", "stratified", "independent")
-    }
-    works["quadrature"] = (partial(quadrature, field, camera, surface, points, 2), 4 * points**2)
-    works["isaksen"] = (partial(isaksen, field, camera, surface, FILTER_M), 1)
-    methods = [
-        Method(key, "synthesis", partial(clocked, work, PICTURE**2 * n), ours=True)
-        for key, (work, n) in works.items()
-    ]
-    runs, rows = in_turn(methods, options.repeats), []
-    for method in methods:
-        found = rates(runs[method.name])
-        seconds = runs[method.name][0].rays / found["mrays_per_second"] / 1e6
-        rows.append(
-            {"scene": name, "work": "synthesis", "method": method.name, **found, "seconds": seconds}
-        )
     return rows
 
 
@@ -137,11 +96,7 @@ def main() -> None:
     device = open_device()
     for name in options.scenes:
         say(f"{name}: tracing {options.cameras}^2 cameras of {options.tile}^2 pixels")
-        found, field = traced(options, name, device)
-        rows += found
-        if name == "book":
-            rows += synthesised(options, name, field)
-        del field
+        rows += traced(options, name, device)
     rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
     print_table(rows, leave_out=("note", "processor", "cores", "sampled_rays", "repeats"))

@@ -1,52 +1,41 @@
 """The tracer against its peers and against itself, in one run on one machine.
 
     python benchmarks/tracer.py --out tracer.csv
-    python benchmarks/tracer.py --scenes bike --angular 512 --peers embree --out bike.csv
+    python benchmarks/tracer.py --scenes bike --views 512 --peers embree --out bike.csv
 
-Without a mode it compares: visibility (closest triangle and depth of every ray) and Algorithm 1
-(interpolated normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in
-turn on the same sampled rays; see benchmarks/README.md for the modes, the columns and the rules.
+Compared are visibility (closest triangle and depth of every ray) and Algorithm 1 (interpolated
+normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in turn on the
+same sampled rays; see benchmarks/README.md for the columns and the rules.
 """
 
 import argparse
 import os
 from pathlib import Path
 
-from benchmarks.measured import compare, leaks, roofline
+from benchmarks.measured import compare, leaks
 from benchmarks.measured.rows import print_table, say, write_csv
 from lfcore.timing import machine
-
-MODES = {
-    "leaks": (leaks.leaks, "rays aimed at edges and vertices of closed surfaces: how many miss"),
-    "roofline": (roofline.roofline, "cycles per ray of each part, and the processor's peaks"),
-}
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
-    parser.add_argument("--angular", nargs="+", type=int, help="N; default 16 64 512")
-    parser.add_argument("--size", type=int, default=512, help="M; default 512")
+    parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
+    parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
     parser.add_argument(
         "--peers", nargs="*", default=list(compare.PEERS), choices=[*compare.PEERS, "none"]
     )
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
-    modes = parser.add_mutually_exclusive_group()
-    for name, (_, text) in MODES.items():
-        modes.add_argument(f"--{name}", action="store_true", help=text)
+    parser.add_argument(
+        "--leaks", action="store_true", help="instead, count the misses of rays at closed surfaces"
+    )
     options = parser.parse_args(arguments)
     options.peers = [peer for peer in options.peers if peer != "none"]
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")
-    if options.angular is None:
-        options.angular = [512] if _mode(options) else [16, 64, 512]
     return options
-
-
-def _mode(options: argparse.Namespace) -> str | None:
-    return next((name for name in MODES if getattr(options, name)), None)
 
 
 def main() -> None:
@@ -54,8 +43,7 @@ def main() -> None:
     here = machine()
     say(", ".join(f"{key} {value}" for key, value in here.items()))
     say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
-    mode = _mode(options)
-    rows = (MODES[mode][0] if mode else compare.compare)(options)
+    rows = leaks.leaks(options) if options.leaks else compare.compare(options)
     rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
     write_csv(options.out, rows)
     print_table(

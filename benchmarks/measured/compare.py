@@ -13,12 +13,9 @@ from benchmarks.measured.scenes import Loaded
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, SkippedError
 from benchmarks.peers.mitsuba_picture import MitsubaPicture
-from benchmarks.peers.povray_picture import PovrayPicture
 from lfcore.optics.slab import Slab
 
-PEERS: dict[str, Callable] = {
-    "embree": EmbreePackets, "mitsuba": MitsubaPicture, "povray": PovrayPicture,
-}  # fmt: skip
+PEERS: dict[str, Callable] = {"embree": EmbreePackets, "mitsuba": MitsubaPicture}
 """What makes a peer of a scene and the number of threads."""
 
 
@@ -56,7 +53,7 @@ def compare(options) -> list[dict]:
     for name in options.scenes:
         loaded = Loaded.open(name)
         peers = Peers(loaded, options.peers)
-        for views in options.angular:
+        for views in options.views:
             say(f"{name}, N = {views}")
             rows += _rows(loaded, views, options, peers)
         peers.close()
@@ -65,7 +62,7 @@ def compare(options) -> list[dict]:
 
 def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
     scene = loaded.scene
-    sample = sample_slab(Slab(scene.camera, views, options.size), options.mrays)
+    sample = sample_slab(Slab(scene.camera, views, options.pixels), options.mrays)
     planes = ours.planes_of(scene)
     methods = [ours.visibility(loaded.tracer, sample)]
     methods += [ours.algorithm1(loaded.tracer, sample, planes), *peers.methods(sample)]
@@ -84,7 +81,7 @@ def _rows(loaded: Loaded, views: int, options, peers: Peers) -> list[dict]:
                 "scene": loaded.name,
                 "triangles": scene.triangle_count,
                 "N": views,
-                "M": options.size,
+                "M": options.pixels,
                 "method": method.name,
                 "work": work,
                 "mrays_per_second": row["mrays_per_second"],

@@ -28,18 +28,8 @@ FADE = 1000.0
 """Reference distance of a point light over POV-Ray's fade distance."""
 
 
-def write_povray(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
-    """Write ``scene.pov``, its mesh and textures into ``folder``, which is made; its path.
-
-    To be run there, since names are relative.  Raises as :func:`write_mesh` and
-    :func:`write_view` do.
-    """
-    write_mesh(folder, scene)
-    return write_view(folder, scene, camera, samples=samples)
-
-
 def write_mesh(folder: str | Path, scene: Scene) -> None:
-    """Write what all views of a scene share into ``folder``, which is made.
+    """Write mesh and textures of a scene, which all views share, into ``folder``, which is made.
 
     Raises :class:`SceneError` for what is not exported: colours at corners, motion, points
     of area lights, emission over a texture.
@@ -57,6 +47,7 @@ def write_mesh(folder: str | Path, scene: Scene) -> None:
 def write_view(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
     """Write ``scene.pov`` beside the mesh of the same scene; its path.
 
+    POV-Ray is to be run in the folder, since names are relative.
     ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
     takes ``samples`` rays through the lens.  Raises :class:`SceneError` for a focus at infinity.
     """

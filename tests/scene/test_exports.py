@@ -21,7 +21,7 @@ from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.build import build_scene
 from lfcore.scene.mitsuba import Description
 from lfcore.scene.model import Motion
-from lfcore.scene.povray import write_povray
+from lfcore.scene.povray import write_mesh, write_view
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -34,7 +34,8 @@ def chart():
 
 
 def written(folder, scene):
-    file = write_povray(folder, scene, scene.camera, samples=50)
+    write_mesh(folder, scene)
+    file = write_view(folder, scene, scene.camera, samples=50)
     return file.read_text() + (folder / "mesh.inc").read_text()
 
 
