@@ -5,27 +5,21 @@ bit.
 """
 
 import itertools
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.left_out.features import FEATURES, NO_LIGHT, full_needs
-from lfcore.evaluation.left_out.packages import packages
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import finished
-from lfcore.rendering.record import record_tile
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
-from lfcore.storage import defaults
-from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.timing import measure_in_turn
 from lfcore.tracing import reach
@@ -53,11 +47,10 @@ class Program:
     planes: Sequence[SensorPlane]
     frames: bool
 
-    def tile(self, pixel_format: str = "yuv420p") -> Tile:
+    def tile(self) -> Tile:
         """The whole slab."""
         side = self.slab.pixels
-        layout = FrameLayout("macropixels", self.slab.views, side, pixel_format=pixel_format)
-        return layout.tile(0, 0, side, side)
+        return FrameLayout("macropixels", self.slab.views, side).tile(0, 0, side, side)
 
     def tracing(self) -> TileTracing:
         return self.tracer.trace_tile(self.slab, self.tile(), self.planes, frames=self.frames)
@@ -83,35 +76,6 @@ class Program:
         return sum(array.nbytes for array in (*arrays, s.texels, *tree)) + (
             self.tracer.scratch_bytes(self.slab, self.tile(), self.planes, frames=self.frames)
         )
-
-
-@dataclass(frozen=True)
-class Storing(Program):
-    """A program whose frames are encoded, and joined into ``file``."""
-
-    file: Path
-
-    @cached_property
-    def made(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """No frames, and the plane sums that were formed on the way."""
-        sums = self.run().plane_sums
-        assert sums is not None  # of a tracing that has ended
-        return [], sums.sums
-
-    @property
-    def bytes(self) -> int:
-        """The same, and the file, once it is made."""
-        return super().bytes + self.file.stat().st_size
-
-    def run(self) -> TileTracing:
-        spec = defaults.chosen_encoding(self.slab.views)
-        tile, segment = self.tile(spec.stored_format), self.file.with_name("0.mp4")
-        tracing, _ = record_tile(self.tracer, self.slab, tile, segment, spec, self.planes)
-        scene = {"name": self.tracer.scene.name, "digest": "0" * 64}
-        join_segments(
-            self.file, [segment], [tile], tile.layout, geometry=self.slab, scene=scene, spec=spec
-        )
-        return tracing
 
 
 @dataclass(frozen=True)
@@ -193,10 +157,8 @@ def left_out(
         lacking(scene, program, features),
         beyond_reach(scene, bvh, program),
         unwanted(program),
-        stored(program(frames=False)),
     )
-    rows = [*(one.row(repeats) for one in comparisons), *packages(scene)]
-    return [{"scene": scene.name, **row} for row in rows]
+    return [{"scene": scene.name, **one.row(repeats)} for one in comparisons]
 
 
 def lacking(
@@ -250,15 +212,3 @@ def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
     beside = program(planes=[whole, stopped], frames=False)
     agree = np.array_equal(beside.made[1][1], narrow.made[1][0])
     yield Comparison("lens_blocks", what, alone, narrow, 0, agree)
-
-
-def stored(alone: Program) -> Iterator[Comparison]:
-    """Encoding and joining, against forming planes alone: the savings of ``store: false``."""
-    what = (
-        "jobs that encode, join and retrieve, where only pictures are wanted (store: false); "
-        "bytes are of the file"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "lightfield.mkv"
-        storing = Storing(alone.tracer, alone.bvh, alone.slab, alone.planes, alone.frames, file)
-        yield Comparison("stage: store", what, storing, alone)
