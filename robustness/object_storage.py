@@ -9,9 +9,9 @@ is missing.
 
 import hashlib
 import importlib.util
+import logging
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -31,26 +31,17 @@ SMALL = "scenes=[chart] views=[4,8] pixels=32 reports=[]"
 
 
 @contextmanager
-def server(folder: Path) -> Iterator[str]:
+def server() -> Iterator[str]:
     """The URL of a server that speaks S3, while the block lasts."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with (folder / "server.log").open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
-            stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
-        try:
-            end = time.monotonic() + 60
-            while socket.socket().connect_ex(("127.0.0.1", port)):
-                if time.monotonic() > end or process.poll() is not None:
-                    raise RuntimeError((folder / "server.log").read_text()[-500:])
-                time.sleep(0.2)
-            yield f"http://127.0.0.1:{port}"
-        finally:
-            process.terminate()
-            process.wait()
+    from moto.server import ThreadedMotoServer
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for each request
+    threaded = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    threaded.start()
+    try:
+        yield "http://{}:{}".format(*threaded.get_host_and_port())
+    finally:
+        threaded.stop()
 
 
 def client_of(url: str):
@@ -144,7 +135,7 @@ def main() -> int:
     if absent := [name for name in PACKAGES if importlib.util.find_spec(name) is None]:
         print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
         return 0
-    with tempfile.TemporaryDirectory() as name, server(Path(name)) as url:
+    with tempfile.TemporaryDirectory() as name, server() as url:
         wrong = check(Path(name), url, client_of(url))
     print("\n".join(wrong))
     return int(bool(wrong))

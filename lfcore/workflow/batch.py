@@ -1,6 +1,7 @@
 """A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -53,39 +54,30 @@ def trace_batch(
 ) -> tuple[PlaneSums, dict]:
     """Trace tiles one after the other; without ``segments`` nothing is stored.
 
-    One tile's segment is the file ``segments`` itself, several are a batch.  Returns the sums of
-    the planes over all tiles, and the facts: rays, tiles, wall seconds.
+    The file ``segments`` is a batch of them.  Returns the sums of the planes over all
+    tiles, and the facts: rays, tiles, wall seconds.
     """
     rays, seconds = 0, {"trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None
+    with draft_folder(segments) if segments else nullcontext() as folder:
+        files = []
+        for done, tile in enumerate(tiles, 1):
+            if folder is None:
+                tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False))
+            else:
+                from lfcore.rendering.record import record_tile  # loads the codecs
 
-    def trace(tile: Tile, segment: Path | None) -> None:
-        nonlocal total, rays
-        if segment is None:
-            tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False))
-        else:
-            from lfcore.rendering.record import record_tile  # loads the codecs
+                files.append(folder / f"{tile.index}.mp4")
+                tracing, encode = record_tile(tracer, slab, tile, files[-1], spec, planes)
+                seconds["encode"] += encode
+            rays += tracing.rays
+            seconds["trace"] += tracing.seconds
+            part = tracing.plane_sums
+            total = total.with_part(part) if total and part else part
+            progress(done, len(tiles))
+        if segments:
+            from lfcore.storage.container import write_batch
 
-            tracing, encode = record_tile(tracer, slab, tile, segment, spec, planes)
-            seconds["encode"] += encode
-        rays += tracing.rays
-        seconds["trace"] += tracing.seconds
-        part = tracing.plane_sums
-        total = total.with_part(part) if total and part else part
-        progress(tile.index - tiles[0].index + 1, len(tiles))
-
-    if segments is None:
-        for tile in tiles:
-            trace(tile, None)
-    elif len(tiles) == 1:
-        trace(tiles[0], Path(segments))
-    else:
-        from lfcore.storage.container import write_batch
-
-        with draft_folder(segments) as folder:
-            files = [folder / f"{tile.index}.mp4" for tile in tiles]
-            for tile, file in zip(tiles, files, strict=True):
-                trace(tile, file)
             write_batch(segments, files)
     assert total is not None
     return total, {"rays": rays, "tiles": len(tiles), "seconds": seconds}

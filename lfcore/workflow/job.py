@@ -64,14 +64,14 @@ def _fail(terminal: int, message: str) -> None:
     os._exit(1)
 
 
-def log_progress(what: str, *, every_seconds: float = 5.0) -> Callable[[int, int], None]:
-    """A ``progress(done, total)`` that writes a line now and then, and one at the end."""
+def log_progress(what: str) -> Callable[[int, int], None]:
+    """A ``progress(done, total)`` that writes a line every five seconds, and one at the end."""
     last = time.monotonic()
 
     def progress(done: int, total: int) -> None:
         nonlocal last
         now = time.monotonic()
-        if done == total or now - last >= every_seconds:
+        if done == total or now - last >= 5.0:
             last = now
             print(f"{what}: {done} of {total}")
 

@@ -1,12 +1,14 @@
 """Add up the planes of all batches and, where the light field is stored, join their segments."""
 
+from pathlib import Path
+
 from lfcore.files import file_digest, read_json, write_json
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
+from lfcore.timing import clocked
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
-from lfcore.workflow.joining import joined, traced
 
 with job(snakemake.log[0], snakemake.threads):
     given, params, output = snakemake.input, snakemake.params, snakemake.output
@@ -18,16 +20,40 @@ with job(snakemake.log[0], snakemake.threads):
     write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)
     facts = [read_json(path) for path in given.seconds]
-    write_json(output.trace, traced(facts) | {"triangles": triangles})
+    encode_seconds = sum(one["seconds"]["encode"] for one in facts)
+    traced = {
+        "seconds": sum(one["seconds"]["trace"] for one in facts),
+        "encode_seconds": encode_seconds,
+        "rays": sum(one["rays"] for one in facts),
+        "device": facts[0]["device"],
+        "threads": facts[0]["threads"],
+        "triangles": triangles,
+    }
+    write_json(output.trace, traced)
     if "light_field" in output.keys():
-        record = joined(
-            output.light_field,
-            given.segments,
-            facts,
-            slab,
-            cases.tiles(params, slab.views),
-            cases.encoding(params, slab.views),
-            scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
-            progress=log_progress("segments"),
+        from lfcore.storage.container import join_segments  # loads the codecs
+
+        tiles, spec = cases.tiles(params, slab.views), cases.encoding(params, slab.views)
+        depth = facts[0].get("depth_m")  # the range of those that are seen
+        metadata, seconds = clocked(
+            lambda: join_segments(
+                output.light_field,
+                given.segments,
+                tiles,
+                tiles[0].layout,
+                geometry=slab,
+                scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
+                spec=spec,
+                content={"depth_m": depth} if depth else None,
+                progress=log_progress("segments"),
+            )
         )
-        write_json(output.store, record)
+        stored = {
+            "device": facts[0]["processor"],
+            "threads": spec.threads,
+            "encode_seconds": encode_seconds,
+            "join_seconds": seconds,
+            "video_bytes": Path(output.light_field).stat().st_size,
+            "segments": len(metadata.segments),
+        }
+        write_json(output.store, stored)
