@@ -12,7 +12,7 @@ import argparse
 import os
 from pathlib import Path
 
-from benchmarks.measured import compare, leaks
+from benchmarks.measured import compare
 from benchmarks.measured.rows import print_table, say, write_csv
 from lfcore.timing import machine
 
@@ -28,9 +28,6 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
-    parser.add_argument(
-        "--leaks", action="store_true", help="instead, count the misses of rays at closed surfaces"
-    )
     options = parser.parse_args(arguments)
     options.peers = [peer for peer in options.peers if peer != "none"]
     if options.repeats < 1:
@@ -43,8 +40,10 @@ def main() -> None:
     here = machine()
     say(", ".join(f"{key} {value}" for key, value in here.items()))
     say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
-    rows = leaks.leaks(options) if options.leaks else compare.compare(options)
-    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
+    rows = [
+        {**row, "processor": here["processor"], "cores": here["cores"]}
+        for row in compare.compare(options)
+    ]
     write_csv(options.out, rows)
     print_table(
         rows, leave_out=("note", "processor", "cores", "threads", "sampled_rays", "repeats")
