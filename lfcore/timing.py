@@ -1,12 +1,11 @@
 """How published seconds are measured.
 
 Every published second comes from here.  :class:`Stopwatch` and :func:`clocked` are for long work,
-which runs once.  :func:`measure_in_turn` and :func:`measure_within` repeat short work: warm-up
-runs, then the median of several, with the spread.  All need the work to be over when the clock is
+which runs once.  :func:`measure_in_turn` and :func:`measure_within` repeat short work: the median
+of several runs, with the spread.  All need the work to be over when the clock is
 read: no device's queue may be left unfinished.
 """
 
-import functools
 import os
 import platform
 import re
@@ -65,30 +64,21 @@ def clocked_warm(
     ``programs`` counts those that this process has built or read so far.  A first run that is
     long, and has found all its programs made, is as good as a second.
     """
-    results, timing = measure_within(
-        lambda _: work(), SHORT_SECONDS, programs, repeats=1, clock=clock
-    )
-    return results[0], timing.median
+    result, timing = measure_within(work, SHORT_SECONDS, programs, repeats=1, clock=clock)
+    return result, timing.median
 
 
 def measure_in_turn(
     works: Sequence[Callable[[], object]],
     *,
     repeats: int,
-    warm_up: int = 1,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Timing]:
-    """Pieces of work that take turns under the clock, after ``warm_up`` unseen runs of each.
+    """Pieces of work that take turns under the clock.
 
-    What slows the machine for a while slows all of them.  Raises :class:`ValueError` for
-    ``repeats`` below 1.
+    What slows the machine for a while slows all of them.
     """
-    if repeats < 1:
-        raise ValueError(f"repeats must be at least 1, not {repeats}")
     seconds: list[list[float]] = [[] for _ in works]
-    for work in works:
-        for _ in range(warm_up):
-            work()
     for _ in range(repeats):
         for work, taken in zip(works, seconds, strict=True):
             taken.append(clocked(work, clock=clock)[1])
@@ -96,34 +86,27 @@ def measure_in_turn(
 
 
 def measure_within(
-    work: Callable[[int], Result],
+    work: Callable[[], Result],
     budget_seconds: float,
     programs: Callable[[], int],
     *,
     repeats: int,
-    seeds: int = 1,
     clock: Callable[[], float] = time.perf_counter,
-) -> tuple[list[Result], Timing]:
-    """Results of ``work(seed)`` for the first ``seeds`` seeds, and seconds of its repeats.
+) -> tuple[Result, Timing]:
+    """The result of ``work``, and seconds of its repeats.
 
     The first run counts where it is longer than its share of the budget and made no programs, of
     which ``programs`` counts those that were built or read so far.  Short runs repeat ``repeats``
-    times; longer ones as often as the budget allows, but once a seed.
+    times; longer ones as often as the budget allows.
     """
-    before, least = programs(), max(1, seeds)
-    result, first = clocked(functools.partial(work, 0), clock=clock)
+    before = programs()
+    result, first = clocked(work, clock=clock)
     counts = first > budget_seconds / repeats and programs() == before
-    results: list[Result] = [result] if counts else []
-    seconds: list[float] = [first] if counts else []
-    for repeat in range(len(seconds), repeats):
-        typical = min(seconds, default=first)
-        if repeat >= least and sum(seconds) + typical > budget_seconds:
-            break
-        result, taken = clocked(functools.partial(work, repeat % least), clock=clock)
+    seconds = [first] if counts else []
+    while len(seconds) < repeats and not (seconds and sum(seconds) + min(seconds) > budget_seconds):
+        result, taken = clocked(work, clock=clock)
         seconds.append(taken)
-        if repeat < least:
-            results.append(result)
-    return results, Timing(tuple(seconds))
+    return result, Timing(tuple(seconds))
 
 
 @dataclass

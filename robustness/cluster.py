@@ -3,9 +3,9 @@
     python -m robustness.cluster                          (make cluster)
     python -m robustness.cluster --faults all             (make cluster FAULTS=all)
 
-Says how many jobs went in how many submissions, what scheduling took, and whether the results of
-a disturbed run are those of the undisturbed one.  With ``--faults`` a smaller run meets what may
-happen to a node (:mod:`robustness.cluster_faults`).  Skipped, aloud, where SLURM is not installed.
+Says how many jobs went in how many submissions, and whether the results of a disturbed run are
+those of the undisturbed one.  With ``--faults`` a smaller run meets what may happen to a node
+(:mod:`robustness.cluster_faults`).  Skipped, aloud, where SLURM is not installed.
 """
 
 import argparse

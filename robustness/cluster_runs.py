@@ -26,8 +26,6 @@ KEPT = ("results/*/M*/N*/lightfield.mkv", "results/*/M*/N*/planes/*.npz", "resul
 TABLES = "results/tables/table_7_*.csv"
 """The thesis's tables, which are compared but for their seconds."""
 SECONDS = ("second", "mrays", "device", "thesis")
-BEGINS = "\nSNAKEMAKE\n"
-STAMP = re.compile(r"^\[(\w{3} \w{3} +\d+ [\d:]+ \d{4})\]$", re.MULTILINE)
 
 
 @dataclass
@@ -41,7 +39,6 @@ class Run:
     jobs: int
     submissions: list[dict[str, str]]
     digests: dict[str, str]
-    working_s: float
     same: str = ""
     wrong: list[str] = field(default_factory=list)
 
@@ -52,10 +49,6 @@ class Run:
     @property
     def inside_s(self) -> float:
         return sum(_seconds(one["begun"], one["ended"]) for one in self.submissions)
-
-    @property
-    def waited_s(self) -> float:
-        return sum(_seconds(one["submitted"], one["begun"]) for one in self.submissions)
 
     def compare(self, undisturbed: Run) -> None:
         """Results must be those of ``undisturbed``, and no file half-written under any name."""
@@ -69,12 +62,9 @@ class Run:
             self.wrong.append(f"other results: {sorted(names)}")
 
     def row(self) -> dict[str, str]:
-        over = 1 - self.working_s / self.inside_s if self.inside_s else 0.0
         return {
             "run": self.name, "jobs": str(self.jobs), "submissions": str(len(self.submissions)),
-            "wall s": f"{self.seconds:.0f}", "within submissions, s": f"{self.inside_s:.0f}",
-            "of it starts": f"{over:.0%}", "waited, s": f"{self.waited_s:.0f}",
-            "results": self.same or str(len(self.digests)),
+            "wall s": f"{self.seconds:.0f}", "results": self.same or str(len(self.digests)),
         }  # fmt: skip
 
     def summary(self) -> str:
@@ -125,25 +115,8 @@ def run(
     seconds = time.monotonic() - begun
     mine = [one for one in slurm.jobs() if one["number"] not in before]
     table = re.search(r"^total +(\d+)$", said, re.MULTILINE)
-    return Run(
-        name, status, said, seconds, int(table[1]) if table else 0, mine, digests(folder),
-        working_seconds(folder),
-    )  # fmt: skip
-
-
-def working_seconds(folder: Path) -> float:
-    """Seconds from the start of each submission's first rule to the end of its last, as its log
-    has them: what is left of its time is the start of Snakemake, twice, of which the second
-    runs the rules."""
-    total = 0.0
-    for log in (folder / ".snakemake" / "slurm_logs").rglob("*.log"):
-        times = [
-            datetime.strptime(stamp, "%a %b %d %H:%M:%S %Y")
-            for stamp in STAMP.findall(log.read_text(errors="replace").rpartition(BEGINS)[2])
-        ]
-        if times:
-            total += (max(times) - min(times)).total_seconds()
-    return total
+    jobs = int(table[1]) if table else 0
+    return Run(name, status, said, seconds, jobs, mine, digests(folder))
 
 
 def digests(folder: Path) -> dict[str, str]:

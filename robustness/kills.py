@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
+import psutil
+
 from lfcore.files import file_digest
 from robustness.outcome import ROOT
 
@@ -166,16 +168,17 @@ def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
 def _strike(leader: int, way: str) -> bool:
     """Send the signal; False when there is nobody to send it to."""
     number = getattr(signal, f"SIG{way.split()[0]}")
-    with suppress(ProcessLookupError):
+    with suppress(ProcessLookupError, psutil.NoSuchProcess):
         if way.endswith("group"):
             os.killpg(leader, number)
             return True
         if not way.endswith("child"):
             os.kill(leader, number)
             return True
-        children = descendants(leader)
+        children = psutil.Process(leader).children(recursive=True)
         if children:
-            os.kill(max(children), number)  # the latest one: the job, not the one that waits
+            # The latest one: the job, not the one that waits.
+            max(children, key=lambda one: one.pid).send_signal(number)
             return True
         os.killpg(leader, signal.SIGKILL)
     return False
@@ -197,25 +200,13 @@ def until_end(process: subprocess.Popen) -> str | None:
 
 def processor_seconds(process: int) -> float:
     """Of a process and all below it."""
-    ticks = 0
-    for one in (process, *descendants(process)):
-        with suppress(OSError):
-            ticks += sum(map(int, stat_of(one)[11:13]))
-    return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def stat_of(process: int | str) -> list[str]:
-    """What /proc says of a process behind its name: state, parent, ..."""
-    return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-
-
-def descendants(process: int) -> list[int]:
-    found: list[int] = []
-    for file in Path("/proc").glob(f"{process}/task/*/children"):
-        with suppress(OSError):
-            for child in map(int, file.read_text().split()):
-                found += [child, *descendants(child)]
-    return found
+    seconds = 0.0
+    with suppress(psutil.NoSuchProcess):
+        leader = psutil.Process(process)
+        for one in (leader, *leader.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):
+                seconds += sum(one.cpu_times()[:2])
+    return seconds
 
 
 MICRO = {"scenes": ["sphere"], "views": [2, 4], "pixels": 16, "reports": []}

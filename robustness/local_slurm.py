@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
-from robustness.kills import descendants, stat_of
+import psutil
 
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
 PLUGIN = "snakemake-executor-plugin-slurm"
@@ -60,7 +60,7 @@ class LocalSlurm:
         """Number, name, state, times, and what was asked for, of every job since the start."""
         keys = {
             "number": "JobID:32", "name": "Name:80", "state": "State:32",
-            "submitted": "SubmitTime:32", "begun": "StartTime:32", "ended": "EndTime:32",
+            "begun": "StartTime:32", "ended": "EndTime:32",
             "limit": "TimeLimit:32", "memory": "MinMemory:32", "comment": "Comment:200",
         }  # fmt: skip
         text = self.command("squeue", "-h", "-t", "all", "-O", ",".join(keys.values()))
@@ -90,17 +90,18 @@ class LocalSlurm:
 
     def of_node(self) -> set[int]:
         """Processes of its jobs, and those that watch over them: nobody's children."""
-        mine = f"SLURM_CONF={self.environment['SLURM_CONF']}".encode()
-        ours = {os.getpid(), *descendants(os.getpid())}
+        this = psutil.Process()
+        ours = {this.pid, *(child.pid for child in this.children(recursive=True))}
         found = set()
-        for folder in Path("/proc").glob("[0-9]*"):
-            with suppress(OSError, ValueError):
-                if int(folder.name) in ours or mine not in (folder / "environ").read_bytes():
+        for process in psutil.process_iter():
+            with suppress(psutil.Error):
+                mine = process.environ().get("SLURM_CONF") == self.environment["SLURM_CONF"]
+                if process.pid in ours or not mine:
                     continue
-                parent = stat_of(folder.name)[1]
-                found |= {int(folder.name), *descendants(int(folder.name))}
-                if (Path("/proc") / parent / "comm").read_text().startswith("slurmstepd"):
-                    found.add(int(parent))
+                found |= {process.pid, *(child.pid for child in process.children(recursive=True))}
+                parent = process.parent()
+                if parent and parent.name().startswith("slurmstepd"):
+                    found.add(parent.pid)
         return found - ours
 
     def start(self, *words: str) -> subprocess.Popen:

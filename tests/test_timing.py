@@ -21,17 +21,12 @@ class Clock:
         self.now += seconds
 
 
-def test_warm_up_is_not_counted():
-    clock, costs = Clock(), iter([100.0, 1.0, 3.0, 2.0])
+def test_the_median_and_the_spread():
+    clock, costs = Clock(), iter([1.0, 3.0, 2.0])
     (timing,) = measure_in_turn([lambda: clock.work(next(costs))], repeats=3, clock=clock)
     assert timing.seconds == (1.0, 3.0, 2.0)
     assert timing.median == 2.0
     assert timing.quartiles == (1.5, 2.5)
-
-
-def test_no_repeats_is_no_measurement():
-    with pytest.raises(ValueError, match="at least 1"):
-        measure_in_turn([lambda: None], repeats=0)
 
 
 def test_stopwatch_adds_up_parts_and_items():
@@ -104,29 +99,27 @@ def test_work_takes_turns():
         return lambda: (order.append(name), clock.work(cost))
 
     full, lean = measure_in_turn((worker("a", 2.0), worker("b", 1.0)), repeats=2, clock=clock)
-    assert order == ["a", "b"] * 3
+    assert order == ["a", "b"] * 2
     assert full.seconds == (2.0, 2.0) and lean.seconds == (1.0, 1.0)
 
 
-def test_repeats_keep_to_a_budget_and_every_seed_is_run():
+def test_repeats_keep_to_a_budget():
     clock, seen = Clock(), []
 
-    def work(seed, cost=0.2):
-        seen.append(seed)
+    def work(cost=0.2):
+        seen.append(cost)
         clock.work(cost)
-        return seed
+        return "made"
 
-    results, timing = measure_within(
-        work, 0.5, iter([0, 1]).__next__, repeats=9, seeds=3, clock=clock
-    )
-    assert results == [0, 1, 2] and seen == [0, 0, 1, 2] and len(timing.seconds) == 3
+    result, timing = measure_within(work, 0.5, iter([0, 1]).__next__, repeats=9, clock=clock)
+    assert result == "made" and len(seen) == 3 and len(timing.seconds) == 2
     seen.clear()
-    results, timing = measure_within(work, 0.5, Programs(0), repeats=9, seeds=3, clock=clock)
-    assert results == seen == [0, 1, 2] and len(timing.seconds) == 3
+    result, timing = measure_within(work, 0.5, Programs(0), repeats=9, clock=clock)
+    assert result == "made" and len(seen) == 2 and len(timing.seconds) == 2
     seen.clear()
     short = functools.partial(work, cost=0.01)
     _, timing = measure_within(short, 0.5, Programs(0), repeats=9, clock=clock)
     assert len(timing.seconds) == 9 and len(seen) == 10
     seen.clear()
-    results, timing = measure_within(work, 0.1, Programs(0), repeats=9, clock=clock)
-    assert results == seen == [0] and timing.seconds == pytest.approx((0.2,))
+    _, timing = measure_within(work, 0.1, Programs(0), repeats=9, clock=clock)
+    assert len(seen) == 1 and timing.seconds == pytest.approx((0.2,))

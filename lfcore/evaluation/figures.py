@@ -157,12 +157,12 @@ def views_axis(axis: Axes, views: pd.Series) -> None:
     axis.set_xlabel("views per side, N")
 
 
-def log_ticks(axis: Axis, unit: float = 1.0) -> None:
-    """Make ``axis`` logarithmic, with plain numbers of ``unit`` at 1, 2 and 5 of each decade."""
+def log_ticks(axis: Axis) -> None:
+    """Make ``axis`` logarithmic, with plain numbers at 1, 2 and 5 of each decade."""
     scale = axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale
     scale("log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(lambda value, _: f"{value / unit:g}")
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_minor_formatter(NullFormatter())
     axis.set_tick_params(labelsize=8)
 

@@ -139,7 +139,6 @@ class WriteOptions:
     tiles: tuple[int, int] | None = None
     near_m: float | None = None
     far_m: float | None = None
-    bits: int | None = None
     progress: Callable[[int, int], None] | None = None
     notes: list[str] = field(default_factory=list, init=False)
 

@@ -48,4 +48,4 @@ def write(source: Source, folder: Path, options: WriteOptions) -> None:
     for column, row, picture in source.views(options.progress):
         first, second = (column, row) if order.columns_first else (row, column)
         path = folder / f"{first:03d}_{second:03d}.ppm"
-        pictures.write_ppm(path, picture, options.bits or BITS)
+        pictures.write_ppm(path, picture, BITS)

@@ -21,6 +21,7 @@ from lfcore.errors import OpticsError
 
 _PUPIL_BINS = 32
 _PUPIL_GRID = 48
+_AXIAL_GRID = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,10 +239,10 @@ class LensSystem:
                 bounds[index] = xs.min() - cell, xs.max() + cell, ys.min() - cell, ys.max() + cell
         return bounds
 
-    def axial_pupil_area(self, grid: int = 256) -> float:
+    def axial_pupil_area(self) -> float:
         """Open area of the exit pupil on the rear plane, seen from the middle of the film."""
         reach = self._rear_reach
-        axis = ((np.arange(grid) + 0.5) / grid * 2 - 1) * reach
+        axis = ((np.arange(_AXIAL_GRID) + 0.5) / _AXIAL_GRID * 2 - 1) * reach
         x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
         return float(self._passes(0.0, x, y).mean()) * (2 * reach) ** 2
 

@@ -94,11 +94,6 @@ class PlenopticCamera:
         return self.image_pitch_m / self.samples
 
     @property
-    def photosensor_width_m(self) -> float:
-        """A little wider than the microlens array: images lie behind it, away from the axis."""
-        return self.image_pitch_m * self.lenses
-
-    @property
     def hyperfocal_distance_m(self) -> float:
         """Of a microlens, for a circle of confusion of one photosensor pixel: f^2 / (N c) + f."""
         focal = self.microlens_focal_length_m

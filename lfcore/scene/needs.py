@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -99,11 +99,6 @@ class Needs:
 
     def to_json(self) -> dict:
         return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: dict) -> Needs:
-        """Inverse of :meth:`to_json`; KeyError for a feature that ``data`` does not know."""
-        return cls(**{field.name: data[field.name] for field in fields(cls)})
 
 
 def _has_curves(scene: Scene) -> bool:

@@ -1,5 +1,6 @@
 """Files that others wrote, read within bounds of size and depth: whatever they hold, it ends."""
 
+import gzip
 import os
 import stat
 import zlib
@@ -22,7 +23,6 @@ LARGEST_MESH = 4096 * MIB
 DEEPEST_YAML = 64
 MOST_YAML_NODES = 100_000
 """Of a YAML file with its aliases followed."""
-_CHUNK = 4 * MIB
 
 
 def _error(path: Path, problem: str, remedy: str) -> SceneError:
@@ -68,29 +68,17 @@ _NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
-    made = bytearray()
-    unpack = zlib.decompressobj(wbits=31)
     try:
-        rest = stream.read(_CHUNK)
-        while rest:
-            made += unpack.decompress(rest, most + 1 - len(made))
-            if len(made) > most:
-                raise _too_large(path, most, what)
-            rest = unpack.unconsumed_tail or unpack.unused_data or stream.read(_CHUNK)
-            if unpack.eof and rest:  # one archive after another is an archive, too
-                if not rest.strip(b"\0"):
-                    rest = stream.read(_CHUNK)
-                    continue
-                unpack = zlib.decompressobj(wbits=31)
-    except zlib.error as error:
-        raise _damaged(path, what, str(error)) from None
-    if not unpack.eof:
-        raise _damaged(path, what, "it ends early")
-    return bytes(made)
-
-
-def _damaged(path: Path, what: str, reason: str) -> SceneError:
-    return _error(path, f"{what} cannot be unpacked: {reason}", "Get or make the file again")
+        with gzip.GzipFile(fileobj=stream) as packed:
+            made = packed.read(most + 1)
+        if not stream.tell():
+            raise EOFError("it is empty")
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        problem = f"{what} cannot be unpacked: {error}"
+        raise _error(path, problem, "Get or make the file again") from None
+    if len(made) > most:
+        raise _too_large(path, most, what)
+    return made
 
 
 def _too_large(path: Path, most: int, what: str) -> SceneError:

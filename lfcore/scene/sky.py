@@ -100,11 +100,9 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
     return rest, found
 
 
-def with_sky(
-    scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path, key: str = "sky"
-) -> Scene:
+def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
     """The scene under a sky, as :func:`sky_of` takes it, and lit by its suns."""
-    sky = sky_of(description, to_camera, file=file, key=key)
+    sky = sky_of(description, to_camera, file=file, key="sky")
     return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
 
 

@@ -76,7 +76,7 @@ class DepthCodes:
         with np.errstate(divide="ignore", over="ignore"):
             return (1.0 / inverse).astype(np.float32)
 
-    def spec(self, slab: Slab, *, lossless: bool = False, threads: int = 1) -> Encoding:
+    def spec(self, slab: Slab, *, lossless: bool = False) -> Encoding:
         """What to encode them with: H.264, or FFV1 where nothing may be lost.
 
         Constant quantisers err by up to half their step: the step is twice :data:`SWEEP_PX`.  Of
@@ -89,7 +89,7 @@ class DepthCodes:
         crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
         return Encoding(
             pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", bframes=8,
-            gop=KEY_EVERY, threads=threads,
+            gop=KEY_EVERY,
         )  # fmt: skip
 
 

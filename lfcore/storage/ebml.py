@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -74,26 +74,22 @@ class Structure:
         return self.file_bytes < self.expected_bytes
 
 
-def scan(
-    path: Path, *, clusters: bool, progress: Callable[[int, int], None] | None = None
-) -> Structure:
+def scan(path: Path, *, clusters: bool) -> Structure:
     """Walk over the elements of level 1 and check those that are not video; all with ``clusters``.
 
     Without ``clusters``, the walk goes from the first cluster of video to the next element that
-    the SeekHead knows, however many clusters lie between.  ``progress(done, total)`` counts bytes.
-    Raises :class:`StorageError` when the file cannot be read or is no Matroska file.
+    the SeekHead knows, however many clusters lie between.  Raises :class:`StorageError` when the
+    file cannot be read or is no Matroska file.
     """
     try:
         with path.open("rb") as file:
             size = path.stat().st_size
-            return _scan(file, path, size, clusters, progress or (lambda done, total: None))
+            return _scan(file, path, size, clusters)
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
 
 
-def _scan(
-    file: BinaryIO, path: Path, size: int, clusters: bool, progress: Callable[[int, int], None]
-) -> Structure:
+def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
     found = Structure(size)
     position = begin = _head(file, path, found)
     known: list[int] = []
@@ -115,7 +111,6 @@ def _scan(
         position = element.stop
         if element.name == "Cluster" and not clusters:
             position = min((one for one in known if position < one < size), default=position)
-        progress(position, size)
     bare = [one for one in found.elements if not one.summed and one.name != "Void"]
     if len(bare) < sum(one.name != "Void" for one in found.elements):
         # FFmpeg's muxer gives every element a check sum; others may give none at all.

@@ -175,8 +175,8 @@ class SegmentReader:
     Raises :class:`StorageError`, naming the file, when it is missing, cut short or no segment.
     """
 
-    def __init__(self, path: str | Path, *, threads: int = 1, grey: bool = False):
-        self.path, self.threads = Path(path), threads
+    def __init__(self, path: str | Path, *, grey: bool = False):
+        self.path = Path(path)
         self.count = DecodeCount()
         if not _is_whole(self.path):
             raise StorageError(
@@ -239,7 +239,7 @@ class SegmentReader:
                 )
             if start == stop:
                 return
-            stream.codec_context.thread_count = self.threads
+            stream.codec_context.thread_count = 1
             if start:
                 container.seek(start * ticks_per_frame(stream.time_base), stream=stream)
             packets = (packet for packet in container.demux(stream) if packet.size)

@@ -89,36 +89,30 @@ def frames_from_rgb(
     return out
 
 
-def rgb_from_frames(
-    frames: np.ndarray, format_name: str, width: int, height: int, *, linear_chroma: bool = True
-) -> np.ndarray:
+def rgb_from_frames(frames: np.ndarray, format_name: str, width: int, height: int) -> np.ndarray:
     """sRGB-encoded pictures (F, height, width, 3) float32 in [0, 1] of planar frames.
 
-    4:2:0 chroma is interpolated between sample centres, or with ``linear_chroma`` false repeated
-    over its 2 x 2 pixels.  Raises :class:`StorageError` when ``frames`` does not fit.
+    4:2:0 chroma is interpolated between sample centres.  Raises :class:`StorageError` when
+    ``frames`` does not fit.
     """
     form = pixel_format(format_name)
-    return rgb_from_planes(form.views(frames, width, height), form, linear_chroma=linear_chroma)
+    return rgb_from_planes(form.views(frames, width, height), form)
 
 
-def rgb_from_planes(
-    planes: list[np.ndarray], form: PixelFormat, *, linear_chroma: bool = True
-) -> np.ndarray:
+def rgb_from_planes(planes: list[np.ndarray], form: PixelFormat) -> np.ndarray:
     """The same of three planes (F, h, w), or windows of planes, of one pixel format."""
     if form.rgb:
         green, blue, red = planes
         return np.stack([red, green, blue], -1).astype(np.float32) * np.float32(1 / 255)
     luma, *chroma = planes
-    blue, red = (_upsampled(plane, form, linear_chroma) for plane in chroma)
+    blue, red = (_upsampled(plane, form) for plane in chroma)
     return _rgb_of(luma, blue, red, form.bits)
 
 
-def _upsampled(chroma: np.ndarray, form: PixelFormat, linear: bool) -> np.ndarray:
+def _upsampled(chroma: np.ndarray, form: PixelFormat) -> np.ndarray:
     """Chroma (F, h, w) on the grid of the luma; centre-sited."""
     if form.subsampling == 1:
         return chroma
-    if not linear:
-        return chroma.repeat(2, axis=1).repeat(2, axis=2)
     chroma = chroma.astype(np.float32)
     for axis in (1, 2):
         size = chroma.shape[axis]

@@ -1,10 +1,8 @@
-"""Scene descriptions: scene.yaml, pbrt as text and packed, the npz between two jobs."""
+"""Scene descriptions: scene.yaml, pbrt, the npz between two jobs."""
 
-import gzip
 import os
 import shutil
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -96,37 +94,6 @@ def damage_pbrt(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
     return b"".join(lines)
 
 
-def packed_seeds(folder: Path) -> list[bytes]:
-    return [gzip.compress(PBRT_SPHERE.encode(), mtime=0)]
-
-
-def check_packed(file: Path) -> None:
-    """A packed scene is as its text, or refused: the check sum tells."""
-    scene = build_scene(file)
-    check_scene(scene)
-    plain = file.with_name("plain.pbrt")
-    plain.write_bytes(gzip.decompress(file.read_bytes()))
-    if scene.triangles.tobytes() != build_scene(plain).triangles.tobytes():
-        raise SilentlyWrong("packed, it is another scene")
-
-
-def repack(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage the stream, or pack what was damaged, or a great many zeros."""
-    kind = draw.random()
-    if kind < 0.7:
-        return damage_bytes(draw, data, seeds)
-    if kind < 0.95:
-        text = damage_pbrt(draw, gzip.decompress(data), [gzip.decompress(data)])
-        return gzip.compress(text, 1, mtime=0)
-    return _bomb(draw.choice((b" ", b"\0", b"[", b"1 "))) * draw.choice((1, 8, 64))
-
-
-@cache
-def _bomb(letters: bytes) -> bytes:
-    """8 MiB and more, packed into a few kilobytes."""
-    return gzip.compress(letters * (8 << 20), 9, mtime=0)
-
-
 def saved_seeds(folder: Path) -> list[bytes]:
     write_sides(folder)
     seeds = []
@@ -140,11 +107,9 @@ def saved_seeds(folder: Path) -> list[bytes]:
 def targets() -> list[Target]:
     text = mixed((0.6, damage_yaml), (0.4, damage_text))
     yaml, pbrt = (of_file(f"input.{kind}", check_built, named=False) for kind in ("yaml", "pbrt"))
-    packed = of_file("input.pbrt.gz", check_packed, named=False)
     saved = of_file("input.npz", lambda file: check_scene(load_scene(file)))
     return [
         Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
         Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),
-        Target("pbrt.gz", packed_seeds, repack, packed, write_sides),
         Target("scene.npz", saved_seeds, damage_bytes, saved, weight=0.5),
     ]

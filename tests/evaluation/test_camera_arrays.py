@@ -108,7 +108,7 @@ def test_more_cameras_come_closer_to_the_lens(tracer):
 def test_monte_carlo_converges_at_its_rate(tracer):
     field = square_field(tracer, 8, BOUNDS, 60.0, 48, 1)
     counts, sampler = (4, 16, 64, 256), "independent"
-    found = convergence(field, lens_camera(), 3.0, counts, (sampler,))[sampler]
+    found = convergence(field, lens_camera(), 3.0, counts)[sampler]
     assert -0.6 < found["slope"] < -0.4
     assert found["rmse"] == sorted(found["rmse"], reverse=True)
 

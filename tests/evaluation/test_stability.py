@@ -100,7 +100,7 @@ def test_only_a_scene_or_a_lens_is_refused():
 
 
 def test_naive_closest_hit_is_right_where_nothing_is_stiff():
-    mesh = np.float32(shapes.soup(300, 0.2))
+    mesh = np.float32(shapes.soup(300))
     rays = shapes.random_rays(500)
     hits = closest_hits(mesh, *rays, near=2000)
     found = naive.moeller_trumbore(mesh, *rays)

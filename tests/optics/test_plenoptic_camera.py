@@ -30,7 +30,6 @@ def test_geometry_by_hand():
     assert camera.microlens_focal_length_m == pytest.approx(focal)
     # The main lens, seen through a microlens, fills its share of the photosensor: D f / v.
     assert camera.image_pitch_m == pytest.approx(0.12 * focal / image)
-    assert camera.photosensor_width_m == pytest.approx(0.109 * (1 + focal / image))
     assert camera.hyperfocal_distance_m == pytest.approx(
         focal**2 / (focal / pitch * camera.pixel_pitch_m) + focal
     )

@@ -5,14 +5,14 @@ import pytest
 
 from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray
-from lfcore.optics.lens_system import LensSystem
+from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array import reference, sampling
 from lfcore.refocus.array.device_field import ARRAY, SURFACE, VIEW, DeviceField
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo, thin_lens
 from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.realistic import realistic, realistic_reference
+from lfcore.refocus.array.realistic import film_rays, realistic
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 DEPTH = 3.0
@@ -243,7 +243,9 @@ def test_a_realistic_lens_equals_its_reference(field, image, array, tmp_path):
     camera = tilted_camera((9, 6))
     surface = surfaces.at_distance(camera, 2.5)
     fast = realistic(field, camera, lens, surface, 16, seed=4)
-    slow = realistic_reference(image, array, camera, lens, surface, 16, seed=4)
+    shooter, code = LensSampler(lens, 0.035 / 2), sampling.sampler_code("halton")
+    rays = film_rays(camera, shooter, np.arange(9 * 6), 16, code, 4)
+    slow = reference.rays(image, array, camera, surface, *rays)
     assert slow.coverage.any()
     close(fast, slow, 1e-4)
 

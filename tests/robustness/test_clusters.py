@@ -43,7 +43,7 @@ def test_a_node_dies_and_comes_back(slurm):
 
 
 def a_run(**more):
-    given = Run("a", 0, "", 20.0, 5, [JOB], {"a": "1", "b": "2"}, 4.0)
+    given = Run("a", 0, "", 20.0, 5, [JOB], {"a": "1", "b": "2"})
     return replace(given, wrong=[], **more)
 
 
@@ -55,8 +55,7 @@ def test_a_run_is_held_to_the_undisturbed_one():
     assert not same.wrong and same.row()["results"] == "2 identical"
     assert other.wrong == ["other results: ['b']"] and "DIFFERENT" in other.summary()
     assert failed.wrong[0].startswith("status 1")
-    # Ten seconds on the node, of which rules ran four; two seconds waited.
-    assert same.row()["of it starts"] == "60%" and same.row()["waited, s"] == "2"
+    assert same.inside_s == 10
 
 
 def test_what_is_tried_again_must_ask_for_more():

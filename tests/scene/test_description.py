@@ -82,16 +82,13 @@ BAD = {
     "neither": ("objects: [{seed: 1}]", "objects[0]", "exactly one of file, builder"),
     "missing mesh": ("objects: [{file: no.obj}]", "objects[0].file", "not found"),
     "unknown builder": ("objects: [{builder: byke}]", "objects[0].builder", "'bike'"),
-    "unknown parameter": (made("chart", "size: 3"), "objects[0].parameters.size", "foreground_m"),
+    "unknown parameter": (made("sphere", "size: 3"), "objects[0].parameters.size", "segments"),
     "parameter that is a number": (
         made("sphere", "1: 2"), "objects[0].parameters.1", "no such parameter"
     ),
     "parameter type": (made("bike", "triangles: 9.5"), "objects[0].parameters.triangles", "int"),
     "parameter value": (
         made("bike", "triangles: 10"), "objects[0].parameters.triangles", "more than asked for"
-    ),
-    "chart planes": (
-        made("chart", "foreground_m: 3.0"), "objects[0].parameters.foreground_m", "background"
     ),
     "inside the focal length": (
         camera("focal_length_mm: 50, focus_m: 0.04"), "camera.focus_m", "focal length"

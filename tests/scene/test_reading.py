@@ -93,10 +93,10 @@ ABC = gzip.compress(b"abc", mtime=0)
     [
         pytest.param(gzip.compress(b" " * 5000, mtime=0), "more than 1000 bytes", id="bomb"),
         pytest.param(gzip.compress(b"x" * 600, mtime=0) * 2, "more than 1000 bytes", id="parts"),
-        pytest.param(ABC[:-4], "ends early", id="cut short"),
+        pytest.param(ABC[:-4], "cannot be unpacked", id="cut short"),
         pytest.param(ABC[:5] + b"\xff" * 20, "cannot be unpacked", id="damaged"),
         pytest.param(ABC + b"tail", "cannot be unpacked", id="tail"),
-        pytest.param(b"", "ends early", id="empty"),
+        pytest.param(b"", "is empty", id="empty"),
     ],
 )
 def test_archives_that_are_damaged_or_grow(tmp_path, packed, words):

@@ -20,7 +20,7 @@ def tracer():
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_sound_rays_do_not_notice_spoilt_ones(tracer, pattern):
-    mesh, rays = single(soup(500, 0.1)), random_rays(1000)
+    mesh, rays = single(soup(500)), random_rays(1000)
     origins, directions = (part.copy() for part in rays)
     origins[0::4, 0] = pattern
     directions[2::4, 0] = pattern
@@ -33,7 +33,7 @@ def test_sound_rays_do_not_notice_spoilt_ones(tracer, pattern):
 
 @pytest.mark.parametrize("pattern", [*PATTERNS, "random bits"])
 def test_spoilt_triangles_are_never_met(tracer, pattern):
-    mesh, rays, rng = single(soup(300, 0.1)), random_rays(1000), np.random.default_rng(14)
+    mesh, rays, rng = single(soup(300)), random_rays(1000), np.random.default_rng(14)
     if pattern == "random bits":
         bad = rng.integers(0, 2**32, (300, 3, 3), np.uint32).view(np.float32)
         bad = bad[~kept(bad)]

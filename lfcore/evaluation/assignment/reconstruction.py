@@ -108,7 +108,6 @@ def convergence(
     camera: VirtualCamera,
     focus_z: float,
     counts: Sequence[int],
-    samplers: Sequence[str] = SAMPLERS,
 ) -> dict[str, dict]:
     """Monte Carlo against its limit, by sampler: ``counts``, ``rmse``, their log-log ``slope``.
 
@@ -119,7 +118,7 @@ def convergence(
     given = field, camera, parallel(focus_z)
     limit = quadrature(*given, FINE_LENS, FINE_FILM).image
     made = {}
-    for sampler in samplers:
+    for sampler in SAMPLERS:
         pictures = (monte_carlo(*given, count, sampler=sampler).image for count in counts)
         rmse = [math.sqrt(mse(picture, limit)) for picture in pictures]
         made[sampler] = {"counts": list(counts), "rmse": rmse, "slope": slope(counts, rmse)}

@@ -101,7 +101,7 @@ class Comparison:
             identical = not (full.frames and lean.frames) or same(frames, lean_frames)
             identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
         saved = full.bytes - lean.bytes if self.saved is None else self.saved
-        full_time, lean_time = measure_in_turn((full.run, lean.run), repeats=repeats, warm_up=0)
+        full_time, lean_time = measure_in_turn((full.run, lean.run), repeats=repeats)
         return {
             "feature": self.feature,
             "what": self.what,

@@ -45,7 +45,7 @@ def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement
     Ours is read from a scene file with a mesh and a camera in world coordinates, as every scene
     is; the naive method rounds world coordinates.
     """
-    local = shapes.soup(600, 0.1)
+    local = shapes.soup(600)
     origins, directions = shapes.random_rays(tracer.rays)
     hits = oracle_hits(local, (origins, directions))
     centre = np.array([0.6, 0.64, 0.48]) * distance
@@ -88,7 +88,7 @@ def _or_lost(found: Found, hits: Hits) -> float:
 @sweep("4", "L / size", 10.0 ** np.arange(0, 8))
 def long_rays(tracer: TracerUnderTest, length: float) -> Iterator[Measurement]:
     """An object of 1 m at depth L.  The parameter is depth, so the bound is relative to L."""
-    mesh = single(shapes.soup(300, 0.1, depth=0.0) * 0.2 + [0, 0, length])
+    mesh = single(shapes.soup(300, depth=0.0) * 0.2 + [0, 0, length])
     rays = shapes.rays_at(mesh.mean(1, dtype=float), (0.01, -0.01))
     return choice_and_depth("long rays", tracer.closest, mesh, rays)
 
@@ -130,7 +130,7 @@ def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]
     is made, at their third root.
     """
     origins, directions = shapes.random_rays(tracer.rays)
-    base = shapes.soup(600, 0.1)
+    base = shapes.soup(600)
     size = np.abs(base).max()
     base, origins = base / size, origins / size
     limit = "coordinates" if scale > 1e12 else "small triangles" if scale < 1e-10 else ""

@@ -68,8 +68,8 @@ def random_rays(count: int) -> Rays:
     return rays_at(targets, rng.uniform(-0.0125, 0.0125, (count, 2)))
 
 
-def soup(count: int, size: float, depth: float = 3.0) -> np.ndarray:
-    """(count, 3, 3) float64 triangles of ``size`` in a cube of side 2 at ``depth``."""
+def soup(count: int, depth: float = 3.0) -> np.ndarray:
+    """(count, 3, 3) float64 triangles of 0.1 m in a cube of side 2 at ``depth``."""
     rng = np.random.default_rng(0)
     centres = rng.uniform(-1, 1, (count, 1, 3)) + [0, 0, depth]
-    return centres + rng.normal(0, size, (count, 3, 3))
+    return centres + rng.normal(0, 0.1, (count, 3, 3))

@@ -65,17 +65,16 @@ def timed_point(
     Any other error passes through.
     """
     try:
-        results, timing = measure_within(
-            lambda _: work(), BUDGET_SECONDS, programs_made, repeats=REPEATS,
-            clock=core_clock(device),
-        )  # fmt: skip
+        pictures, timing = measure_within(
+            work, BUDGET_SECONDS, programs_made, repeats=REPEATS, clock=core_clock(device)
+        )
     except (OpticsError, SceneError) as error:
         stop = reference.planes[0].f_number
         note = {"note": f"refused: {error.problem}"}
         return dict.fromkeys(COLUMNS) | {"f_number": stop, "rays": rays} | context | note
     low, high = timing.quartiles
     seconds = {"seconds": timing.median, "quartile_1_seconds": low, "quartile_3_seconds": high}
-    return point(reference, results[0], rays=rays, **seconds, **context)
+    return point(reference, pictures, rays=rays, **seconds, **context)
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:

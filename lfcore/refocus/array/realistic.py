@@ -16,14 +16,14 @@ import pyopencl as cl
 
 from lfcore.errors import OpticsError
 from lfcore.optics.lens_system import LensSampler, LensSystem
-from lfcore.refocus.array import reference, sampling
+from lfcore.refocus.array import sampling
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 if TYPE_CHECKING:
-    from lfcore.optics.array import CameraArray
+    pass
 
 _BATCH_RAYS = 1 << 20
 
@@ -121,23 +121,3 @@ def _look_up(
     )
     cl.enqueue_copy(device.queue, result, target)
     return result
-
-
-def realistic_reference(
-    image: np.ndarray,
-    array: CameraArray,
-    camera: VirtualCamera,
-    lens: LensSystem,
-    surface: FocalSurface,
-    samples_per_pixel: int,
-    *,
-    film_diagonal_m: float = 0.035,
-    sampler: str = "halton",
-    seed: int = 0,
-) -> Synthesis:
-    """As :func:`realistic`, looked up by the float64 reference."""
-    pixels = np.arange(camera.size[0] * camera.size[1])
-    shooter = LensSampler(lens, film_diagonal_m / 2)
-    code = sampling.sampler_code(sampler)
-    rays = film_rays(camera, shooter, pixels, samples_per_pixel, code, seed)
-    return reference.rays(image, array, camera, surface, *rays)

@@ -6,14 +6,12 @@ have defaults; equal seeds and parameters give equal triangles and textures.
 
 import importlib
 import inspect
-import re
 from pathlib import Path
 from typing import Any
 
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.surface_mesh import SurfaceMesh
 
-_COLOUR = re.compile("#[0-9a-fA-F]{6}")
 BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "ecosys", "sphere")
 
 
@@ -59,8 +57,4 @@ def _check_type(value: Any, default: object, file: str | Path | None, key: str) 
             file=file,
             key=key,
             remedy=f"Its default is {default!r}",
-        )
-    if isinstance(default, str) and default.startswith("#") and not _COLOUR.fullmatch(value):
-        raise SceneError(
-            f"{value!r} is no colour", file=file, key=key, remedy="Write #rrggbb in hexadecimal"
         )

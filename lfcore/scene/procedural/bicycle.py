@@ -29,11 +29,11 @@ BRACKET, SEAT = np.array([-0.08, 0.29, 0.0]), np.array([-0.24, 0.80, 0.0])
 HEAD_LOW, HEAD_HIGH = np.array([0.385, 0.71, 0.0]), np.array([0.335, 0.90, 0.0])
 
 
-def paints(seed: int, paint: str) -> Look:
+def paints(seed: int) -> Look:
     """The surfaces of the bicycle by name."""
     leather = textures.speckle(seed + 1, ((84, 44, 22), (128, 72, 38)), size=(128, 128))
     return {
-        "paint": painted("paint", paint, 0.35, 90.0),
+        "paint": painted("paint", "#1d7a80", 0.35, 90.0),
         "cream": painted("cream", "#e9dfc4", 0.25, 60.0),
         "rubber": painted("rubber", "#2b2a2c", 0.06, 12.0),
         "wall": painted("tyre wall", "#b99b6b", 0.05, 12.0),
@@ -58,9 +58,9 @@ def wicker(seed: int) -> np.ndarray:
     return textures.finish(textures.ramp(tone, (58, 34, 14), (158, 108, 54), (214, 168, 100)))
 
 
-def bicycle(seed: int, paint: str = "#1f6f78") -> Parts:
+def bicycle(seed: int) -> Parts:
     """About 5,000 triangles."""
-    look = paints(seed, paint)
+    look = paints(seed)
     parts = [*_wheel(REAR, look), *_wheel(FRONT, look)]
     parts += _frame(look) + _mudguards(look) + _drive(look) + _saddle(look) + _handlebar(look)
     parts += _rack(look) + _basket(look) + _lamp(look)

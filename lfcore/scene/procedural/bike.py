@@ -24,16 +24,11 @@ WALL_Z = -2.35
 PAVEMENT_Y = 0.09
 
 
-def build(seed: int, *, triangles: int = 10000, paint: str = "#1d7a80") -> Parts:
-    """Exactly ``triangles`` of them; the ivy on the wall takes up what the rest leaves.
-
-    Parameters
-    ----------
-    paint : colour of the bicycle, ``#rrggbb`` in sRGB.
-    """
+def build(seed: int, *, triangles: int = 10000) -> Parts:
+    """Exactly ``triangles`` of them; the ivy on the wall takes up what the rest leaves."""
     rng = np.random.default_rng(seed)
     place = chain(rotate("x", -2.5), rotate("y", 24), translate(0.05, 0, 0.0))
-    parts = transform_all(bicycle(seed, paint), place)
+    parts = transform_all(bicycle(seed), place)
     parts += transform_all(_basket_load(seed), chain(translate(0.52, 0.80, 0), place))
     parts += _ground(seed) + _house(seed) + _lamp_post() + _foreground(rng, seed)
     parts += _window_box(rng, seed)

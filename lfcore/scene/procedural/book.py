@@ -6,7 +6,6 @@ cover leans back and the title, the authors and the edges lie at different depth
 
 import numpy as np
 
-from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Size, textured
 from lfcore.scene.procedural.lettering import blank_page, write
@@ -16,27 +15,18 @@ from lfcore.scene.transforms import chain, rotate, translate
 # Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.
 POSE = (77.3425, (0.403388, -0.754838, -0.517202))
 CENTRE = (0.0, 2.2, 0.0)
+SIZE_M = np.array([4.0, 5.0, 1.2])
+TITLE, AUTHORS = "LIGHT FIELDS", "A. Lumen   B. Parallax   C. Aperture"
 NAVY, CREAM, GOLD, RED = (24, 38, 78), (244, 236, 214), (222, 178, 84), (178, 48, 42)
 
 
-def build(
-    seed: int,
-    *,
-    title: str = "LIGHT FIELDS",
-    authors: str = "A. Lumen   B. Parallax   C. Aperture",
-    width_m: float = 4.0,
-    height_m: float = 5.0,
-    thickness_m: float = 1.2,
-) -> Parts:
+def build(seed: int) -> Parts:
     """16 triangles: cover, back, spine, three page edges, floor and wall.
 
     The book's middle is 2.2 m above the floor at the origin, its cover towards +z; the
     assignment's cameras stand at about z = 7.6 m.  ``seed`` draws the cover's pattern.
     """
-    for key, value in (("width_m", width_m), ("height_m", height_m), ("thickness_m", thickness_m)):
-        if not value > 0:
-            raise SceneError(f"must be above 0, not {value:g}", key=key)
-    parts = _box(np.array([width_m, height_m, thickness_m]) / 2, seed, title, authors)
+    parts = _box(SIZE_M / 2, seed)
     # The mesh this stands for lies on its back: cover up (+y), top of the page at -x.
     lie = np.eye(4)
     lie[:3, :3] = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
@@ -46,12 +36,12 @@ def build(
     return [*parts, *_room(seed, lowest - 0.02)]
 
 
-def _box(half: np.ndarray, seed: int, title: str, authors: str) -> Parts:
+def _box(half: np.ndarray, seed: int) -> Parts:
     """The book facing +z, upright, its spine on the left."""
     x, y, z = half
-    cover = textured("cover", _cover(seed, title, authors), 0.25, 60.0)
+    cover = textured("cover", _cover(seed), 0.25, 60.0)
     back = textured("back cover", blank_page(NAVY, (8, 8)), 0.25, 60.0)
-    spine = textured("spine", _spine(title), 0.25, 60.0)
+    spine = textured("spine", _spine(), 0.25, 60.0)
     pages = textured("pages", _pages(seed))
     face = lambda corners, surface: quad(np.array(corners), surface)  # noqa: E731
     return [
@@ -74,18 +64,16 @@ def _room(seed: int, floor_y: float) -> Parts:
     ]
 
 
-def _cover(seed: int, title: str, authors: str) -> np.ndarray:
+def _cover(seed: int) -> np.ndarray:
     """(1280, 1024, 3): frame, title, a picture of ripples and the authors' line."""
     page = blank_page(NAVY, (1280, 1024))
     page[40:1240, 40:984] = CREAM
     page[52:1228, 52:972] = NAVY
     page[360:960, 112:912] = _ripples(seed, (600, 800))
-    words = title.split()
-    size = min(150.0, 1500.0 / max(1, max(len(word) for word in words)))
-    for line, word in enumerate(words):
-        page = write(page, word, (512, 140 + line * size), size, GOLD)
+    for line, word in enumerate(TITLE.split()):
+        page = write(page, word, (512, 140 + line * 150.0), 150.0, GOLD)
     page = write(page, "from rays to pictures", (512, 1010), 44, CREAM)
-    return write(page, authors, (512, 1120), min(54.0, 1700.0 / max(1, len(authors))), RED_ON_DARK)
+    return write(page, AUTHORS, (512, 1120), 1700.0 / len(AUTHORS), RED_ON_DARK)
 
 
 RED_ON_DARK = (240, 120, 96)
@@ -100,10 +88,10 @@ def _ripples(seed: int, size: Size) -> np.ndarray:
     return textures.finish(textures.ramp(wave / 8 + 0.5, NAVY, RED, GOLD, CREAM))
 
 
-def _spine(title: str) -> np.ndarray:
+def _spine() -> np.ndarray:
     page = blank_page(NAVY, (1280, 320))
     page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
-    return write(page, title, (160, 640), 110, GOLD, turn=-1)
+    return write(page, TITLE, (160, 640), 110, GOLD, turn=-1)
 
 
 def _pages(seed: int) -> np.ndarray:

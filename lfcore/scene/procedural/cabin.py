@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import SceneError
 from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Look, Parts, Rng, painted, textured
 from lfcore.scene.procedural.budget import fill_to
@@ -27,24 +26,15 @@ from lfcore.scene.procedural.primitives import (
 from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
-MOST_TREES = 10_000
 
-
-def build(seed: int, *, triangles: int = 15000, trees: int = 17) -> Parts:
-    """Exactly ``triangles`` of them; grass takes up what the rest leaves.
-
-    Parameters
-    ----------
-    trees : spruces behind and beside the cabin.
-    """
-    if not 0 <= trees <= MOST_TREES:
-        raise SceneError(f"must be from 0 to {MOST_TREES}, not {trees}", key="trees")
+def build(seed: int, *, triangles: int = 15000) -> Parts:
+    """Exactly ``triangles`` of them; grass takes up what the rest leaves."""
     rng = np.random.default_rng(seed)
     look = _surfaces(seed)
     parts = _land(seed, look) + _sky(seed)
     place = chain(rotate("y", -24), translate(0.3, height(0.3, -4.6), -4.6))
     parts += transform_all(loghouse(seed), place)
-    parts += _trees(rng, trees, look) + _fence(rng, look)
+    parts += _trees(rng, look) + _fence(rng, look)
     parts += transform_all(_log_pile(rng, look), translate(-0.85, height(-0.85, 2.5), 2.5))
     parts += transform_all(_chopping_block(look), translate(0.45, height(0.45, 2.3), 2.3))
     parts += _mushrooms(rng, look) + _stones(rng, look)
@@ -136,12 +126,13 @@ def _sky(seed: int) -> Parts:
     return [rectangle((-30, -2, -46), (60, 0, 0), (0, 34, 0), surface)]
 
 
-def _trees(rng: Rng, number: int, look: Look) -> Parts:
+def _trees(rng: Rng, look: Look) -> Parts:
+    """Spruces behind and beside the cabin."""
     spots = [(-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0)]
     spots += [(0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0)]
     spots += [(2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0)]
     parts = []
-    for x, z in spots[:number]:
+    for x, z in spots:
         tall = rng.uniform(4.6, 7.0)
         tree = foliage.conifer(rng, look["needles"], look["bark"], tall)
         place = translate(x + rng.uniform(-0.3, 0.3), height(x, z) - 0.05, z)

@@ -8,7 +8,6 @@ and green with red to yellow, and the text shows where each plane is sharp.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import SceneError
 from lfcore.scene.procedural.basics import Parts, textured
 from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import rectangle
@@ -16,36 +15,27 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 RED, GREEN, BLUE = (214, 40, 40), (36, 168, 70), (40, 70, 214)
 WHITE = (250, 250, 250)
+FOREGROUND_M, BACKGROUND_M, HALF_WIDTH_M = 1.0, 2.0, 1.1
+"""Distances of the two planes from the lens, and half the width of the background."""
 # Share of the background's half width that the scene's own camera sees.
 VISIBLE = 0.75
 
 
-def build(
-    seed: int, *, foreground_m: float = 1.0, background_m: float = 2.0, half_width_m: float = 1.1
-) -> Parts:
+def build(seed: int) -> Parts:
     """6 triangles facing +z; the camera stands at the origin and looks along -z.
 
-    Parameters
-    ----------
-    foreground_m, background_m : distances of the two planes from the lens.
-    half_width_m : of the background; the foreground covers the lower left quarter of it as
-        seen from the lens.  ``seed`` changes nothing: the chart has no random part.
+    As seen from the lens, the foreground covers the lower left quarter of the background.  ``seed``
+    changes nothing: the chart has no random part.
     """
-    if not 0 < foreground_m < background_m:
-        raise SceneError(
-            f"{foreground_m:g} m is not between the lens and the background at {background_m:g} m",
-            key="foreground_m",
-            remedy="Choose 0 < foreground_m < background_m",
-        )
-    near = half_width_m * foreground_m / background_m
-    green = textured("green", _page(GREEN, "GREEN", background_m))
-    red = textured("red", _page(RED, "RED", background_m))
-    blue = textured("blue", _page(BLUE, "BLUE", foreground_m))
-    half, depth = half_width_m, -background_m
+    near = HALF_WIDTH_M * FOREGROUND_M / BACKGROUND_M
+    green = textured("green", _page(GREEN, "GREEN", BACKGROUND_M))
+    red = textured("red", _page(RED, "RED", BACKGROUND_M))
+    blue = textured("blue", _page(BLUE, "BLUE", FOREGROUND_M))
+    half, depth = HALF_WIDTH_M, -BACKGROUND_M
     return [
         _page_of((-half, -half, depth), half, 2 * half, green),
         _page_of((0.0, -half, depth), half, 2 * half, red),
-        _page_of((-near, -near, -foreground_m), near, near, blue),
+        _page_of((-near, -near, -FOREGROUND_M), near, near, blue),
     ]
 
 

@@ -155,10 +155,9 @@ def stems(
     return join(parts), np.array(tips)
 
 
-def conifer(
-    rng: Rng, needles: Surface, trunk: Surface, height: float, tiers: int = 6, points: int = 9
-) -> Parts:
+def conifer(rng: Rng, needles: Surface, trunk: Surface, height: float) -> Parts:
     """A spruce of drooping star-shaped skirts: 6 * points * tiers + 12 triangles."""
+    tiers, points = 6, 9
     skirts = []
     for tier in range(tiers):
         share = tier / (tiers - 1)

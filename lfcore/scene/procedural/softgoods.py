@@ -32,8 +32,9 @@ def pillow(
     return join(sheets)
 
 
-def _over_edge(excess: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def _over_edge(excess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far cloth runs out and down once it has passed an edge by ``excess``."""
+    radius = 0.07
     angle = np.clip(excess / radius, 0, np.pi / 2)
     straight = np.maximum(excess - radius * np.pi / 2, 0)
     return radius * np.sin(angle), radius * (1 - np.cos(angle)) + straight
@@ -56,8 +57,8 @@ def draped(
     a = np.linspace(-width / 2 - drop[0], width / 2 + drop[0], pieces[0] + 1)
     b = np.linspace(0, length + drop[1], pieces[1] + 1)
     across, along = np.meshgrid(a, b)
-    side_out, side_down = _over_edge(np.maximum(np.abs(across) - width / 2, 0), 0.07)
-    foot_out, foot_down = _over_edge(np.maximum(along - length, 0), 0.07)
+    side_out, side_down = _over_edge(np.maximum(np.abs(across) - width / 2, 0))
+    foot_out, foot_down = _over_edge(np.maximum(along - length, 0))
     broad = textures.noise(seed, cells=(5, 5), octaves=3, size=across.shape) - 0.5
     fine = textures.noise(seed + 1, cells=(4, 7), octaves=3, size=across.shape)
     crease = 1 - np.abs(2 * fine - 1)
@@ -132,9 +133,9 @@ def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: in
     return parts
 
 
-def fluffy(base: SurfaceMesh, *, seed: int, depth: float, cells: int = 40) -> SurfaceMesh:
+def fluffy(base: SurfaceMesh, *, seed: int, depth: float) -> SurfaceMesh:
     """Plush: the part's vertices moved along their normals by noise that is the same everywhere."""
-    pile = textures.noise(seed, cells=(cells, cells), octaves=2, size=(256, 256)) - 0.5
+    pile = textures.noise(seed, cells=(36, 36), octaves=2, size=(256, 256)) - 0.5
     assert base.uvs is not None and base.normals is not None
     u, v = base.uvs[..., 0] % 1, np.clip(base.uvs[..., 1], 0, 1)
     offset = pile[(v * 255).astype(int), (u * 256).astype(int) % 256]
@@ -156,7 +157,7 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
     ) -> SurfaceMesh:
         ball = sphere(radius, surface, segments=int(40 * detail), rings=int(26 * detail))
         if plush:
-            ball = fluffy(ball, seed=seed, depth=plush, cells=36)
+            ball = fluffy(ball, seed=seed, depth=plush)
         return ball.transformed(translate(*centre))
 
     parts = [

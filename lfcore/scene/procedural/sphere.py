@@ -12,13 +12,8 @@ MOST_SEGMENTS = 4096
 """16 million triangles: beyond, a machine's memory decides."""
 
 
-def build(seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float = 1.0) -> Parts:
-    """A speckled sphere standing on the origin of a checked floor.
-
-    ``checks`` counts fields a metre; ``seed`` draws the sphere's speckles.
-    """
-    if not radius_m > 0 or not checks > 0:
-        raise SceneError("radius_m and checks must be above 0")
+def build(seed: int, *, segments: int = 96) -> Parts:
+    """A speckled sphere standing on the origin of a checked floor; ``seed`` draws the speckles."""
     if not 3 <= segments <= MOST_SEGMENTS:
         raise SceneError(f"must be from 3 to {MOST_SEGMENTS}, not {segments}", key="segments")
     skin = textures.speckle(seed, ((150, 40, 30), (226, 120, 60), (246, 220, 170)), cells=(6, 12))
@@ -28,6 +23,6 @@ def build(seed: int, *, radius_m: float = 1.0, segments: int = 96, checks: float
     floor = textured("floor", board)
     rings = max(2, segments // 2)
     return [
-        ball(radius_m, red, centre=(0, radius_m, 0), segments=segments, rings=rings),
-        rectangle((-10, 0, 6), (20, 0, 0), (0, 0, -26), floor, repeat=checks / 2),
+        ball(1.0, red, centre=(0, 1.0, 0), segments=segments, rings=rings),
+        rectangle((-10, 0, 6), (20, 0, 0), (0, 0, -26), floor, repeat=0.5),
     ]
