@@ -29,13 +29,16 @@ inline void compact_triangle(global const Leaf *from, int id, int number,
     for (int axis = 0; axis < 3; ++axis) {
         global float *low = boxes->low[axis] + leaf % NODE_WIDTH;
         global float *high = boxes->high[axis] + leaf % NODE_WIDTH;
+        float least = lane ? *low : FAR, most = lane ? *high : -FAR;
         for (int k = 0; k < 3; ++k) {
             const float x = from->corner[k][axis][0];
             if (lane == 0) vstore16((float16)(0.0f), 0, to->corner[k][axis]);
             to->corner[k][axis][lane] = x;
-            *low = min(lane || k ? *low : FAR, x);
-            *high = max(lane || k ? *high : -FAR, x);
+            least = min(least, x);
+            most = max(most, x);
         }
+        *low = least;
+        *high = most;
     }
     out->ids[number] = id;
     out->listed.leaf[leaf] = leaf;

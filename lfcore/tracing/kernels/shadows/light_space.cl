@@ -150,22 +150,28 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
     return row_bits(may);
 }
 
-// Which of the occluders `keep` may reach each stripe of the block, a bit each.
-inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uint keep,
-                         private int *reaching)
+// Which of the occluders `keep` may reach each stripe, a bit each; only stripes that are `lit` count.
+inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uint keep, uint lit,
+                          private int *reaching)
 {
     for (int first = 0; first < STRIPES; first += LANES) {
+        if (!(lit >> first & ((1u << LANES) - 1u))) continue;
+        vf low[3], high[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            low[axis] = VLOAD(stripes->lo[axis] + first);
+            high[axis] = VLOAD(stripes->hi[axis] + first);
+        }
         vi found = 0;
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
             vi may = -1;
+#pragma unroll
             for (int k = 0; k < 4; ++k) {
                 private const float (*function)[LANES] = f->of[k];
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
-                    const float x = function[axis][lane];
-                    const float *extreme = x > 0.0f ? stripes->hi[axis] : stripes->lo[axis];
-                    largest = fma((vf)(x), VLOAD(extreme + first), largest);
+                    const vf x = function[axis][lane];  // its sign selects, as no branch could foresee
+                    largest = fma(x, select(high[axis], low[axis], AS_VI(x) >> 31), largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
             }
@@ -240,7 +246,7 @@ inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
     if (!keep) return 1;
     private int reaching[STRIPES];
-    reach_stripes(&l->stripes, &edges, keep, reaching);
+    reach_stripes(&l->stripes, &edges, keep, l->lit, reaching);
     for (uint left = l->lit; left; left &= left - 1) {
         const uint stripe = lowest(left);
         if (reaching[stripe]) cast_stripe(s, &edges, reaching[stripe], ids, stripe, l);
