@@ -8,6 +8,9 @@
 #include "depth_buffer.cl"
 #include "walk.cl"
 
+// Packets pack their triangles while so many of their leaves are left.
+#define MOST_PACKED 0.5f
+
 // A worker's own memory.
 typedef struct {
     DepthBuffer buffers[MOST_BLOCKS];
@@ -116,18 +119,24 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {FRUSTUM, &frustum};
     Stack stack;
     start_walk(&stack);
-    // Several blocks of one element meet much the same triangles.
-    const int compact = p->rays->group == 1 && blocks > 1;
-    const Tree leaves = compact ? compacted_tree(tree, v->compacted) : *tree;
+    // Several blocks of one element meet much the same triangles.  Of a packet so wide that it may
+    // hit most triangles of its leaves, few would be left out.
+    int compact = p->rays->group == 1 && blocks > 1;
+    const Tree packed = compacted_tree(tree, v->compacted);
     while (stack.size) {
         const float far = farthest_open(p, v);
         LeafList list = {v->candidates, 0};
         gather_leaves(tree, &volume, far, &stack, &list);
-        if (compact) list = compact_triangles(tree, p, far, &list, v->compacted);
+        const Tree *leaves = compact ? &packed : tree;
+        if (compact) {
+            const int all = list.count;
+            list = compact_triangles(tree, p, far, &list, v->compacted);
+            compact = list.count < MOST_PACKED * all;
+        }
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
-            visit_block(&leaves, &bundle, &list, v->block + block);
+            visit_block(leaves, &bundle, &list, v->block + block);
         }
     }
 }
