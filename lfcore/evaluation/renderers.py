@@ -142,24 +142,19 @@ def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendere
         return Rendered("POV-Ray", None, note=f"left out: {error}")
 
 
-_exported: list[tuple[Scene, tempfile.TemporaryDirectory]] = []
-"""The last exported scene and its folder, which is deleted with the process."""
-
-
-def _mesh_folder(scene: Scene) -> str:
-    """Where POV-Ray finds the scene's mesh: pictures of one scene follow each other."""
-    if not _exported or _exported[0][0] is not scene:
-        folder = tempfile.TemporaryDirectory(prefix="povray-")
-        write_mesh(folder.name, scene)
-        _exported[:] = [(scene, folder)]
-    return _exported[0][1].name
+@functools.lru_cache(1)  # pictures of one scene follow each other
+def _mesh_folder(scene: Scene) -> tempfile.TemporaryDirectory:
+    """Where POV-Ray finds the scene's mesh."""
+    folder = tempfile.TemporaryDirectory(prefix="povray-")
+    write_mesh(folder.name, scene)
+    return folder
 
 
 def _run_povray(scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
     program = shutil.which("povray")
     if program is None:
         raise NotRenderedError("povray is not installed")
-    folder = Path(_mesh_folder(scene))
+    folder = Path(_mesh_folder(scene).name)
     write_view(folder, scene, camera, samples=rays)
     made = folder / "out.png"
     made.unlink(missing_ok=True)

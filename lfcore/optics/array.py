@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -231,14 +231,7 @@ class CameraArray:
         return np.ascontiguousarray(tiles.swapaxes(1, 2)).reshape(ny * h, nx * w, *tiles.shape[4:])
 
     def to_json(self) -> dict:
-        return {
-            "columns_m": list(self.columns_m),
-            "rows_m": list(self.rows_m),
-            "fov_deg": self.fov_deg,
-            "tile": list(self.tile),
-            "margin_m": list(self.margin_m),
-            "delta": self.delta,
-        }
+        return asdict(self)
 
     @classmethod
     def from_json(cls, data: dict) -> CameraArray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 from lfcore.opencl.device import Device, open_device
 from lfcore.progress import Progress
@@ -11,18 +11,15 @@ from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.tracer import Tracer
 
-_built: dict[int, tuple[weakref.ref[Scene], Bvh]] = {}
-_lit: dict[int, tuple[weakref.ref[Scene], Scene]] = {}
+_built = WeakKeyDictionary[Scene, Bvh]()
+_lit = WeakKeyDictionary[Scene, Scene]()
 
 
 def hierarchy_of(scene: Scene) -> Bvh:
     """The scene's bounding volume hierarchy; it is kept as long as the scene is."""
-    found = _built.get(id(scene))
-    if found is None or found[0]() is not scene:
-        key = id(scene)
-        gone = weakref.ref(scene, lambda _: _built.pop(key, None))
-        found = _built[key] = (gone, build_bvh(scene.triangles))
-    return found[1]
+    if scene not in _built:
+        _built[scene] = build_bvh(scene.triangles)
+    return _built[scene]
 
 
 def opened(device: Device | str | None) -> Device:
@@ -35,18 +32,14 @@ def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene
     long as the scene is."""
     if scene.bake is None or scene.light is not None:
         return scene
-    key = id(scene)
-    found = _lit.get(key)
-    if found is None or found[0]() is not scene:
+    if scene not in _lit:
         from lfcore.rendering.bake import bake_light  # seldom needed
 
         bvh = hierarchy_of(scene)
         light = bake_light(scene, bvh, device, scene.bake, progress=progress)
-        made = replace(scene, light=light)
-        own = id(made)
-        _built[own] = weakref.ref(made, lambda _: _built.pop(own, None)), bvh
-        found = _lit[key] = weakref.ref(scene, lambda _: _lit.pop(key, None)), made
-    return found[1]
+        _lit[scene] = replace(scene, light=light)
+        _built[_lit[scene]] = bvh
+    return _lit[scene]
 
 
 def open_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:

@@ -66,7 +66,7 @@ class Motion:
         return matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Everything a ray can meet.
 

@@ -112,14 +112,15 @@ def merge(parts: list[SurfaceMesh]) -> list[SurfaceMesh]:
     groups: dict[int, list[SurfaceMesh]] = {}
     for part in parts:
         groups.setdefault(id(part.surface), []).append(part)
-    return [_concatenate(group) for group in groups.values()]
+    return [join(group) for group in groups.values()]
 
 
-def _concatenate(group: list[SurfaceMesh]) -> SurfaceMesh:
-    if len(group) == 1:
-        return group[0]
-    triangles = np.concatenate([part.triangles for part in group])
-    return SurfaceMesh(triangles, group[0].surface, **stacked(group))
+def join(parts: list[SurfaceMesh]) -> SurfaceMesh:
+    """Parts of one surface as one part; missing arrays are filled in."""
+    if len(parts) == 1:
+        return parts[0]
+    triangles = np.concatenate([part.triangles for part in parts])
+    return SurfaceMesh(triangles, parts[0].surface, **stacked(parts))
 
 
 DEFAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {

@@ -33,9 +33,9 @@ class View:
     array : every pinhole of the film: one camera for ``perspective``, the grid for ``lightfield``.
     film : (width, height) of the whole picture in pixels.
     shutter : (open, close), in the scene's unit of time.
-    motion_times : when objects that move leave their first pose and reach their last.
     lens_radius_m : of the thin lens; 0 is a pinhole.
-    samples_per_pixel : rays a pixel, as the scene asks for.
+    samples_per_pixel : rays per pixel, as the scene asks for.
+    motion_times : when objects that move leave their first pose and reach their last.
     """
 
     kind: str

@@ -33,16 +33,13 @@ COLOUR = {
 }
 PQ = {"transfer": "PQ, SMPTE ST 2084; layout.peak is the linear light of the brightest code"}
 COLOUR_RGB = COLOUR | {"matrix": "none, RGB", "range": "full", "chroma_location": "none"}
-KEYS = {
-    "version", "software", "geometry", "slab", "array", "layout", "colour", "codec",
-    "header_crc32", "settings", "scene", "segments",
-}  # fmt: skip
 OPTIONAL_KEYS = {"content", "depth"}
 TYPES: dict[str, type] = {
     "software": str, "geometry": str, "slab": dict, "array": dict, "layout": dict, "colour": dict,
     "codec": str, "header_crc32": int, "settings": dict, "scene": dict, "segments": list,
     "content": dict, "depth": dict,
 }  # fmt: skip
+KEYS = {"version", *TYPES} - OPTIONAL_KEYS
 _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
 
@@ -199,7 +196,7 @@ class Metadata:
             )
         if not (self.white > 0 and math.isfinite(self.white)):
             raise StorageError(f"a white of {self.white} is none", key="array")
-        if not {"name", "digest"} <= set(self.scene):
+        if not all(isinstance(self.scene.get(key), str) for key in ("name", "digest")):
             raise StorageError("the scene lacks name or digest", key="scene")
         if layout.picture and (self.slab is None or self.slab.size != layout.size):
             raise StorageError("has pictures of another size than the slab", key="layout")
@@ -230,9 +227,6 @@ def _check_types(data: dict[str, Any]) -> None:
             key in GEOMETRIES and data[key] is None
         ):
             raise StorageError(f"must be {_NAMES[kind]}, not {data[key]!r}", key=key)
-    for key in ("name", "digest"):
-        if not isinstance(data["scene"].get(key), str):
-            raise StorageError("the scene lacks name or digest", key=f"scene.{key}")
 
 
 def _damaged(file: Path) -> StorageError:

@@ -13,6 +13,7 @@ from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.scene.surface_mesh import face_normals
 
 NO_LIGHT = 1e-30
 """The strength of the additional light: not black, and adds nothing."""
@@ -62,11 +63,8 @@ def _white_corners(scene: Scene) -> Scene:
 def _flat_normals(scene: Scene) -> Scene:
     if len(scene.normals):
         return scene
-    p, q, r = scene.triangles.astype(float).swapaxes(0, 1)
-    normal = np.cross(q - p, r - p)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    normals = np.repeat(normal[:, None], 3, axis=1).astype(np.float32)
-    return replace(scene, normals=normals)
+    normal = face_normals(scene.triangles.astype(np.float64)).astype(np.float32)
+    return replace(scene, normals=np.repeat(normal[:, None], 3, axis=1))
 
 
 def _unused_texture(scene: Scene) -> Scene:

@@ -27,6 +27,8 @@ _PARAMETER_HEAD = re.compile(
     r"\s*(?:float|integer|bool|string|texture|rgb|color|spectrum|xyz|blackbody"
     r"|(?:point|vector|normal)[23]?)[ \t]+[A-Za-z_][\w.]*[ \t]*(?=\[)"
 )
+_STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
+_ESCAPED = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "\\": "\\", '"': '"', "'": "'"}
 
 
@@ -164,19 +166,9 @@ def _string(text: str, at: int, place: Place) -> tuple[Token, int]:
     if head:
         value = head.group().strip()
         return Token(STRING, value, f'"{value}', place, unclosed=True), head.end()
-    letters: list[str] = []
-    index = at + 1
-    while index < len(text):
-        letter = text[index]
-        if letter == '"':
-            value = "".join(letters)
-            return Token(STRING, value, f'"{value}"', place), index + 1
-        if letter == "\n":
-            break
-        if letter == "\\" and index + 1 < len(text) and text[index + 1] in _ESCAPES:
-            index += 1
-            letter = _ESCAPES[text[index]]
-        letters.append(letter)
-        index += 1
-    shown = "".join(letters)[:40]
+    whole = _STRING.match(text, at)
+    if whole:
+        value = _ESCAPED.sub(lambda match: _ESCAPES.get(match[1], match[0]), whole[1])
+        return Token(STRING, value, f'"{value}"', place), whole.end()
+    shown = text[at + 1 :].partition("\n")[0][:40]
     raise syntax_error(f'string "{shown} has no closing quote', place, "Close it on the same line")

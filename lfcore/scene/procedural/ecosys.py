@@ -11,8 +11,8 @@ from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, textured
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
-from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join
 
 # Species: plants at density 1, nearest and farthest distance, smallest and largest size.
 SPECIES = {

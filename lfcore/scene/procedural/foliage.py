@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Range, Rng
-from lfcore.scene.procedural.primitives import curve, join, mesh_grid, scattered, tube, xyz
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
+from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube, xyz
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise
 
 
 def blade(

@@ -4,8 +4,8 @@ import numpy as np
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, Size, painted, textured
-from lfcore.scene.procedural.primitives import box, cylinder, join, log, quad, rectangle, tube
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+from lfcore.scene.procedural.primitives import box, cylinder, log, quad, rectangle, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join
 
 WIDTH, DEPTH, RADIUS, COURSES = 4.0, 3.0, 0.105, 11
 EAVES = 0.30 + (COURSES - 0.5) * 2 * RADIUS * 0.96

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Size
 from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
@@ -111,18 +111,6 @@ def box(
             uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
             parts.append(quad(corners + centre, surface, uv))
     return join(parts)
-
-
-def join(parts: Parts) -> SurfaceMesh:
-    """Parts of one surface that carry the same attributes, as one part."""
-    columns = {}
-    for name in ("normals", "uvs", "colours"):
-        arrays = [getattr(part, name) for part in parts]
-        present = [array is not None for array in arrays]
-        if any(present) != all(present):
-            raise ValueError(f"parts to join differ in {name}")
-        columns[name] = np.concatenate(arrays) if all(present) else None
-    return SurfaceMesh(np.concatenate([p.triangles for p in parts]), parts[0].surface, **columns)
 
 
 def cushion(
