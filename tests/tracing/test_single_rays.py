@@ -13,6 +13,7 @@ from lfcore.optics.bundles import macropixels, probe, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.layout import FrameLayout
+from lfcore.tracing import device_scene
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.probes import leaves_a_ray
 
@@ -48,6 +49,12 @@ def test_colours_and_shadows_are_the_oracles(device, make, way):
         assert statistics.median(len(np.unique(block)) for block in seen) > 128
     layout = FrameLayout("macropixels", 16, 5, "raster", 1, "yuv444p")
     check_luma(traced(tracer, layout)[0], layout, trace(world, slab, all_pixels(slab)))
+
+
+def test_colours_without_float64_are_the_oracles(device, monkeypatch):
+    without = "#undef cl_khr_fp64\n#define double none\n" + device_scene.header()
+    monkeypatch.setattr(device_scene, "header", lambda: without)
+    test_colours_and_shadows_are_the_oracles(device, lit_soup, {"single_rays": True})
 
 
 def test_tiles_and_threads_do_not_matter():
