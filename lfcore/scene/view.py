@@ -28,14 +28,22 @@ class View:
 
     Parameters
     ----------
-    kind : ``perspective`` or ``lightfield``.
-    camera : the thin lens; of a light field one that is as wide as the grid.
-    array : every pinhole of the film: one camera for ``perspective``, the grid for ``lightfield``.
-    film : (width, height) of the whole picture in pixels.
-    shutter : (open, close), in the scene's unit of time.
-    lens_radius_m : of the thin lens; 0 is a pinhole.
-    samples_per_pixel : rays per pixel, as the scene asks for.
-    motion_times : when objects that move leave their first pose and reach their last.
+    kind : str
+        ``perspective`` or ``lightfield``.
+    camera : Camera
+        The thin lens; of a light field one that is as wide as the grid.
+    array : CameraArray
+        Every pinhole of the film: one camera for ``perspective``, the grid for ``lightfield``.
+    film : (int, int)
+        Width and height of the whole picture, pixels.
+    shutter : (float, float)
+        Its opening and closing, in the scene's unit of time.
+    lens_radius_m : float
+        Radius of the thin lens; 0 is a pinhole.
+    samples_per_pixel : int
+        Rays per pixel, as the scene asks for.
+    motion_times : (float, float)
+        The times of moving objects' first and last pose.
     """
 
     kind: str
