@@ -82,10 +82,12 @@ def clocked(run: Callable, repeats: int) -> tuple:
     return made, min(seconds)
 
 
-def true_picture(tracer: Tracer, plane: SensorPlane, pixels: int) -> np.ndarray:
+def true_picture(
+    tracer: Tracer, plane: SensorPlane, pixels: int, lattice: Lattice = TRUTH
+) -> np.ndarray:
     """(M, M, 3) float32, linear light, traced at the plane's focus."""
-    slab = Slab.of(focused_camera(tracer.scene.camera, plane), TRUTH, pixels)
-    views, side = views_of(slab, displaced=True), round(TRUTH.subpixels)
+    slab = Slab.of(focused_camera(tracer.scene.camera, plane), lattice, pixels)
+    views, side = views_of(slab, displaced=True), round(lattice.subpixels)
     share = lens_cells(slab, plane.lens_aperture(slab)).share
     order, total = np.flatnonzero(share), np.zeros((pixels, pixels, 3))
     for part, light, _ in traced_views(tracer, views, pixels, TRUTH_FOOTPRINT_PX, order=order):

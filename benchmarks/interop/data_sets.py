@@ -1,7 +1,8 @@
-"""Data sets as their readers want them: two focal stacks, and a light field, made small."""
+"""Data sets as their readers want them: two focal stacks, and light fields, made small."""
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +15,19 @@ from lfcore.pictures import read_codes
 
 PACKAGES = ["numpy<2.3", "torch", "torchvision", "OpenEXR", "opencv-python-headless", "pillow",
             "h5py", "scipy", "scikit-image", "matplotlib", "einops", "xlwt", "webdataset",
-            "mlcroissant"]  # fmt: skip
+            "mlcroissant", "imageio"]  # fmt: skip
 """DFV's loader calls what numpy 2.3 no longer has."""
 STACKS = {"kind": "focal_stacks", "pixels": 256, "quality_db": 30, "scenes": {"train": 2,
           "validation": 0}}  # fmt: skip
-FIELDS = {
+FIELDS: dict[str, Any] = {
     "kind": "light_fields", "pixels": 96, "quality_db": 25, "scenes": {"train": 1, "validation": 0},
     "lens": {"focal_length_mm": 100, "sensor_width_mm": 100, "focus_m": [1.6], "views": 5},
     "placement": {"depth_m": [1.1, 2.8], "wall_m": 3},
 }  # fmt: skip
+WHOLE = FIELDS | {
+    "pixels": 512, "quality_db": 20, "also": ["hdf5"], "lens": FIELDS["lens"] | {"views": 9},
+}  # fmt: skip
+"""As large as EPINET's loader demands."""
 
 
 def made(work: Path, name: str, keys: Mapping[str, object]) -> Path:

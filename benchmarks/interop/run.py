@@ -2,7 +2,8 @@
 
     python -m benchmarks.interop.run --work /tmp/interop [--only plenpy,...]
         [--source lftoolbox=FOLDER] [--source hci-tools=FOLDER] [--source jpeg-pleno=FOLDER]
-        [--source nerf=FOLDER] [--source dfv=FOLDER] [--source basic-lfsr=FOLDER] [--out table.md]
+        [--source nerf=FOLDER] [--source dfv=FOLDER] [--source basic-lfsr=FOLDER]
+        [--source epinet=FOLDER] [--out table.md]
 
 Each package is installed into an environment of its own under ``--work``; for a program without a
 package, ``--source`` names a checkout of its repository.  A reader that is not available is a row
@@ -21,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.interop import data_sets
-from lfcore.exchange import export_lightfield
+from lfcore.exchange import export_lightfield, hdf5
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
 from lfcore.files import write_text
@@ -187,7 +188,35 @@ def hci_tools(bench: Bench) -> list[str]:
     return [
         same(made["views"], bench.views, "views"),
         near(made["numbers"], np.array([WIDTH, HEIGHT, SIDE, SIDE, 10.0, 2.0]), 1e-9, "geometry"),
-        near(made["disparity"], ends / slab.pixel_pitch, 1e-6, "range of disparity"),
+        near(made["range"], ends / slab.pixel_pitch, 1e-6, "range of disparity"),
+        *_hci_data_set(bench, python),
+    ]
+
+
+def _hci_data_set(bench: Bench, python: Path) -> list[str]:
+    """A light field of a data set by HCI's tools, against its HDF5 file."""
+    folder = data_sets.made(bench.work, "whole", data_sets.WHOLE)
+    scene = folder / "data/hci/train/000000"
+    made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), scene)
+    file = folder / "data/hdf5/train/000000.h5"
+    disparity = hdf5.data_set(file, "disp_lowres")[4, 4]
+    return [
+        same(made["views"], hdf5.data_set(file, "LF"), "a data set's views"),
+        same(made["disparity"], disparity, "and disparity, as in HDF5"),
+    ]
+
+
+def epinet(bench: Bench) -> list[str]:
+    folder = data_sets.made(bench.work, "whole", data_sets.WHOLE)
+    python = bench.environment("data-sets", data_sets.PACKAGES)
+    data = folder / "data/hci/train"
+    made = bench.read(python, "epinet_reader.py", bench.source("epinet"), data)
+    file = folder / "data/hdf5/train/000000.h5"
+    return [
+        same(made["views"], hdf5.data_set(file, "LF"), "views"),
+        same(made["disparity"], hdf5.data_set(file, "disp_lowres")[4, 4], "disparity"),
+        same(made["inputs"], np.array([4, 512, 512, 9]), "four stacks of views"),
+        near(made["apart"], np.zeros(()), 1e-5, "equal for training and test"),
     ]
 
 
@@ -274,6 +303,7 @@ PEERS: dict[str, tuple[str, Callable[[Bench], list[str]]]] = {
     "lftoolbox": ("LFToolbox in Octave", lftoolbox),
     "jpeg-pleno": ("JPEG Pleno's PPM reader", jpeg_pleno),
     "dfv": ("DFV's loader of FoD500", dfv),
+    "epinet": ("EPINET's loader", epinet),
     "basic-lfsr": ("BasicLFSR's script and loader", basic_lfsr),
     "training-tools": ("webdataset, mlcroissant", training_tools),
 }

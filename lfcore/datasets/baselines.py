@@ -1,8 +1,8 @@
-"""What focal stacks are for, and what the usual way of making them gets wrong."""
+"""What the data are for, and what the usual way of making focal stacks gets wrong."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -49,6 +49,34 @@ def depth_from_focus(stack: np.ndarray, focus_m: Sequence[float]) -> np.ndarray:
         top = (x0 + x1) / 2 - first / (2 * bend)
     inside = (best == middle) & (bend < 0)
     return np.where(inside, top.clip(np.minimum(x0, x2), np.maximum(x0, x2)), inverse[best])
+
+
+def plane_sweep(views: Mapping[tuple[int, int], np.ndarray], disparities: np.ndarray) -> np.ndarray:
+    """(H, W) disparity, pixels per view, at which views agree best with the middle one.
+
+    ``views`` are (H, W) grey by columns and rows from the middle, (0, 0); a point moves against
+    them (:func:`lfcore.rendering.depth.disparity`).  ``disparities`` are tried, evenly, and a
+    parabola through three costs refines the best.
+
+    Source: Collins, "A space-sweep approach to true multi-image matching", CVPR 1996.
+    """
+    middle, costs = views[0, 0], []
+    for tried in disparities.tolist():
+        cost = np.zeros_like(middle)
+        for (right, down), view in views.items():
+            move = np.float32([[1, 0, -tried * right], [0, 1, -tried * down]])
+            moved = cv2.warpAffine(
+                view, move, middle.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            cost += np.abs(moved - middle)
+        costs.append(cv2.boxFilter(cost, -1, (WINDOW, WINDOW)))
+    every = np.stack(costs)
+    best = every.argmin(0).clip(1, len(every) - 2)
+    low, at, high = (np.take_along_axis(every, best[None] + k, 0)[0] for k in (-1, 0, 1))
+    bend = np.maximum(low - 2 * at + high, 1e-9)
+    step = disparities[1] - disparities[0]
+    return disparities[best] + step * ((low - high) / (2 * bend)).clip(-1, 1)
 
 
 def blurred_by_layers(sharp: np.ndarray, blur_px: np.ndarray) -> np.ndarray:

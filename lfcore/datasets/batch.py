@@ -21,6 +21,9 @@ from lfcore.errors import OpticsError, SceneError, StorageError
 from lfcore.files import cannot_write, make_folder, whole_file, write_json
 from lfcore.opencl.device import Device
 
+PARTS = ("scene", "files")
+"""The parts of an item's core seconds; the rest is rays and pictures."""
+
 
 def make_batch(
     description: Description,
@@ -64,6 +67,8 @@ def _tried(description: Description, index: int, device: Device) -> Item:
         item = Item(record={"index": index, "refused": str(error)})
     item.record["seconds"] = round(time.perf_counter() - start, 3)
     item.record["core_seconds"] = round(time.process_time() - processor, 3)
+    for part in PARTS:
+        item.record[f"{part}_core_seconds"] = round(item.watch.seconds.get(part, 0.0), 3)
     return item
 
 

@@ -31,7 +31,7 @@ CONTEXT = {
     "samplingRate": "cr:samplingRate", "separator": "cr:separator", "source": "cr:source",
     "subField": "cr:subField", "transform": "cr:transform",
 }  # fmt: skip
-COLUMNS = {
+ITEMS = {
     "index": ("sc:Integer", "number of the scene"),
     "split": ("sc:Text", "train, validation or test"),
     "expected_db": ("sc:Float", "PSNR in dB, sRGB, that is expected of the worst picture"),
@@ -41,9 +41,30 @@ COLUMNS = {
     "farthest_m": ("sc:Float", "greatest depth"),
     "objects": ("sc:Text", "shapes, separated by spaces"),
 }
+SECONDS = {
+    "index": ("sc:Integer", "number of the scene"),
+    "seconds": ("sc:Float", "wall seconds"),
+    "core_seconds": ("sc:Float", "processor seconds of all threads"),
+    "scene_core_seconds": ("sc:Float", "of these, to draw the scene and build its hierarchy"),
+    "files_core_seconds": ("sc:Float", "of these, to encode files"),
+}
+REFUSED = {
+    "index": ("sc:Integer", "number of the scene"),
+    "reason": ("sc:Text", "why it made no item; names a mesh that cannot be read"),
+}
+SOURCES = {
+    "shape": ("sc:Text", "mesh file, or procedural shape"),
+    "source": ("sc:Text", "path, or the program that made it"),
+    "licence": ("sc:Text", "licence and source of a mesh, as its owner has them"),
+    "sha256": ("sc:Text", "checksum of a mesh file"),
+    "objects": ("sc:Integer", "how often it was placed"),
+}
+RECORDS = {"items": ITEMS, "seconds": SECONDS, "refused": REFUSED, "sources": SOURCES}
+"""The tables and their columns."""
 MEDIA = {
     ".tif": "image/tiff", ".exr": "image/x-exr", ".png": "image/png", ".tar": "application/x-tar",
     ".pfm": "application/octet-stream", ".mat": "application/x-matlab-data",
+    ".h5": "application/x-hdf5",
 }  # fmt: skip
 
 
@@ -65,20 +86,22 @@ def tables(
     ]
     uses = [name for one in made for name in one["objects"]]
     sources = [
-        {"mesh": file.name, "sha256": file_digest(file), "licence": description.shapes.licence,
-         "objects": uses.count(file.name)} for file in description.mesh_files()
+        {"shape": file.name, "source": str(file), "licence": description.licence_of(file),
+         "sha256": file_digest(file), "objects": uses.count(file.name)}
+        for file in description.mesh_files()
+    ] + [
+        {"shape": name, "source": f"lfcore {__version__}", "licence": "MIT",
+         "objects": uses.count(name)} for name in description.shapes.builders
     ]  # fmt: skip
     files = [
         {"file": file.relative_to(data).as_posix(), "bytes": file.stat().st_size,
          "sha256": file_digest(file)} for file in sorted(data.rglob("*")) if file.is_file()
     ]  # fmt: skip
     return {
-        "items": pd.DataFrame(items, columns=list(COLUMNS)),
-        "seconds": pd.DataFrame(
-            [{key: one[key] for key in ("index", "seconds", "core_seconds")} for one in records]
-        ),
-        "refused": pd.DataFrame(refused, columns=["index", "reason"]),
-        "sources": pd.DataFrame(sources, columns=["mesh", "sha256", "licence", "objects"]),
+        "items": pd.DataFrame(items, columns=list(ITEMS)),
+        "seconds": pd.DataFrame(records, columns=list(SECONDS)),
+        "refused": pd.DataFrame(refused, columns=list(REFUSED)),
+        "sources": pd.DataFrame(sources, columns=list(SOURCES)),
         "files": pd.DataFrame(files, columns=["file", "bytes", "sha256"]),
     }
 
@@ -110,11 +133,13 @@ def write_card(
          "containedIn": {"@id": "data"}, "includes": f"**/*{kind}",
          "encodingFormat": MEDIA[kind]} for kind in kinds
     ]  # fmt: skip
-    fields = [
-        {"@type": "cr:Field", "@id": f"items/{name}", "name": f"items/{name}", "dataType": kind,
-         "description": meaning,
-         "source": {"fileObject": {"@id": "items.csv"}, "extract": {"column": name}}}
-        for name, (kind, meaning) in COLUMNS.items()
+    records = [
+        {"@type": "cr:RecordSet", "@id": table, "name": table, "field": [
+            {"@type": "cr:Field", "@id": f"{table}/{name}", "name": f"{table}/{name}",
+             "dataType": kind, "description": meaning,
+             "source": {"fileObject": {"@id": f"{table}.csv"}, "extract": {"column": name}}}
+            for name, (kind, meaning) in columns.items()
+        ]} for table, columns in RECORDS.items()
     ]  # fmt: skip
     made = pd.read_csv(found["items"])
     worst = made["expected_db"].min() if len(made) else float("nan")
@@ -127,6 +152,6 @@ def write_card(
         f"`{command}`. The worst picture is expected to be {worst:.1f} dB to the true one; the "
         "expectation for each item is in items.csv. Meshes and their licences are in sources.csv.",
         "distribution": [*objects, everything, *sets],
-        "recordSet": [{"@type": "cr:RecordSet", "@id": "items", "name": "items", "field": fields}],
+        "recordSet": records,
     }  # fmt: skip
     write_json(path, card)

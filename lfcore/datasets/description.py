@@ -27,6 +27,7 @@ SHAPES = (
     "plant", "table", "lamp", "globe",
 )  # fmt: skip
 """The procedural builders, by the names that :mod:`lfcore.datasets.shapes` has for them."""
+LAMPS = ("sun", "point", "spot")
 
 
 class _Keys(BaseModel):
@@ -75,7 +76,9 @@ class Counts(_Keys):
 
 class Shapes(_Keys):
     meshes: str | list[str] = _key([], description="a folder of mesh files, or a list of files")
-    licence: str = _key("", description="licence and source of these meshes, for the card")
+    licence: str = _key(
+        "", description="licence and source of meshes that have no file MESH.license beside them"
+    )
     builders: list[Literal[SHAPES]] = _key(list(SHAPES), description="procedural shapes")
     share_of_meshes: Share = _key(0.5, description="of objects, where there are both")
 
@@ -89,10 +92,12 @@ class Materials(_Keys):
 
 
 class Lights(_Keys):
+    kinds: list[Literal[LAMPS]] = _key(list(LAMPS), min_length=1, description="of lamps")
     count: span(1, 8) = (1, 3, "even")
     strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
     elevation_deg: span(5, 90) = (20, 80, "even")
     ambient: span(0, 10) = (0.1, 0.3, "even")
+    share_sky: Share = _key(0.0, description="of scenes lit by a baked sky in place of ambient")
 
 
 class Lens(_Keys):
@@ -129,6 +134,9 @@ class Description(_Keys):
     scenes: Counts = Counts()
     pixels: int = _key(256, ge=16, le=4096)
     quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
+    also: list[Literal["mat", "hdf5"]] = _key(
+        ["mat"], description="layouts of light fields beside HCI's"
+    )
     shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
     scenes_per_job: int = _key(32, ge=1, le=10**5)
     shapes: Shapes = Shapes()
@@ -187,6 +195,13 @@ class Description(_Keys):
         """The users' meshes, by name; raises :class:`SettingsError` for an empty folder."""
         return _files(self.shapes.meshes, MESHES, "shapes.meshes")
 
+    def licence_of(self, mesh: Path) -> str:
+        """Licence and source of a mesh: the text of MESH.license beside it, else the key."""
+        beside = mesh.with_name(f"{mesh.name}.license")
+        if not beside.exists():
+            return self.shapes.licence
+        return " ".join(beside.read_text(encoding="utf-8", errors="replace").split())
+
     def texture_files(self) -> list[Path]:
         """The users' textures, by name; errors as of :meth:`mesh_files`."""
         return _files(self.materials.textures, TEXTURES, "materials.textures")
@@ -202,7 +217,7 @@ class Description(_Keys):
         """Raise :class:`SettingsError` where the disk lacks room: shards and items, both."""
         pictures = len(self.lens.focus_m) + 3
         if self.kind == "light_fields":
-            pictures = 3 * self.lens.views**2  # views, disparities, the array
+            pictures = 3 * (1 + len(self.also)) * self.lens.views**2  # with depth, disparity
         elif self.kind == "defocus_pairs":
             pictures = 5
         needed = 2 * self.count * pictures * 3 * self.pixels**2
@@ -213,11 +228,14 @@ class Description(_Keys):
                 file=folder, key="scenes", remedy="Ask for fewer scenes or pixels",
             )  # fmt: skip
 
-    def batches(self) -> dict[str, range]:
-        """The scenes of each job, by its name in files."""
-        step = self.scenes_per_job
-        starts = range(0, self.count, step)
-        return {f"{k:05d}": range(a, min(a + step, self.count)) for k, a in enumerate(starts)}
+    def batches(self) -> list[str]:
+        """The name in files of each job."""
+        return [f"{number:05d}" for number in range(-(-self.count // self.scenes_per_job))]
+
+    def scenes_of(self, batch: str) -> range:
+        """The scenes of a job."""
+        start = int(batch) * self.scenes_per_job
+        return range(start, min(start + self.scenes_per_job, self.count))
 
 
 def _files(wanted: str | list[str], suffixes: tuple[str, ...], key: str) -> list[Path]:

@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from lfcore.colour import srgb_codes, srgb_encode
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import BACKDROP, sample
 from lfcore.errors import OpticsError, SceneError
-from lfcore.exchange import hci, matlab
+from lfcore.exchange import hci, hdf5, matlab
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
@@ -28,6 +29,7 @@ from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.first_look import inner
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
+from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 SHARP_F_NUMBER = 1000.0
@@ -36,8 +38,6 @@ SHARED_DB = 1.5
 """The error in dB that both grids of a pair share, so that their disagreement does not show it."""
 MOST_SIDE = 12
 """The most rays per pixel and side of a light field's view."""
-SHARED_DB = 1.5
-"""The error in dB that both grids of a pair share, so that their disagreement does not show it."""
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """Edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)
@@ -46,14 +46,15 @@ BLUR_BINS = np.linspace(0, 10, 41)
 
 @dataclass
 class Item:
-    """Files by their field, in order, and the item's record."""
+    """Files by their field, in order, the item's record, and core seconds of parts of the work."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
+    watch: Stopwatch = field(default_factory=lambda: Stopwatch(clock=time.process_time))
 
     def add(self, name: str, picture: np.ndarray, *, half: bool = False) -> None:
-        suffix = name[name.rindex(".") :]
-        self.files[name] = picture_bytes(suffix, picture, half=half)
+        with self.watch.part("files"):
+            self.files[name] = picture_bytes(name[name.rindex(".") :], picture, half=half)
 
 
 def make_item(description: Description, index: int, device: Device | str | None = None) -> Item:
@@ -62,8 +63,10 @@ def make_item(description: Description, index: int, device: Device | str | None 
     Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item: a mesh that
     cannot be read, too little to see, or a quality beyond the budget.
     """
-    scene, names = sample(description, index)
-    tracer = open_tracer(scene, device)
+    item = Item()
+    with item.watch.part("scene"):
+        scene, names = sample(description, index)
+        tracer = open_tracer(scene, device)
     slab = Slab(scene.camera, 1, description.pixels)
     triangle, depth = (
         found[0] for found in tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
@@ -74,12 +77,12 @@ def make_item(description: Description, index: int, device: Device | str | None 
         raise SceneError(
             f"empty frustum: objects fill {100 * seen:.1f} % of the picture", file=scene.name
         )
-    item = Item(record={
+    item.record = {
         "index": index, "split": description.split(index), "objects": names, "seen": round(seen, 4),
         "camera": scene.camera.to_json() | {"pixels": description.pixels},
         "depth_m": [float(depth.min()), float(depth.max())],
         "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
-    })  # fmt: skip
+    }  # fmt: skip
     MAKERS[description.kind](item, description, tracer, depth)
     # Of the worst picture.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
@@ -174,30 +177,45 @@ class _Views:
 
 
 def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
-    """As HCI's 4D benchmark, with disparity of every view; and as MATLAB's array ``LF``."""
+    """Views and their disparities, in the layouts that are asked for."""
     slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
     side, expected_db = _rays_of_views(of, tracer, slab)
     samples = all_samples(slab)
     depths = depth_of_views(tracer, slab, samples)
     codes = np.empty((slab.views, slab.views, of.pixels, of.pixels, 3), np.uint8)
-    middle = len(samples) // 2
-    for number, ((i, j), distance) in enumerate(zip(samples, depths, strict=True)):
-        codes[j, i] = srgb_codes(_view(tracer, slab, samples[number], side))
-        item.add(f"input_Cam{number:03d}.png", codes[j, i])
-        item.add(f"gt_disp_lowres_Cam{number:03d}.pfm", disparity(slab, distance))
-    item.add("gt_disp_lowres.pfm", disparity(slab, depths[middle]))
-    item.add("gt_depth_lowres.pfm", depths[middle])
-    views, reach = _Views(slab, tracer.scene.name), (float(depths.min()), float(depths.max()))
-    text = hci.parameters(views, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
-    item.files["parameters.cfg"] = text.encode()
-    file = io.BytesIO()
-    matlab.write_array(file, codes)
-    item.files["mat"] = file.getvalue()
+    for i, j in samples:
+        codes[j, i] = srgb_codes(_view(tracer, slab, np.array([i, j]), side))
+    reach = float(depths.min()), float(depths.max())
+    _add_hci(item, _Views(slab, tracer.scene.name), codes, depths)
+    with item.watch.part("files"):
+        if "mat" in of.also:
+            matlab.write_array(file := io.BytesIO(), codes)
+            item.files["mat"] = file.getvalue()
+        if "hdf5" in of.also:
+            by_view = depths.reshape(codes.shape[:-1])
+            hdf5.write_arrays(
+                file := io.BytesIO(), LF=codes, depth_lowres=by_view,
+                disp_lowres=disparity(slab, by_view),
+            )  # fmt: skip
+            item.files["h5"] = file.getvalue()
     item.record |= {
         "each_db": expected_db, "rays_per_pixel": float(side**2 * slab.views**2),
         "focus_m": [slab.camera.focus_m], "baseline_mm": of.lens.baseline_mm,
         "disparity_px": [float(d) for d in disparity(slab, np.array(reach[::-1]))],
     }  # fmt: skip
+
+
+def _add_hci(item: Item, views: _Views, codes: np.ndarray, depths: np.ndarray) -> None:
+    """As HCI's 4D benchmark, with the disparity of every view."""
+    slab, middle = views.slab, len(depths) // 2
+    for number, picture in enumerate(codes.reshape(-1, *codes.shape[2:])):
+        item.add(f"input_Cam{number:03d}.png", picture)
+        item.add(f"gt_disp_lowres_Cam{number:03d}.pfm", disparity(slab, depths[number]))
+    item.add("gt_disp_lowres.pfm", disparity(slab, depths[middle]))
+    item.add("gt_depth_lowres.pfm", depths[middle])
+    reach = float(depths.min()), float(depths.max())
+    text = hci.parameters(views, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
+    item.files["parameters.cfg"] = text.encode()
 
 
 def _view(tracer: Tracer, slab: Slab, sample: np.ndarray, side: int) -> np.ndarray:
@@ -242,5 +260,7 @@ def place_of(kind: str, split: str, index: int, name: str) -> str:
         return f"{index:06d}{named}"
     if name == "mat":
         return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
+    if name == "h5":
+        return f"hdf5/{split}/{index:06d}.h5"
     folder = f"hci/{split}" if kind == "light_fields" else split
     return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"

@@ -13,12 +13,14 @@ import numpy as np
 from lfcore.datasets.shapes import POOL, Shape, builder, mesh, texture
 from lfcore.errors import SettingsError
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
+from lfcore.scene.baked import BakeOptions
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.procedural.basics import Parts, Rng
 from lfcore.scene.procedural.primitives import rectangle
+from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, triple
 from lfcore.scene.transforms import look_at, rigid_to_camera, scale, translate
 
@@ -29,6 +31,9 @@ TRIES = 40
 """Places that are tried for an object before it is left out."""
 BACKDROP = ("wall", "floor")
 """The names of the materials behind objects."""
+CONE = (math.cos(math.radians(8)), math.cos(math.radians(20)))
+"""The cosines of the angles at which spots begin to fade and are dark."""
+BAKE = BakeOptions(bounces=1, error=0.05)
 
 
 def sample_scene(description: Description | str | Path | Mapping[str, Any], index: int) -> Scene:
@@ -133,10 +138,14 @@ class _Draw:
             parts += [part.transformed(matrix) for part in self._dressed(shape)]
             names.append(shape.name)
         scene = Scene(
-            name=f"{self.of.name}-{index:06d}", camera=camera, lights=self._lights(to_camera),
+            name=f"{self.of.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
             ambient=triple(self.span(self.of.lights.ambient) * self._tint()),
             focus_distances_m=tuple(self.of.lens.focus_m), **vars(assemble(parts, to_camera)),
         )  # fmt: skip
+        if self.chance(self.of.lights.share_sky):
+            horizon = np.array(scene.ambient)
+            ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
+            scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
         return within_limits(scene, scene.name), names
 
     def _placed(
@@ -226,14 +235,15 @@ class _Draw:
 
     def _colour(self) -> np.ndarray:
         drawn = self.rng.random(3)
-        return 0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5
+        return np.minimum(0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5, 0.95)
 
     def _tint(self) -> np.ndarray:
         """From the light of a lamp to that of the sky."""
         warm = float(self.rng.random())
         return np.array([0.85 + 0.15 * warm, 0.93, 1.0 - 0.2 * warm])
 
-    def _lights(self, to_camera: np.ndarray) -> list[Light]:
+    def _lights(self, to_camera: np.ndarray, wall: float) -> list[Light]:
+        """Lamps above; points and spots are twice as far from the scene's middle as the wall."""
         of = self.of.lights
         count, strength = round(self.span(of.count)), self.span(of.strength)
         parts = self.rng.random(count) + 0.2
@@ -242,10 +252,16 @@ class _Draw:
             angle = math.radians(160 * (float(self.rng.random()) - 0.5))
             rise = math.radians(self.span(of.elevation_deg))
             level = math.cos(rise)
-            towards = to_camera[:3, :3] @ (
-                level * math.sin(angle), math.sin(rise), level * math.cos(angle)
-            )  # fmt: skip
-            lights.append(Light(DIRECTIONAL, triple(towards), triple(part * self._tint())))
+            towards = np.array([level * math.sin(angle), math.sin(rise), level * math.cos(angle)])
+            vector = to_camera[:3, :3] @ towards
+            colour, kind = triple(part * self._tint()), self.pick(of.kinds)
+            if kind == "sun":
+                lights.append(Light(DIRECTIONAL, triple(vector), colour))
+                continue
+            place = to_camera @ (*(2 * wall * towards - (0, 0, wall / 2)), 1)
+            lamp = Light(POINT, triple(place[:3]), colour, reference_distance_m=2 * wall)
+            is_spot = kind == "spot"
+            lights.append(replace(lamp, normal=triple(-vector), cone=CONE) if is_spot else lamp)
         return lights
 
     def _backdrop(self, wall: float, height: float, resting: bool) -> Parts:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import ModuleType
+from typing import BinaryIO
 
 import numpy as np
 
@@ -45,6 +46,13 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
             return file[name][()] if name in file else None
     except (OSError, RuntimeError, TypeError) as error:
         raise unreadable(path, error, "cannot be read as HDF5") from None
+
+
+def write_arrays(file: Path | BinaryIO, **arrays: np.ndarray) -> None:
+    """Write data sets by their names."""
+    with _h5py().File(file, "w") as stored:
+        for name, array in arrays.items():
+            stored[name] = array
 
 
 def read(path: Path, options: ReadOptions) -> ViewGrid:

@@ -37,11 +37,11 @@ def read(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def write(source: Source, folder: Path, options: WriteOptions) -> None:
-    write_array(folder / f"{source.name}.mat", source.array(options.progress))
+    write_array(folder / f"{source.name}.mat", source.array(options.progress), small=True)
 
 
-def write_array(file: Path | BinaryIO, views: np.ndarray) -> None:
-    """Write views (rows, columns, height, width, 3)."""
+def write_array(file: Path | BinaryIO, views: np.ndarray, *, small: bool = False) -> None:
+    """Write views (rows, columns, height, width, 3); ``small``: compressed, which takes longer."""
     from scipy.io import savemat
 
-    savemat(file, {VARIABLE: views}, do_compression=True)
+    savemat(file, {VARIABLE: views}, do_compression=small)

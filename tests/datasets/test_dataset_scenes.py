@@ -59,7 +59,7 @@ def test_the_descriptions_of_the_project(file):
 
 def test_splits_and_batches_cover_every_scene_once():
     of = Description.check(PLAIN | {"scenes": {"train": 70, "validation": 5, "test": 2}})
-    batches = list(of.batches().values())
+    batches = [of.scenes_of(name) for name in of.batches()]
     assert [index for batch in batches for index in batch] == list(range(77))
     assert [of.split(index) for index in (0, 69, 70, 74, 75, 76)] == [
         "train", "train", "validation", "validation", "test", "test",
@@ -109,6 +109,34 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
             assert -1e-5 < heights.min() < 1e-3
         else:
             assert objects[:, 2].max() <= wall[:, 2].min() + 1e-4
+
+
+@pytest.mark.parametrize("kind", ["sun", "point", "spot"])
+def test_lamps_shine_from_above_on_the_middle_of_the_scene(kind):
+    of = PLAIN | {"lights": {"kinds": [kind], "strength": 1}, "placement": {"share_resting": 0}}
+    for index in range(4):
+        scene, _ = sample(of, index)
+        assert not scene.bake
+        for light in scene.lights:
+            assert light.is_spot == (kind == "spot")
+            if kind != "sun":
+                away = np.linalg.norm(light.vector)
+                assert light.vector[1] < 0 and abs(away - light.reference_distance_m) < 3
+            if light.is_spot:
+                assert np.dot(light.normal, light.vector) < 0
+        assert sum(light.colour[1] for light in scene.lights) == pytest.approx(0.93)
+
+
+def test_a_sky_takes_the_place_of_ambient_light():
+    scene, _ = sample(PLAIN | {"lights": {"share_sky": 1}}, 0)
+    assert scene.bake is not None and scene.sky.min() > 0
+
+
+def test_the_licence_of_a_mesh_is_beside_it(tmp_path):
+    of = Description.check(PLAIN | {"shapes": {"licence": "CC0", "meshes": str(tmp_path)}})
+    (tmp_path / "b.ply.license").write_text("CC-BY-4.0\nhttps://example.org\n")
+    assert of.licence_of(tmp_path / "a.ply") == "CC0"
+    assert of.licence_of(tmp_path / "b.ply") == "CC-BY-4.0 https://example.org"
 
 
 def test_users_meshes_and_textures(tmp_path):

@@ -250,7 +250,7 @@ def dataset_files(suffix):
 
 
 def dataset_scenes(wildcards):
-    found = dataset().batches()[wildcards.batch]
+    found = dataset().scenes_of(wildcards.batch)
     return [found.start, found.stop]
 
 

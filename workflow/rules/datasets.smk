@@ -40,6 +40,7 @@ if DATASET:
                 "sources.csv",
                 "files.csv",
             ),
+            description=f"{DATASET_FOLDER}/description.yaml",
             card=f"{DATASET_FOLDER}/croissant.json",
             page=f"{DATASET_FOLDER}/index.html",
         log:

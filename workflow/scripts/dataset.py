@@ -8,7 +8,7 @@ from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
 from lfcore.datasets.report import write_report
 from lfcore.evaluation.table_files import write_csv
-from lfcore.files import read_json
+from lfcore.files import read_json, write_json
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
@@ -23,8 +23,9 @@ with job(snakemake.log[0], snakemake.threads):
     commit = subprocess.run(
         ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     ).stdout.strip()
+    write_json(output.description, {"dataset": description.model_dump()})  # which YAML includes
     folder = Path(output.card).parent
-    command = f"snakemake {folder}/ --configfile config/datasets/{description.name}.yaml"
+    command = f"snakemake --cores 2 {folder}/ --configfile {output.description}"
     write_card(output.card, description, files, command=command, commit=commit or "unknown")
     facts = {
         "items": len(made["items"]),

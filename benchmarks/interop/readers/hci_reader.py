@@ -28,10 +28,13 @@ with tempfile.TemporaryDirectory() as place:
 
     views = file_io.read_lightfield(folder)
     said = file_io.read_parameters(folder)
+    with_depth = (Path(folder) / "gt_disp_lowres.pfm").exists()
+    disparity = file_io.read_disparity(folder) if with_depth else np.zeros((0, 0))
 keys = ("width", "height", "num_cams_x", "num_cams_y", "baseline_mm", "focus_distance_m")
 np.savez(
     out,
     views=views,
     numbers=np.array([said[key] for key in keys], float),
-    disparity=np.array([said["disp_min"], said["disp_max"]]),
+    range=np.array([said["disp_min"], said["disp_max"]]),
+    disparity=disparity,
 )

@@ -1,0 +1,192 @@
+"""Cost and quality of data sets: python -m benchmarks.datasets --out FILE.csv
+
+Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
+is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 256 rays
+per pixel.  Disparities are compared with those of single rays.  With --cycles, stacks of 128 pixels
+of scenes without highlights are made in turn with Cycles and its denoiser, at the number of samples
+whose worst plane is as good; its pictures are compared with its own converged ones.
+"""
+
+import argparse
+import math
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measured.rows import say
+from benchmarks.peers.cycles_lens import CyclesLens, matt
+from benchmarks.peers.mitsuba_lens import Samples
+from benchmarks.publish import Result, of_this_run
+from benchmarks.quality import true_picture
+from lfcore.colour import srgb_decode, srgb_encode
+from lfcore.datasets import items
+from lfcore.datasets.batch import make_batch
+from lfcore.datasets.description import Description
+from lfcore.datasets.sample import sample
+from lfcore.datasets.stored import StoredItem, stored_items
+from lfcore.opencl.device import open_device
+from lfcore.optics import bundles
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.rendering.depth import all_samples, disparity
+from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.quality import Quality, QualitySearch
+from lfcore.tracing.tracer import Tracer
+
+CONFIG = Path(__file__).resolve().parents[1] / "config/datasets"
+TRUTH = Lattice(16, 2)
+"""Its error is about 10 dB below that of stacks of 45 dB."""
+TRUE_SIDE, VIEWS, RAYS = 16, (0, 13, 40, 67, 80), 20_000
+"""Rays per pixel and side of true views; the views that are compared; rays that check disparity."""
+CYCLES_PIXELS, CYCLES_SAMPLES, CONVERGED = 128, (64, 256, 1024), 4096
+
+
+def psnr(one: np.ndarray, other: np.ndarray) -> float:
+    error = np.square(srgb_encode(one.astype(np.float64)) - srgb_encode(other.astype(np.float64)))
+    return float(-10 * np.log10(error.mean()))
+
+
+def stack_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
+    """dB of each picture of a stack."""
+    made = []
+    for number, focus in enumerate(of.lens.focus_m):
+        plane = SensorPlane(focus, of.lens.f_number)
+        true = true_picture(tracer, plane, of.pixels, TRUTH)
+        made.append(psnr(srgb_decode(item.codes(f"focus{number:02d}.tif")), true))
+    return made
+
+
+def field_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
+    """dB of some views."""
+    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+    made = []
+    for number in VIEWS:
+        true = items.true_view(tracer, slab, all_samples(slab)[number], TRUE_SIDE)
+        made.append(psnr(srgb_decode(item.codes(f"input_Cam{number:03d}.png")), true))
+    return made
+
+
+def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
+    """The largest error of disparity in pixels, by single rays, of pixels that are no edges."""
+    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+    worst, rng = 0.0, np.random.default_rng(1)
+    for number in VIEWS:
+        stored = item.floats(f"gt_disp_lowres_Cam{number:03d}.pfm")
+        flat = np.ones(stored.shape, bool)
+        for axis in (0, 1):
+            step = np.abs(np.diff(stored, axis=axis, append=stored.take([-1], axis))) > 0.05
+            flat &= ~step & ~np.roll(step, 1, axis)
+        where = rng.choice(np.flatnonzero(flat), RAYS)
+        origins, directions = (
+            each.reshape(-1, 3)[where]
+            for each in bundles.views(slab, all_samples(slab)[number : number + 1]).rays()
+        )
+        depth = tracer.closest_hit(origins, directions)[1]
+        worst = max(worst, float(np.abs(disparity(slab, depth) - stored.ravel()[where]).max()))
+    return worst
+
+
+def rows_of(name: str, count: int) -> Iterator[dict]:
+    """A row of the shipped description ``name``."""
+    of, device = Description.read(CONFIG / f"{name}.yaml"), open_device(threads=1)
+    chosen = np.linspace(0, of.count - 1, count).astype(int).tolist()
+    measure = field_errors if of.kind == "light_fields" else stack_errors
+    with tempfile.TemporaryDirectory() as folder:
+        shard, *others = (Path(folder) / each for each in ("shard.tar", "records", "drafts"))
+        begun = time.process_time()
+        records = make_batch(of, chosen, shard, *others, device)
+        seconds = time.process_time() - begun
+        made = [one for one in records if "refused" not in one]
+        errors, apart = [], []
+        for item in stored_items(shard and [shard], chosen):
+            tracer = open_tracer(sample(of, item.index)[0], device)
+            errors += (found := measure(of, item, tracer))
+            if of.kind == "light_fields":
+                apart.append(disparity_error(of, item, tracer))
+            expected = item.record["expected_db"]
+            say(f"{item.index}: {min(found):.1f} dB, expected {expected:.1f}", *apart[-1:])
+    parts = pd.DataFrame(made)[["scene_core_seconds", "files_core_seconds"]].mean()
+    yield {
+        "data set": name, "made": f"{len(made)} of {count}", "core s": f"{seconds / len(made):.2f}",
+        "scene s": f"{parts.iloc[0]:.2f}", "files s": f"{parts.iloc[1]:.2f}",
+        "rays per pixel": f"{np.mean([one['rays_per_pixel'] for one in made]):.0f}",
+        "asked dB": f"{of.quality_db:g}", "worst dB": f"{min(errors):.1f}",
+        "median dB": f"{np.median(errors):.1f}",
+        "as asked": f"{100 * np.mean(np.array(errors) >= of.quality_db):.0f}% of {len(errors)}",
+        "disparity px": f"{max(apart):.4f}" if apart else "",
+    }  # fmt: skip
+
+
+def cycles_row(count: int) -> dict:
+    """Core seconds of stacks by Cycles and by us, of equal quality."""
+    of = Description.read(CONFIG / "focal_stacks.yaml")
+    of = of.model_copy(update={"lights": of.lights.model_copy(update={"kinds": ["sun", "point"]})})
+    times, ours, theirs, levels = [], [], [], []
+    for index in range(count):
+        scene = matt(sample(of, index)[0])
+        tracer, peer = open_tracer(scene, open_device(threads=1)), CyclesLens(scene, 1)
+        planes = [SensorPlane(focus, of.lens.f_number) for focus in of.lens.focus_m]
+        try:
+            worst, seconds = _cycles_curve(peer, scene.camera, planes)
+        finally:
+            peer.close()
+        target = min(max(of.quality_db, worst[0]), worst[-1])
+        begun = time.process_time()
+        made = QualitySearch(
+            tracer, scene.camera, planes, CYCLES_PIXELS, Quality(target)
+        ).pictures()
+        own = time.process_time() - begun
+        reached = min(
+            psnr(picture, true_picture(tracer, plane, CYCLES_PIXELS, TRUTH))
+            for picture, plane in zip(made.pictures, planes, strict=True)
+        )
+        same = math.exp(np.interp(reached, worst, np.log(seconds)))
+        say(f"Cycles, {index}: {worst} dB in {seconds} s; lfcore {reached:.1f} dB in {own:.2f} s")
+        times.append(same / own)
+        ours, theirs, levels = [*ours, own], [*theirs, same], [*levels, reached]
+    return {
+        "data set": f"stacks of {CYCLES_PIXELS} pixels, matt; Cycles {np.mean(theirs):.0f} s, "
+        f"{min(times):.0f} to {max(times):.0f} times", "made": str(count),
+        "core s": f"{np.mean(ours):.2f}", "worst dB": f"{min(levels):.1f}",
+        "median dB": f"{np.median(levels):.1f}",
+    }  # fmt: skip
+
+
+def _cycles_curve(peer, camera, planes) -> tuple[list[float], list[float]]:
+    """dB of the worst plane, ascending, and core seconds of all planes, by samples per pixel."""
+    cameras = [focused_camera(camera, plane) for plane in planes]
+    true = [peer.picture(one, CYCLES_PIXELS, Samples(CONVERGED, ""), seed=1)[0] for one in cameras]
+    worst, seconds = [], []
+    for count in CYCLES_SAMPLES:
+        made = [peer.picture(one, CYCLES_PIXELS, Samples(count, "", "picture")) for one in cameras]
+        worst.append(min(psnr(one[0], other) for one, other in zip(made, true, strict=True)))
+        seconds.append(sum(one[1] for one in made))
+    return np.maximum.accumulate(worst).tolist(), seconds
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser("benchmarks.datasets", description=__doc__.splitlines()[0])
+    parser.add_argument("--stacks", type=int, default=20)
+    parser.add_argument("--fields", type=int, default=5)
+    parser.add_argument("--cycles", type=int, default=0, metavar="SCENES")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    rows = []
+    for name, count in (("focal_stacks", options.stacks), ("light_fields", options.fields)):
+        if count:
+            rows += rows_of(name, count)
+    if options.cycles:
+        rows.append(cycles_row(options.cycles))
+    Result(of_this_run("python -m benchmarks.datasets"), pd.DataFrame(rows).fillna("")).write(
+        options.out
+    )
+
+
+if __name__ == "__main__":
+    main()
