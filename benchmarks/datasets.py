@@ -104,7 +104,7 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
         seconds = time.process_time() - begun
         made = [one for one in records if "refused" not in one]
         errors, apart = [], []
-        for item in stored_items(shard and [shard], chosen):
+        for item in stored_items([shard], chosen):
             tracer = open_tracer(sample(of, item.index)[0], device)
             errors += (found := measure(of, item, tracer))
             if of.kind == "light_fields":
