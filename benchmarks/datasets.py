@@ -1,10 +1,12 @@
 """Cost and quality of data sets: python -m benchmarks.datasets --out FILE.csv
 
 Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
-is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 256 rays
-per pixel.  Disparities are compared with those of single rays.  With --cycles, stacks of 128 pixels
-of scenes without highlights are made in turn with Cycles and its denoiser, at the number of samples
-whose worst plane is as good; its pictures are compared with its own converged ones.
+is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 200 rays
+per pixel.  Disparities are compared with those of single rays.  Beside them are views that are made
+from recorded ones, of 64 rays per pixel in all (:mod:`lfcore.refocus.free_views`).  With --cycles,
+stacks of three pictures of 96 pixels, of scenes without highlights, are made in turn with Cycles and
+its denoiser, at the number of samples whose worst plane is as good; its pictures are compared with
+its own of 2048 samples, denoised, too.
 """
 
 import argparse
@@ -23,7 +25,7 @@ from benchmarks.peers.mitsuba_lens import Samples
 from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import items
+from lfcore.datasets import views
 from lfcore.datasets.batch import make_batch
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import sample
@@ -32,19 +34,26 @@ from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.ray_cells import plain_views
 from lfcore.optics.slab import Slab
+from lfcore.refocus.free_views import FreeViews
 from lfcore.rendering.depth import all_samples, disparity
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
+from lfcore.rendering.record_depth import depth_store, record_by_depth
+from lfcore.storage.codecs import LOSSLESS, Encoding
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
 CONFIG = Path(__file__).resolve().parents[1] / "config/datasets"
 TRUTH = Lattice(16, 2)
 """Its error is about 10 dB below that of stacks of 45 dB."""
-TRUE_SIDE, VIEWS, RAYS = 16, (0, 13, 40, 67, 80), 20_000
-"""Rays per pixel and side of true views; the views that are compared; rays that check disparity."""
-CYCLES_PIXELS, CYCLES_SAMPLES, CONVERGED = 128, (64, 256, 1024), 4096
+TRUE_PATTERN, VIEWS, RAYS = (10, 2), (0, 13, 40, 67, 80), 20_000
+"""The rays of true views; the views that are compared; rays that check disparity."""
+RECORDED = Lattice(4, 2, displaced=True)
+"""The rays of recorded views, from which others are made."""
+CYCLES_PIXELS, CYCLES_SAMPLES, CONVERGED = 96, (64, 256, 512), 2048
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:
@@ -67,9 +76,31 @@ def field_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[floa
     slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
     made = []
     for number in VIEWS:
-        true = items.true_view(tracer, slab, all_samples(slab)[number], TRUE_SIDE)
+        true = views.view(tracer, slab, number, TRUE_PATTERN)
         made.append(psnr(srgb_decode(item.codes(f"input_Cam{number:03d}.png")), true))
     return made
+
+
+def between(of: Description, tracer: Tracer) -> tuple[list[float], float, float]:
+    """dB of views between recorded ones, the share of holes, and core seconds per view."""
+    slab, spec = (
+        Slab(tracer.scene.camera, of.lens.views, of.pixels),
+        Encoding(LOSSLESS[0], "gbrp", tune=None),
+    )
+    points, errors, holes = plain_views(slab).positions, [], 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "field.mkv"
+        record_by_depth(file, tracer, *depth_store(slab.camera, RECORDED, of.pixels, spec))
+        with LightFieldFile.open(file) as field:
+            made = FreeViews(field, of.pixels, device=tracer.device)
+            made.picture(points[0])  # reads the file
+            begun = time.process_time()
+            shown = [made.picture(points[number]) for number in VIEWS]
+            seconds = (time.process_time() - begun) / len(VIEWS)
+            for number, picture in zip(VIEWS, shown, strict=True):
+                errors.append(psnr(picture, views.view(tracer, slab, number, TRUE_PATTERN)))
+                holes = max(holes, float(np.isnan(made._nearest(points[number])).mean()))
+    return errors, holes, seconds
 
 
 def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
@@ -103,14 +134,16 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
         records = make_batch(of, chosen, shard, *others, device)
         seconds = time.process_time() - begun
         made = [one for one in records if "refused" not in one]
-        errors, apart = [], []
+        errors, apart, made_between = [], [], []
         for item in stored_items([shard], chosen):
             tracer = open_tracer(sample(of, item.index)[0], device)
             errors += (found := measure(of, item, tracer))
             if of.kind == "light_fields":
                 apart.append(disparity_error(of, item, tracer))
+                made_between.append(between(of, tracer))
+                say(str(made_between[-1]))
             expected = item.record["expected_db"]
-            say(f"{item.index}: {min(found):.1f} dB, expected {expected:.1f}", *apart[-1:])
+            say(f"{item.index}: {min(found):.1f} dB, expected {expected:.1f} {apart[-1:]}")
     parts = pd.DataFrame(made)[["scene_core_seconds", "files_core_seconds"]].mean()
     yield {
         "data set": name, "made": f"{len(made)} of {count}", "core s": f"{seconds / len(made):.2f}",
@@ -121,6 +154,14 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
         "as asked": f"{100 * np.mean(np.array(errors) >= of.quality_db):.0f}% of {len(errors)}",
         "disparity px": f"{max(apart):.4f}" if apart else "",
     }  # fmt: skip
+    if made_between:
+        errors = [one for each in made_between for one in each[0]]
+        yield {
+            "data set": f"views between, holes {max(each[1] for each in made_between):.2%}",
+            "made": str(len(made_between)), "rays per pixel": f"{RECORDED.rays_per_pixel:.0f}",
+            "core s": f"{of.lens.views**2 * np.mean([each[2] for each in made_between]):.1f}",
+            "worst dB": f"{min(errors):.1f}", "median dB": f"{np.median(errors):.1f}",
+        }  # fmt: skip
 
 
 def cycles_row(count: int) -> dict:
@@ -131,7 +172,7 @@ def cycles_row(count: int) -> dict:
     for index in range(count):
         scene = matt(sample(of, index)[0])
         tracer, peer = open_tracer(scene, open_device(threads=1)), CyclesLens(scene, 1)
-        planes = [SensorPlane(focus, of.lens.f_number) for focus in of.lens.focus_m]
+        planes = [SensorPlane(focus, of.lens.f_number) for focus in of.lens.focus_m[::2]]
         try:
             worst, seconds = _cycles_curve(peer, scene.camera, planes)
         finally:
@@ -151,7 +192,7 @@ def cycles_row(count: int) -> dict:
         times.append(same / own)
         ours, theirs, levels = [*ours, own], [*theirs, same], [*levels, reached]
     return {
-        "data set": f"stacks of {CYCLES_PIXELS} pixels, matt; Cycles {np.mean(theirs):.0f} s, "
+        "data set": f"3 x {CYCLES_PIXELS}², matt; Cycles {np.mean(theirs):.0f} s, "
         f"{min(times):.0f} to {max(times):.0f} times", "made": str(count),
         "core s": f"{np.mean(ours):.2f}", "worst dB": f"{min(levels):.1f}",
         "median dB": f"{np.median(levels):.1f}",
@@ -161,7 +202,10 @@ def cycles_row(count: int) -> dict:
 def _cycles_curve(peer, camera, planes) -> tuple[list[float], list[float]]:
     """dB of the worst plane, ascending, and core seconds of all planes, by samples per pixel."""
     cameras = [focused_camera(camera, plane) for plane in planes]
-    true = [peer.picture(one, CYCLES_PIXELS, Samples(CONVERGED, ""), seed=1)[0] for one in cameras]
+    true = [
+        peer.picture(one, CYCLES_PIXELS, Samples(CONVERGED, "", "picture"), seed=1)[0]
+        for one in cameras
+    ]
     worst, seconds = [], []
     for count in CYCLES_SAMPLES:
         made = [peer.picture(one, CYCLES_PIXELS, Samples(count, "", "picture")) for one in cameras]

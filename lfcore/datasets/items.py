@@ -10,13 +10,13 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import cv2
 import numpy as np
 
-from lfcore.colour import srgb_codes, srgb_encode
+from lfcore.colour import srgb_codes
+from lfcore.datasets import views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import BACKDROP, sample
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import SceneError
 from lfcore.exchange import hci, hdf5, matlab
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
@@ -26,18 +26,11 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
-from lfcore.rendering.first_look import inner
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
-SHARP_F_NUMBER = 1000.0
-"""The f-number, relative to the lens's, of the picture in which all is in focus."""
-SHARED_DB = 1.5
-"""The error in dB that both grids of a pair share, so that their disagreement does not show it."""
-MOST_SIDE = 12
-"""The most rays per pixel and side of a light field's view."""
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """Edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)
@@ -95,22 +88,20 @@ def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
     made, focus = _formed(of, tracer, list(of.lens.focus_m))
     for number, picture in enumerate(made.pictures):
         item.add(f"focus{number:02d}.tif", picture)
-    sharp = _sharp(of, tracer)
-    item.add("sharp.tif", sharp.pictures[0])
+    _add_sharp(item, "sharp.tif", of, tracer)
     item.add("depth.exr", np.repeat(depth[..., None], 3, 2), half=True)
-    _note(item, of, tracer.scene.camera, depth, focus, made, sharp)
+    _note(item, of, tracer.scene.camera, depth, focus, made)
 
 
 def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Sharp and out of focus, with depth and the signed circle of confusion."""
     number = item.record["index"] % len(of.lens.focus_m)
     made, focus = _formed(of, tracer, [of.lens.focus_m[number]])
-    sharp = _sharp(of, tracer)
-    item.add("sharp.png", sharp.pictures[0])
+    _add_sharp(item, "sharp.png", of, tracer)
     item.add("defocused.png", made.pictures[0])
     item.add("coc_px.exr", blur_px(tracer.scene.camera, of.pixels, depth, focus[0]))
     item.add("depth_m.exr", depth)
-    _note(item, of, tracer.scene.camera, depth, focus, made, sharp)
+    _note(item, of, tracer.scene.camera, depth, focus, made)
 
 
 def _formed(
@@ -131,23 +122,25 @@ def _formed(
     return replace(made, pictures=made.pictures[window], error=made.error[window]), focus
 
 
-def _sharp(of: Description, tracer: Tracer) -> Rendering:
+def _add_sharp(item: Item, name: str, of: Description, tracer: Tracer) -> None:
     """The picture through the middle of the lens."""
-    camera = tracer.scene.camera
-    pinhole = replace(camera, f_number=SHARP_F_NUMBER * camera.f_number)
-    plane = SensorPlane(camera.focus_m, pinhole.f_number)
-    return QualitySearch(tracer, pinhole, [plane], of.pixels, Quality(of.quality_db)).pictures()
+    slab = Slab(tracer.scene.camera, 1, of.pixels)
+    pattern, expected_db = views.chosen(tracer, slab, [0], of.quality_db)
+    item.add(name, views.view(tracer, slab, 0, pattern))
+    item.record |= {"each_db": expected_db, "rays_per_pixel": views.rays_per_pixel(pattern)}
 
 
 def _note(
     item: Item, of: Description, camera: Camera, depth: np.ndarray, focus: list[float],
-    *made: Rendering,
+    made: Rendering,
 ) -> None:  # fmt: skip
+    """Add what is known of defocused pictures to the record, which has that of the sharp one."""
+    rays, sharp_db = item.record["rays_per_pixel"], item.record["each_db"]
     radii = np.abs([blur_px(camera, of.pixels, depth, distance) / 2 for distance in focus])
     item.record |= {
         "focus_m": focus,
-        "each_db": [round(float(db), 2) for one in made for db in one.expected_db],
-        "rays_per_pixel": round(sum(one.rays_per_pixel for one in made), 2),
+        "each_db": [round(float(db), 2) for db in made.expected_db] + sharp_db,
+        "rays_per_pixel": round(made.rays_per_pixel + rays, 2),
         "blurs": np.histogram(np.minimum(radii, BLUR_BINS[-1]), BLUR_BINS)[0].tolist(),
     }
 
@@ -179,12 +172,12 @@ class _Views:
 def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Views and their disparities, in the layouts that are asked for."""
     slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
-    side, expected_db = _rays_of_views(of, tracer, slab)
-    samples = all_samples(slab)
-    depths = depth_of_views(tracer, slab, samples)
+    count = slab.views**2
+    pattern, expected_db = views.chosen(tracer, slab, (0, count // 2, count - 1), of.quality_db)
+    depths = depth_of_views(tracer, slab)
     codes = np.empty((slab.views, slab.views, of.pixels, of.pixels, 3), np.uint8)
-    for i, j in samples:
-        codes[j, i] = srgb_codes(_view(tracer, slab, np.array([i, j]), side))
+    for number, shown in enumerate(codes.reshape(count, *codes.shape[2:])):
+        shown[:] = srgb_codes(views.view(tracer, slab, number, pattern))
     reach = float(depths.min()), float(depths.max())
     _add_hci(item, _Views(slab, tracer.scene.name), codes, depths)
     with item.watch.part("files"):
@@ -199,52 +192,23 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
             )  # fmt: skip
             item.files["h5"] = file.getvalue()
     item.record |= {
-        "each_db": expected_db, "rays_per_pixel": float(side**2 * slab.views**2),
+        "each_db": expected_db, "rays_per_pixel": float(count * views.rays_per_pixel(pattern)),
         "focus_m": [slab.camera.focus_m], "baseline_mm": of.lens.baseline_mm,
         "disparity_px": [float(d) for d in disparity(slab, np.array(reach[::-1]))],
     }  # fmt: skip
 
 
-def _add_hci(item: Item, views: _Views, codes: np.ndarray, depths: np.ndarray) -> None:
+def _add_hci(item: Item, grid: _Views, codes: np.ndarray, depths: np.ndarray) -> None:
     """As HCI's 4D benchmark, with the disparity of every view."""
-    slab, middle = views.slab, len(depths) // 2
+    slab, middle = grid.slab, len(depths) // 2
     for number, picture in enumerate(codes.reshape(-1, *codes.shape[2:])):
         item.add(f"input_Cam{number:03d}.png", picture)
         item.add(f"gt_disp_lowres_Cam{number:03d}.pfm", disparity(slab, depths[number]))
     item.add("gt_disp_lowres.pfm", disparity(slab, depths[middle]))
     item.add("gt_depth_lowres.pfm", depths[middle])
     reach = float(depths.min()), float(depths.max())
-    text = hci.parameters(views, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
+    text = hci.parameters(grid, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
     item.files["parameters.cfg"] = text.encode()
-
-
-def _view(tracer: Tracer, slab: Slab, sample: np.ndarray, side: int) -> np.ndarray:
-    """(H, W, 3) float32: the view of a lens sample, of ``side`` x ``side`` rays per pixel."""
-    fine = slab.resized(side * slab.pixels)
-    light = tracer.bundle_radiance(bundles.views(fine, sample[None]), sample[None])[0]
-    np.minimum(light, 1, out=light)
-    size = (slab.pixels, slab.pixels)
-    return cv2.resize(light, size, interpolation=cv2.INTER_AREA)  # the mean of each pixel
-
-
-def _rays_of_views(of: Description, tracer: Tracer, slab: Slab) -> tuple[int, list[float]]:
-    """Rays per pixel and side, and the expected dB of the middle view and those of the corners.
-
-    The disagreement of two unlike grids shows the error.
-    """
-    end = slab.views - 1
-    places = np.array([(slab.views // 2,) * 2, (0, 0), (end, 0), (0, end), (end, end)])
-    of_one_ray, pair = [], (2, 3)
-    for place in places:
-        few, more = (srgb_encode(_view(tracer, slab, place, side)) for side in pair)
-        apart = inner(np.square(few - more)[None]).mean()
-        of_one_ray.append(float(apart) / sum(1 / side**2 for side in pair))
-    wanted = max(of_one_ray) * 10 ** ((of.quality_db + SHARED_DB) / 10)
-    side = max(pair[0], math.ceil(math.sqrt(wanted)))
-    if side > MOST_SIDE:
-        raise OpticsError(f"{of.quality_db:g} dB takes {side}^2 rays per pixel of a view")
-    worth = [max(one / side**2, 1e-12) for one in of_one_ray]
-    return side, [round(-10 * math.log10(one) - SHARED_DB, 2) for one in worth]
 
 
 MAKERS = {

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import loadmat
 
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import batch, items
+from lfcore.datasets import batch, items, views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
 from lfcore.exchange import hci, hdf5
@@ -97,7 +97,7 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
     stored = np.frombuffer(map_of_view[-40 * 40 * 4 :], "<f4").reshape(40, 40)[::-1]
     assert np.array_equal(stored, disparity(slab, depths[5]))
     assert np.array_equal(stored, hdf5.data_set(tmp_path / "h5", "disp_lowres")[1, 2])
-    true = items._view(tracer, slab, np.array([2, 0]), 12)
+    true = views.view(tracer, slab, 2, (12, 1))
     assert db(srgb_decode(grid.read(2, 0)), true) > of.quality_db
 
 
