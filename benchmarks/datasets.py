@@ -3,10 +3,11 @@
 Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
 is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 200 rays
 per pixel.  Disparities are compared with those of single rays.  Beside them are views that are made
-from recorded ones, of 64 rays per pixel in all (:mod:`lfcore.refocus.free_views`).  With --cycles,
-stacks of three pictures of 96 pixels, of scenes without highlights, are made in turn with Cycles and
-its denoiser, at the number of samples whose worst plane is as good; its pictures are compared with
-its own of 2048 samples, denoised, too.
+from recorded ones, of 64 rays per pixel in all (:mod:`lfcore.refocus.free_views`).
+
+With --cycles, stacks of three pictures of 96 pixels, of scenes without highlights, are made in turn
+with Cycles and its denoiser, at the number of samples whose worst plane is as good.  Its pictures
+are compared with its own of 2048 samples, denoised, too.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from benchmarks.peers.mitsuba_lens import Samples
 from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import views
+from lfcore.datasets import items, views
 from lfcore.datasets.batch import make_batch
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import sample
@@ -40,7 +41,6 @@ from lfcore.refocus.free_views import FreeViews
 from lfcore.rendering.depth import all_samples, disparity
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage.codecs import LOSSLESS, Encoding
 from lfcore.storage.lightfield import LightFieldFile
@@ -179,9 +179,8 @@ def cycles_row(count: int) -> dict:
             peer.close()
         target = min(max(of.quality_db, worst[0]), worst[-1])
         begun = time.process_time()
-        made = QualitySearch(
-            tracer, scene.camera, planes, CYCLES_PIXELS, Quality(target)
-        ).pictures()
+        small = of.model_copy(update={"pixels": CYCLES_PIXELS, "quality_db": target})
+        made, _ = items.formed(small, tracer, [plane.focus_m for plane in planes])
         own = time.process_time() - begun
         reached = min(
             psnr(picture, true_picture(tracer, plane, CYCLES_PIXELS, TRUTH))

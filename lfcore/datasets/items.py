@@ -85,7 +85,7 @@ def make_item(description: Description, index: int, device: Device | str | None 
 
 def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """As FoD500: a TIFF per focus, and depth as half floats in three channels."""
-    made, focus = _formed(of, tracer, list(of.lens.focus_m))
+    made, focus = formed(of, tracer, list(of.lens.focus_m))
     for number, picture in enumerate(made.pictures):
         item.add(f"focus{number:02d}.tif", picture)
     _add_sharp(item, "sharp.tif", of, tracer)
@@ -96,7 +96,7 @@ def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
 def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Sharp and out of focus, with depth and the signed circle of confusion."""
     number = item.record["index"] % len(of.lens.focus_m)
-    made, focus = _formed(of, tracer, [of.lens.focus_m[number]])
+    made, focus = formed(of, tracer, [of.lens.focus_m[number]])
     _add_sharp(item, "sharp.png", of, tracer)
     item.add("defocused.png", made.pictures[0])
     item.add("coc_px.exr", blur_px(tracer.scene.camera, of.pixels, depth, focus[0]))
@@ -104,7 +104,7 @@ def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray
     _note(item, of, tracer.scene.camera, depth, focus, made)
 
 
-def _formed(
+def formed(
     of: Description, tracer: Tracer, focus: list[float]
 ) -> tuple[Rendering, list[float]]:  # fmt: skip
     """Pictures of the wanted quality at these distances.
