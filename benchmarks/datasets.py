@@ -129,9 +129,9 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
     chosen = np.linspace(0, of.count - 1, count).astype(int).tolist()
     measure = field_errors if of.kind == "light_fields" else stack_errors
     with tempfile.TemporaryDirectory() as folder:
-        shard, *others = (Path(folder) / each for each in ("shard.tar", "records", "drafts"))
+        shard, listed, drafts = (Path(folder) / each for each in ("tar", "records", "drafts"))
         begun = time.process_time()
-        records = make_batch(of, chosen, shard, *others, device)
+        records = make_batch(of, chosen, shard, listed, drafts, device)
         seconds = time.process_time() - begun
         made = [one for one in records if "refused" not in one]
         errors, apart, made_between = [], [], []
@@ -168,7 +168,7 @@ def cycles_row(count: int) -> dict:
     """Core seconds of stacks by Cycles and by us, of equal quality."""
     of = Description.read(CONFIG / "focal_stacks.yaml")
     of = of.model_copy(update={"lights": of.lights.model_copy(update={"kinds": ["sun", "point"]})})
-    times, ours, theirs, levels = [], [], [], []
+    rows = []
     for index in range(count):
         scene = matt(sample(of, index)[0])
         tracer, peer = open_tracer(scene, open_device(threads=1)), CyclesLens(scene, 1)
@@ -188,12 +188,12 @@ def cycles_row(count: int) -> dict:
         )
         same = math.exp(np.interp(reached, worst, np.log(seconds)))
         say(f"Cycles, {index}: {worst} dB in {seconds} s; lfcore {reached:.1f} dB in {own:.2f} s")
-        times.append(same / own)
-        ours, theirs, levels = [*ours, own], [*theirs, same], [*levels, reached]
+        rows.append((own, same, same / own, reached))
+    ours, theirs, times, levels = np.array(rows).T
     return {
-        "data set": f"3 x {CYCLES_PIXELS}², matt; Cycles {np.mean(theirs):.0f} s, "
-        f"{min(times):.0f} to {max(times):.0f} times", "made": str(count),
-        "core s": f"{np.mean(ours):.2f}", "worst dB": f"{min(levels):.1f}",
+        "data set": f"3 x {CYCLES_PIXELS}², matt; Cycles {theirs.mean():.0f} s, "
+        f"{times.min():.0f} to {times.max():.0f} times", "made": str(count),
+        "core s": f"{ours.mean():.2f}", "worst dB": f"{levels.min():.1f}",
         "median dB": f"{np.median(levels):.1f}",
     }  # fmt: skip
 
@@ -220,7 +220,7 @@ def main() -> None:
     parser.add_argument("--cycles", type=int, default=0, metavar="SCENES")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    rows = []
+    rows: list[dict] = []
     for name, count in (("focal_stacks", options.stacks), ("light_fields", options.fields)):
         if count:
             rows += rows_of(name, count)

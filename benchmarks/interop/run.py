@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.interop import data_sets
-from lfcore.exchange import export_lightfield, hdf5
+from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
 from lfcore.files import write_text
@@ -198,10 +198,9 @@ def _hci_data_set(bench: Bench, python: Path) -> list[str]:
     folder = data_sets.made(bench.work, "whole", data_sets.WHOLE)
     scene = folder / "data/hci/train/000000"
     made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), scene)
-    file = folder / "data/hdf5/train/000000.h5"
-    disparity = hdf5.data_set(file, "disp_lowres")[4, 4]
+    views, disparity = data_sets.field_of(folder)
     return [
-        same(made["views"], hdf5.data_set(file, "LF"), "a data set's views"),
+        same(made["views"], views, "a data set's views"),
         same(made["disparity"], disparity, "and disparity, as in HDF5"),
     ]
 
@@ -211,10 +210,10 @@ def epinet(bench: Bench) -> list[str]:
     python = bench.environment("data-sets", data_sets.PACKAGES)
     data = folder / "data/hci/train"
     made = bench.read(python, "epinet_reader.py", bench.source("epinet"), data)
-    file = folder / "data/hdf5/train/000000.h5"
+    views, disparity = data_sets.field_of(folder)
     return [
-        same(made["views"], hdf5.data_set(file, "LF"), "views"),
-        same(made["disparity"], hdf5.data_set(file, "disp_lowres")[4, 4], "disparity"),
+        same(made["views"], views, "views"),
+        same(made["disparity"], disparity, "disparity"),
         same(made["inputs"], np.array([4, 512, 512, 9]), "four stacks of views"),
         near(made["apart"], np.zeros(()), 1e-5, "equal for training and test"),
     ]

@@ -61,12 +61,13 @@ def plane_sweep(views: Mapping[tuple[int, int], np.ndarray], disparities: np.nda
     Source: Collins, "A space-sweep approach to true multi-image matching", CVPR 1996.
     """
     middle, costs = views[0, 0], []
+    height, width = middle.shape
     for tried in disparities.tolist():
         cost = np.zeros_like(middle)
         for (right, down), view in views.items():
-            move = np.float32([[1, 0, -tried * right], [0, 1, -tried * down]])
+            move = np.array([[1, 0, -tried * right], [0, 1, -tried * down]])
             moved = cv2.warpAffine(
-                view, move, middle.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                view, move, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
             cost += np.abs(moved - middle)

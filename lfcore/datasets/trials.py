@@ -123,7 +123,8 @@ class PlaneSweep(Trial):
                 if k == middle:
                     texture = baselines.texture_of(codes)
         true = item.floats("gt_disp_lowres.pfm")
-        tried = np.linspace(*item.record["disparity_px"], SWEPT)
+        low, high = item.record["disparity_px"]
+        tried = np.linspace(low, high, SWEPT)
         error = np.abs(baselines.plane_sweep(views, tried) - true)
         self.rows.append(pd.DataFrame({
             "disparity, px": np.abs(true).ravel(), "texture": texture.ravel(),
