@@ -63,24 +63,26 @@ inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
     int any = 0;
     for (int column = 0; column < chunks; ++column) {
         uint16 sum[3] = {0, 0, 0};
-        global ColourRow *to = prefix;
         for (int row = 0; row < chunks; ++row) {
             const int cell = cell_at(rays, row, column);
             const int2 where = cell_position(packet, cell);
             const int kind = cell_element(packet, cell) >= 0 ? openness(p, mask, where) : 0;
             global const uchar *open = p->masks + ((ulong)mask * pitch + where.y) * pitch + where.x;
             global const float *from = colours + cell * 3 * BLOCK_RAYS;
+            global ColourRow *to = prefix + row * BLOCK;
             any |= kind;
-            for (int k = 0; k < BLOCK; ++k, ++to, open += pitch, from += BLOCK) {
-                store_prefix(sum, column, to);
-                if (!kind) continue;
+            store_prefix(sum, column, to++);
+            // No run begins beside the inner grid, and none but the last ends there.
+            const int rows = min(rays->rows - where.y, BLOCK);
+            for (int k = 0; k < rows; ++k, open += pitch, from += BLOCK) {
                 int16 keep = -1;
-                if (kind != 2) keep = convert_int16(as_char16(vload16(0, open)));
-                for (int channel = 0; channel < 3; ++channel)
+                if (kind == 1) keep = convert_int16(as_char16(vload16(0, open)));
+                for (int channel = 0; channel < 3 && kind; ++channel)
                     sum[channel] += open_colours(from + channel * BLOCK_RAYS, keep);
+                store_prefix(sum, column, to++);
             }
         }
-        store_prefix(sum, column, to);
+        store_prefix(sum, column, prefix + chunks * BLOCK);
     }
     return any;
 }
