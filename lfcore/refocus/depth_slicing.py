@@ -271,4 +271,6 @@ class DepthSlicer:
             reach = np.minimum(low + step * rays, left + 1) - np.maximum(low, left)
             reached.append(np.clip(reach, 0, 1))
         across, down = reached
-        return ((down * cells.share[:, None]).T @ across / step**2).astype(np.float32)
+        # Without BLAS, whose threads spin, and which sums in another order on each processor.
+        weight = np.einsum("kv,ku->vu", down * (cells.share[:, None] / step**2), across)
+        return weight.astype(np.float32)
