@@ -69,26 +69,61 @@ inline int overlap(int low, int high, int pixel)
     return min(high, (pixel + 1) * STEPS) - max(low, pixel * STEPS);
 }
 
-// Rays side by side, ABREAST of a row: how the box of each is added, where, and by what weights.
+// ABREAST rays of a row: how the box of each is added, where, and by what weights.
 enum { OUTSIDE, FOUR, FEW, EDGES };
 typedef struct {
     int kind[ABREAST], layer[ABREAST];
     int box[4][ABREAST];       // left, top, right and bottom edge, in 1 / STEPS
     int x[4][ABREAST];         // columns: the first and one behind it, the last and one behind it
     int y[4][ABREAST];         // rows likewise, as offsets
-    int part[4][4][ABREAST];   // what these rows and columns get
-    float colour[ABREAST][4];  // and what they get it of
+    // Products of what rows and columns have of a box, see parts_along, and STEPS times each of these.
+    int part[8][ABREAST];
+    float colour[ABREAST][4];
 } Boxes;
 
-// Add to the first rows and columns of a box: two, of a box that is no larger, or four, of differences.
-inline void add_parts(const Boxes *b, int k, int count, global long4 *to, long4 colour)
+// A box of at most two pixels along each axis, inside the strip.
+inline void add_four(const Boxes *b, int k, global long4 *to, long4 colour)
 {
-#pragma unroll
-    for (int j = 0; j < count; ++j) {
-        global long4 *row = to + b->y[j][k];
-#pragma unroll
-        for (int i = 0; i < count; ++i) row[b->x[i][k]] += colour * (long)b->part[j][i][k];
-    }
+    const int x0 = b->x[0][k], x1 = b->x[1][k];
+    global long4 *row = to + b->y[0][k], *next = to + b->y[1][k];
+    row[x0] += colour * (long)b->part[0][k];
+    row[x1] += colour * (long)b->part[1][k];
+    next[x0] += colour * (long)b->part[2][k];
+    next[x1] += colour * (long)b->part[3][k];
+}
+
+// Differences of a box along both axes.  Along x they are the head in the first column, STEPS less the head behind it,
+// the tail less STEPS in the last column, and minus the tail behind it; rows alike.  Eight of the sixteen products are
+// computed, and the others are their differences.
+inline void add_edges(const Boxes *b, int k, global long4 *to, long4 colour)
+{
+    long4 part[8];
+    for (int j = 0; j < 8; ++j) part[j] = colour * (long)b->part[j][k];
+    const long4 whole = colour * (long)(STEPS * STEPS);
+    const int x0 = b->x[0][k], x1 = b->x[1][k], x2 = b->x[2][k], x3 = b->x[3][k];
+    const long4 rest = whole - part[6], back = part[7] - whole;
+    const long4 top_rest = part[4] - part[0], top_back = part[1] - part[4];
+    global long4 *row = to + b->y[0][k];
+    row[x0] += part[0];
+    row[x1] += top_rest;
+    row[x2] += top_back;
+    row[x3] -= part[1];
+    row = to + b->y[1][k];
+    row[x0] += part[6] - part[0];
+    row[x1] += rest - top_rest;
+    row[x2] += back - top_back;
+    row[x3] += part[1] - part[7];
+    const long4 low_rest = part[5] - part[2], low_back = part[3] - part[5];
+    row = to + b->y[2][k];
+    row[x0] += part[2] - part[6];
+    row[x1] += low_rest - rest;
+    row[x2] += low_back - back;
+    row[x3] += part[7] - part[3];
+    row = to + b->y[3][k];
+    row[x0] -= part[2];
+    row[x1] -= low_rest;
+    row[x2] -= low_back;
+    row[x3] += part[3];
 }
 
 inline void add_few(const Strip *s, const Boxes *b, int k, global long4 *to, long4 colour)
@@ -117,7 +152,8 @@ inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind,
         const float4 whole = rint(vload4(0, b->colour[k]));
         const long4 colour = small ? convert_long4(whole) : convert_long4(convert_int4(whole));
         if (kind == FEW) add_few(s, b, k, to, colour);
-        else add_parts(b, k, kind == FOUR ? 2 : 4, to, colour);
+        else if (kind == FOUR) add_four(b, k, to, colour);
+        else add_edges(b, k, to, colour);
     }
 }
 
@@ -142,20 +178,18 @@ inline int16 to_steps(const Strip *s, float16 place)
     return convert_int16(rint(clamp(place, -s->far, s->far + s->far) * (float)STEPS));
 }
 
-// One axis of boxes: where those of `differences` change, and by how much, in their first pixel and the one behind
-// it, the last and the one behind it; of others what the first two pixels have.  Pixels are counted from `first`.
-inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[4], int16 part[4])
+// One axis of boxes: their first pixel and the one behind it, the last and the one behind it, counted from `first`;
+// and what a box has of the first and of the last, or of the first two where it is not added by `differences`.
+inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[4], int16 part[2])
 {
-    const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first, all = (int16)(STEPS);
-    const int16 head = all - (low & (STEPS - 1)), tail = high - (first + b) * STEPS;
+    const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
+    const int16 head = STEPS - (low & (STEPS - 1)), left = min(head, high - low);
     at[0] = clamp(a, 0, count);
     at[1] = clamp(a + 1, 0, count);
     at[2] = clamp(b, 0, count);
     at[3] = clamp(b + 1, 0, count);
-    part[0] = select(min(head, high - low), head, differences);
-    part[1] = select(high - low, all, differences) - part[0];
-    part[2] = tail - all;
-    part[3] = -tail;
+    part[0] = select(left, head, differences);
+    part[1] = select(high - low - left, high - (first + b) * STEPS, differences);
 }
 
 // The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
@@ -178,13 +212,14 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     vstore16(top, 0, b->box[1]);
     vstore16(right, 0, b->box[2]);
     vstore16(bottom, 0, b->box[3]);
-    int16 at_x[4], at_y[4], along[4], down[4];
+    int16 at_x[4], at_y[4], along[2], down[2];
     parts_along(left, right, 0, s->width, outermost, at_x, along);
     parts_along(top, bottom, s->top, s->rows, outermost, at_y, down);
     for (int k = 0; k < 4; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
         vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
-        for (int i = 0; i < 4; ++i) vstore16(down[k] * along[i], 0, b->part[k][i]);
+        vstore16(down[k / 2] * along[k % 2], 0, b->part[k]);
+        vstore16((k < 2 ? down[k] : along[k - 2]) * STEPS, 0, b->part[4 + k]);
     }
     return select((float16)(0.0f), cell->share * ONE / (convert_float16(wide) * convert_float16(tall)), falls);
 }
