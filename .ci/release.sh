@@ -7,6 +7,9 @@ set -eu
 version=$(sed -n 's/^__version__ = "\(.*\)"/\1/p' lfcore/__init__.py)
 git tag --points-at HEAD | grep -qx "v$version" || { echo "HEAD has no tag v$version: git tag v$version" >&2; exit 1; }
 grep -q "^## \[$version\]" CHANGELOG.md || { echo "CHANGELOG.md: has no section [$version]" >&2; exit 1; }
+for file in CITATION.cff .zenodo.json; do
+    grep -Eq "^ *\"?version\"?: \"?$version\"?,?$" "$file" || { echo "$file: has another version than $version" >&2; exit 1; }
+done
 python=$1
 root=$PWD/build/release
 rm -rf build/release && mkdir -p build/release

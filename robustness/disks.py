@@ -11,8 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.files import write_json, write_text
+from lfcore.film import write_film
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
+from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.scene.build import build_scene
@@ -60,14 +63,16 @@ def writers(home: Path) -> list[Writer]:
     for path in segments:
         segment(path)
 
+    slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
+    sums = PlaneSums.zeros(slab, [SensorPlane(2.0, 2.0)])
+
     def join(path: Path) -> None:
-        slab = Slab(Camera(0.05, 0.036, 2.0, 3.0), layout.views, layout.pixels)
         known = {"name": "noise", "digest": ""}
         join_segments(path, segments, tiles, layout, geometry=slab, scene=known)
 
     pictures = [
         Writer(f"picture {kind}", f"p.{kind}", lambda path: write_picture(path, picture))
-        for kind in ("png", "ppm", "exr", "npy")
+        for kind in ("png", "jpg", "ppm", "exr", "npy", "pfm")
     ]
     return [
         *pictures,
@@ -76,6 +81,8 @@ def writers(home: Path) -> list[Writer]:
         Writer("light field", "l.mkv", join),
         Writer("scene", "scene.npz", lambda path: save_scene(path, scene)),
         Writer("hierarchy", "bvh.npz", lambda path: save_bvh(path, bvh)),
+        Writer("sums of planes", "sums.npz", sums.save),
+        Writer("film", "f.mp4", lambda path: write_film(path, picture[None], 12)),
         Writer("table", "t.csv", lambda path: write_text(path, "1.5,2.5\n" * 9000)),
         Writer("JSON", "t.json", lambda path: write_json(path, list(range(9000)))),
     ]

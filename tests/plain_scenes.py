@@ -1,36 +1,27 @@
 """Scenes of a few triangles, with nothing that they do not need."""
 
-import dataclasses
+from pathlib import Path
 
 import numpy as np
 
-from lfcore.optics.camera import Camera
+from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.scene.appearance import Material
-from lfcore.scene.model import Scene
 
-CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=2.0)
+__all__ = ["CAMERA", "CHART", "scene", "wall"]
+CHART = Path(__file__).parents[1] / "scenes" / "chart"
 
 
 def scene(triangles, **changes):
     """A grey scene of ``triangles`` (T, 3, 3), clipped at white; ``changes`` are fields of
     Scene."""
-    triangles = np.ascontiguousarray(triangles, np.float32)
-    base = Scene(
-        name="test",
-        camera=CAMERA,
-        triangles=triangles,
-        normals=np.zeros((0, 3, 3), np.float32),
-        uvs=np.zeros((0, 3, 2), np.float32),
-        colours=np.zeros((0, 3, 3), np.float32),
-        material_ids=np.zeros(len(triangles), np.int32),
-        materials=[Material("grey", diffuse=(0.5, 0.5, 0.5))],
-        textures=[],
-        lights=[],
-        ambient=(0.1, 0.2, 0.3),
-        background=(0.7, 0.8, 0.9),
-        clip=True,
-    )
-    return dataclasses.replace(base, **changes)
+    grey = {
+        "name": "test",
+        "materials": [Material("grey", diffuse=(0.5, 0.5, 0.5))],
+        "ambient": (0.1, 0.2, 0.3),
+        "background": (0.7, 0.8, 0.9),
+        "clip": True,
+    }
+    return bare_scene(triangles, **{**grey, **changes})
 
 
 def wall(z, half=10.0):

@@ -230,6 +230,25 @@ def test_pictures_come_out_as_linear_light(recorded):
         assert np.abs(srgb_encode(linear) * 255 - codes).max() <= 0.51
 
 
+def test_unknown_keywords_name_the_call_and_the_right_name(recorded):
+    scene, field = recorded
+    for call, name, typo, meant in (
+        (scene.plane, "Scene.plane", "fnumber", "f_number"),
+        (field.plane, "LightField.plane", "fnumber", "f_number"),
+        (field.refocus, "LightField.refocus", "fnumber", "f_number"),
+        (lambda **more: field.stack([3.0], **more), "LightField.stack", "fnumber", "f_number"),
+        (lambda **more: lfcore.SensorPlane.of(scene.camera, **more), "SensorPlane.of", "fnumber",
+         "f_number"),
+        (lambda **more: lfcore.render(scene, **more), "render", "fnumber", "f_number"),
+        (lambda **more: lfcore.record(scene, "a.mkv", **more), "record", "fnumber", "f_number"),
+        (lfcore.SensorPlane, "SensorPlane", "focus", "focus_m"),
+        (lfcore.Encoding, "Encoding", "crv", "crf"),
+        (lfcore.Quality, "Quality", "quality", "quality_db"),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match=rf"^{name}\(\).*'{typo}'.*{meant}"):
+            call(**{typo: 2})
+
+
 def test_a_size_is_a_side_or_a_width_and_a_height(tmp_path, capsys):
     assert Size.of(512) == Size.of("512") == (512, 512)
     assert Size.of((1920, 1080)) == Size.of("1920x1080") == Size(np.int64(1920), 1080)

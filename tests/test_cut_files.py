@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 from plain_scenes import scene, wall
 
-from lfcore.errors import LfcoreError
+from lfcore import Camera, CameraArray, Encoding, LfcoreError, SensorPlane, Slab, write_picture
 from lfcore.evaluation.true_picture import Reference, load_reference, save_reference
-from lfcore.optics.array import CameraArray
-from lfcore.optics.camera import Camera
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.plane_sums import PlaneSums
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
-from lfcore.pictures import read_codes, write_picture
+from lfcore.pictures import read_codes
 from lfcore.scene.files import load_scene, save_scene
-from lfcore.storage.codecs import Encoding
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh

@@ -1,23 +1,14 @@
 """The benchmark beside path tracers: our part runs, and missing or unfit peers are one line."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from benchmarks import sceptic
-from benchmarks.peers.cycles_lens import matt
-from benchmarks.peers.method import SkippedError, check_installed
+from benchmarks.peers.method import SkippedError
 from benchmarks.peers.mitsuba_lens import check_plain
 from lfcore.optics.planes import SensorPlane
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
+from lfcore.rendering.prepared import open_tracer
 from tests.plain_scenes import scene, wall
-
-
-def test_a_missing_package_is_one_line_that_installs_it():
-    with pytest.raises(SkippedError, match=r"^not installed: pip install no-such-package$"):
-        check_installed("numpy", "no_such_package")
 
 
 def test_a_scene_that_a_peer_cannot_shade_is_left_out_by_name():
@@ -26,17 +17,11 @@ def test_a_scene_that_a_peer_cannot_shade_is_left_out_by_name():
         check_plain(cut)
 
 
-def test_the_matt_scene_has_no_highlight():
-    shiny = scene(wall(3.0))
-    shiny = replace(shiny, materials=[replace(m, specular=(1.0,) * 3) for m in shiny.materials])
-    assert not any(any(m.specular) for m in matt(shiny).materials)
-
-
 @pytest.mark.kernels
 def test_rows_have_what_each_setting_made(tmp_path):
     """Seconds are of the best of the runs, dB of each plane; a figure and crops are made of it."""
     shown = scene(wall(3.0))
-    tracer = Tracer(shown, build_bvh(shown.triangles))
+    tracer = open_tracer(shown)
     planes = [SensorPlane(focus, shown.camera.f_number) for focus in (2.0, 3.0, 5.0)]
     points = list(sceptic.ours(tracer, planes, 64, 4))
     assert {point.rays for point in points if np.isfinite(point.rays)} == {1, 4}

@@ -1,6 +1,6 @@
 """Write constraints.txt and the conda environment of the rules.
 
-    python -m workflow.pins             (make pins; --check: whether the environment is stale)
+    python -m workflow.pins             (make pins; --check: whether either is stale)
 
 constraints.txt has exact pins of what is installed now, without any address of an index.  The
 environment has the ranges of pyproject.toml: packages of conda-forge where there are such, wheels
@@ -75,6 +75,18 @@ def needed_by_rules() -> list[str]:
     return [one for one in every if name_of(one) != "snakemake"]
 
 
+def stale() -> Iterator[str]:
+    """What `make pins` would mend."""
+    made = (ROOT / "workflow" / "envs" / "lfcore.yaml").read_text(encoding="utf-8")
+    if made != conda_environment():
+        yield "workflow/envs/lfcore.yaml"
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    pinned = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    asked = [*needed_by_rules(), *project["optional-dependencies"]["dev"]]
+    if missing := {name_of(one) for one in asked} - {name_of(one) for one in pinned if one}:
+        yield f"constraints.txt, without {', '.join(sorted(missing))}"
+
+
 def conda_environment() -> str:
     """The text of workflow/envs/lfcore.yaml."""
     return CONDA_HEAD + "".join(_conda_lines(needed_by_rules()))
@@ -93,8 +105,7 @@ def _conda_lines(requirements: list[str]) -> Iterator[str]:
 
 def main() -> None:
     if sys.argv[1:] == ["--check"]:
-        made = (ROOT / "workflow" / "envs" / "lfcore.yaml").read_text(encoding="utf-8")
-        sys.exit(made != conda_environment() and "workflow/envs/lfcore.yaml: run `make pins`")
+        sys.exit("; ".join(f"{file}: run `make pins`" for file in stale()) or 0)
     pins = sorted([*installed(), BUILD_BACKEND], key=str.lower)
     write_text(ROOT / "constraints.txt", CONSTRAINTS_HEAD + "\n".join(pins) + "\n")
     write_text(ROOT / "workflow" / "envs" / "lfcore.yaml", conda_environment())

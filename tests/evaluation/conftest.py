@@ -1,27 +1,20 @@
 """A tracer of the chart, for tests of what is made from its rays."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from plain_scenes import CHART
 
+from lfcore import Lattice, SensorPlane, open_device
 from lfcore.evaluation.true_picture import true_pictures
-from lfcore.opencl.device import open_device
-from lfcore.optics.lattice import Lattice
-from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 @pytest.fixture(scope="session")
 def chart():
     """The chart's tracer, of one thread."""
-    scene = build_scene(CHART)
-    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    return open_tracer(build_scene(CHART), open_device(threads=1))
 
 
 @pytest.fixture(scope="session")

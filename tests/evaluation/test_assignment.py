@@ -39,15 +39,6 @@ def test_no_array_at_all():
         array_of(scene(), None, 16, 64)
 
 
-def test_a_lens_focused_at_infinity_is_its_focal_length_from_the_film():
-    lens = LensSystem.read(LENS).focused(math.inf)
-    assert lens.image_distance_m == pytest.approx(lens.focal_length_m)
-    # 1/f = 1/u + 1/v about the principal planes; u is long, and measured from the film.
-    near = lens.focused(20.0)
-    assert near.image_distance_m > lens.focal_length_m
-    assert near.image_distance_m == pytest.approx(1 / (1 / lens.focal_length_m - 1 / 20), rel=0.02)
-
-
 def test_a_lens_stopped_down_has_a_larger_f_number():
     lens = LensSystem.read(LENS).focused(math.inf)
     stop = 2 * float(lens.aperture_m[lens.radius_m == 0][0])

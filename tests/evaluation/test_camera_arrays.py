@@ -5,17 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore.errors import LfcoreError, OpticsError
+from lfcore import CameraArray, LfcoreError, OpticsError
 from lfcore.evaluation.assignment.arrays import errors, overview, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
-from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.sampling import concentric_disk
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
-from lfcore.rendering.photograph import direct_thin_lens, thin_lens_bundles
+from lfcore.rendering.photograph import direct_thin_lens
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.pbrt import build_pbrt_scene
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 # A bright and a dark half of a wall at z = 4, a red bar before it at z = 2; ambient light alone.
 SCENE = """
@@ -39,34 +36,11 @@ BOUNDS = (-0.4, 0.4, -0.4, 0.4)
 def tracer(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "s.pbrt"
     path.write_text(SCENE)
-    scene = build_pbrt_scene(path)
-    return Tracer(scene, build_bvh(scene.triangles))
+    return open_tracer(build_pbrt_scene(path))
 
 
 def lens_camera(z=0.0, radius=0.2, size=(32, 24)):
     return VirtualCamera([0.05, -0.03, z], np.eye(3), 50.0, size, radius)
-
-
-@given(
-    z=st.floats(-2, 1),
-    focus=st.floats(1.5, 50),
-    radius=st.floats(0, 0.5),
-    samples=st.lists(st.tuples(*[st.floats(0, 0.999)] * 4), min_size=1, max_size=5),
-)
-def test_bundles_leave_the_lens_and_meet_in_the_focus(z, focus, radius, samples):
-    camera, samples = lens_camera(z, radius), np.array(samples)
-    origins, directions = thin_lens_bundles(camera, focus, samples).rays()
-    width, height = camera.size
-    lens = radius * np.stack(concentric_disk(samples[:, 2], samples[:, 3]), -1)
-    at_lens = (origins + z * directions)[..., :2] - camera.position_m[:2]
-    np.testing.assert_allclose(
-        at_lens, np.broadcast_to(lens[:, None, None], at_lens.shape), atol=1e-5
-    )
-    u = np.arange(width) + samples[:, 0, None, None]
-    v = np.arange(height)[:, None] + samples[:, 1, None, None]
-    centre = camera.directions(*np.broadcast_arrays(u, v))
-    expected = camera.position_m + (focus - z) * centre
-    np.testing.assert_allclose(origins + focus * directions, expected, atol=1e-4 * focus)
 
 
 @pytest.mark.kernels

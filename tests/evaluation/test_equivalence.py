@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lfcore.errors import OpticsError
+from lfcore import OpticsError, SensorPlane
 from lfcore.evaluation.equivalence import equivalence
-from lfcore.optics.planes import SensorPlane
 
 PLANES = [SensorPlane(1.33, 1.0), SensorPlane(1.2, 1.4, "square"), SensorPlane(1.6, 1.0)]
 

@@ -59,16 +59,11 @@ def test_unsigned_bytes_do_not_wrap():
 @given(seed=st.integers(0, 2**32 - 1), height=st.integers(11, 18), width=st.integers(11, 18))
 def test_ssim_against_the_plain_formula(seed, height, width):
     rng = np.random.default_rng(seed)
-    x = rng.uniform(0, 255, (height, width))
+    x = rng.uniform(0, 255, (height, width, 3))
     y = np.clip(x + rng.normal(0, rng.uniform(1, 60), x.shape), 0, 255)
-    assert ssim(x, y, peak=255) == pytest.approx(slow_ssim(x, y, 255), abs=1e-9)
-
-
-def test_ssim_averages_channels():
-    rng = np.random.default_rng(2)
-    x, y = rng.uniform(0, 1, (2, 16, 16, 3))
-    channels = [ssim(x[..., c], y[..., c], peak=1) for c in range(3)]
-    assert ssim(x, y, peak=1) == pytest.approx(np.mean(channels), abs=1e-12)
+    channels = [slow_ssim(x[..., c], y[..., c], 255) for c in range(3)]
+    assert ssim(x[..., 0], y[..., 0], peak=255) == pytest.approx(channels[0], abs=1e-9)
+    assert ssim(x, y, peak=255) == pytest.approx(np.mean(channels), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -10,20 +10,9 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from lfcore.evaluation.figures import PANELS, QUALITY, TIME, contact_sheet, curves_over_n
+from lfcore.evaluation.figures import QUALITY, TIME, contact_sheet, curves_over_n
 from lfcore.evaluation.page import Section, to_html, write_page
-from lfcore.evaluation.tables import columns
-from lfcore.optics.plane_pictures import load_stack, save_stack
-from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import write_picture
-
-
-def test_stacks_round_trip(tmp_path):
-    planes = [SensorPlane(1.5, 2.0), SensorPlane(3.0, 4.0, aperture="square", normalise="lens")]
-    pictures = np.random.default_rng(4).uniform(0, 1, (2, 4, 4, 3)).astype(np.float32)
-    save_stack(tmp_path / "s.npz", pictures, planes)
-    again, found = load_stack(tmp_path / "s.npz")
-    assert np.array_equal(again, pictures) and found == planes
 
 
 def test_contact_sheet_holds_every_picture(tmp_path):
@@ -34,11 +23,6 @@ def test_contact_sheet_holds_every_picture(tmp_path):
         sheet = np.asarray(image)
     for colour in colours:
         assert (sheet == 255 * colour).all(axis=-1).sum() == 300 * 300
-
-
-def test_contact_sheet_wants_a_label_each(tmp_path):
-    with pytest.raises(ValueError, match="no sheet"):
-        contact_sheet(tmp_path / "c.png", [np.zeros((4, 4, 3))], [])
 
 
 def of_scenes(pixels):
@@ -76,13 +60,6 @@ def test_curves_of_the_thesis_s_m_share_an_axis():
     quality, time = curves_over_n(of_scenes(512), (QUALITY[0], TIME)).axes
     assert set(shown(quality)) == {("a", "-"), ("b", "-"), ("_", "--")}
     assert shown(time)["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
-
-
-@pytest.mark.parametrize("name", PANELS)
-def test_panels_are_columns_of_their_tables(name):
-    for panel in PANELS[name]:
-        known = columns(name)
-        assert panel.column in known and (panel.thesis_column in known) == panel.of_thesis
 
 
 def test_page_is_whole_and_self_contained(tmp_path):

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stored_fields import write_field
 
-from lfcore.errors import OpticsError, StorageError
+from lfcore import Encoding, FrameLayout, OpticsError, SensorPlane, Slab, StorageError
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.storage import layouts, rate_distortion, retrieval
 from lfcore.evaluation.storage.figures import (
@@ -29,12 +29,8 @@ from lfcore.evaluation.storage.sample import (
     window_side,
 )
 from lfcore.evaluation.table_files import TableError, read_rows, table_of, write_rows
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
-from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import default_kind, default_pack
-from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_frames
 from lfcore.workflow.settings import check_settings
 

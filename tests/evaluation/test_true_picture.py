@@ -1,13 +1,10 @@
 """True pictures, and how well they are known."""
 
-import numpy as np
 import pytest
 
-from lfcore.errors import OpticsError
-from lfcore.evaluation.true_picture import inner_psnr, load_reference, save_reference, true_pictures
-from lfcore.optics.lattice import Lattice
+from lfcore import Lattice, OpticsError, Slab
+from lfcore.evaluation.true_picture import inner_psnr, true_pictures
 from lfcore.optics.ray_cells import crossed_views
-from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import focused_camera
 
 pytestmark = pytest.mark.kernels
@@ -32,11 +29,3 @@ def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
 def test_alike_lattices_are_no_reference(chart, reference):
     with pytest.raises(OpticsError, match="too alike"):
         true_pictures(chart, reference.planes, 24, (Lattice(8, 3), Lattice(8, 4)))
-
-
-def test_a_reference_is_kept(reference, tmp_path):
-    file = tmp_path / "truth.npz"
-    save_reference(file, reference)
-    again = load_reference(file)
-    assert again.planes == reference.planes
-    np.testing.assert_array_equal(again.pictures, reference.pictures)

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid
-from lfcore.exchange.importing import import_lightfield, read_grid, store_grid
-from lfcore.lightfield import LightField
-from lfcore.storage.codecs import Encoding
+from lfcore import Encoding, Geometry, LightField, ReadOptions, import_lightfield
+from lfcore.exchange.grid import ViewGrid
+from lfcore.exchange.importing import read_grid, store_grid
 
 EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)

@@ -1,11 +1,11 @@
 """Depth and disparity of every view, traced again from the light field's own scene."""
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from plain_scenes import CHART
 
 from lfcore.api import load_scene, record
 from lfcore.exchange import export_lightfield, import_lightfield
@@ -15,8 +15,6 @@ from lfcore.lightfield import LightField
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.storage.codecs import Encoding
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 @pytest.fixture(scope="module")
@@ -65,26 +63,6 @@ def test_hci_has_every_views_depth_and_disparity(chart, traced, tmp_path, device
     back = LightField.open(tmp_path / "back.mkv")
     assert back.depth_range == pytest.approx((min(finite), max(finite)), rel=0.2)
     assert back.metric
-
-
-def test_what_disparity_says_is_where_points_are(chart, traced, tmp_path):
-    """A view moved by its disparity is its neighbour; moved the other way it is not."""
-    export_lightfield(traced, "hci", tmp_path / "out", scene=chart)
-    field = LightField.open(traced)
-    moved = read_pfm(tmp_path / "out" / "gt_disp_lowres_Cam012.pfm")
-    middle, right, below = (
-        field.view(*at, codes=True).astype(int) for at in ((2, 2), (4, 2), (2, 4))
-    )
-    v, u = np.float32(np.mgrid[4:28, 4:28])
-    moved = 2 * moved[4:28, 4:28]  # two views on
-
-    def apart(view, sign, x, y):
-        seen = cv2.remap(np.float32(view), u + sign * x, v + sign * y, cv2.INTER_LINEAR)
-        return np.abs(seen - middle[4:28, 4:28]).mean()
-
-    assert np.abs(moved).mean() > 0.2
-    for view, (x, y) in ((right, (moved, 0 * moved)), (below, (0 * moved, moved))):
-        assert apart(view, -1, x, y) < apart(view, 1, x, y)
 
 
 def test_nerfstudio_has_millimetres(chart, traced, tmp_path):

@@ -1,7 +1,6 @@
 """Formats that go one way, parts of grids, orders, and what others write."""
 
 import json
-import shutil
 
 import cv2
 import numpy as np
@@ -45,16 +44,6 @@ def test_quilts_go_from_bottom_left(wide, tmp_path):
     assert not (tmp_path / "b").exists()
 
 
-def test_hdf5(wide, tmp_path):
-    h5py = pytest.importorskip("h5py")
-    export_lightfield(wide.path, "hdf5", tmp_path / "out")
-    with h5py.File(tmp_path / "out" / "scene.h5") as file:
-        np.testing.assert_array_equal(file["LF"][1, 2], wide.views[1, 2])
-    grid, field = taken_back(tmp_path / "out", tmp_path)
-    assert grid.format == "hdf5"
-    np.testing.assert_array_equal(all_views(field), wide.views)
-
-
 def test_colmap_projects_as_the_slab_does(wide, tmp_path):
     export_lightfield(wide.path, "colmap", tmp_path / "out")
     model = tmp_path / "out" / "sparse" / "0"
@@ -85,6 +74,16 @@ def stored(tmp_path):
     return store(tmp_path, noise(3, 3, 16, 16), geometry)
 
 
+def check_parallel_cameras(stored, format, folder):
+    """Back in, the views are those that were cropped, of parallel cameras."""
+    grid, field = taken_back(folder / "out", folder)
+    assert (grid.format, field.slab.camera.delta) == (format, 0)
+    assert field.slab.lens_pitch_m == pytest.approx(0.04)
+    assert field.slab.pixel_pitch == pytest.approx(0.02)
+    np.testing.assert_array_equal(field.view(1, 2, codes=True), stored.views[2, 1, 2:16, 1:15])
+    return field
+
+
 def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
     notes = export_lightfield(
         stored.path, "llff", tmp_path / "out", options=WriteOptions(near_m=1, far_m=4)
@@ -101,13 +100,7 @@ def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
         view = picture(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
         expected = stored.views[row, column, row : row + 14, column : column + 14]
         np.testing.assert_array_equal(view, expected, err_msg=str(k))
-    # Back in, the views are those that were cropped, of parallel cameras.
-    grid, field = taken_back(tmp_path / "out", tmp_path)
-    assert (grid.format, field.slab.camera.delta) == ("llff", 0)
-    assert field.slab.lens_pitch_m == pytest.approx(0.04)
-    assert field.slab.pixel_pitch == pytest.approx(0.02)
-    assert field.depth_range == (1, 4)
-    np.testing.assert_array_equal(field.view(1, 2, codes=True), stored.views[2, 1, 2:16, 1:15])
+    assert check_parallel_cameras(stored, "llff", tmp_path).depth_range == (1, 4)
     with pytest.raises(ExchangeError, match="--depth-range"):
         export_lightfield(stored.path, "llff", tmp_path / "b")
 
@@ -197,11 +190,7 @@ def test_a_plane_of_blenders_is_taken_back(stored, tmp_path):
     np.testing.assert_allclose(below[:3, 3] - first[:3, 3], [0, 0, -0.08], atol=1e-12)
     tangent = data["sensor_size"][0] / data["camera"]["focal_length"] / 14
     assert tangent == pytest.approx(0.02)
-    grid, field = taken_back(tmp_path / "out", tmp_path)
-    assert (grid.format, field.slab.camera.delta) == ("blender", 0)
-    assert field.slab.lens_pitch_m == pytest.approx(0.04)
-    assert field.slab.pixel_pitch == pytest.approx(0.02)
-    np.testing.assert_array_equal(field.view(1, 2, codes=True), stored.views[2, 1, 2:16, 1:15])
+    check_parallel_cameras(stored, "blender", tmp_path)
 
 
 @pytest.mark.parametrize("matrices", [True, False])
@@ -262,7 +251,6 @@ def test_macropixels_are_exported_as_their_views(tmp_path):
     )
     _, field = taken_back(tmp_path / "out", tmp_path)
     np.testing.assert_array_equal(all_views(field), views[1::2, 1::2])
-    shutil.rmtree(tmp_path / "out")
 
 
 def test_a_wrong_order_is_told(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from noise_fields import noise, store
 from PIL import Image
+from plain_scenes import CHART
 
 from lfcore.api import load_scene
 from lfcore.cli import main
@@ -162,7 +163,7 @@ def test_a_folder_that_is_there_is_left_alone(square, tmp_path):
 
 
 def test_another_scene_is_refused(square, tmp_path):
-    chart = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
+    chart = load_scene(CHART)
     with pytest.raises(LfcoreError, match="is not the scene of"):
         export_lightfield(square.path, "hci", tmp_path / "out", scene=chart)
 

@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore.errors import OpticsError
-from lfcore.optics.array import CameraArray
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
+from lfcore import Camera, CameraArray, OpticsError, Slab
 
 
 def test_the_assignments_grid():

@@ -6,9 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfcore import Camera, Slab
 from lfcore.optics import bundles
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_rays
 
 slabs = st.builds(

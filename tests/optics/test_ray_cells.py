@@ -7,10 +7,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from lfcore.optics.camera import Camera
-from lfcore.optics.planes import SHAPES, Aperture
+from lfcore import Aperture, Camera, Slab
+from lfcore.optics.planes import SHAPES
 from lfcore.optics.ray_cells import crossed_views, lens_cells, plain_views
-from lfcore.optics.slab import Slab
 
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 

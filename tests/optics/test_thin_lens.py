@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore.errors import OpticsError
-from lfcore.optics.camera import Camera, check_focus, image_distance
-from lfcore.optics.slab import Slab
+from lfcore import Camera, OpticsError, Slab
+from lfcore.optics.camera import check_focus, image_distance
 
 
 def test_image_distance_by_hand():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from plain_scenes import CAMERA, scene, wall
 
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore import SensorPlane, Slab
 from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
 

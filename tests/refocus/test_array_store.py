@@ -7,19 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lfcore import Camera, CameraArray, Encoding, LightField, OpticsError, Scene, Slab
 from lfcore.cli import main
 from lfcore.colour import srgb_encode
-from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.exr import read_exr_picture
-from lfcore.lightfield import LightField
-from lfcore.optics.array import CameraArray
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
 from lfcore.refocus.array.stored import read_stored, store_array
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.scene.model import Scene
-from lfcore.storage.codecs import Encoding
 from lfcore.storage.tiled_exr import read_array, write_array
 
 LOSSLESS = Encoding("ffv1", "yuv444p", crf=0, preset=None, tune=None)

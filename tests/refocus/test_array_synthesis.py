@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lfcore.errors import OpticsError
-from lfcore.optics.array import CameraArray
+from lfcore import CameraArray, OpticsError
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array import reference, sampling
@@ -138,60 +137,38 @@ def test_a_closed_filter_gives_the_data_camera_back(device, corner, width):
     np.testing.assert_allclose(one.image, expected, atol=1e-4)
 
 
-def test_focus_on_the_plane_recovers_its_texture(device):
-    """In focus every method sees the plane itself; only pixel interpolation errs."""
-    array = CameraArray.on_grid((9, 9), (-0.6, 0.6, -0.6, 0.6), 60.0, (128, 128))
-    field = DeviceField(device, textured_plane(array), array)
-    camera = VirtualCamera([0.05, -0.1, -0.3], np.eye(3), 30.0, (24, 24), 0.2)
-    surface = surfaces.parallel(DEPTH)
-    u, v = np.meshgrid(np.arange(24) + 0.5, np.arange(24) + 0.5)
-    points = camera.position_m + (DEPTH + 0.3) * camera.directions(u, v)
-    expected = radiance(points[..., 0], points[..., 1])
-    for found in (isaksen(field, camera, surface, 0.3), quadrature(field, camera, surface, 8, 1)):
-        np.testing.assert_allclose(found.image, expected, atol=1e-3)
-
-
 @pytest.mark.slow
-def test_defocus_converges_to_the_integral_over_the_lens(device):
-    """Out of focus, quadrature approaches the blurred plane computed from its texture."""
+@pytest.mark.parametrize("focus", [DEPTH, 1.8])
+def test_a_picture_is_the_integral_over_the_lens(device, focus):
+    """The blurred plane, computed from its texture; in focus, the texture itself."""
     array = CameraArray.on_grid((21, 21), (-0.5, 0.5, -0.5, 0.5), 60.0, (112, 112))
     field = DeviceField(device, textured_plane(array), array)
-    camera = VirtualCamera([0.0, 0.0, 0.0], np.eye(3), 20.0, (6, 6), 0.4)
-    focus = 1.8
-    found = quadrature(field, camera, surfaces.parallel(focus), 32, 1)
-    a, b = np.meshgrid(*2 * [(np.arange(64) + 0.5) / 64])
-    x, y = sampling.concentric_disk(a.ravel(), b.ravel())
-    u, v = np.meshgrid(np.arange(6) + 0.5, np.arange(6) + 0.5)
-    tx, ty = camera.film_tangents(u, v)
+    camera = VirtualCamera([0.05, -0.1, 0.0], np.eye(3), 20.0, (6, 6), 0.4)
+    surface = surfaces.parallel(focus)
+    found = quadrature(field, camera, surface, 32, 1)
+    x, y = sampling.concentric_disk(*(np.mgrid[:64, :64].reshape(2, -1) + 0.5) / 64)
+    tx, ty = camera.film_tangents(*np.meshgrid(np.arange(6) + 0.5, np.arange(6) + 0.5))
     keep = 0.4 * (1 - DEPTH / focus)
-    expected = radiance(DEPTH * tx[..., None] + keep * x, DEPTH * ty[..., None] + keep * y).mean(2)
+    expected = radiance(
+        0.05 + DEPTH * tx[..., None] + keep * x, -0.1 + DEPTH * ty[..., None] + keep * y
+    ).mean(2)
     # What is left is the bilinear interpolation between data cameras, aimed at another depth.
     np.testing.assert_allclose(found.image, expected, atol=2e-3)
+    if focus == DEPTH:
+        np.testing.assert_allclose(isaksen(field, camera, surface, 0.3).image, expected, atol=1e-3)
 
 
-@pytest.mark.parametrize(("name", "steepest"), [("independent", -0.4), ("stratified", -0.5)])
-def test_monte_carlo_converges_to_the_quadrature(field, name, steepest):
-    camera, surface = tilted_camera((12, 12), 0.08), surfaces.parallel(1.6)
-    exact = quadrature(field, camera, surface, 48, 4).image
-    counts = [4, 16, 64, 256, 1024]
-    errors = []
-    for count in counts:
-        runs = [monte_carlo(field, camera, surface, count, sampler=name, seed=s) for s in range(6)]
-        errors.append(np.sqrt(np.mean([(run.image - exact) ** 2 for run in runs])))
-    slope = np.polyfit(np.log(counts[:4]), np.log(errors[:4]), 1)[0]
-    assert slope <= steepest, (slope, errors)
-
-
-def test_halton_beats_independent_samples(field):
+def test_samplers_that_spread_their_samples_err_less(field):
+    """By how many samples the error falls is the report's: tests/evaluation."""
     camera, surface = tilted_camera((12, 12), 0.08), surfaces.parallel(1.6)
     exact = quadrature(field, camera, surface, 48, 4).image
     error = {
         name: np.sqrt(
             np.mean((monte_carlo(field, camera, surface, 128, sampler=name).image - exact) ** 2)
         )
-        for name in ("halton", "independent")
+        for name in ("halton", "stratified", "independent")
     }
-    assert error["halton"] < 0.6 * error["independent"]
+    assert max(error["halton"], error["stratified"]) < 0.6 * error["independent"]
 
 
 def test_rays_outside_the_grid_are_skipped_and_counted(device):

@@ -18,12 +18,11 @@ from lfcore.oracle.planes import form_plane
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record import record_slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -35,7 +34,7 @@ KINDS = ("macropixels", "views")
 @pytest.fixture(scope="module")
 def tracer():
     scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
-    return Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    return open_tracer(scene, open_device(threads=1))
 
 
 def planes_of(tracer, side):

@@ -1,27 +1,23 @@
 """The fast focal stack: how many additions it takes, and its error against the exact one."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_scenes import CHART
 
+from lfcore import Camera, OpticsError, SensorPlane, Slab
 from lfcore.cli import main
 from lfcore.colour import srgb_encode
-from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
-from lfcore.optics.camera import Camera
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import shift_sum, shift_sum_views
 
 CAMERA = Camera(0.2, 0.1, 1.0, 2.0)  # wide: shifts of many pixels
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 def stack(count, near=1.2, far=6.0, **changes):

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from stored_fields import tile_frames, write_field
 
+from lfcore import CameraArray, Extent, FrameLayout, LightField, OpticsError, Slab, StorageError
 from lfcore.colour import srgb_decode
-from lfcore.errors import OpticsError, StorageError
-from lfcore.lightfield import LightField
-from lfcore.optics.array import CameraArray, thin_lens
-from lfcore.optics.slab import Extent, Slab
+from lfcore.optics.array import thin_lens
 from lfcore.refocus.array.stored import read_stored
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.views import read_views
-from lfcore.storage.layout import FrameLayout
 
 COLUMNS, ROWS, WIDTH, HEIGHT = 5, 3, 22, 16
 EXTENT = Extent.centred(COLUMNS, ROWS, WIDTH, HEIGHT)

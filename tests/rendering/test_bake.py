@@ -8,11 +8,9 @@ import pytest
 import trimesh
 
 import lfcore
+from lfcore import BakedLight, BakeOptions, Material, Scene
 from lfcore.optics import bundles
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.appearance import Material
-from lfcore.scene.baked import BakedLight, BakeOptions
-from lfcore.scene.model import Scene
 from lfcore.scene.sky import octahedral, octahedron, radiance, solid_angles, suns
 
 pytestmark = pytest.mark.kernels

@@ -7,13 +7,11 @@ import pytest
 from plain_scenes import scene, wall
 
 import lfcore
+from lfcore import FrameLayout, LfcoreError, Material
 from lfcore.colour import pq_decode, pq_encode, srgb_codes
-from lfcore.errors import LfcoreError
 from lfcore.exr import read_exr_picture
 from lfcore.oracle import colour as truth
 from lfcore.pictures import read_codes
-from lfcore.scene.appearance import Material
-from lfcore.storage.layout import FrameLayout
 
 CAMERA = lfcore.Camera(focal_length_m=0.1, sensor_width_m=0.05, f_number=1.0, focus_m=1.0)
 PIXELS, RADIANCE, DISTANCE = 96, 50.0, 4.0

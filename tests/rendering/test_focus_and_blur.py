@@ -139,16 +139,3 @@ def test_a_pinhole_renders_sharp_unless_a_focus_is_given(pinhole):
     sharp = lfcore.render(pinhole, pixels=64)
     np.testing.assert_allclose(sharp, lfcore.render(pinhole, math.inf, 2.5e7, pixels=64), atol=1e-6)
     assert np.abs(lfcore.render(pinhole, "near", pixels=64) - sharp).max() > 0.05
-
-
-def test_unknown_keywords_name_the_public_call(scene, field):
-    for call, name in (
-        (scene.plane, "Scene.plane"), (field.plane, "LightField.plane"),
-        (field.refocus, "LightField.refocus"),
-        (lambda **more: field.stack([3.0], **more), "LightField.stack"),
-        (lambda **more: lfcore.SensorPlane.of(scene.camera, **more), "SensorPlane.of"),
-        (lambda **more: lfcore.render(scene, **more), "render"),
-        (lambda **more: lfcore.record(scene, "a.mkv", **more), "record"),
-    ):  # fmt: skip
-        with pytest.raises(TypeError, match=rf"^{name}\(\).*'fnumber'.*f_number"):
-            call(fnumber=2)

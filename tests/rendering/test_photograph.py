@@ -9,11 +9,10 @@ from lfcore.exr import read_exr_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
 from lfcore.rendering.photograph import direct_thin_lens, photograph
+from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.shutter import shutter_times, trace_shutter
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -48,15 +47,11 @@ def scene(tmp_path):
     return read
 
 
-def tracer_of(scene):
-    return Tracer(scene, build_bvh(scene.triangles))
-
-
 def test_a_thin_lens_is_traced_at_its_focus(scene):
     made = scene(LENS, 64)
     camera = VirtualCamera(np.zeros(3), np.eye(3), 60.0, (48, 32), 0.2)
     picture = photograph(made)
-    np.testing.assert_array_equal(picture, direct_thin_lens(tracer_of(made), camera, 2.0, 64))
+    np.testing.assert_array_equal(picture, direct_thin_lens(open_tracer(made), camera, 2.0, 64))
     # The square is in focus, so its edges are sharp; its right one passes through the middle.
     assert picture.shape == (32, 48, 3)
     np.testing.assert_allclose(picture[16, [22, 25]], [[1, 0.5, 0.25], [0.1, 0.1, 0.1]], atol=1e-5)
@@ -65,7 +60,7 @@ def test_a_thin_lens_is_traced_at_its_focus(scene):
 def test_a_pinhole_and_an_array_are_traced_as_arrays(scene):
     for camera in (f'"perspective" {STILL}', f"{ARRAY} {STILL}"):
         made = scene(camera)
-        expected = trace_array(tracer_of(made), made.view.array, 4)
+        expected = trace_array(open_tracer(made), made.view.array, 4)
         np.testing.assert_array_equal(photograph(made), expected)
 
 
@@ -88,6 +83,11 @@ def test_instants_lie_in_their_intervals():
         shutter_times(0)
 
 
+def test_no_samples_are_refused(scene):
+    with pytest.raises(OpticsError, match="samples_per_pixel"):
+        photograph(scene(ARRAY), 0)
+
+
 def test_the_shutter_says_how_far_things_move(scene):
     """Open until half of the motion: as far as a scene that moves half as far."""
     half = photograph(scene(ARRAY + ' "float shutterclose" [0.5]', 8))
@@ -99,17 +99,6 @@ def test_the_shutter_says_how_far_things_move(scene):
     file.write_text("TransformTimes 0 2\n" + SCENE % (ARRAY, 8))
     np.testing.assert_allclose(half, photograph(build_pbrt_scene(file)), atol=1e-6)
     assert np.abs(half - photograph(whole)).max() > 0.1
-
-
-def test_rays_are_shared_between_instants(scene):
-    calls = []
-    photograph(scene(ARRAY, 6), progress=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (6, 6)
-    calls.clear()
-    photograph(scene(f"{ARRAY} {STILL}", 6), progress=lambda *done: calls.append(done))
-    assert calls == [(1, 1)]
-    with pytest.raises(OpticsError, match="samples_per_pixel"):
-        photograph(scene(ARRAY), 0)
 
 
 def test_render_writes_film_and_geometry(scene, tmp_path):

@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, open_device
-from lfcore.optics.array import CameraArray
-from lfcore.refocus.array.device_field import DeviceField
-from lfcore.refocus.array.focal_surface import parallel
-from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore import CameraArray, Device, OpticsError, open_device
 from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.tracing import arrays
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -43,7 +36,7 @@ def traced(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "s.pbrt"
     path.write_text(SCENE)
     scene = build_pbrt_scene(path)
-    return scene, Tracer(scene, build_bvh(scene.triangles))
+    return scene, open_tracer(scene)
 
 
 def test_every_tile_is_what_its_camera_sees(traced):
@@ -91,7 +84,7 @@ def test_samples_average_over_the_pixel(traced):
 def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, tile, samples, lanes):
     """Written in place, past the caches or not, to a page's beginning or not: the same bits."""
     device = open_device(lanes=lanes)
-    tracer = Tracer(traced[0], build_bvh(traced[0].triangles), device)
+    tracer = open_tracer(traced[0], device)
     array = CameraArray.on_grid((5, 3), (-0.3, 0.3, -0.2, 0.2), 60.0, tile)
     offsets = stratified_offsets(15, samples, 0)
     grid = np.stack(np.meshgrid(np.arange(5), np.arange(3)), -1).reshape(-1, 2)
@@ -128,34 +121,8 @@ def test_memory_that_cannot_hold_the_image(traced):
         )
 
 
-def test_progress_ends_with_the_whole(traced, monkeypatch):
-    monkeypatch.setattr(arrays, "LAUNCH_RAYS", 5000)
-    seen = []
-    trace_array(traced[1], traced[0].view.array, progress=lambda *parts: seen.append(parts))
-    assert len(seen) > 1 and seen == sorted(seen) and seen[-1][0] == seen[-1][1]
-
-
 def test_offsets_hold_one_sample_in_each_stratum():
     offsets = stratified_offsets(50, 16, 7) + 0.5
     cells = np.floor(offsets * 4).astype(int)
     assert (np.sort(cells[..., 1] * 4 + cells[..., 0], 0) == np.arange(16)[:, None]).all()
     assert not stratified_offsets(3, 1, 0).any()
-
-
-def test_synthesis_of_a_traced_array_equals_a_traced_camera(traced):
-    """A pinhole between data cameras, focused on the wall: the wall as traced from there."""
-    tracer = traced[1]
-    array = CameraArray.on_grid((5, 5), (-0.3, 0.3, -0.3, 0.3), 60.0, (128, 128))
-    field = DeviceField(tracer.device, trace_array(tracer, array, 16), array)
-    camera = VirtualCamera([0.07, 0.04, 0.0], np.eye(3), 50.0, (48, 48))
-    made = quadrature(field, camera, parallel(4.0), 1, 4).image
-    direct_array = CameraArray((0.07,), (0.04,), 50.0, (48, 48))
-    direct = trace_array(tracer, direct_array, 16)
-    off = np.abs(made - direct).max(-1) > 0.2
-    # The sphere stands before the plane of focus; away from it and the edge both agree.
-    assert off[:, :24].mean() < 0.02 and off.mean() < 0.1
-
-
-def test_no_samples(traced):
-    with pytest.raises(OpticsError, match="samples_per_pixel"):
-        trace_array(traced[1], traced[0].view.array, 0)

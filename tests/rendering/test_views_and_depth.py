@@ -1,43 +1,31 @@
 """Views read in bulk; depth, disparity and all-in-focus pictures of scenes of known answers."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from plain_scenes import CHART, wall
 from plain_scenes import scene as plain_scene
 
+from lfcore import Camera, LfcoreError, Material, OpticsError, Slab, write_picture
 from lfcore.cli import main
-from lfcore.errors import LfcoreError, OpticsError
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
-from lfcore.pictures import write_picture
 from lfcore.rendering import depth as depths
-from lfcore.scene.appearance import Material
+from lfcore.rendering.prepared import open_tracer
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 CAMERA = Camera(0.05, 0.036, 1.0, 2.0)
 NEAR, FAR = 1.0, 4.0
-CHART = str(Path(__file__).parents[2] / "scenes" / "chart")
-
-
-def wall(z, x0, x1):
-    """Two triangles at depth z that span x0 ... x1 and all of y."""
-    a, b, c, d = (x0, -9, z), (x1, -9, z), (x1, 9, z), (x0, 9, z)
-    return [[a, b, c], [a, c, d]]
 
 
 @pytest.fixture(scope="module")
 def tracer():
     """A red wall at 1 m on the left, a green one at 4 m behind both halves, lit by ambient."""
-    triangles = np.array(wall(NEAR, -9, 0.0) + wall(FAR, -9, 9), np.float32)
+    triangles = np.concatenate([wall(NEAR) - np.float32([10, 0, 0]), wall(FAR)])
     scene = plain_scene(
         triangles, camera=CAMERA, ambient=(1.0, 1.0, 1.0), material_ids=np.int32([0, 0, 1, 1]),
         materials=[Material("red", (1.0, 0, 0)), Material("green", (0, 1.0, 0))],
     )  # fmt: skip
-    return Tracer(scene, build_bvh(scene.triangles))
+    return open_tracer(scene)
 
 
 def expected_depth(slab, s):
@@ -111,7 +99,7 @@ def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
     path, out = tmp_path / "chart.mkv", tmp_path / "depth.npz"
     codec = ["--depth", "none", "--codec", f"ffv1,layout={kind}"]
     options = ["--pixels", "20x12", "--views", "3", *codec]
-    assert main(["record", CHART, "-o", str(path), *options]) == 0
+    assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     field = LightFieldFile.open(path)
     samples = [(2, 1), (0, 0)]
     light = read_views(field, samples)
@@ -120,7 +108,7 @@ def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
     with pytest.raises(OpticsError, match="twice"):
         read_views(field, [(0, 0), (0, 0)])
     sharp = tmp_path / "sharp.npy"
-    command = ["depth", CHART, "--lightfield", str(path)]
+    command = ["depth", str(CHART), "--lightfield", str(path)]
     assert main([*command, "-o", str(out), "--all-in-focus", str(sharp)]) == 0
     with np.load(out) as archive:
         assert archive["depth_m"].shape == (9, 12, 20)

@@ -54,13 +54,6 @@ def test_a_writer_that_leaves_half_a_file_is_found(home, write):
     assert {outcome.kind for _, outcome in outcomes} == {"silent wrong", "ok"}
 
 
-def test_every_file_is_whole_or_refused_on_a_full_disk(home):
-    for writer in disks.writers(home):
-        outcomes = disks.fill(writer, home, tries=8)
-        assert not [(pages, found) for pages, found in outcomes if found.is_finding], writer.name
-        assert {outcome.kind for _, outcome in outcomes} == {"ok", "refused"}, writer.name
-
-
 @pytest.mark.parametrize("careless", [False, True])
 def test_what_a_kill_changes_is_found(tmp_path, careless):
     program = tmp_path / "program.py"

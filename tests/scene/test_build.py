@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
@@ -54,21 +52,6 @@ def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
     for path in (tetrahedron, tetrahedron.parent):
         np.testing.assert_array_equal(build_scene(path).triangles, expected)
     assert build_scene(tetrahedron).name == "tetrahedron"
-
-
-@settings(max_examples=20)
-@given(size=st.floats(1e-3, 1e4))
-def test_framing_does_not_depend_on_scale(tmp_path_factory, size):
-    folder = tmp_path_factory.mktemp("scaled")
-    (folder / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
-    (folder / "scene.yaml").write_text(
-        f"objects:\n- file: a.obj\n  transform:\n  - scale: {size!r}\n"
-    )
-    scene = build_scene(folder)
-    unit = build_scene(folder / "a.obj")
-    np.testing.assert_allclose(scene.triangles / size, unit.triangles, rtol=1e-4, atol=1e-5)
-    assert scene.camera.focal_length_m / size == pytest.approx(unit.camera.focal_length_m)
-    assert scene.camera.field_width == pytest.approx(unit.camera.field_width)
 
 
 def test_pose_matrix_equals_look_at(write_scene, minimal):
@@ -156,13 +139,3 @@ def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
     np.testing.assert_allclose(steps, steps[0])
     behind = scene.triangles * (1, 1, -1)
     assert default_focus_distances(scene.camera, behind) == (scene.camera.focus_m,)
-
-
-def test_pbrt_file_is_a_scene_too(tmp_path):
-    path = tmp_path / "one.pbrt"
-    path.write_text(
-        'Camera "perspective" "float fov" [45]\nWorldBegin\n'
-        'Shape "trianglemesh" "integer indices" [0 1 2] "point P" [-1 -1 4  1 -1 4  0 1 5]\n'
-    )
-    distances = np.array(build_scene(path).focus_distances_m)
-    assert len(distances) == 5 and distances.min() >= 4 and distances.max() <= 5 + 1e-6

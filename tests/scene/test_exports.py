@@ -5,27 +5,21 @@ import importlib.util
 import math
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from plain_scenes import CHART
 
+from lfcore import Light, Material, Motion, SceneError, SensorPlane, open_device
 from lfcore.colour import srgb_encode
-from lfcore.errors import SceneError
 from lfcore.evaluation.metrics import psnr
 from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
-from lfcore.opencl.device import open_device
-from lfcore.optics.planes import SensorPlane
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.mitsuba import Description
-from lfcore.scene.model import Motion
 from lfcore.scene.povray import write_mesh, write_view
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +109,7 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
     ],
 )
 def test_other_programs_see_the_same_picture(chart, render, installed):
-    tracer = Tracer(chart, build_bvh(chart.triangles), open_device(threads=1))
+    tracer = open_tracer(chart, open_device(threads=1))
     plane = SensorPlane(1.0, chart.camera.f_number)
     made = render(chart, plane, 48, 12)
     if not installed:

@@ -5,11 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfcore.errors import SceneError
-from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore import Camera, Light, Material, Scene, SceneError
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.files import load_scene, read_header, save_scene
-from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 
 

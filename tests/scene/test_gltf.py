@@ -94,14 +94,14 @@ def lights(*kinds):
 
 
 def test_punctual_lights(write):
-    notebook = Notebook()
-    point, sun, spot = Document(write(lights("point", "directional", "spot"))).lights()
+    path = write(lights("point", "directional", "spot"))
+    point, sun, spot = Document(path).lights()
     assert (point.kind, point.vector) == (POINT, (1, 2, 3)) and point.reference_distance_m == 1
     np.testing.assert_allclose(point.colour, np.array([10, 5, 0]) / math.pi)
     # It shines along +y, so it stands below.
     assert sun.kind == DIRECTIONAL
     np.testing.assert_allclose(sun.vector, (0, -1, 0), atol=1e-12)
-    assert spot.kind == POINT and not notebook.notes()
+    assert spot.kind == POINT and not build_scene(path).notes
     np.testing.assert_allclose(spot.normal, (0, 1, 0), atol=1e-12)
     np.testing.assert_allclose(spot.cone, (1, math.sqrt(0.5)))
 
@@ -294,21 +294,13 @@ def test_a_texture_cuts_holes_by_its_alpha(write, made, mode, factor, cutoff):
 
 def test_what_is_left_out_is_listed_by_name(made):
     def change(tree):
-        tree["animations"] = [{"name": "walk"}]
         tree["skins"] = [{"name": "bones", "joints": [0]}]
         tree["meshes"][0]["name"] = "square"
         tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
-        tree["materials"][0]["name"] = "skin"
-        tree["materials"][0]["occlusionTexture"] = {"index": 0}
-        use(tree, "KHR_materials_clearcoat", {})
-        tree["extensionsUsed"].append("KHR_xmp")
+        tree["extensionsUsed"] = ["KHR_xmp"]
 
-    _, notes = made(change, baseColorTexture=picture())
-    for said in (
-        "animation 'walk'", "skin 'bones'", "morph targets of mesh 'square'",
-        "material 'skin': baked shadows", "material 'skin': KHR_materials_clearcoat",
-        "extension KHR_xmp",
-    ):  # fmt: skip
+    _, notes = made(change)
+    for said in ("skin 'bones'", "morph targets of mesh 'square'", "extension KHR_xmp"):
         assert any(note.startswith(f"left out: {said}") for note in notes), notes
 
 
@@ -325,50 +317,3 @@ def test_names_of_materials_stay(made):
     assert part.surface.name == "7"
     part, _ = made(lambda tree: tree["materials"][0].pop("name", None))
     assert part.surface.name == "m"
-
-
-def lit(tree, light):
-    return {
-        **tree,
-        "extensions": {"KHR_lights_punctual": {"lights": [light]}},
-        "nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}, *tree["nodes"]],
-        "scenes": [{"nodes": [0]}],
-    }
-
-
-BROKEN = {
-    "no object": lambda tree: [1],
-    "nodes in a circle": lambda tree: {
-        **tree, "nodes": [{**tree["nodes"][0], "children": [0]}, *tree["nodes"][1:]],
-    },
-    "a light of words": lambda tree: lit(tree, {"type": "point", "color": "red"}),
-    "a light brighter than any number": lambda tree: lit(
-        tree, {"type": "point", "color": [10**400]}
-    ),
-    "a cone inside out": lambda tree: lit(
-        tree, {"type": "spot", "spot": {"innerConeAngle": 1, "outerConeAngle": 0.5}}
-    ),
-    "a pose of words": lambda tree: {
-        **tree, "nodes": [{**n, "rotation": "up"} for n in tree["nodes"]],
-    },
-    "a texture that is a number": lambda tree: {
-        **tree, "materials": [{"pbrMetallicRoughness": {"baseColorTexture": 1}}],
-    },
-    "a roughness beyond measure": lambda tree: {
-        **tree, "materials": [{"pbrMetallicRoughness": {"roughnessFactor": 1e308}}],
-    },
-    "lists of numbers": lambda tree: {
-        **tree, "materials": 7, "animations": [1], "cameras": {"a": 1}, "extensionsUsed": 8,
-    },
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("change", BROKEN.values(), ids=BROKEN.keys())
-def test_broken_json_is_one_line(write, change):
-    path = write()
-    tree, rest = unpacked(path.read_bytes())
-    path.write_bytes(packed(change(tree), rest))
-    try:
-        build_scene(path)  # what is malformed may also count as absent
-    except SceneError as error:
-        assert "\n" not in str(error) and error.remedy

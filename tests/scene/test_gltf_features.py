@@ -1,20 +1,19 @@
 """The glTF scene of the manual, which has every feature: what is found, said and seen."""
 
-import importlib.util
+import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lfcore import Slab, Tracer
 from lfcore.optics.bundles import macropixels
-from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.scene.build import build_scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
-SCRIPT = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
+EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "docs/examples/gltf_features.py"))
 SAID = {
     "left out: animation 'bounce': the pose in the file",
     "left out: extension KHR_materials_clearcoat",
@@ -25,17 +24,9 @@ SAID = {
 
 
 @pytest.fixture(scope="module")
-def module():
-    spec = importlib.util.spec_from_file_location("gltf_features", SCRIPT)
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
-
-
-@pytest.fixture(scope="module")
-def features(module, tmp_path_factory):
+def features(tmp_path_factory):
     path = tmp_path_factory.mktemp("gltf") / "features.glb"
-    module.main([str(path)])
+    EXAMPLE["main"]([str(path)])
     return build_scene(path)
 
 
@@ -64,15 +55,15 @@ def test_it_looks_as_in_float64(features, device):
     assert np.median(difference) < 1e-3 and (difference > 0.01).mean() < 0.01
 
 
-def test_what_colours_of_vertices_lose_is_said(module, tmp_path):
+def test_what_colours_of_vertices_lose_is_said(tmp_path):
     """Their alpha, where it would count, and all of them where a surface is unlit."""
-    glb = module.Glb()
+    glb = EXAMPLE["Glb"]()
     faded = np.float32([[1, 0, 0, 1], [0, 1, 0, 0.5], [0, 0, 1, 1], [1, 1, 1, 1]])
     for entry in ({"name": "mist", "alphaMode": "BLEND"},
                   {"name": "sign", "extensions": {"KHR_materials_unlit": {}}},
                   {"name": "wall"}):  # fmt: skip
-        glb.tree["materials"].append({**entry, "pbrMetallicRoughness": module.pbr(0, 1)})
-        glb.mesh((*module.square(1, 1), faded), len(glb.tree["materials"]) - 1)
+        glb.tree["materials"].append({**entry, "pbrMetallicRoughness": EXAMPLE["pbr"](0, 1)})
+        glb.mesh((*EXAMPLE["square"](1, 1), faded), len(glb.tree["materials"]) - 1)
     glb.write(tmp_path / "colours.glb")
     notes = build_scene(tmp_path / "colours.glb").notes
     assert {note.what for note in notes if note.kind == "left out"} == {

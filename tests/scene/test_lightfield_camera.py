@@ -104,12 +104,3 @@ def test_the_scene_file_keeps_view_motions_and_notes(pbrt, tmp_path):
             np.testing.assert_array_equal(getattr(kept, field.name), getattr(motion, field.name))
     a, b = (scene_at(scene, 0.7).triangles for scene in (again, pbrt))
     np.testing.assert_array_equal(a, b)
-
-
-def test_pinholes_and_infinite_focus_survive_the_scene_file(tmp_path):
-    text = PBRT[: PBRT.index("Camera")] + 'Camera "perspective"' + PBRT[PBRT.index("\nFilm") :]
-    (tmp_path / "scene.pbrt").write_text(text)
-    scene = build_pbrt_scene(tmp_path / "scene.pbrt")
-    save_scene(tmp_path / "scene.npz", scene)
-    view = load_scene(tmp_path / "scene.npz").view
-    assert view == scene.view and view.lens_radius_m == 0 and view.film == (64, 32)

@@ -210,15 +210,6 @@ def test_unreadable_mesh(tmp_path, name, content, words):
     assert name in str(caught.value)
 
 
-def test_truncated_glb(tmp_path):
-    mesh = trimesh.creation.icosphere(subdivisions=1)
-    whole = mesh.export(file_type="glb")
-    for length in (4, 20, 200, len(whole) // 2, len(whole) - 40):
-        (tmp_path / "cut.glb").write_bytes(whole[:length])
-        with pytest.raises(SceneError):
-            build_scene(tmp_path / "cut.glb")
-
-
 def slow_crease_normals(triangles, crease_deg):
     unit = face_normals(triangles)
     area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

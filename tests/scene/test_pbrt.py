@@ -34,20 +34,34 @@ def read(tmp_path):
 # -- space ------------------------------------------------------------------------------------
 
 
-def test_up_is_up_and_right_is_right(read):
-    """pbrt looks along +z with x right and y up; ours has y down and nothing mirrored."""
-    scene = read(TRIANGLE)
-    np.testing.assert_array_equal(scene.triangles[0], [[0, 0, 5], [0, -2, 5], [1, 0, 5]])
-
-
-def test_look_at_from_an_asymmetric_place(read):
-    """A hand-computed view from (4, 1, -2) along -x, with z to the right: z x up = ..."""
-    head = HEAD.replace("0 0 0  0 0 1  0 1 0", "4 1 -2  3 1 -2  0 1 0") + FILM
+PLACED = {
+    # pbrt looks along +z with x right and y up; ours has y down and nothing mirrored.
+    "up is up": (HEAD, TRIANGLE, {(0, 0, 5), (0, -2, 5), (1, 0, 5)}),
     # forward = (-1, 0, 0); right = up x forward = (0, 1, 0) x (-1, 0, 0) = (0, 0, 1).
-    world = 'Shape "trianglemesh" "point P" [1 2 -1  1 2 0  1 5 -1]'
-    corners = read(world, head).triangles[0]
-    expected = {(1.0, -1.0, 3.0), (2.0, -1.0, 3.0), (1.0, -4.0, 3.0)}
-    assert {tuple(corner) for corner in corners.tolist()} == expected
+    "from (4, 1, -2) along -x": (
+        HEAD.replace("0 0 0  0 0 1  0 1 0", "4 1 -2  3 1 -2  0 1 0"),
+        'Shape "trianglemesh" "point P" [1 2 -1  1 2 0  1 5 -1]',
+        {(1, -1, 3), (2, -1, 3), (1, -4, 3)},
+    ),
+    # (1,0,0) -> z + 1 -> x 2 -> turned to y -> moved: (1, 4, 4)
+    "from outside in": (
+        HEAD,
+        "Translate 1 2 3 Rotate 90 0 0 1 Scale 2 1 1 "
+        "ConcatTransform [1 0 0 0  0 1 0 0  0 0 1 0  0 0 1 1]\n"
+        'Shape "trianglemesh" "point P" [1 0 0  0 1 0  0 0 0]',
+        {(1, -4, 4), (0, -2, 4), (1, -2, 4)},
+    ),
+    "columns, which replace": (
+        HEAD, f"Translate 9 9 9\nTransform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 2 1]\n{TRIANGLE}",
+        {(0, 0, 7), (0, -2, 7), (1, 0, 7)},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("head", "world", "corners"), PLACED.values(), ids=PLACED.keys())
+def test_transformations(read, head, world, corners):
+    found = read(world, head + FILM).triangles[0]
+    assert {tuple(np.round(corner, 6)) for corner in found.tolist()} == corners
 
 
 def test_mirroring_keeps_fronts_in_front(read):
@@ -63,24 +77,6 @@ def test_mirroring_keeps_fronts_in_front(read):
         assert ((scene.normals * (corners - centre)).sum(-1) > 0.99).all()
     left = read("Translate 1 0 5\n" + sphere, f"Scale -1 1 1\n{HEAD}{FILM}")
     assert left.triangles[..., 0].max() < 0.01
-
-
-def test_transforms_compose_from_outside_in(read):
-    steps = [
-        "Translate 1 2 3",
-        "Rotate 90 0 0 1",
-        "Scale 2 1 1",
-        "ConcatTransform [1 0 0 0  0 1 0 0  0 0 1 0  0 0 1 1]",
-    ]
-    world = "\n".join(steps) + '\nShape "trianglemesh" "point P" [1 0 0  0 1 0  0 0 0]'
-    # (1,0,0) -> z + 1 -> x 2 -> turned to y -> moved: (1, 4, 4)
-    corners = {tuple(np.round(c, 6)) for c in read(world).triangles[0].tolist()}
-    assert corners == {(1.0, -4.0, 4.0), (0.0, -2.0, 4.0), (1.0, -2.0, 4.0)}
-
-
-def test_transform_lists_columns_and_replaces(read):
-    world = f"Translate 9 9 9\nTransform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 2 1]\n{TRIANGLE}"
-    assert read(world).triangles[0, 0].tolist() == [0, 0, 7]
 
 
 def test_attribute_blocks_and_coordinate_systems(read):
@@ -284,7 +280,8 @@ def test_lights(read):
     assert sun.kind == DIRECTIONAL and sun.vector == (0, -1, 0)
     np.testing.assert_allclose(scene.ambient, (0.2, 0.4, 0.6))
     assert scene.background == scene.ambient
-    assert {("approximated", 8), ("left out", 8)} & {(n.kind, n.line) for n in scene.notes}
+    notes = {(note.kind, note.line) for note in scene.notes}
+    assert notes == {("approximated", 7), ("approximated", 8), ("left out", 9)}
 
 
 def test_area_lights_send_what_they_should(read):
@@ -387,14 +384,6 @@ def test_include_follows_the_main_files_folder(read, tmp_path):
     assert "b.pbrt" in str(caught.value) or "a.pbrt" in str(caught.value)
 
 
-def test_notes_name_file_and_line(read):
-    scene = read(f'# comment\n\nShape "hyperboloid"\n{TRIANGLE}\nMediumInterface "fog"')
-    notes = {(note.kind, note.file.name, note.line) for note in scene.notes}
-    assert ("left out", "scene.pbrt", 7) in notes
-    assert any(kind == "left out" and line == 10 for kind, _, line in notes)
-    assert scene.summary().splitlines()[0].count("scene.pbrt") == 1
-
-
 def test_version_4_words(read):
     head = HEAD + 'Film "rgb" "integer xresolution" 8 "integer yresolution" 8\n'
     head += 'Option "bool disablepixeljitter" true\nColorSpace "srgb"\n'
@@ -432,14 +421,9 @@ def test_version_4_words(read):
         ("]", r"line 5.*\]"),
         ("4", "line 5.*4"),
         ("Translate 1e400 0 0", "line 5, column 11: 1e400 is too great"),
-        (f'Shape "sphere" "float radius" [{"9" * 400}]', "too great"),
         ("Scale 1e200 1 1\nScale 1e200 1 1", "line 6, column 1: Scale takes the transformation"),
-        ('LightSource "point" "blackbody I" [0 1]', "from|above 100 K"),
-        ('LightSource "point" "blackbody I" [1e-300 1]', "above 100 K"),
         ('LightSource "point" "blackbody I" [1e300 1]', "Give 100 to 1e\\+07 K"),
         ('AreaLightSource "diffuse"\nTranslate 0 0 1e40', "emitter reaches farther than 1e\\+12"),
-        ('Include "a\0b"', "no file"),
-        ('Include "/dev/zero"', "device or pipe"),
         ("Translate 0 0 1e40", "every triangle was dropped"),
         (
             'Shape "trianglemesh" "integer indices" [0 1 1e20] "point P" [0 0 0 1 0 0 1 1 0]',

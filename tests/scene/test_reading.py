@@ -1,4 +1,7 @@
-"""Hostile files: whatever they hold, reading ends, soon and with one line."""
+"""Hostile files: whatever they hold, reading ends, soon and with one line.
+
+More are in robustness/corpus.
+"""
 
 import gzip
 import os
@@ -18,19 +21,12 @@ HOSTILE_YAML = {
     "not closed": ("objects: [", "YAML"),
     "a tabulator": ("\tx: 1", "YAML"),
     "aliases of aliases": (LAUGHS, "aliases"),
-    "merged aliases": (LAUGHS.replace("[1, 1]", "{k: 1}") + "b: {<<: *a11}\n", "aliases"),
     "contains itself": ("objects: &a [*a]\n", "contains itself"),
-    "a key that contains itself": ("? &a [*a]\n: 1\n", "contains itself"),
     "lists 3000 deep": ("objects: " + "[" * 3000 + "]" * 3000, "deep"),
-    "mappings 3000 deep": ("{a: " * 3000 + "}" * 3000, "deep"),
-    "blocks 1000 deep": ("".join(" " * k + "a:\n" for k in range(1000)), "deep"),
     "a date that is none": ("objects: 2026-99-99\n", "YAML"),
-    "an integer of 10,000 digits": ("objects: " + "9" * 10_000, "cannot read"),
-    "a key that is a list": ("? [1, 2]\n: 3\n", "YAML"),
     "a python object": ("objects: !!python/object:os.system []\n", "YAML"),
     "NUL": ("objects: \0\n", "YAML"),
     "an integer of 80 bits": ("ambient: [1, 1, 9999999999999999999999]", "bits"),
-    "keys of mixed types": ("1: 2\na: 3\nobjects: []\n", "unknown key"),
     "a false key": ("false: 2\nobjects: [{file: a}]\n", "unknown key"),
 }  # fmt: skip
 
@@ -91,9 +87,7 @@ ABC = gzip.compress(b"abc", mtime=0)
 @pytest.mark.parametrize(
     "packed, words",
     [
-        pytest.param(gzip.compress(b" " * 5000, mtime=0), "more than 1000 bytes", id="bomb"),
         pytest.param(gzip.compress(b"x" * 600, mtime=0) * 2, "more than 1000 bytes", id="parts"),
-        pytest.param(ABC[:-4], "cannot be unpacked", id="cut short"),
         pytest.param(ABC[:5] + b"\xff" * 20, "cannot be unpacked", id="damaged"),
         pytest.param(ABC + b"tail", "cannot be unpacked", id="tail"),
         pytest.param(b"", "is empty", id="empty"),

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from stored_fields import tile_frames, write_field
 
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore import Camera, Encoding, FrameLayout, Slab
+from lfcore.storage.layout import Tile
 
 
 def waves(views: int, pixels: int) -> np.ndarray:

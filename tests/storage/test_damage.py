@@ -1,8 +1,11 @@
-"""Damaged, foreign and contradictory files: never a wrong pixel, always a reason and a name."""
+"""Damaged, foreign and contradictory files: never a wrong pixel, always a reason and a name.
+
+Bits that flip anywhere, and metadata of wrong types, are the fuzzer's
+(robustness/targets/stores.py).
+"""
 
 import hashlib
 import json
-import random
 import re
 from fractions import Fraction
 
@@ -12,7 +15,7 @@ import pytest
 
 from lfcore.errors import StorageError
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.metadata import TAG, Metadata
+from lfcore.storage.metadata import TAG
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +26,9 @@ def whole(stored):
     )
 
 
-def salvaged(path, pixels) -> LightFieldFile | None:
+def salvaged(path, pixels):
     """Open to salvage: pixels of whole segments must be right, all others black."""
-    try:
-        light_field = LightFieldFile.open(path, salvage=True)
-    except StorageError:
-        return None
+    light_field = LightFieldFile.open(path, salvage=True)
     found, known = light_field.rectangle(0, 0, 12, 12, codes=True), np.zeros((12, 12), bool)
     for part in light_field.segments:
         tile = part.tile
@@ -38,70 +38,29 @@ def salvaged(path, pixels) -> LightFieldFile | None:
     return light_field
 
 
-def refused(path, pixels) -> str:
-    """The error of opening, or else of verifying; unchecked reading gives right pixels or fails."""
-    try:
-        light_field = LightFieldFile.open(path)
-    except StorageError as error:
-        return str(error)
-    with pytest.raises(StorageError) as found:
-        light_field.verify()
-    try:
-        assert (light_field.rectangle(0, 0, 12, 12, codes=True) == pixels).all()
-    except StorageError:
-        pass
-    return str(found.value)
-
-
-def test_flipped_bits(tmp_path, whole):
-    """Wherever a bit flips, verify() tells, and the other segments can be salvaged."""
-    data, pixels = whole
-    draw, path = random.Random(7), tmp_path / "flipped.mkv"
-    video = data.index(b"\x1f\x43\xb6\x75")
-    places = [draw.randrange(len(data)) for _ in range(60)] + [*range(0, 60, 2)]
-    for place in places:
-        changed = bytearray(data)
-        changed[place] ^= 1 << draw.randrange(8)
-        path.write_bytes(changed)
-        assert str(path) in refused(path, pixels), place
-        light_field = salvaged(path, pixels)
-        if place > video:
-            assert len(light_field.segments) >= 2, place
-
-
 def test_a_cluster_that_lost_its_time(tmp_path, whole):
     """Its packets claim the numbers of others: none of these is taken for the other."""
     data, pixels = whole
     clusters = [m.start() for m in re.finditer(rb"\x1f\x43\xb6\x75", data)]
     assert len(clusters) > 2
-    for cluster in clusters:
+    for cluster in clusters[1:]:
         time = data.index(b"\xe7", cluster + 4, cluster + 24)  # the element's id
         changed = bytearray(data)
         changed[time] ^= 0x10
         path = tmp_path / "lost.mkv"
         path.write_bytes(changed)
-        assert str(path) in refused(path, pixels)
-        assert salvaged(path, pixels).damage or cluster == clusters[0]
+        with pytest.raises(StorageError, match=re.escape(str(path))):
+            LightFieldFile.open(path).verify()
+        assert salvaged(path, pixels).damage
 
 
-def test_cut_anywhere(tmp_path, whole):
-    data, pixels = whole
-    draw, path = random.Random(8), tmp_path / "cut.mkv"
-    for length in [0, 1, 50, len(data) - 1, *(draw.randrange(len(data)) for _ in range(50))]:
-        path.write_bytes(data[:length])
-        with pytest.raises(StorageError) as found:
-            LightFieldFile.open(path)
-        assert str(path) in str(found.value), length
-        salvaged(path, pixels)
+def test_files_that_are_too_short_or_too_long(tmp_path, whole):
+    (data, pixels), path = whole, tmp_path / "a.mkv"
     path.write_bytes(data[: len(data) * 7 // 10])
     with pytest.raises(StorageError, match=r"ends after \d+ of \d+ bytes.* 4 segments can still"):
         LightFieldFile.open(path)
     assert 1 <= len(salvaged(path, pixels).segments) <= 3
-
-
-def test_bytes_that_follow(tmp_path, whole):
-    path = tmp_path / "longer.mkv"
-    path.write_bytes(whole[0] + b"more")
+    path.write_bytes(data + b"more")
     with pytest.raises(StorageError, match="4 bytes follow"):
         LightFieldFile.open(path)
 
@@ -206,53 +165,3 @@ def signed(text, change):
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
     data["digest"] = hashlib.sha256(canonical.encode()).hexdigest()
     return json.dumps(data)
-
-
-WRONG = (None, True, -1, 1.5, 10**400, "text", [], [1], [[]], {}, {"a": 1}, float("nan"))
-
-
-def test_metadata_of_wrong_types_are_one_error_of_ours(stored):
-    """Each value that is there, and each within an object or list, of every other type."""
-    text = LightFieldFile.open(stored.path).metadata.to_text()
-    data = json.loads(text)
-    paths = [(key,) for key in data if key != "digest"]
-    paths += [
-        (key, inner) for (key,) in paths if isinstance(data[key], dict) for inner in data[key]
-    ]
-    paths += [("slab", "camera", key) for key in data["slab"]["camera"]]
-    paths += [("segments", 1), *(("segments", 1, number) for number in range(8))]
-    for path in paths:
-        for wrong in WRONG:
-
-            def change(data, path=path, wrong=wrong):
-                for key in path[:-1]:
-                    data = data[key]
-                data[path[-1]] = wrong
-
-            try:
-                found = Metadata.from_text(signed(text, change), stored.path)
-            except StorageError as error:
-                assert str(stored.path) in str(error)
-            else:  # a value that may be anything, or is what it was
-                assert isinstance(found.scene["name"], str)
-                assert path[0] in ("settings", "scene", "header_crc32", "slab", "segments",
-                                   "software", "codec", "colour", "array",
-                                   "version"), path  # fmt: skip
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"digest":' * 100_000, '{"a":' * 990 + "1"])
-def test_metadata_that_nest_deep_are_damaged(stored, text):
-    with pytest.raises(StorageError, match="are damaged"):
-        Metadata.from_text(text, stored.path)
-
-
-def test_every_bit_of_the_codec_id(tmp_path, stored, whole):
-    data, path = whole[0], tmp_path / "codec.mkv"
-    place = data.index(b"V_MPEG4/ISO/AVC")
-    for bit in range(8 * len(b"V_MPEG4/ISO/AVC")):
-        changed = bytearray(data)
-        changed[place + bit // 8] ^= 1 << bit % 8
-        path.write_bytes(changed)
-        with pytest.raises(StorageError) as found:
-            LightFieldFile.open(path)
-        assert str(path) in str(found.value)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from lfcore.errors import StorageError
+from lfcore import FrameLayout, StorageError
 from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
-from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 
 

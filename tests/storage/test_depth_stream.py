@@ -1,6 +1,5 @@
 """The stream of inverse depths: its codes, its damage, and metadata that make no sense of it."""
 
-import zlib
 from dataclasses import replace
 
 import av
@@ -9,17 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_damage import remux, signed
-from test_format_document import reader
+from test_format_document import read
 
-from lfcore.errors import StorageError
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import Encoding
+from lfcore import Camera, Encoding, FrameLayout, Metadata, Slab, StorageError
 from lfcore.storage.container import DepthSegments, join_segments
-from lfcore.storage.depth_stream import DepthCodes, StoredDepth, sweep_step
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.depth_stream import DepthCodes, sweep_step
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentReader, SegmentWriter
 
 SLAB = Slab(Camera(0.05, 0.036, 2.0, 3.0), 3, 32)
@@ -102,9 +96,9 @@ def test_both_streams_are_read_and_checked(made):
 
 
 def test_the_small_reader_and_any_player_see_the_colours_first(made):
-    about, rays = reader().read(made[0])
-    read = LightFieldFile.open(made[0]).views(0, 0, 3, 3, codes=True)
-    assert np.abs(np.rint(255 * rays) - read).max() <= 1
+    about, rays = read(made[0])
+    expected = LightFieldFile.open(made[0]).views(0, 0, 3, 3, codes=True)
+    assert np.abs(np.rint(255 * rays) - expected).max() <= 1
     # The depths, as the document describes them.
     far, near = about["depth"]["dioptres"]
     with av.open(str(made[0])) as file:
@@ -166,11 +160,8 @@ def test_depths_that_make_no_sense_are_refused(made, key, value, said):
 
 
 def test_metadata_and_streams_must_agree(made, tmp_path):
-    """Without its second stream the file contradicts itself; so does one that has another."""
-    whole = LightFieldFile.open(made[0]).metadata
+    """Without its second stream the file contradicts itself."""
     path = tmp_path / "one.mkv"
-    remux(made[2].path, path, text=whole.to_text())
-    with pytest.raises(StorageError, match=r"contradicts itself|is damaged"):
+    remux(made[2].path, path, text=LightFieldFile.open(made[0]).metadata.to_text())
+    with pytest.raises(StorageError, match="contradicts itself"):
         LightFieldFile.open(path)
-    other = replace(whole, depth=replace(whole.depth, header_crc32=zlib.crc32(b"")))
-    assert StoredDepth.from_json(other.depth.to_json()) == other.depth

@@ -1,25 +1,16 @@
 """The reader beside docs/format.md, which knows PyAV and numpy alone, against LightField."""
 
-import importlib.util
+import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lfcore import Encoding, FrameLayout, LightField
 from lfcore.colour import display_values
-from lfcore.lightfield import LightField
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.layout import FrameLayout
 
-ROOT = Path(__file__).parents[2]
-READER = ROOT / "docs/examples/read_light_field.py"
-
-
-def reader():
-    spec = importlib.util.spec_from_file_location("read_light_field", READER)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+READER = Path(__file__).parents[2] / "docs/examples/read_light_field.py"
+read = runpy.run_path(str(READER))["read"]
 
 
 @pytest.mark.parametrize(
@@ -34,11 +25,11 @@ def reader():
 )
 def test_the_small_reader_reads_what_the_library_reads(tmp_path, make_store, layout, codec):
     stored = make_store(tmp_path, layout, Encoding(codec, layout.pixel_format, crf=20))
-    about, rays = reader().read(stored.path)
+    about, rays = read(stored.path)
     n, m = layout.views, layout.pixels
     assert rays.shape == (n, n, m, m, 3) and about["layout"] == layout.to_json()
-    read = LightField.open(stored.path).views(0, 0, n, n, codes=True)
-    assert np.abs(np.rint(255 * rays) - read).max() <= 1
+    expected = LightField.open(stored.path).views(0, 0, n, n, codes=True)
+    assert np.abs(np.rint(255 * rays) - expected).max() <= 1
 
 
 @pytest.mark.parametrize(
@@ -57,9 +48,9 @@ def test_files_of_earlier_programs_open(name, version, size, mean):
     """
     field = LightField.open(Path(__file__).parent / "earlier" / f"{name}.mkv")
     field.verify()
-    about, rays = reader().read(field.path)
-    read = field.views(0, 0, *field.grid, codes=True)
-    assert np.abs(np.rint(255 * rays) - read).max() <= 1
+    about, rays = read(field.path)
+    expected = field.views(0, 0, *field.grid, codes=True)
+    assert np.abs(np.rint(255 * rays) - expected).max() <= 1
     assert about["version"] == version and field.picture_size == size
     assert (field.depth_video is not None) == (name == "depth")
     assert abs(display_values(field.refocus()).mean() - mean) < 0.3

@@ -4,17 +4,14 @@ import contextlib
 import http.server
 import re
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
+from plain_scenes import CHART
 
+from lfcore import Encoding, FrameLayout, LightField, StorageError
 from lfcore.cli import main
-from lfcore.errors import StorageError
-from lfcore.lightfield import LightField
-from lfcore.storage.codecs import Encoding
 from lfcore.storage.ebml import scan
-from lfcore.storage.layout import FrameLayout
 
 pytest.importorskip("fsspec", reason="fsspec is not installed: pip install -e '.[remote]'")
 pytest.importorskip("aiohttp", reason="aiohttp is not installed: pip install -e '.[remote]'")
@@ -125,7 +122,6 @@ def test_the_command_tells_what_is_behind_a_url(stored, capsys, tmp_path):
 
 def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
     """As of the file on disk, to the last bit; a stack names its picture after the URL's file."""
-    chart = str(Path(__file__).parents[2] / "scenes" / "chart")
     made = {}
     with Server(stored.path) as server, contextlib.chdir(tmp_path):
         for name in (str(stored.path), f"{server.url}?version=1"):
@@ -133,7 +129,7 @@ def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
             assert main(["stack", name, *focus]) == 0
             assert main(["stack", name, *focus, "--method", "blocks", "-o", "fast.png"]) == 0
             depth = ["--all-in-focus", "sharp.png", "-o", "depth.npz"]
-            assert main(["depth", chart, "--lightfield", name, *depth]) == 0
+            assert main(["depth", str(CHART), "--lightfield", name, *depth]) == 0
             files = [f"{stored.path.stem}_stack.png", "fast.png", "depth.npz", "sharp.png"]
             made[name] = [(tmp_path / file).read_bytes() for file in files]
     first, second = made.values()
@@ -160,7 +156,7 @@ def test_a_host_that_does_not_answer_is_one_line(capsys):
 def test_depths_are_read_by_url_too(tmp_path):
     from lfcore.api import load_scene, record
 
-    scene = load_scene(Path(__file__).parents[2] / "scenes" / "chart")
+    scene = load_scene(CHART)
     local = record(scene, tmp_path / "a.mkv", pixels=16, encoding=Encoding(depth=True))
     with Server(local.path) as server:
         field = LightField.open(server.url)

@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from lfcore import Camera, Encoding, SensorPlane, StorageError
 from lfcore.cli import parser
 from lfcore.cli.options import encoder
-from lfcore.errors import SettingsError, StorageError
-from lfcore.optics.camera import Camera
-from lfcore.optics.planes import SensorPlane
+from lfcore.errors import SettingsError
 from lfcore.storage import defaults
-from lfcore.storage.codecs import Encoding
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings
 

@@ -1,13 +1,8 @@
 """How work is cut into jobs, and what these ask for."""
 
-import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore.optics.camera import Camera
-from lfcore.optics.plane_sums import PlaneSums, total
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import costs
 
@@ -38,19 +33,3 @@ def test_a_hundred_thousand_tiles_are_a_plan_of_hundreds_of_jobs():
     assert 200 < len(batches) < 1000
     minutes = costs.trace_minutes(batches[0].rays, 512)
     assert 10 * costs.MARGIN <= minutes <= 10 * costs.MARGIN + 2
-
-
-def test_parts_of_planes_add_up_in_any_grouping():
-    slab, planes = Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), [SensorPlane(3.0, 2.0)]
-    draw = np.random.default_rng(5)
-    parts = []
-    for _ in range(6):
-        left, top = draw.integers(0, 12, 2).tolist()
-        columns, rows = (draw.integers(1, 5, 2)).tolist()
-        sums = draw.integers(0, 1 << 40, (1, 3, rows, columns)).astype(np.uint64)
-        parts.append(PlaneSums(slab, planes, sums, left, top))
-    left = parts[0].with_part(parts[1]).with_part(parts[2])
-    right = parts[3].with_part(parts[4].with_part(parts[5]))
-    whole = total(slab, planes, parts)
-    assert np.array_equal(total(slab, planes, [left, right]).sums, whole.sums)
-    assert whole.sums.any()

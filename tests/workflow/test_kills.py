@@ -59,7 +59,7 @@ def start(folder, command):
         )  # fmt: skip
 
 
-def until(condition, seconds=60.0):
+def until(condition, seconds=240.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it took too long"
@@ -87,7 +87,7 @@ def test_a_run_goes_on_by_itself_after_a_kill(folder, command):
     time.sleep(0.5)
     assert trace.stat().st_size == written and locks(folder)
     (folder / "hurry").touch()
-    assert start(folder, MAKE).wait(60) == 0, said(folder)
+    assert start(folder, MAKE).wait(240) == 0, said(folder)
     assert (folder / "made").read_text() == "whole"
 
 
@@ -97,17 +97,17 @@ def test_two_runs_wait_for_a_third(folder):
     others = [start(folder, MAKE), start(folder, MAKE)]
     until(lambda: said(folder).count("Waiting for the run") == 2)
     (folder / "hurry").touch()
-    assert [run.wait(60) for run in (first, *others)] == [0, 0, 0], said(folder)
+    assert [run.wait(240) for run in (first, *others)] == [0, 0, 0], said(folder)
     assert said(folder).count("Nothing to be done") == 2
 
 
 def test_a_bare_snakemake_that_has_just_begun_keeps_its_lock(folder):
     bare = start(folder, BARE)
     until(lambda: locks(folder))
-    assert start(folder, MAKE).wait(60) == 1
+    assert start(folder, MAKE).wait(240) == 1
     assert "cannot be locked" in said(folder) and locks(folder)
     (folder / "hurry").touch()
-    assert bare.wait(60) == 0, said(folder)
+    assert bare.wait(240) == 0, said(folder)
     assert (folder / "made").read_text() == "whole"
 
 

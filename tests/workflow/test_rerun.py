@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import pytest
-import yaml
 
 pytestmark = pytest.mark.workflow
 
@@ -98,26 +97,3 @@ def test_an_edited_texture_that_an_mtl_names_runs_the_parse_again(made):
     time.sleep(1.1)
     (made.folder / "mesh" / "wood.png").write_bytes(b"other wood")
     assert again(made, *target) == {"parse": 1, "build": 1}
-
-
-def test_the_workflow_is_a_module_of_another(made, tmp_path):
-    """From another folder, with a configuration of its own."""
-    snakefile = made.folder / "Snakefile"
-    config = yaml.safe_load((made.folder / "config" / "micro.yaml").read_text())
-    (tmp_path / "Snakefile").write_text(f"""
-module lightfields:
-    snakefile: {str(snakefile)!r}
-    config: {config!r}
-
-use rule * from lightfields
-
-rule here:
-    default_target: True
-    input: "results/chart/bvh.npz"
-    output: "here"
-    shell: "touch {{output}}"
-""")
-    done = made.snakemake("--cores", "1", "--directory", str(tmp_path), "--snakefile",
-                          str(tmp_path / "Snakefile"))  # fmt: skip
-    assert done.returncode == 0, done.stdout[-3000:]
-    assert (tmp_path / "here").exists() and (tmp_path / "results/chart/scene.npz").exists()

@@ -7,14 +7,11 @@ import pandas as pd
 import pytest
 import yaml
 
+from lfcore import SensorPlane, Slab, open_device
 from lfcore.errors import SettingsError
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 from lfcore.evaluation.sweep import sweep_figure, sweep_rows
-from lfcore.opencl.device import open_device
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
+from lfcore.rendering.prepared import open_tracer
 from lfcore.workflow import cases
 from lfcore.workflow.sweep import joined, overridden, plan, read_sweep
 
@@ -55,7 +52,7 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
     sweep = sweep_of(tmp_path, text)
     triangles = [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]]
     scene = bare_scene(np.float32(triangles), ambient=(0.5, 0.4, 0.3), name="chart")
-    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    tracer = open_tracer(scene, open_device(threads=1))
     ((group, *_),) = sweep.members
     study = sweep.study(group, "chart", 4)
     one = study["fine"]
