@@ -46,8 +46,7 @@ class Light:
     def add_fixed(self, views, samples, region):
         light = np.empty((len(samples), 3, region[3], region[2]), np.uint32)
         cl.enqueue_copy(self.device.queue, light, views)
-        for one, (i, j) in zip(light, samples, strict=True):
-            self.rays[:, :, j, i] = np.moveaxis(one, 0, -1)
+        self.rays[:, :, samples[:, 1], samples[:, 0]] = light.transpose(2, 3, 0, 1)
 
 
 def light_of(frames, tile, device):
@@ -57,16 +56,18 @@ def light_of(frames, tile, device):
 
 
 def sums_one_by_one(slab, plane, rays, tile):
-    """(3, H, W) uint64 of the plane's picture: every ray added on its own."""
+    """(3, H, W) uint64 of the plane's picture: every ray added on its own, exact in float64."""
     left, top, width, height = slab.picture(plane.side(slab))
-    out = np.zeros((height, width, 3), np.uint64)
+    out = np.zeros((3, height * width))
     to, mask = targets(slab, plane), plane.mask(slab)
     u, v, *_ = tile_corners(tile, slab)
     for row, column in np.ndindex(rays.shape[:2]):
         y, x = np.meshgrid(to[v + row] - top, to[u + column] - left, indexing="ij")
         counts = mask & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        np.add.at(out, (y[counts], x[counts]), rays[row, column][counts])
-    return np.moveaxis(out, -1, 0)
+        at, light = (y * width + x)[counts], rays[row, column][counts].astype(float)
+        for channel in range(3):
+            out[channel] += np.bincount(at, light[:, channel], height * width)
+    return out.astype(np.uint64).reshape(3, height, width)
 
 
 def smooth_frames(tile, seed):
