@@ -9,8 +9,9 @@ from lfcore.colour import srgb_decode
 from lfcore.opencl.device import cl
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.refocus.slicing import PlaneFormer, form_planes
-from lfcore.refocus.stored_views import FrameSummer
+from lfcore.refocus.stored_views import FrameSummer, frame_chunks
 from lfcore.storage.defaults import chosen_encoding, frame_layout
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentReader
 from lfcore.tracing.tile import tile_corners
 
@@ -152,3 +153,16 @@ def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     rays = light_of(decoded, tile, open_device())
     for plane, found in zip(PLANES, form_planes(path, PLANES).sums.sums, strict=True):
         np.testing.assert_array_equal(found, sums_one_by_one(slab, plane, rays, tile))
+
+
+def test_a_tile_stays_while_the_next_is_read(tmp_path):
+    layout, path = FrameLayout("macropixels", 16, 10, pixel_format="gbrp"), tmp_path / "l.mkv"
+    frames = {tile: smooth_frames(tile, tile.index) for tile in layout.tiles(3 * 10 * 16**2)}
+    write_field(path, Slab(CAMERA, 16, 10), layout, frames.__getitem__, tiles=list(frames))
+    with LightFieldFile.open(path) as field:
+        chunks = frame_chunks(field)
+        tile, _, before = next(chunks)
+        for following, _, found in chunks:
+            np.testing.assert_array_equal(before, frames[tile])
+            tile, before = following, found
+    assert tile.index == len(frames) - 1 > 1
