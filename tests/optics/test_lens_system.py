@@ -44,19 +44,6 @@ def test_narrow_rays_meet_at_the_focus(make, distance):
         np.testing.assert_allclose(cross, distance, rtol=2e-3 * max(1, distance))
 
 
-def test_off_axis_points_image_upside_down(make):
-    lens = make(stop=0.5).focused(5.0)
-    film = np.array([[0.002, -0.001, 0.0]])
-    rear = np.array([[0.0, 0.0, lens.film_distance_m]])
-    origins, directions, alive = lens.trace(film, rear - film)
-    assert alive.all() and directions[0, 0] < 0 < directions[0, 1]
-    # 1 / magnification = (u - f) / f, the object distance u counted from the front vertex.
-    focal = lens.focal_length_m
-    scale = -(5.0 - lens.positions_m[0] - focal) / focal
-    at_focus = origins[0] + (5.0 - origins[0, 2]) / directions[0, 2] * directions[0]
-    np.testing.assert_allclose(at_focus[:2], film[0, :2] * scale, rtol=0.02)
-
-
 def test_the_stop_blocks(make):
     wide, narrow = (make(stop=stop).axial_pupil_area() for stop in (8, 4))
     assert wide / narrow == pytest.approx(4, rel=0.05)

@@ -1,4 +1,4 @@
-"""The exact closest hit: hand-computed values, exact fractions, Embree, and no leaks."""
+"""The exact closest hit: hand-computed values, exact fractions, and no leaks."""
 
 from fractions import Fraction
 
@@ -182,39 +182,8 @@ def test_closed_meshes_do_not_leak_at_edges_and_vertices(centre, columns):
         assert hits.margin.min() < 16
 
 
-def soup(count, seed=0, size=0.05):
-    rng = np.random.default_rng(seed)
-    centres = rng.uniform(-1, 1, (count, 1, 3)) + [0, 0, 3]
-    return (centres + rng.normal(0, size, (count, 3, 3))).astype(np.float32)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_equals_embree_on_soups(seed):
-    scenes = pytest.importorskip("embreex.rtcore_scene", reason="needs the embreex package")
-    from embreex.mesh_construction import TriangleMesh
-
-    triangles = soup(1500, seed, size=0.02 * 3**seed)
-    rng = np.random.default_rng(seed)
-    origins = rng.uniform(-0.1, 0.1, (1500, 3)).astype(np.float32)
-    directions = np.c_[rng.uniform(-0.4, 0.4, (1500, 2)), np.ones(1500)].astype(np.float32)
-    scene = scenes.EmbreeScene()
-    TriangleMesh(scene, triangles)
-    theirs = scene.run(origins, directions, output=True)
-    ours = closest_hits(triangles, origins, directions)
-    clear = ours.clear()
-    assert clear.mean() > 0.9
-    assert (ours.triangle[clear] == theirs["primID"][clear]).all()
-    hit = clear & (ours.triangle >= 0)
-    assert hit.mean() > 0.1
-    error = np.abs(theirs["tfar"] - ours.t)[hit] / (ours.t * ours.grazing)[hit]
-    assert error.max() < 1e-5
-    point = np.einsum("rk,rkc->rc", ours.weights[hit], triangles[ours.triangle[hit]])
-    along = origins[hit] + ours.t[hit, None] * directions[hit]
-    np.testing.assert_allclose(point, along, atol=1e-9)
-
-
 def test_occluded_is_a_hit_before_the_end():
-    triangles = soup(200, size=0.1)
+    triangles = np.float32(shapes.soup(200))
     rng = np.random.default_rng(4)
     origins = np.zeros((300, 3), np.float32)
     directions = np.c_[rng.uniform(-0.3, 0.3, (300, 2)), np.ones(300)].astype(np.float32)
