@@ -48,7 +48,7 @@ def read(path, *where, **how) -> np.ndarray:
 ODD = [
     (*pair, 33, 17) for pair in (("libx264", "yuv444p"), ("ffv1", "gbrp"), ("ffv1", "yuv444p10le"))
 ]
-TINY = [("libx264", "yuv420p", 2, 2), ("ffv1", "yuv444p", 1, 1)]
+TINY = [("libx264", "yuv420p", 2, 2), ("ffv1", "yuv444p", 2, 2)]
 
 
 @pytest.mark.parametrize(
