@@ -10,7 +10,7 @@
 #   make cluster FAULTS=all    nodes that die or are full: docs/robustness.md
 #   make s3        the pipeline with its results in object storage, killed in between
 #   make bare      the smoke pipeline in a bare Debian: python3, python3-venv and make
-#   make bare SUITE=trixie STEPS="wheel try"    other targets, in another Debian (.ci/bare.sh)
+#   make bare SUITE=trixie STEPS="wheel quick"    other targets, in another Debian (.ci/bare.sh)
 #   make smoke     the same pipeline, tiny: what continuous integration runs
 #   make lint      formatting, layers and types
 #   make count     how much there is to read in the tracer's kernels
@@ -34,7 +34,6 @@ SECONDS ?= 60
 KILLS ?= 20
 DIRECTORY ?= .
 # One process runs a whole file; tests/conftest.py puts the costly files first.
-TRIED := tests/optics tests/opencl tests/storage tests/test_api.py -m "not slow and not workflow and not browser"
 XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
 MICRO := --configfile config/micro.yaml -- results/tables/ results/assignment/
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
@@ -46,7 +45,7 @@ ifdef DEVICE
 export LFCORE_DEVICE := $(DEVICE)
 endif
 
-.PHONY: tables run test quick fuzz faults smoke cluster s3 bare try micro sweep settings count lint docs \
+.PHONY: tables run test quick fuzz faults smoke cluster s3 bare micro sweep settings count lint docs \
 	wheel release format digests clean distclean pins
 .DELETE_ON_ERROR:
 
@@ -97,10 +96,6 @@ s3: $(VENV)/installed-dev
 
 bare:
 	sh .ci/bare.sh
-
-# A part of the tests: for a Python that the project is not developed with.
-try: $(VENV)/installed-dev
-	$(BIN)/python -m pytest $(XDIST) $(TRIED)
 
 count: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/count_kernels.py

@@ -2,7 +2,7 @@
 # The project in a bare Debian: its minimal base with python3, python3-venv and make.
 #
 #   make bare                                       make smoke, in Debian 12 (Python 3.11)
-#   make bare SUITE=trixie STEPS="smoke wheel try"  another Debian, more targets of make
+#   make bare SUITE=trixie STEPS="smoke wheel"      another Debian, more targets of make
 #   make bare STEPS=container                       the steps of workflow/envs/Containerfile
 #   make bare STEPS=test DEVICE=pocl                the tests on Debian's PoCL, which is installed, too
 #

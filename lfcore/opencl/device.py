@@ -64,7 +64,8 @@ class Device:
 
     def __reduce__(self) -> tuple:
         """Pickled by name: the device is opened again where the pickle is loaded."""
-        return _reopened, (self.name, self.threads, self.lanes)
+        again = functools.partial(open_device, threads=self.threads, lanes=self.lanes)
+        return again, (self.name,)
 
     @property
     def name(self) -> str:
@@ -217,10 +218,6 @@ def open_device(
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
 
 
-def _reopened(name: str, threads: int, lanes: int) -> Device:
-    return open_device(name, threads=threads, lanes=lanes)
-
-
 def _processors() -> int:
     """Processors that this process may use; all there are where the system does not say."""
     if hasattr(os, "sched_getaffinity"):  # not on macOS, nor on Windows
@@ -273,7 +270,10 @@ def build_program(
         the exception that is the cause.
     """
     values = {"LANES": device.lanes, **(defines or {})}
-    options = [f"-D{key}={_literal(value)}" for key, value in sorted(values.items())]
+    options = [
+        f"-D{key}={int(value) if isinstance(value, bool) else value}"
+        for key, value in sorted(values.items())
+    ]
     folders = {str((KERNELS / file).parent) for file in files}
     folders |= {str(folder) for folder in SHARED_KERNELS.iterdir() if folder.is_dir()}
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
@@ -321,9 +321,3 @@ def _compile(
 def programs_made() -> int:
     """How many programs this process has built, or read from where they are kept, so far."""
     return _compile.cache_info().misses
-
-
-def _literal(value: object) -> str:
-    if isinstance(value, bool):
-        return str(int(value))
-    return str(value)
