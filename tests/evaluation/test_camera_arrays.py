@@ -51,13 +51,14 @@ def test_a_closed_lens_is_a_pinhole(tracer):
     assert np.abs(direct - pinhole).mean() < 0.004
 
 
-def test_a_point_out_of_focus_is_blurred_by_similar_triangles(tracer):
-    """The edge of the wall at 4 m, focus 2 m, radius 0.2 m: it spreads over 0.2 m each way."""
-    camera = VirtualCamera([0.6, 0.0, 0.0], np.eye(3), 20.0, (65, 65), 0.2)
+@pytest.mark.parametrize("z", [0.0, -1.0])
+def test_a_point_out_of_focus_is_blurred_by_similar_triangles(tracer, z):
+    """The edge of the wall at 4 m, focus at 2 m, radius 0.2 m: blurred by similar triangles."""
+    camera, blur = VirtualCamera([0.6, 0.0, z], np.eye(3), 20.0, (65, 65), 0.2), 0.4 / (2 - z)
     row = direct_thin_lens(tracer, camera, 2.0, 1024)[32, :, 1]
     # Where on the wall the central ray of each pixel arrives, metres from the edge.
-    offset = 0.6 + 4 * camera.film_tangents(np.arange(65) + 0.5, 0.5)[0]
-    share = np.clip(offset / 0.2, -1, 1)
+    offset = 0.6 + (4 - z) * camera.film_tangents(np.arange(65) + 0.5, 0.5)[0]
+    share = np.clip(offset / blur, -1, 1)
     expected = 0.1 + 0.8 * (0.5 + (share * np.sqrt(1 - share**2) + np.arcsin(share)) / np.pi)
     assert (offset < -0.05).any() and (offset > 0.3).any()
     np.testing.assert_allclose(row, expected, atol=0.02)

@@ -77,7 +77,7 @@ def test_a_child_that_waits_for_ever_is_found(tmp_path):
     def one(index: int) -> Outcome:
         return outcome_of(lambda: time.sleep(60 * index), names=None)
 
-    outcomes = run_all(2, one, Limits(wall=3.0), tmp_path / "log")
+    outcomes = run_all(2, one, Limits(wall=2.0), tmp_path / "log")
     assert [outcome.kind for _, outcome in outcomes] == ["ok", "hang"]
 
 
