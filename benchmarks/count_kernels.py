@@ -16,21 +16,21 @@ ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "lfcore"
 KERNELS = LIBRARY / "tracing" / "kernels"
 HOST = (
-    "tracing/tracer.py", "tracing/plan.py", "tracing/packets.py", "optics/bundles.py",
-    "tracing/tile.py", "tracing/job.py", "tracing/layouts.py", "tracing/device_scene.py",
+    "tracing/tracer.py", "tracing/packets.py", "tracing/tile.py", "optics/bundles.py",
+    "tracing/job.py", "tracing/layouts.py",
 )  # fmt: skip
-"""The host's files, in the order in which a tile passes them; beside them are the sample rays of
-the plan, the cuts between chunks, arrays that are another sink, and the maker of the C header."""
+"""The host's files, in the order in which a tile passes them.  Not listed: what is made once per
+scene (hierarchy, surfaces, buffers, the C header), the sample rays of the plan, the cuts between
+chunks, and arrays, which are another sink."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
     "other sinks": {"write_hits", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
                     "RadianceImage"},
     "shadows": {"start_shadows", "enter_packet", "find_lit", "Shadows", "ShadowMemory",
                 "OccluderCache"},
-    "holes": {"is_solid", "stopped_rays"},
-    "rays one by one": {"follow_rays", "ray_meets", "shaft_meets", "Ray", "Shaft"},
-    "textures": {"read_maps", "mip_level", "find_tangent", "texture_row", "read_patch",
-                 "TexelPatch"},
+    "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
+    "rays one by one": {"follow_rays", "ray_overlaps", "shaft_overlaps", "Ray", "Shaft"},
+    "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
     "baked light": {"set_up_light", "baked_row", "sky_row"},
     "light above white": {"encode_pq"},
@@ -69,13 +69,18 @@ def definitions(text: str) -> dict[str, str]:
 
 
 def way_of_a_block() -> list[Path]:
-    """The kernel files that define what a block passes, in the order in which it does."""
+    """The kernel files that define what a block passes: the entry, then each after its includes."""
     texts = sources()
     named = {path.name: path for path in texts}
-    included = [named[ENTRY]]
-    for path in included:
-        names = re.findall(r'#include "(.*)"', texts[path])
-        included += [named[name] for name in names if named[name] not in included]
+    included: list[Path] = []
+
+    def include(path: Path) -> None:
+        for name in re.findall(r'#include "(.*)"', texts[path]):
+            if named[name] not in included:
+                include(named[name])
+        included.append(path)
+
+    include(named[ENTRY])
     where: dict[str, list[tuple[Path, str]]] = {}
     for path in included:
         for name, body in definitions(texts[path]).items():
@@ -84,7 +89,7 @@ def way_of_a_block() -> list[Path]:
     missing = (beside | {BEGIN}) - where.keys()
     if missing:
         raise SystemExit(f"no such functions or types any more: {', '.join(sorted(missing))}")
-    files: list[Path] = []
+    files: set[Path] = set()
     seen, open_ = set(beside), [BEGIN]
     while open_:
         name = open_.pop()
@@ -92,12 +97,11 @@ def way_of_a_block() -> list[Path]:
             continue
         seen.add(name)
         for path, body in where[name]:
-            if path not in files:
-                files.append(path)
+            files.add(path)
             # Local variables may be called like functions, not like macros and types.
             words = dict.fromkeys(re.findall(r"\w+(?= *\()|[A-Z]\w+|\bsample\b", body))
             open_ += [word for word in reversed(words) if word in where and word not in seen]
-    return files
+    return [named[ENTRY]] + [path for path in included if path in files and path.name != ENTRY]
 
 
 def defines() -> list[str]:

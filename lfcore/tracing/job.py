@@ -1,18 +1,63 @@
 """One job: rays of any source, packet by packet, into one sink."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from lfcore.opencl.device import cl
+from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.layouts import RAY_ARGUMENTS, record
+from lfcore.tracing.header import header
+from lfcore.tracing.layouts import CUT_OUTS, PARAMETERS, RAY_ARGUMENTS, SINKS, record, unused
 from lfcore.tracing.packets import Groups, PacketShape
+
+KERNEL = "tracing/kernels/entry/trace.cl"
+NO_FRAMES = {"BITS": 0, "PLANES": 0, "STOPS": 0, "PEAK": 0}
+
+
+class EntryKernel:
+    """The kernel ``trace_packets``, built for one sink, and the bytes that its workers need.
+
+    Raises :class:`DeviceError` if the program cannot be built.
+    """
+
+    def __init__(self, scene: DeviceScene, sink: str, defines: Mapping[str, object]):
+        self.device, self.sink = scene.device, sink
+        # The wrapper of a kernel does not keep its program alive.
+        self._program = build_program(self.device, [KERNEL], {**defines, "SINK": sink}, header())
+        self._kernel = cl.Kernel(self._program, "trace_packets")
+        words, answer = np.zeros(1, np.int32), self.device.empty(4)
+        ask = cl.Kernel(self._program, "scratch_words")
+        ask(self.device.queue, (1,), None, np.int32(scene.shadow_lights), answer)
+        cl.enqueue_copy(self.device.queue, words, answer)
+        self.scratch_bytes = 4 * int(words[0]) * self.device.threads
+
+    def __call__(self, workers: int, **arguments: Any) -> None:
+        """Launch so many workers; every parameter of the sink gets its argument by name."""
+        others = {name for sink in SINKS.values() for name in sink} - SINKS[self.sink].keys()
+        wanted = PARAMETERS.keys() - others
+        if arguments.keys() != wanted:
+            raise TypeError(f"arguments {sorted(arguments.keys() ^ wanted)}")
+        arguments |= {name: unused(name) for name in others}
+        ordered = [arguments[name] for name in PARAMETERS]
+        self._kernel(self.device.queue, (workers,), (1,), *ordered)
+
+
+def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> EntryKernel:
+    """The scene's kernel for a sink, which is built once."""
+    of_scene = scene.defines
+    if sink in ("HITS", "GIVEN"):  # these know no surfaces, but whether triangles have holes
+        of_scene = dict.fromkeys(of_scene, 0) | {"TEXTURES": of_scene["TEXTURES"] & CUT_OUTS}
+    values = {**NO_FRAMES, **of_scene, **values}
+    key = (sink, *sorted(values.items()))
+    if key not in scene.kernels:
+        scene.kernels[key] = EntryKernel(scene, sink, values)
+    return scene.kernels[key]
 
 
 class PacketJob:
-    """Launches of the kernel ``trace_packets`` for packets of one shape.
+    """Launches of one kernel for packets of one shape.
 
     Parameters
     ----------
@@ -24,10 +69,10 @@ class PacketJob:
     scratch : the memory of the device's workers.
     """
 
-    def __init__(self, scene: DeviceScene, shape: PacketShape, sink: str, **defines: int):
+    def __init__(self, scene: DeviceScene, shape: PacketShape, sink: str, **defines: float):
         self.scene, self.shape, self.sink = scene, shape, sink
-        self.kernel = scene.kernel(sink, shape, defines)
-        self.scratch: cl.Buffer = self.kernel.scratch(scene.shadow_lights)
+        self.kernel = _kernel_of(scene, sink, {**shape.defines, **defines})
+        self.scratch: cl.Buffer = scene.device.empty(self.kernel.scratch_bytes)
 
     def launch(
         self, bundles: Bundles, groups: Groups, workers: int | None = None, **sink: Any

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lfcore.opencl.device import PAGE, Device, cl
 from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums, one_of_sums
-from lfcore.optics.plane_tables import PlaneTables, lens_tables, view_tables
+from lfcore.optics.plane_tables import lens_tables, view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
@@ -26,38 +26,7 @@ from lfcore.tracing.packets import Groups, PacketShape
 from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
 
 if TYPE_CHECKING:
-    from lfcore.storage.layout import FrameLayout
-
-
-class Tile(Protocol):
-    """What is asked of a tile; :class:`lfcore.storage.layout.Tile` is one."""
-
-    @property
-    def layout(self) -> Any: ...
-
-    @property
-    def column(self) -> int: ...
-
-    @property
-    def row(self) -> int: ...
-
-    @property
-    def columns(self) -> int: ...
-
-    @property
-    def rows(self) -> int: ...
-
-    @property
-    def frame_count(self) -> int: ...
-
-    @property
-    def rays(self) -> int: ...
-
-    def elements(self) -> np.ndarray:
-        """(E, 2) int32 outer coordinates (column, row), frame after frame."""
-
-    def placement(self, elements: np.ndarray) -> np.ndarray:
-        """(E, 3) frame, x and y of each element's inner grid."""
+    from lfcore.storage.layout import FrameLayout, Tile
 
 
 @dataclass(frozen=True)
@@ -89,7 +58,7 @@ class TileTracing:
         return self.chunks
 
 
-class TraceSlab:
+class TileJob:
     """The job of one tile, whose sink is frames and planes, and its buffers."""
 
     def __init__(
@@ -114,7 +83,11 @@ class TraceSlab:
             "PEAK": layout.peak or 0 if frames else 0,
         }
         self.job = PacketJob(scene, shape, "FRAMES", **defines)
-        tables = _plane_tables(slab, planes, tile, shape)
+        if self.macro:
+            corners = tile_corners(tile, slab)
+            tables = lens_tables(slab, planes, corners, shape.group, shape.cells)
+        else:
+            tables = view_tables(slab, planes)
         self.sums = PlaneBuffers(device, slab, list(planes), tables, one_of_sums(scene.stops))
         summed = len(self.elements) if self.macro else 0
         self.strips = StripBuffers(self.sums, shape, slab.views, summed, scene.stops)
@@ -193,15 +166,6 @@ def slots_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
         slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
     slots["column"], slots["row"] = (elements + grid_corner(tile, slab)).T
     return slots
-
-
-def _plane_tables(
-    slab: Slab, planes: Sequence[SensorPlane], tile: Tile, shape: PacketShape
-) -> PlaneTables:
-    """Tables for the kernels that add rays packet by packet, of ``shape``, or view by view."""
-    if tile.layout.kind == "views":
-        return view_tables(slab, planes)
-    return lens_tables(slab, planes, tile_corners(tile, slab), shape.group, shape.cells)
 
 
 class _FrameHost:

@@ -1,35 +1,24 @@
-"""The tracer: what every ray of a slab meets, its colour, and the planes and frames it makes."""
+"""The tracer: the hit of every ray of a slab, its colour, and the planes and frames it makes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from lfcore.errors import OpticsError, SceneError
-from lfcore.opencl.device import Device, open_device
-from lfcore.opencl.host_memory import page_aligned
-from lfcore.optics import bundles as rays
-from lfcore.optics.bundles import Bundles
+from lfcore.optics.bundles import probe
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
-from lfcore.tracing.arrays import check_sets, fill_arrays
-from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.job import PacketJob
-from lfcore.tracing.packets import PacketShape, RepeatedPlaceError
-from lfcore.tracing.plan import Plan
-from lfcore.tracing.tile import Tile, TileTracing, TraceSlab
+from lfcore.tracing.arrays import ArrayTracer
+from lfcore.tracing.tile import TileJob, TileTracing
 
-SMALLEST_SCENE = 1e-12
-"""Metres.  Products of three coordinates below it underflow float32: rays would miss silently."""
+if TYPE_CHECKING:
+    from lfcore.storage.layout import Tile
 
 
-class Tracer:
+class Tracer(ArrayTracer):
     """Traces one scene on one device.
+
+    Rays into arrays of the host are in :class:`ArrayTracer`, tiles of frames and planes here.
 
     Parameters
     ----------
@@ -45,170 +34,6 @@ class Tracer:
     SceneError
         for a scene within SMALLEST_SCENE of the lens.
     """
-
-    def __init__(
-        self,
-        scene: Scene,
-        bvh: Bvh,
-        device: Device | None = None,
-        needs: Needs | None = None,
-        *,
-        mipmaps: bool = True,
-        outer: int | None = None,
-        single_rays: bool | None = None,
-    ):
-        if 0 < np.abs(scene.triangles).max(initial=0) < SMALLEST_SCENE:
-            raise SceneError(
-                f"all coordinates are below {SMALLEST_SCENE:g} m, too small for float32",
-                remedy="Give the scene in larger units",
-            )
-        if scene.bake and scene.light is None:
-            raise SceneError(
-                "the light of its sky and bounces is not baked", file=scene.name,
-                remedy="Call lfcore.bake first",
-            )  # fmt: skip
-        self.scene, self.device = scene, device or open_device()
-        self.needs = needs or Needs.of(scene)
-        self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
-        self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
-
-    def __repr__(self) -> str:
-        return f"<Tracer of {self.scene!r} on {self.device!r}>"
-
-    # -- visibility ---------------------------------------------------------------------------
-
-    def slab_hits(self, slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Closest triangle and depth of every ray through ``pixels``.
-
-        Parameters
-        ----------
-        slab : the rays.
-        pixels : (P, 2) integer, columns u and rows v.
-
-        Returns
-        -------
-        triangle : (P, N, N) int32, indexed [pixel, j, i]; -1 for a miss.
-        depth : (P, N, N) float32, metres along the axis; infinity for a miss.
-        """
-        pixels = np.asarray(pixels).reshape(-1, 2)
-        job = self.job("HITS", rays.probe(slab))
-        try:
-            return _hits(job, rays.macropixels(slab, pixels), pixels)
-        except RepeatedPlaceError:
-            column, row = pixels.astype(np.int64).T
-            keys = row << 32 | (column & 0xFFFFFFFF)
-        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        triangle, depth = _hits(job, rays.macropixels(slab, pixels[first]), pixels[first])
-        return triangle[which], depth[which]
-
-    def bundle_hits(
-        self, bundles: Bundles, coordinates: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """As :meth:`slab_hits` for any bundles: (E, rows, columns) triangle and depth.
-
-        ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
-        traced together, and are distinct; without them every element is a packet of its own.  Of
-        bundles on a lattice they are the places there.
-        """
-        job = self.job("HITS", bundles, grouped=coordinates is not None)
-        return _hits(job, bundles, coordinates)
-
-    def job(self, sink: str, bundles: Bundles, *, grouped: bool = True) -> PacketJob:
-        """A job for such bundles; ``grouped``: whether elements have places."""
-        check_sets([bundles])
-        return PacketJob(self._on_device, self.plan.shape(bundles, sink, grouped=grouped), sink)
-
-    def bundle_radiance(
-        self,
-        bundles: Bundles,
-        coordinates: np.ndarray | None = None,
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """Linear RGB radiance of every ray, not clamped: (E, rows, columns, 3) float32.
-
-        ``coordinates`` as for :meth:`bundle_hits`; ``out``, contiguous, is written and returned.
-        """
-        shape = len(bundles.elements), bundles.rows, bundles.columns, 3
-        radiance = page_aligned(shape) if out is None else out
-        self._fill_image([bundles], coordinates, {"radiance": radiance})
-        return radiance
-
-    def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
-        """Both of every ray, of one pass: as :meth:`bundle_radiance` and :meth:`bundle_hits`.
-
-        (E, rows, columns, 3) and (E, rows, columns) float32; depth is infinity for a miss.
-        """
-        shape = len(bundles.elements), bundles.rows, bundles.columns
-        radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
-        self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
-        return radiance, depth
-
-    def mosaic_radiance(
-        self,
-        sets: Sequence[Bundles],
-        coordinates: np.ndarray | None,
-        across: int,
-        out: np.ndarray | None = None,
-        progress: Callable[[int, int], None] | None = None,
-    ) -> np.ndarray:
-        """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
-
-        Parameters
-        ----------
-        sets : bundles of as many elements and equal inner grids.
-        coordinates : as for :meth:`bundle_hits`.
-        across : elements in a row, a divisor of their number; element e is at row e // across,
-            column e % across.
-        out : written and returned, contiguous.
-        progress : called with (part done, parts).
-
-        Returns
-        -------
-        (E / across rows, across columns, 3) float32, linear RGB, not clamped.
-        """
-        check_sets(sets, across)
-        if out is None:
-            first, down = sets[0], len(sets[0].elements) // across
-            out = page_aligned((down * first.rows, across * first.columns, 3))
-        self._fill_image(sets, coordinates, {"radiance": out}, across=across, progress=progress)
-        return out
-
-    def closest_hit(
-        self, origins: np.ndarray, directions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What arbitrary rays meet first.
-
-        Parameters
-        ----------
-        origins, directions : (R, 3) float32; directions need not be of unit length.
-
-        Returns
-        -------
-        triangle : (R,) int32, -1 for a miss; of several at one distance the lowest.  Rays that
-            are not finite, or have no direction, miss.
-        distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
-            infinity for a miss.
-        barycentric : (R, 3) float32, weights of the corners p, q, r, of a copy at the place of a
-            lower triangle those of the latter; NaN for a miss.
-        """
-        origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
-        directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
-        if origins.shape != directions.shape:
-            raise OpticsError(f"{len(origins)} origins for {len(directions)} directions")
-        count = len(origins)
-        triangle, depth = page_aligned((count,), np.int32), page_aligned((count,))
-        weights = page_aligned((count, 3))
-        if count:
-            zeros = np.zeros((2, 4), np.float32)
-            row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
-            given = PacketJob(self._on_device, PacketShape(side=4, group=1), "GIVEN")
-            fill_arrays(
-                given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
-                origins=self.device.buffer(origins), directions=self.device.buffer(directions),
-            )  # fmt: skip
-        return triangle, depth, weights
-
-    # -- whole tiles --------------------------------------------------------------------------
 
     def trace_tile(
         self,
@@ -231,39 +56,18 @@ class Tracer:
         """
         for plane in planes:
             plane.check(slab)
-        job = self._slab(slab, tile, planes, frames)
         tracing = TileTracing(iter(()), rays=tile.rays)
-        tracing.chunks = job.run(tracing, progress)
+        tracing.chunks = self._tile_job(slab, tile, planes, frames).run(tracing, progress)
         return tracing
 
     def scratch_bytes(
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane] = (), *, frames: bool = True
     ) -> int:
         """Device memory that workers hold while such a tile is traced."""
-        return self._slab(slab, tile, planes, frames).job.scratch.size
+        return self._tile_job(slab, tile, planes, frames).job.scratch.size
 
-    def _slab(
+    def _tile_job(
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], frames: bool
-    ) -> TraceSlab:
-        shape = self.plan.shape(rays.probe(slab, tile.layout.kind == "macropixels"), "FRAMES")
-        return TraceSlab(self._on_device, shape, slab, tile, planes, frames)
-
-    def _fill_image(
-        self,
-        sets: Sequence[Bundles],
-        coordinates: np.ndarray | None,
-        arrays: dict[str, np.ndarray],
-        **options: Any,
-    ) -> None:
-        job = self.job("IMAGE", sets[0], grouped=coordinates is not None)
-        inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
-        fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
-
-
-def _hits(
-    job: PacketJob, bundles: Bundles, coordinates: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    shape = len(bundles.elements), bundles.rows, bundles.columns
-    triangle, depth = page_aligned(shape, np.int32), page_aligned(shape)
-    fill_arrays(job, [bundles], coordinates, {"triangle": triangle, "depth": depth})
-    return triangle, depth
+    ) -> TileJob:
+        shape = self.plan.shape(probe(slab, tile.layout.kind == "macropixels"), "FRAMES")
+        return TileJob(self._on_device, shape, slab, tile, planes, frames)

@@ -6,7 +6,7 @@
 #define MOST_COLUMNS (PACKET_COLUMNS / 4)
 #endif
 #include "light_space.cl"
-#include "shadow_mask.cl"
+#include "occluder_cache.cl"
 
 #define CANDIDATE 16
 #define FIRST(v) ((const float *)&(v))[0]
@@ -22,7 +22,7 @@ kernel void edges(global const float *in, global const Leaf *leaf, global float 
     const WideAffine wide = edge_functions(p, q, &r, 0, &error);
     Affine e = affine_of(&wide, 0);
     e.of[ONE] += FIRST(error);
-    const vf value = edge_row(e, (Row){in[11], in[12], in[13], in[14]});
+    const vf value = affine_row(e, (Row){in[11], in[12], in[13], in[14]});
     vstore2((float2)(FIRST(value), FIRST(error)), get_global_id(0), out);
 }
 
@@ -52,7 +52,7 @@ inline float edge_at(const Bundle *r, global const Leaf *leaf, int of_packet, fl
     const WideAffine wide = edge_functions(p, q, r, of_packet, error);
     Affine e = affine_of(&wide, 0);
     if (of_packet) e.of[ONE] += FIRST(*error);
-    const vf value = edge_row(e, (Row){at, at, 0, 0});
+    const vf value = affine_row(e, (Row){at, at, 0, 0});
     return FIRST(value);
 }
 
@@ -79,6 +79,95 @@ kernel void corners(global const float *in, global const Leaf *leaf, global floa
     vstore2((float2)(FIRST(v.x.of[0]), FIRST(x.error)), get_global_id(0), out);
 }
 
+// Likewise, of a block: the first column of an element that may see the triangle, and 0.
+kernel void samples(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    Bundle r = rays_about(in, 0, 0.5f * (INNER - 1));
+    r.a = in[8];
+    r.b = in[9];
+    const Corners v = shear_corners(&r, leaf + get_global_id(0));
+    const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
+    Triple step;
+    for (int k = 0; k < 3; ++k) step.of[k] = fma(v.z.of[k], (vf)(r.tx), (vf)(r.sx));
+    vf lo, hi;
+    find_span(&x, step, 0, &lo, &hi);
+    vstore2((float2)(FIRST(lo), 0.0f), get_global_id(0), out);
+}
+
+// Likewise, of a packet and a block of it.
+kernel void reaches(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    leaf += get_global_id(0);
+    const Bundle all = rays_about(in, in[6], 31.5f), r = rays_about(in, in[7], 7.5f);
+    const Corners v = shear_corners(&r, leaf);
+    const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
+    Triple step;
+    for (int k = 0; k < 3; ++k) step.of[k] = fma(v.z.of[k], (vf)(r.tx), (vf)(r.sx));
+    vf lo, hi;
+    find_span(&x, step, 0, &lo, &hi);
+    const float at = leaf->corner[0][0][0], z = leaf->corner[0][2][0];
+    const float2 ends = columns_at(all.ox, all.dx, all.sx, all.tx, 31.5f, at, z);
+    vstore2((float2)(FIRST(lo), ends.x), get_global_id(0), out);
+}
+
+// An affine function, a rectangle and the place of a ray in it: the value there, and the least that
+// is assumed.
+kernel void sides(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    const Affine f = {{in[0], in[1], in[2]}};
+    const vf value = affine_row(f, (Row){in[7], in[8], 0, 0});
+    const float least = least_over(f, (Rectangle){in[3], in[4], in[5], in[6]});
+    vstore2((float2)(FIRST(value), least), get_global_id(0), out);
+}
+
+// A triangle, o, d, s and t of both axes, the place of a packet's first block, and a ray of that:
+// how far the hit point is within the box that the packet's shadows assume, in its slack.
+kernel void hits(global const float *in, global Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    leaf += get_global_id(0);
+    const float rays[6] = {in[9], in[9], in[10], in[10], in[11], in[12]};
+    const Bundle all = {rays[0], rays[1], rays[2], rays[3], rays[4], rays[4], rays[5], rays[5],
+                        0, 0, 31.5f};
+    const float4 first = fma((float4)(-24.0f), (float4)(all.sx, all.sy, all.tx, all.ty),
+                             (float4)(all.ox, all.oy, all.dx, all.dy));
+    const Bundle r = {first.x, first.y, first.z, first.w, all.sx, all.sy, all.tx, all.ty,
+                      0, 0, 7.5f};
+    const Row row = {in[14], in[15], 0, 0};
+    Triangles t;
+    set_up_triangles(&r, leaf, FAR, &t);
+    float share = -FAR;
+    if (t.keep & 1) {
+        float inside = FAR;
+        for (int k = 0; k < FUNCTIONS; ++k) {
+            const vf e = affine_row(affine_of(t.functions + k, 0), row);
+            if (k != NUMERATOR) inside = min(inside, FIRST(e));
+        }
+        const Scene scene = {.corners = in, .material_ids = (global const int *)in};
+        global PlaneEquations *planes = (global PlaneEquations *)leaf;
+        const float3 v[3] = {vload3(0, in), vload3(1, in), vload3(2, in)};
+        set_up_planes(&scene, &all, 0, planes);
+        const Rectangle over = rays_at(&all, v);
+        const Box box = hits_at(&all, v, planes, over);
+        const int even = evenly_weighted(planes->denominator, over);
+        const float least = least_over(planes->denominator, over);
+        set_up_planes(&scene, &r, 0, planes);
+        const SampleRow s = interpolate(planes, row);
+        const Vec d = direction_row(&r, row);
+        const vf x = fma(s.depth, d.x, row_ox(&r, row));
+        const vf y = fma(s.depth, d.y, (vf)(row_oy(&r, row)));
+        const float3 point = (float3)(FIRST(x), FIRST(y), FIRST(s.depth));
+        const float3 slack = hit_slack(&all, v, least);
+        const float3 within = min(point - vload3(0, box.lo), vload3(0, box.hi) - point) / slack;
+        if (even && inside >= 0.0f && largest_component(slack) < FAR)
+            share = 1.0f - min(within.x, min(within.y, within.z));
+    }
+    vstore2((float2)(share, 0.0f), get_global_id(0), out);
+}
+
 // A ray's origin and direction, and the places of a box's sides in its way along x and y: the ratio
 // of the distances that the kernels find.
 kernel void boxes(global const float *in, global Boxes *box, global float *out)
@@ -93,7 +182,7 @@ kernel void boxes(global const float *in, global Boxes *box, global float *out)
             for (int a = 0; a < 3; ++a) box->low[a][lane] = a == k ? in[6 + k] : -FAR;
             for (int a = 0; a < 3; ++a) box->high[a][lane] = FAR;
         }
-        ray_meets(&r, box, FAR, near[k]);
+        ray_overlaps(&r, box, FAR, near[k]);
     }
     vstore2((float2)(near[0][0] / near[1][0], RAY_SLACK - 1.0f), get_global_id(0), out);
 }
@@ -117,7 +206,7 @@ kernel void frusta(global const float *in, global Boxes *box, global float *out)
     while (low < high) {
         const int middle = (int)(((long)low + high + 1) >> 1);
         for (int lane = 0; lane < NODE_WIDTH; ++lane) box->low[0][lane] = float_of(middle);
-        const vi meets = frustum_meets(&frustum, box, FAR);
+        const vi meets = frustum_overlaps(&frustum, box, FAR);
         if (row_any(meets)) low = middle;
         else high = middle - 1;
     }
@@ -175,7 +264,7 @@ kernel void depths(global const float *in, global const Leaf *leaf, global float
     const Affine numerator = {{in[0], in[1], in[2]}}, denominator = {{in[3], in[4], in[5]}};
     const Row row = {in[6], in[7], 0, 0};
     const Rectangle grid = {0.0f, 0.0f, 7.5f, 7.5f};
-    const vf depth = plane_row(numerator, row) * reciprocal(plane_row(denominator, row));
+    const vf depth = affine_row(numerator, row) * reciprocal(affine_row(denominator, row));
     const float least = depth_range(numerator, denominator, grid).x;
     vstore2((float2)(FIRST(depth), least), get_global_id(0), out);
 }

@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from plain_scenes import wall
-from tracing_scenes import lit_soup, scene, traced, tracer_of
+from tracing_scenes import colours, lit_soup, scene, traced, tracer_of
 
 import lfcore
 from lfcore.optics import bundles
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
-from lfcore.oracle.shading import radiance
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.needs import Needs
 from lfcore.storage.layout import FrameLayout
@@ -34,13 +33,11 @@ def test_sums_hold_all_stops(kind, stops):
 
 
 def test_unclipped_shading_is_the_oracles():
-
     soup = lit_soup()
     light = Light(POINT, (1.0, -2.0, 0.5), (30.0, 20.0, 10.0), 2.0, True)
     world = dataclasses.replace(soup, clip=False, lights=[light], background=(3.0, 2.0, 1.0))
     rays = bundles.views(Slab(world.camera, 4, 24), np.array([[0, 0], [3, 2]]))
-    found = tracer_of(world).bundle_radiance(rays).reshape(-1, 3)
-    expected = radiance(world, *(each.reshape(-1, 3) for each in rays.rays()))
+    found, expected = colours(world, rays)
     assert expected.max() > 5
     error = np.abs(found - expected).max(-1) / np.maximum(1, expected.max(-1))
     assert (error > 0.01).mean() < 5e-3 and np.median(error) < 1e-4

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, WALL, scene, soup, tracer_of
+from tracing_scenes import CAMERA, WALL, colours, scene, soup
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
-from lfcore.oracle.slab import all_pixels, trace
+from lfcore.oracle.slab import all_pixels
 from lfcore.scene.baked import BakedLight
 
 pytestmark = pytest.mark.kernels
@@ -30,8 +30,7 @@ def test_colours_are_the_oracles(device, outer, wall):
     triangles = np.concatenate([soup(40, 2, 0.5), WALL[: 2 * wall]])
     world, slab = lit(triangles), Slab(CAMERA, 16, 8)
     pixels = all_pixels(slab)
-    found = tracer_of(world, device, outer=outer).bundle_radiance(macropixels(slab, pixels), pixels)
-    expected = trace(world, slab, pixels).reshape(found.shape)
+    found, expected = colours(world, macropixels(slab, pixels), pixels, device, outer=outer)
     off = abs(found - expected).max(-1)
     # Slivers amplify the rounding of their weights.
     assert np.quantile(off, 0.99) < 2e-4 and off.mean() < 1e-3

@@ -1,6 +1,7 @@
 """What comes from outside is checked before a kernel sees it, and results follow from the job."""
 
 import dataclasses
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import chunks
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
+from lfcore.tracing.job import PacketJob
 from lfcore.tracing.tracer import Tracer
 
 SLAB = Slab(CAMERA, 8, 40)
@@ -83,21 +85,47 @@ def test_places_are_given_once_for_each_element(method, coordinates):
         getattr(tracer, method)(rays.macropixels(SLAB, PIXELS), coordinates)
 
 
-def test_frames_do_not_depend_on_how_much_is_made_at_once(tracer, monkeypatch):
-    """50 pixels in frames of 8 x 8: the last of each row has slots without a ray."""
-    slab = Slab(CAMERA, 4, 50)
-    layout = FrameLayout("macropixels", 4, 50, pack=8, pixel_format="yuv444p")
+PACKED = FrameLayout("macropixels", 4, 50, pack=8, pixel_format="yuv444p")
+"""The last frame of each row has slots without a ray."""
 
-    def frames():
-        traced = tracer.trace_tile(slab, layout.tile(0, 0, 50, 50))
-        return np.concatenate([chunk.frames.copy() for chunk in traced])
 
-    whole = frames()
-    monkeypatch.setattr(chunks, "CHUNK_BYTES", 5 * layout.frame_bytes)
-    monkeypatch.setattr(chunks, "ENCODER_FRAMES", 0)
-    monkeypatch.setattr(chunks, "LEAST_FRAMES", 1)
-    monkeypatch.setattr(chunks, "GROUPED_SHARE", 0)
-    np.testing.assert_array_equal(frames(), whole)
+def packed_frames(tracer):
+    chunks = tracer.trace_tile(Slab(CAMERA, 4, 50), PACKED.tile(0, 0, 50, 50))
+    return [chunk.frames.copy() for chunk in chunks]
+
+
+@pytest.fixture
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(chunks, "CHUNK_BYTES", 5 * PACKED.frame_bytes)
+    for name, value in (("ENCODER_FRAMES", 0), ("LEAST_FRAMES", 1), ("GROUPED_SHARE", 0)):
+        monkeypatch.setattr(chunks, name, value)
+
+
+def test_frames_do_not_depend_on_how_much_is_made_at_once(tracer, request):
+    (whole,) = packed_frames(tracer)
+    request.getfixturevalue("small_chunks")
+    parts = packed_frames(tracer)
+    assert len(parts) > 5
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_no_kernel_is_launched_while_frames_are_mapped(tracer, small_chunks, monkeypatch):
+    mapped, launch, views = devices.Device.mapped, PacketJob.launch, []
+
+    @contextmanager
+    def counted(*arguments, **options):
+        with mapped(*arguments, **options) as view:
+            views.append(view)
+            yield view
+            views.pop()
+
+    def checked(*arguments, **sink):
+        assert not views
+        launch(*arguments, **sink)
+
+    monkeypatch.setattr(devices.Device, "mapped", counted)
+    monkeypatch.setattr(PacketJob, "launch", checked)
+    assert len(packed_frames(tracer)) > 5
 
 
 def test_planes_hold_the_rays_of_rows_beyond_32768():
@@ -136,7 +164,7 @@ def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
     world = painted_soup()
     tracer = Tracer(world, build_bvh(world.triangles))
     answers = iter([1, 4])
-    monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
+    monkeypatch.setattr("lfcore.tracing.packets.best_outer", lambda *_: next(answers))
     slab = Slab(CAMERA, 16, 64)
     found = [tracer.plan.outer(rays.macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
     assert found == [1, 4, 1]

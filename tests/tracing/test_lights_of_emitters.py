@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
-from tracing_scenes import CAMERA, WALL, scene, soup, tracer_of
+from tracing_scenes import CAMERA, WALL, colours, scene, soup
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -48,16 +48,14 @@ def world(normals=False):
     return scene(triangles, **changes)
 
 
-def colours(here, slab, device, **way):
-    """Colours of the tracer, and those of the oracle."""
-    pixels = all_pixels(slab)
-    found = tracer_of(here, device, **way).bundle_radiance(macropixels(slab, pixels))
-    return found, trace(here, slab, pixels).reshape(found.shape)
+def every_pixel(views, pixels):
+    slab = Slab(CAMERA, views, pixels)
+    return macropixels(slab, all_pixels(slab))
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_emitters_are_the_oracles(device, way):
-    found, expected = colours(world(), Slab(CAMERA, 40, 4), device, **way)
+    found, expected = colours(world(), every_pixel(40, 4), device=device, **way)
     assert np.ptp(expected) > 0.15
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
 
@@ -72,14 +70,14 @@ def test_spots_are_the_oracles(device, way):
     ]
     here = dataclasses.replace(world(), lights=spots)
     assert Needs.of(here).spots and not Needs.of(here).emitters
-    found, expected = colours(here, Slab(CAMERA, 40, 4), device, **way)
+    found, expected = colours(here, every_pixel(40, 4), device=device, **way)
     shades = len(np.unique(expected.round(2)))
     assert shades > 10 and (expected == 0.05).mean() > 0.1  # dark beside the cones
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
 
 
 def test_highlights_of_emitters_are_the_oracles(device):
-    found, expected = colours(world(normals=True), Slab(CAMERA, 16, 6), device, **WAYS[0])
+    found, expected = colours(world(normals=True), every_pixel(16, 6), device=device, **WAYS[0])
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 4e-3
 
 

@@ -3,19 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
-from tracing_scenes import CAMERA, check_hits, scene, soup, tracer_of
+from tracing_scenes import CAMERA, check_hits, colours, scene, soup, tracer_of
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
-from lfcore.oracle.shading import radiance
 from lfcore.scene.appearance import POINT, Light
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
-
-
-def one_element(triangles, device=None, lights=()):
-    """A tracer of blocks of one element, whatever they meet."""
-    return tracer_of(scene(triangles, lights=list(lights)), device, outer=1)
 
 
 def plate(z, size=40.0):
@@ -77,7 +71,7 @@ def two_pixels(slab):
 @pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on", *FEW])
 def test_triangles_are_the_oracles(device, name):
     slab = Slab(CAMERA, 40, 24)
-    check_hits(one_element(SCENES[name], device), slab, two_pixels(slab), least=0.1)
+    check_hits(tracer_of(SCENES[name], device, outer=1), slab, two_pixels(slab), least=0.1)
 
 
 @pytest.mark.kernels
@@ -85,18 +79,14 @@ def test_triangles_are_the_oracles(device, name):
 def test_few_triangles_have_the_oracles_colours(device, name):
     """A mesh of few triangles to a block, and one whose triangles pass through each other."""
     slab = Slab(CAMERA, 100, 24)
-    bundles = macropixels(slab, two_pixels(slab))
-    tracer = one_element(FEW[name], device, [LAMP])
-    found = tracer.bundle_radiance(bundles, two_pixels(slab))
-    origins, directions = bundles.rays()
-    rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
-    truth = radiance(tracer.scene, *rays).reshape(found.shape)
+    world, pixels = scene(FEW[name], lights=[LAMP]), two_pixels(slab)
+    found, truth = colours(world, macropixels(slab, pixels), pixels, device, outer=1)
     assert np.ptp(found) > 0.1
     assert (np.abs(found - truth).max(-1) > 1e-4).mean() < 5e-3
 
 
 def test_what_covers_a_block_hides_all_beyond(device):
     slab = Slab(CAMERA, 100, 24)
-    triangle, depth = one_element(SCENES["hidden"], device).slab_hits(slab, two_pixels(slab))
+    triangle, depth = tracer_of(SCENES["hidden"], device, outer=1).slab_hits(slab, two_pixels(slab))
     assert (triangle == len(SCENES["hidden"]) - 1).all()
     assert np.abs(depth / 0.5 - 1).max() < 1e-6

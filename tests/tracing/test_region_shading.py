@@ -4,14 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, scene, soup, unit
+from tracing_scenes import CAMERA, colours, scene, soup, unit
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
-from lfcore.oracle.shading import radiance
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 
@@ -69,18 +66,13 @@ WORLDS = {
 }
 
 
-def colours(world, device=None, views=40, pixels=PIXELS[:2]):
-    """Colours of the tracer and of the oracle: (R, 3) each."""
-    tracer = Tracer(world, build_bvh(world.triangles), device, mipmaps=False, outer=1)
-    bundles = macropixels(Slab(CAMERA, views, 24), pixels)
-    origins, directions = bundles.rays()
-    rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
-    return tracer.bundle_radiance(bundles, pixels).reshape(-1, 3), radiance(world, *rays)
+def one_element(world, device=None, views=40, pixels=PIXELS[:2]):
+    return colours(world, macropixels(Slab(CAMERA, views, 24), pixels), pixels, device, outer=1)
 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_colours_are_the_oracles(device, name):
-    found, truth = colours(WORLDS[name](), device)
+    found, truth = one_element(WORLDS[name](), device)
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
     assert truth.std() > 0.05
     assert np.quantile(error, 0.98) < ERRORS.get(name, 2e-6)  # beside edges rounding decides
@@ -91,7 +83,7 @@ def test_texel_tiles_of_any_size(device, scale):
     """From one texel in a block to more than a tile holds, in the lamp's shadows."""
     world = curved([LAMP], texture=noise())
     world = dataclasses.replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
-    found, truth = colours(world, device)
+    found, truth = one_element(world, device)
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
     assert np.quantile(error, 0.98) < 1e-3
 
@@ -110,7 +102,7 @@ def test_a_plane_through_the_lens_has_two_sides(device):
     corners = [(x, level + tilt * z, z) for x, z in ((0, 0.1), (-40, 90), (40, 90))]
     sun = Light(DIRECTIONAL, (0.0, 0.96, -0.28), (0.8, 0.7, 0.6), 0.0, False)
     world = scene(np.float32([corners]), lights=[sun])
-    found, truth = (a.reshape(70, 70, 3) for a in colours(world, device, 70, pixel))
+    found, truth = (a.reshape(70, 70, 3) for a in one_element(world, device, 70, pixel))
     lit = truth[..., 0] > 0.3
     assert lit[rows > level + step].any() and not lit[rows < level - step].any()
     assert np.quantile(np.abs(found - truth).max(-1), 0.98) < 1e-4

@@ -1,42 +1,30 @@
 """Rays followed one by one, and what bad input costs."""
 
-import dataclasses
 import statistics
 import time
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, check_luma, closed_room, lit_soup, scene, soup, traced, tracer_of
+from tracing_scenes import (
+    CAMERA,
+    check_luma,
+    closed_room,
+    crowd,
+    lit_soup,
+    soup,
+    traced,
+    tracer_of,
+)  # fmt: skip
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, probe, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing import device_scene
+from lfcore.tracing import job
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.probes import leaves_a_ray
 
 pytestmark = pytest.mark.kernels
-
-
-NARROW = dataclasses.replace(CAMERA, sensor_width_m=0.002)
-
-
-def crowd():
-    """Confetti of 4 mm out of focus: blocks of many triangles, lit past one another."""
-    world, rng = lit_soup(), np.random.default_rng(9)
-    middle = rng.uniform([-0.04, -0.04, 0.9], [0.04, 0.04, 1.2], (3000, 1, 3))
-    small = middle + rng.normal(size=(3000, 3, 3)) * 0.002
-    face = np.cross(small[:, 1] - small[:, 0], small[:, 2] - small[:, 0])
-    face /= np.linalg.norm(face, axis=1)[:, None]
-    return scene(
-        np.concatenate([small, world.triangles[-2:]]),
-        normals=np.concatenate([np.repeat(face[:, None], 3, 1), world.normals[-2:]]).astype("f4"),
-        materials=world.materials,
-        lights=world.lights,
-        camera=NARROW,
-    )
 
 
 @pytest.mark.parametrize(("make", "way"), [(lit_soup, {"single_rays": True}), (crowd, {})])
@@ -52,17 +40,9 @@ def test_colours_and_shadows_are_the_oracles(device, make, way):
 
 
 def test_colours_without_float64_are_the_oracles(device, monkeypatch):
-    without = "#undef cl_khr_fp64\n#define double none\n" + device_scene.header()
-    monkeypatch.setattr(device_scene, "header", lambda: without)
+    without = "#undef cl_khr_fp64\n#define double none\n" + job.header()
+    monkeypatch.setattr(job, "header", lambda: without)
     test_colours_and_shadows_are_the_oracles(device, lit_soup, {"single_rays": True})
-
-
-def test_tiles_and_threads_do_not_matter():
-    world, layout = crowd(), FrameLayout("macropixels", 16, 8, "raster", 1, "yuv444p")
-    for way in ({}, {"single_rays": True}):
-        whole, _ = traced(tracer_of(world, open_device(threads=2), **way), layout)
-        one = tracer_of(world, open_device(threads=1), **way)
-        assert (whole == traced(one, layout, max_rays=16 * 16 * 12)[0]).all()
 
 
 def test_coarse_pictures_of_dense_scenes_are_traced_ray_by_ray():

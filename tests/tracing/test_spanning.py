@@ -1,12 +1,9 @@
 """Blocks that span several elements: the same rays, the same surfaces, whatever is asked."""
 
-import math
-
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, check_luma, closed_room, lit_soup, scene, soup, traced, tracer_of
 
-from lfcore.opencl.device import open_device
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
@@ -98,21 +95,6 @@ def test_planes_are_those_of_blocks_of_one_element(spans):
             again, found = traced(spanning(world, spans), layout, planes)
             assert (frames == again).all()
             np.testing.assert_array_equal(found.sums, sums.sums)
-
-
-@pytest.mark.parametrize("spans", [2, 4])
-def test_cuts_threads_and_order_do_not_matter(spans):
-    world = lit_soup()
-    for kind in ("macropixels", "views"):
-        whole = FrameLayout(kind, 18, 16, "raster", 1, "yuv444p")
-        frames, sums = traced(spanning(world, spans, open_device(threads=2)), whole, LIT_PLANES)
-        most = 24 * math.prod(whole.inner)  # rows of elements, which part groups
-        one = spanning(world, spans, open_device(threads=1))
-        again, cut = traced(one, whole, LIT_PLANES, max_rays=most)
-        assert (frames == again).all() and (sums.sums == cut.sums).all()
-        hilbert = FrameLayout(kind, 18, 16, "hilbert", 1, "yuv444p")
-        _, other = traced(one, hilbert, LIT_PLANES)
-        assert (other.sums == sums.sums).all()
 
 
 @pytest.mark.parametrize(("room", "sizes"), [(100, [64] * 4), (40, [64] * 4), (30, [30] * 2 + [4])])

@@ -1,10 +1,11 @@
 """Tiles: colours against the oracle, exact sums, frames, and independence of how work is cut."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, lit_soup, scene, traced, tracer_of
+from tracing_scenes import CAMERA, closed_room, crowd, lit_soup, scene, traced, tracer_of
 
 from lfcore.opencl.device import open_device
 from lfcore.optics.planes import SensorPlane
@@ -75,13 +76,23 @@ def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
     np.testing.assert_array_equal(*sums)
 
 
-def test_tiles_threads_and_order_do_not_matter():
-    two, one = (tracer_of(lit_soup(), open_device(threads=threads)) for threads in (2, 1))
-    whole = FrameLayout("macropixels", 20, 16, "raster", 1, "yuv444p")
+@pytest.mark.parametrize("kind", ["macropixels", "views"])
+@pytest.mark.parametrize(
+    ("make", "way"),
+    [
+        (lit_soup, {}), (lit_soup, {"outer": 2}), (lit_soup, {"outer": 4}),
+        (crowd, {}), (crowd, {"single_rays": True}),
+    ],
+)  # fmt: skip
+def test_tiles_threads_and_order_do_not_matter(kind, make, way):
+    two, one = (tracer_of(make(), open_device(threads=threads), **way) for threads in (2, 1))
+    size = (18, 16) if make is lit_soup else (16, 8)
+    whole = FrameLayout(kind, *size, "raster", 1, "yuv444p")
     frames, sums = traced(two, whole, PLANES)
-    again, cut = traced(one, whole, PLANES, max_rays=20 * 20 * 24)
+    # Rows of elements, which part groups.
+    again, cut = traced(one, whole, PLANES, max_rays=24 * math.prod(whole.inner))
     assert (frames == again).all() and (sums.sums == cut.sums).all()
-    _, packed = traced(two, FrameLayout("macropixels", 20, 16, "hilbert", 4, "yuv444p"), PLANES)
+    _, packed = traced(two, FrameLayout(kind, *size, "hilbert", 4, "yuv444p"), PLANES)
     assert (sums.sums == packed.sums).all()
 
 

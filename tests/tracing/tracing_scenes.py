@@ -10,6 +10,7 @@ import trimesh
 from lfcore.optics.plane_sums import total
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
+from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import slab_hits
 from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.scene.model import Scene
@@ -61,6 +62,22 @@ def lit_soup(seed=3):
     )
 
 
+def crowd():
+    """Confetti of 4 mm out of focus: blocks of many triangles, lit past one another."""
+    world, rng = lit_soup(), np.random.default_rng(9)
+    middle = rng.uniform([-0.04, -0.04, 0.9], [0.04, 0.04, 1.2], (3000, 1, 3))
+    small = middle + rng.normal(size=(3000, 3, 3)) * 0.002
+    face = np.cross(small[:, 1] - small[:, 0], small[:, 2] - small[:, 0])
+    face /= np.linalg.norm(face, axis=1)[:, None]
+    return scene(
+        np.concatenate([small, world.triangles[-2:]]),
+        normals=np.concatenate([np.repeat(face[:, None], 3, 1), world.normals[-2:]]).astype("f4"),
+        materials=world.materials,
+        lights=world.lights,
+        camera=dataclasses.replace(CAMERA, sensor_width_m=0.002),
+    )
+
+
 def painted_soup():
     """The lit soup in ambient light alone: its programs are built in less than half the time."""
     lit = lit_soup()
@@ -81,6 +98,13 @@ def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
         made += [chunk.frames.copy() for chunk in tracing if frames]
         parts.append(tracing.plane_sums)
     return np.concatenate(made) if made else None, total(slab, planes, parts) if planes else None
+
+
+def colours(world, bundles, places=None, device=None, **options):
+    """Colours of every ray by the tracer, not clipped, and by the oracle: (R, 3) each."""
+    found = tracer_of(world, device, **options).bundle_radiance(bundles, places)
+    rays = (part.reshape(-1, 3) for part in bundles.rays())
+    return found.reshape(-1, 3), radiance(world, *rays)
 
 
 def check_hits(tracer, slab, pixels, least=0.0):

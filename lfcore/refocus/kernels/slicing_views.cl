@@ -2,6 +2,7 @@
 // CHROMA is 1 (4:4:4) or 2 (4:2:0).
 #include "light.cl"
 #define ONE_OF_SUMS LIGHT_ONE
+#define STOPS 0
 #include "plane_sums.cl"
 
 inline vf load_row(global const sample *at, int step, int count)

@@ -4,7 +4,7 @@
 // p -> q, D . ((p - O) x (q - O)), is affine over the block: the term in O x O vanishes, and so
 // does the bilinear one, for lens samples of one pixel as for pixels of one lens sample.  It is
 //     e = c_z + i (c_x tx + g_y sx) + j (c_y ty - g_x sy),   c = P x Q,  g = P - Q
-// of which twice is kept.  Blocks of several elements add the term (y u - x v) (sx b - a tx) g_z.
+// and the code has twice that.  Blocks of several elements add (y u - x v) (sx b - a tx) g_z.
 // Depth is that of the triangle's plane, n . X = n . P.
 //
 // Source of edge functions: J. Pineda, "A Parallel Algorithm for Polygon Rasterization", SIGGRAPH
@@ -72,30 +72,36 @@ inline vi beside_rays(const Axis *a)
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 
-// The block's 16 columns (rows, along y) that triangles can reach, a bit each.  At depth z
-// neighbouring rays of the inner grid are s + z t apart, and neighbouring elements a + z b.  The
-// map from a triangle to the grid is projective: where s + z t keeps its sign over the triangle, an
-// element's first and last column belong to corners.
+// Between which columns (rows, along y) of an element triangles lie, counted from its first ray. At
+// depth z neighbouring rays are s + z t apart, and neighbouring elements a + z b.  The map from a
+// triangle to the grid is projective: where s + z t keeps its sign over the triangle, the first and
+// last column belong to corners.
+inline void find_span(const Axis *a, Triple step, int element, vf *lo, vf *hi)
+{
+    Triple inverse, sample;
+    for (int k = 0; k < 3; ++k) {
+        const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
+        vf at = a->at.of[k];
+        if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
+        inverse.of[k] = reciprocal(step.of[k]);
+        sample.of[k] = at * inverse.of[k];
+    }
+    const vf slack = a->error * largest3(inverse);
+    *lo = least3(sample) - slack + a->half_extent;
+    *hi = most3(sample) + slack + a->half_extent;
+}
+
+// The block's 16 columns that triangles can reach, a bit each.
 inline vi samples_reached(const Axis *a)
 {
-    Triple step, inverse, sample;
-    for (int k = 0; k < 3; ++k) {
-        step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
-        inverse.of[k] = reciprocal(step.of[k]);
-    }
-    const vf slack = fma(a->error, largest3(inverse), (vf)(SAMPLE_SLACK));
+    Triple step;
+    for (int k = 0; k < 3; ++k) step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
     vi reached = 0;
     for (int element = 0; element < OUTER; ++element) {
-        for (int k = 0; k < 3; ++k) {
-            vf at = a->at.of[k];
-            const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
-            if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
-            sample.of[k] = at * inverse.of[k];
-        }
-        const vf lo = ceil(least3(sample) - slack + a->half_extent);
-        const vf hi = floor(most3(sample) + slack + (a->half_extent + 1.0f));
-        const vi first = TO_VI(clamp(lo, (vf)(0.0f), (vf)(INNER)));
-        const vi end = TO_VI(clamp(hi, (vf)(0.0f), (vf)(INNER)));
+        vf lo, hi;
+        find_span(a, step, element, &lo, &hi);
+        const vi first = TO_VI(clamp(ceil(lo), (vf)(0.0f), (vf)(INNER)));
+        const vi end = TO_VI(clamp(floor(hi) + 1.0f, (vf)(0.0f), (vf)(INNER)));
         reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
     }
     const vi one_sided = GT(step.of[0] * step.of[1], (vf)(0.0f)) &
@@ -121,10 +127,9 @@ inline vf packet_error(vf depths, Vec l, const Bundle *r)
     const float h = 2.0f * r->half_extent;
     const float ox = fma(h, fabs(r->sx), fabs(r->ox)), dx = fma(h, fabs(r->tx), fabs(r->dx));
     const float oy = fma(h, fabs(r->sy), fabs(r->oy)), dy = fma(h, fabs(r->ty), fabs(r->dy));
-    const vf wide = fma(l.z, (vf)(h * fabs(r->tx)), l.x);
-    const vf tall = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
-    return PACKET_ERROR * (tall * fma(depths, (vf)(dx), 2.0f * (ox + wide)) +
-                           wide * fma(depths, (vf)(dy), 2.0f * (oy + tall)));
+    const vf x = fma(l.z, (vf)(h * fabs(r->tx)), l.x), y = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
+    return PACKET_ERROR * (y * fma(depths, (vf)(dx), 2.0f * (ox + x)) +
+                           x * fma(depths, (vf)(dy), 2.0f * (oy + y)));
 }
 
 // Twice the edge function from p to q.  `error` receives a bound of its error in the block or, for
@@ -147,8 +152,8 @@ inline WideAffine edge_functions(Vec p, Vec q, const Bundle *r, int of_packet, v
         e.of[BILINEAR] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
         const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
         const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
-        const vf twist = l.z * (4.0f * r->half_extent * OUTER_HALF * steps);
-        most += fma((vf)(OUTER_HALF), outer, twist);
+        const vf bilinear = l.z * (4.0f * r->half_extent * OUTER_HALF * steps);
+        most += fma((vf)(OUTER_HALF), outer, bilinear);
     }
     *error = EDGE_ERROR * most;
     if (of_packet) *error += *error + packet_error(m.z + l.z, l, r);
@@ -213,6 +218,7 @@ inline void depth_affines(const Corners *v, const Bundle *r, vi flip, WideAffine
         over->of[V] = -n.y * r->a;
         under->of[U] = n.x * r->b;
         under->of[V] = n.y * r->b;
+        over->of[BILINEAR] = under->of[BILINEAR] = 0.0f;
     }
 }
 

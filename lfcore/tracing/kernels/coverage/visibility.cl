@@ -4,12 +4,11 @@
 // candidates; every block culls the list by its own, narrower frustum, and triangles by their edge
 // functions.  Nodes behind the farthest visible depth are dropped.
 #pragma once
+#include "camera_rays.cl"
 #include "compaction.cl"
-#include "depth_buffer.cl"
-#include "walk.cl"
 
-// Packets pack their triangles while so many of their leaves are left.
-#define MOST_PACKED 0.5f
+// A packet compacts its candidates as long as this share of their leaves or less is left.
+#define MOST_COMPACTED 0.5f
 
 // A worker's own memory.
 typedef struct {
@@ -33,8 +32,8 @@ inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, 
     v->compacted = &memory->compacted;
 }
 
-// Test one block against a leaf.  What covers the block comes first: often nothing lies before it,
-// and no depth buffer is needed.
+// Test one block against a leaf.  Triangles that cover the block come first: often nothing is
+// before them, and no depth buffer is needed.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
 {
     Triangles t;
@@ -57,7 +56,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
     if (changed) find_farthest(c);
 }
 
-// Test one block against the gathered leaves.
+// Test one block against the candidates.
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)
 {
     const Frustum frustum = make_frustum(bundle, bundle);
@@ -66,7 +65,7 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
         global const Boxes *boxes = boxes_from(list->of->boxes + base / NODE_WIDTH,
                                                base % NODE_WIDTH);
-        const vi meets = frustum_meets(&frustum, boxes, c->z_far);
+        const vi meets = frustum_overlaps(&frustum, boxes, c->z_far);
         for (uint bits = row_bits(meets) & listed; bits; bits &= bits - 1) {
             const int k = lowest(bits);
             if (boxes->low[2][k] > c->z_far) continue;
@@ -75,34 +74,13 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
     }
 }
 
-// The farthest that a block still sees of what is to come.
+// The depth beyond which no block of the packet can hit anything.
 inline float farthest_open(const Packet *p, const Visibility *v)
 {
     float far = 0.0f;
     for (int block = 0; block < p->rays->blocks; ++block)
         if (has_block(p, block)) far = max(far, v->block[block].z_far);
     return far;
-}
-
-// Rays that have little in common are followed one by one: what their block would have to set up is
-// far more than what they share.
-inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage *c)
-{
-    for (int at = 0; at < BLOCK_RAYS; ++at) {
-        const int i = at % BLOCK, j = at / BLOCK;
-        const float x = i - r->half_extent, y = j - r->half_extent;
-        Hit hit = {FAR, -1, (float3)(0.0f)};
-        int exponent = 0;
-        if (i < inside.x && j < inside.y) {
-            const float3 origin = (float3)(fma(x, r->sx, r->ox), fma(y, r->sy, r->oy), 0.0f);
-            const float3 along = (float3)(fma(x, r->tx, r->dx), fma(y, r->ty, r->dy), 1.0f);
-            const Ray ray = scaled_ray(origin, along, &exponent);
-            closest_hit(tree, &ray, &hit);
-        }
-        c->z[at] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
-        c->ids[at] = hit.id;
-    }
-    c->covering_triangle = BUFFERED;
 }
 
 // Find what every block of the packet sees.
@@ -119,19 +97,19 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {FRUSTUM, &frustum};
     Stack stack;
     start_walk(&stack);
-    // Several blocks of one element meet much the same triangles.  Of a packet so wide that it may
-    // hit most triangles of its leaves, few would be left out.
+    // Several blocks of one element hit much the same triangles.  Compaction does not pay in a
+    // packet so wide that it may hit most triangles of its leaves.
     int compact = p->rays->group == 1 && blocks > 1;
-    const Tree packed = compacted_tree(tree, v->compacted);
+    const Tree compacted = compacted_tree(tree, v->compacted);
     while (stack.size) {
         const float far = farthest_open(p, v);
         LeafList list = {v->candidates, 0};
         gather_leaves(tree, &volume, far, &stack, &list);
-        const Tree *leaves = compact ? &packed : tree;
+        const Tree *leaves = compact ? &compacted : tree;
         if (compact) {
             const int all = list.count;
             list = compact_triangles(tree, p, far, &list, v->compacted);
-            compact = list.count < MOST_PACKED * all;
+            compact = list.count < MOST_COMPACTED * all;
         }
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
@@ -139,4 +117,104 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
             visit_block(leaves, &bundle, &list, v->block + block);
         }
     }
+}
+
+// A region is what one triangle has of a block: the triangle, a mask of sixteen rays for each of
+// sixteen rows, and the rectangle around them.  A covered block is one full region.  Later stages
+// know a block by its regions alone.
+typedef struct {
+    int triangle;
+    int rows[BLOCK];  // a bit for each ray of a row
+    int columns;      // a bit for each column that holds any
+    int top, bottom;  // first and last row that hold any
+} Region;
+
+typedef struct {
+    global Region *of;  // (BLOCK_RAYS,) in the order of their first rays
+    int count;
+} Regions;
+
+// Columns of a block's row that lie in the inner grid, and whether a row does.
+inline int open_columns(int2 inside)
+{
+    int open = 0;
+    for (int k = 0; k < OUTER; ++k) open |= ((1 << inside.x) - 1) << (k * INNER);
+    return open;
+}
+inline int open_row(int row, int2 inside) { return row % INNER < inside.y; }
+
+inline global Region *add_region(Regions *regions, int triangle)
+{
+    global Region *r = regions->of + regions->count++;
+    r->triangle = triangle;
+    for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), r->rows + row);
+    r->columns = 0;
+    r->top = BLOCK;
+    return r;
+}
+
+inline void add_rays(global Region *r, int row, int rays)
+{
+    if (!rays) return;
+    r->rows[row] |= rays;
+    r->columns |= rays;
+    r->top = min(r->top, row);
+    r->bottom = row;
+}
+
+// Regions by the numbers of their triangles, of which there may be as many as rays.
+#define TABLE (2 * BLOCK_RAYS)
+inline global Region *find_region(private int *table, int triangle, Regions *regions)
+{
+    int slot = triangle % TABLE;
+    for (; table[slot] >= 0; slot = (slot + 1) % TABLE)
+        if (regions->of[table[slot]].triangle == triangle) return regions->of + table[slot];
+    table[slot] = regions->count;
+    return add_region(regions, triangle);
+}
+
+// Sort a depth buffer's rays by their triangles.
+inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
+{
+    private int table[TABLE];
+    for (int k = 0; k < TABLE; k += LANES) VSTORE((vi)(-1), table + k);
+    global Region *last = 0;
+    for (int row = 0; row < BLOCK; ++row) {
+        if (!open_row(row, inside)) continue;
+        for (int column = 0; column < BLOCK; column += LANES) {
+            global const int *ids = c->ids + row * BLOCK + column;
+            const vi triangles = VLOAD(ids);
+            uint left = row_bits(GE(triangles, (vi)(0))) & (uint)open >> column;
+            while (left) {
+                const int triangle = ids[lowest(left)];
+                const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
+                left &= ~rays;
+                if (!last || last->triangle != triangle) last = find_region(table, triangle, out);
+                add_rays(last, row, rays << column);
+            }
+        }
+    }
+}
+
+// The regions of a block, of which only `inside` columns and rows of the inner grid count.
+inline void find_regions(const Coverage *c, int2 inside, Regions *out)
+{
+    out->count = 0;
+    if (c->covering_triangle == NOTHING) return;
+    const int open = open_columns(inside);
+    if (c->covering_triangle == BUFFERED) {
+        sort_rays(c, open, inside, out);
+        return;
+    }
+    global Region *all = add_region(out, c->covering_triangle);
+    for (int row = 0; row < BLOCK; ++row) all->rows[row] = open_row(row, inside) ? open : 0;
+    all->columns = open;
+    all->top = 0;
+    all->bottom = BLOCK - INNER + inside.y - 1;
+}
+
+// Mask of a region's rays in the row of LANES that begins with ray `at`.
+inline vi region_row(global const Region *r, int at)
+{
+    return mask_of_bits(r->rows[at / BLOCK] >> at % BLOCK);
 }

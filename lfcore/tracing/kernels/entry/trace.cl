@@ -3,11 +3,11 @@
 // A program has one SINK: HITS, triangles and depths; IMAGE, radiance and, if asked for, depths;
 // FRAMES, sensor planes (PLANES: 1 of macropixels, 2 of views) and encoder-ready frames (BITS, 0
 // for none); GIVEN, the hits of rays that are no bundle.
-#include "cells.cl"
-#include "hit_buffers.cl"
-#include "radiance_image.cl"
 #include "shade.cl"
 #include "shadows.cl"
+#include "frames.cl"
+#include "hit_buffers.cl"
+#include "radiance_image.cl"
 
 // A worker's own memory; a Block's `lit` comes after it.
 typedef struct {

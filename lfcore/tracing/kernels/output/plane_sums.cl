@@ -5,19 +5,15 @@
 #pragma once
 #include "lanes.cl"
 
-#ifndef STOPS
-#define STOPS 0
-#endif
-#define BRIGHTEST ((float)(1 << STOPS))
 // Radiance 1: a column of a packet adds 64 rays, which 32 bits hold.
 #define COARSE (STOPS > SPARE_STOPS)
 #ifndef ONE_OF_SUMS
 #define ONE_OF_SUMS (FIXED_ONE / (COARSE ? 1 << (STOPS - SPARE_STOPS) : 1))
 #endif
-// What is added before fractions are dropped: one half, or of coarse sums numbers with that mean,
-// as the fractions of equal rays then count, too.
-#define HALVES (COARSE ? (float16)(1, 17, 9, 25, 5, 21, 13, 29, 3, 19, 11, 27, 7, 23, 15, 31) / 32.0f \
-                       : (float16)(0.5f))
+// Added before fractions are dropped: one half; in coarse sums unlike numbers with that mean, so
+// that the fractions of equal rays count.
+#define SPREAD_HALVES (float16)(1, 17, 9, 25, 5, 21, 13, 29, 3, 19, 11, 27, 7, 23, 15, 31) / 32.0f
+#define HALVES (COARSE ? SPREAD_HALVES : (float16)(0.5f))
 
 typedef struct {
     const SensorPlaneArguments *numbers;

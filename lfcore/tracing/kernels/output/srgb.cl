@@ -1,5 +1,5 @@
-// sRGB encoding, ray by ray or for a whole block at once, or PQ where PEAK is the linear light of the
-// brightest code, and not 0.
+// sRGB encoding, ray by ray or for a whole block at once, or PQ where PEAK is the linear light of
+// the brightest code, and not 0.
 #pragma once
 #include "block.cl"
 #include "powers.cl"
@@ -27,8 +27,8 @@ inline vf encode_srgb(vf x)
 
 // The encoding over a block in each colour, where the brightest ray is at most RANGE times the
 // darkest: a cubic through four Chebyshev nodes, off by 0.02 of a code of 8 bits at most, 0.01 of
-// one of 10, 0.03 of one of 12. Source: L. N. Trefethen, "Approximation Theory and Approximation Practice", 2013,
-// chapter 3.
+// one of 10, 0.03 of one of 12. Source: L. N. Trefethen, "Approximation Theory and Approximation
+// Practice", 2013, chapter 3.
 #define RANGE (BITS == 8 ? 2.0f : 1.5f)
 // Narrower than this share of the middle coefficients would cancel.
 #define NARROWEST 0.05f
@@ -61,11 +61,11 @@ inline int make_cubic(global const float *colours, CubicEncoding *e)
     vstore4(middle - NODE_A * half_width, 3, nodes);
     for (int at = 0; at < 16; at += LANES) VSTORE(encode_srgb(VLOAD(nodes + at)), nodes + at);
     const float4 n0 = vload4(0, nodes), n1 = vload4(1, nodes), n2 = vload4(2, nodes);
-    const float4 n3 = vload4(3, nodes), odd = n0 - n3, twist = n1 - n2;
+    const float4 n3 = vload4(3, nodes), outer = n0 - n3, inner = n1 - n2;
     const float4 f0 = 0.25f * ((n0 + n3) + (n1 + n2));
-    const float4 f1 = 0.5f * (NODE_A * odd + NODE_B * twist);
+    const float4 f1 = 0.5f * (NODE_A * outer + NODE_B * inner);
     const float4 f2 = 0.3535533906f * ((n0 + n3) - (n1 + n2));
-    const float4 f3 = 0.5f * (NODE_B * odd - NODE_A * twist);
+    const float4 f3 = 0.5f * (NODE_B * outer - NODE_A * inner);
     // The same in place of (colour - middle) / half_width in the colour itself.
     const float4 scale = 1.0f / half_width, shift = -middle * scale;
     const float4 b = f1 - 3.0f * f3, c = 2.0f * f2, d = 4.0f * f3;
@@ -84,11 +84,9 @@ inline vf cubic(vf t, float a, float b, float c, float d)
 // A row of colours encoded, by a cubic if there is one.
 inline Vec encode_row(Vec c, const CubicEncoding *e)
 {
-    if (PEAK > 0) return (Vec){encode_pq(c.x, 1.0f / (float)(PEAK)), encode_pq(c.y, 1.0f / (float)(PEAK)),
-                              encode_pq(c.z, 1.0f / (float)(PEAK))};
-    if (!e) {
-        return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
-    }
+    const float scale = 1.0f / (float)(PEAK);
+    if (PEAK > 0) return (Vec){encode_pq(c.x, scale), encode_pq(c.y, scale), encode_pq(c.z, scale)};
+    if (!e) return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
     return (Vec){cubic(c.x, e->c[0].x, e->c[1].x, e->c[2].x, e->c[3].x),
                  cubic(c.y, e->c[0].y, e->c[1].y, e->c[2].y, e->c[3].y),
                  cubic(c.z, e->c[0].z, e->c[1].z, e->c[2].z, e->c[3].z)};

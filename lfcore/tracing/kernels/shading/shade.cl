@@ -44,7 +44,7 @@ inline Vec reflect_blinn_phong(const Surface *s, Vec towards, vf cosine, vf atte
     return fma3(specular, spread3(s->material->specular), diffuse);
 }
 
-// Add what one light gives the rays that see it.
+// Add what rays that see a light reflect of it.
 inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
 {
     vf attenuation;
@@ -94,7 +94,7 @@ inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int a
     return sum;
 }
 
-// Of rays that meet nothing.
+// The colours of rays that hit nothing.
 inline void shade_background(const Scene *scene, const Bundle *r, global float *colours)
 {
     Vec background = spread3(vload3(0, scene->numbers->background));

@@ -3,6 +3,7 @@
 //     sum of d[j][i] s_i(x) s_j(y),  s_0 = 1,  s_1(x) = x,  s_k(x) = min(x, k - 1)
 // from the first texel to the last: no addresses, and no gathers, by the ray.
 #pragma once
+#include "rectangles.cl"
 #include "samples.cl"
 
 #define TEXEL_PATCH 5

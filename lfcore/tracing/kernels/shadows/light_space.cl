@@ -150,7 +150,8 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
     return row_bits(may);
 }
 
-// Which of the occluders `keep` may reach each stripe, a bit each; only stripes that are `lit` count.
+// Which of the occluders `keep` may reach each stripe, a bit each; only stripes that are `lit`
+// count.
 inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uint keep, uint lit,
                           private int *reaching)
 {

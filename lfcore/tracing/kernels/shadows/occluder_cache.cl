@@ -55,11 +55,13 @@ inline void enter_element(const Packet *p, int block, OccluderCache *c)
 inline float2 columns_at(float o, float d, float s, float t, float half_extent, float3 at, float3 z)
 {
     const float3 pitch = fma(z, t, s), along = o + z * d;
-    const float3 error = HIT_SLACK * (fabs(at) + fabs(o) + fabs(z * d));
+    const float3 centre = fabs(at) + fabs(o) + fabs(z * d);
+    const float3 error = COLUMN_SLACK * fma(fabs(z), half_extent * fabs(t),
+                                            centre + half_extent * fabs(s));
     // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
     const int cross = least_of(pitch.xyzz) <= 0.0f && most_of(pitch.xyzz) >= 0.0f;
     if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-half_extent, half_extent);
-    const float3 column = (at - along) / pitch, slack = error / fabs(pitch) + SAMPLE_SLACK;
+    const float3 column = (at - along) / pitch, slack = error / fabs(pitch);
     const float3 low = column - slack, high = column + slack;
     const float2 ends = (float2)(least_of(low.xyzz), most_of(high.xyzz));
     return clamp(ends, -half_extent, half_extent);
@@ -76,20 +78,35 @@ inline Rectangle rays_at(const Bundle *r, const float3 *v)
                        0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
 }
 
-// Bounds of where they meet it.
+// A bound of the rounding errors of hit points on a triangle of corners v, whose n . D is `least`
+// or more: depth is n . P / n . D.
+inline float3 hit_slack(const Bundle *r, const float3 *v, float least)
+{
+    const float2 origin = fabs((float2)(r->ox, r->oy)) +
+                          r->half_extent * fabs((float2)(r->sx, r->sy));
+    const float2 slope = fabs((float2)(r->dx, r->dy)) +
+                         r->half_extent * fabs((float2)(r->tx, r->ty));
+    float3 most = max(fabs(v[0]), max(fabs(v[1]), fabs(v[2])));
+    most.xy += origin + most.z * slope;
+    const float3 a = fabs(v[1] - v[0]), b = fabs(v[2] - v[0]);
+    const float depth = inner_product(a.yzx * b.zxy + a.zxy * b.yzx, most) / least;
+    return HIT_SLACK * (float3)(most.xy + depth * slope, depth);
+}
+
+// Bounds of where they meet it: those of the triangle, and of the rays at the triangle's depths.
 inline Box hits_at(const Bundle *r, const float3 *v, global const PlaneEquations *planes,
                    Rectangle over)
 {
-    const float3 slack = HIT_SLACK * max(fabs(v[0]), max(fabs(v[1]), fabs(v[2])));
-    const float3 low = min(v[0], min(v[1], v[2])) - slack;
-    const float3 high = max(v[0], max(v[1], v[2])) + slack;
+    const float3 low = min(v[0], min(v[1], v[2])), high = max(v[0], max(v[1], v[2]));
+    const float3 slack = hit_slack(r, v, least_over(planes->denominator, over));
     const float2 exact = quotient_range(planes->numerator, planes->denominator, over);
     const float near = max(max(low.z, 0.0f), exact.x);
     Box box = bundle_box(r, over, (float2)(near, max(near, min(high.z, exact.y))));
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
         // Rounding apart, both hold what is seen.
-        box.lo[k] = min(max(box.lo[k], axis(low, k)), axis(high, k));
-        box.hi[k] = max(min(box.hi[k], axis(high, k)), box.lo[k]);
+        const float lo = min(max(box.lo[k], axis(low, k)), axis(high, k));
+        box.hi[k] = max(min(box.hi[k], axis(high, k)), lo) + axis(slack, k);
+        box.lo[k] = lo - axis(slack, k);
     }
     return box;
 }
@@ -177,7 +194,7 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     OccluderCache *c = s->cache;
     global PlaneEquations *planes = s->element_planes;
     if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
-    set_up_planes(s->scene, &c->rays, triangle, 0.0f, planes);
+    set_up_planes(s->scene, &c->rays, triangle, planes);
     const float3 v[3] = {corner(s->scene, triangle, 0), corner(s->scene, triangle, 1),
                          corner(s->scene, triangle, 2)};
     const Rectangle over = rays_at(&c->rays, v);

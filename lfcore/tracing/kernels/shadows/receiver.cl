@@ -53,10 +53,5 @@ inline Box bundle_box(const Bundle *r, Rectangle at, float2 depths)
     }
     box.lo[2] = depths.x;
     box.hi[2] = depths.y;
-    for (int k = 0; k < 3; ++k) {
-        const float slack = HIT_SLACK * max(fabs(box.lo[k]), fabs(box.hi[k]));
-        box.lo[k] -= slack;
-        box.hi[k] += slack;
-    }
     return box;
 }

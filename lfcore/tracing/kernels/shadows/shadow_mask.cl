@@ -4,6 +4,7 @@
 // at one column of the row and not negative to one side of it.  LANES rows are found at once.
 #pragma once
 #include "occluders.cl"
+#include "rectangles.cl"
 
 #define ROW_GROUPS (BLOCK / LANES)
 #define ANYWHERE 1.0e30f

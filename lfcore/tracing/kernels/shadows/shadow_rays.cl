@@ -33,6 +33,12 @@ inline vi facing_row(global const Samples *s, global const LightRecord *light, i
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
 }
 
+// Mask of a light's triangles, which never shadow it: `own` are the first, and one past the last.
+inline vi are_of_light(int2 own, global const int *ids)
+{
+    return GE(VLOAD(ids), (vi)(own.x)) & LT(VLOAD(ids), (vi)(own.y));
+}
+
 inline void clear_lit(global int *lit)
 {
     for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);

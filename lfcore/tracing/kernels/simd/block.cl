@@ -1,22 +1,23 @@
-// Blocks of rays: 16 x 16 rays that a few numbers describe, and the affine functions that are
-// affine over them.
+// Blocks of rays: 16 x 16 rays that a few numbers describe, and functions that are affine over
+// them.
 //
 // Ray (i, j) of a bundle, counted from its centre, is at depth z
 //     x(z) = (ox + i sx) + z (dx + i tx)        y(z) = (oy + j sy) + z (dy + j ty)
 // whatever its camera: lens samples of one pixel (tx = -delta sx), pixels of one lens sample or
 // data camera (sx = 0).
 //
-// A block may span neighbouring elements, too: along each axis INNER rays of the inner grid times
-// OUTER elements.  u and v count the elements from their middle, and each adds a to the origin and
-// b to the direction.  Where lens samples and pixels are both few, such a block is far narrower in
-// space than 16 x 16 of one kind, and meets far fewer triangles.
+// A block may span neighbouring elements: along each axis INNER rays of the inner grid times OUTER
+// elements.  u and v count the elements from their middle, and each adds a to the origin and b to
+// the direction.  Where lens samples and pixels are both few, such a block is far narrower in space
+// than 16 x 16 of one kind, and hits far fewer triangles.
 #pragma once
 #include "lanes.cl"
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
 
-// Three quantities of a block, (3, BLOCK_RAYS), for the row that begins with ray `at`.
+// Load and store three quantities of a block, (3, BLOCK_RAYS), for the row that begins with ray
+// `at`.
 inline Vec load3(global const float *from, int at)
 {
     from += at;
@@ -75,7 +76,8 @@ inline Vec direction_row(const Bundle *r, Row row)
 
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.  Blocks of one element have no u and v: their U, V and BILINEAR are never read.
+// direction.  In others it is 0.  Blocks of one element have no u and v: their U, V and BILINEAR
+// are never read.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float of[AFFINE_TERMS]; } Affine;
@@ -83,22 +85,17 @@ typedef struct { float of[AFFINE_TERMS]; } Affine;
 // One function for each of LANES triangles.
 typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
 
-// Values of an affine function without BILINEAR at a row of rays, and of any function.
-inline vf plane_row(Affine f, Row at)
+// Values of an affine function at a row of rays.
+inline vf affine_row(Affine f, Row at)
 {
     const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
-}
-inline vf edge_row(Affine f, Row at)
-{
-    if (OUTER == 1) return plane_row(f, at);
-    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    if (OUTER == 1) return fma(at.x, f.of[X], base);
     const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
     const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
     return AT_OFFSETS(at.x, at.u, base, along, across);
 }
 
-// An affine function made of a constant and of what x and y multiply along the rays' steps.
+// The affine function one + x (change along the columns) + y (change along the rows).
 inline Affine stepped_affine(float one, float x, float y, float step_x, float step_y, float outer)
 {
     Affine f;
@@ -132,18 +129,8 @@ inline float4 corner_values(Affine f, Rectangle r)
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }
 
-// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
-// one sign: the quotient is linear-fractional, so they are in the corners.
-inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
-{
-    const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
-    return (float2)(least_of(q), most_of(q));
-}
-
-// The least and the most of three quantities over rows of rays, and the box that they make.
+// The least and the most of three quantities, over all rays and lane by lane.
 typedef struct { float lo[3], hi[3]; } Box;
-
-// In each lane.
 typedef struct { vf low[3], high[3]; } Ranges;
 
 inline void clear_ranges(Ranges *r)
@@ -163,7 +150,7 @@ inline void add_to_ranges(Ranges *r, Vec a, vi mask)
     }
 }
 
-// Around what was added; lows lie beyond highs if that is nothing.
+// The box around all that was added; lows are above highs if nothing was.
 inline Box box_of(const Ranges *r)
 {
     Box box;

@@ -15,9 +15,8 @@
 #define JOIN(a, b) JOIN_(a, b)
 
 #if LANES == 1
-// What kernels hint at is the width that they are written for.  A compiler that vectorises over
-// work-items takes "float" as an invitation, though groups are of one: it spent three quarters of a
-// build on copies that never run.
+// The hint keeps compilers from vectorising over work-items, of which a group has one: with `float`
+// three quarters of a build went into copies that never run.
 #define LANES_TYPE float4
 #define WIDE(name) name
 #define VLOAD(p) (*(p))
@@ -48,7 +47,7 @@ typedef WIDE(uint) vu;
 #define GE(a, b) MASK((a) >= (b))
 #define EQ(a, b) MASK((a) == (b))
 
-// Codes of video frames: BITS is 8, or 10 or 12 in 16-bit words; 0 where no frames are written.
+// Codes of video frames have BITS: 8, 10 or 12, the latter two in 16-bit words; 0 without frames.
 #if BITS == 8
 #define SAMPLE uchar
 #else
@@ -62,7 +61,7 @@ typedef SAMPLE sample;
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }
 inline vi pick_int(vi a, vi b, vi mask) { return (a & ~mask) | (b & mask); }
 
-// The sign bit, and numbers whose own is turned where `sign` has it
+// The sign bit of a, and a with its sign flipped where `sign` is set
 inline vi sign_of(vf a) { return AS_VI(a) & (vi)(0x80000000); }
 inline vf flip_sign(vf a, vi sign) { return AS_VF(AS_VI(a) ^ sign); }
 
@@ -118,7 +117,7 @@ inline float3 cross_product(float3 a, float3 b)
     return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-// Direction, also of vectors whose squares a float cannot hold; nothing has none.
+// The unit vector along a, whose squares may overflow or underflow; 0 along 0.
 inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
 inline float3 direction_of(float3 a)
 {
@@ -126,7 +125,7 @@ inline float3 direction_of(float3 a)
     return a / max(sqrt(inner_product(a, a)), LEAST_LENGTH);
 }
 
-// Three numbers of each of a row; red, green and blue are x, y and z.
+// Three numbers per ray of a row: coordinates, or red, green and blue.
 typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
@@ -154,7 +153,7 @@ inline Vec pick3(Vec a, Vec b, vi mask)
     return (Vec){pick(a.x, b.x, mask), pick(a.y, b.y, mask), pick(a.z, b.z, mask)};
 }
 
-// Along one axis, corners p, q and r of LANES triangles.
+// Coordinates of corners p, q and r of LANES triangles along one axis.
 typedef struct { vf of[3]; } Triple;
 
 inline vf least3(Triple a) { return min(a.of[0], min(a.of[1], a.of[2])); }

@@ -4,7 +4,8 @@
 // row by row of j; i / R and j / R are the weights of its second and third corner.  Between points
 // light is linear.  Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
 #pragma once
-#include "planes.cl"
+#include "rectangles.cl"
+#include "texture.cl"
 
 inline vi grid_point(vi i, vi j, int side) { return j * (2 * side + 3 - j) / 2 + i; }
 
@@ -19,7 +20,7 @@ inline int keeps_side(Affine denominator, Rectangle at, float half_extent)
     if (OUTER == 1) return is_one_sided(denominator, at);
     float spread = half_extent * (fabs(denominator.of[X]) + fabs(denominator.of[Y]));
     spread += OUTER_HALF * (fabs(denominator.of[U]) + fabs(denominator.of[V]));
-    return denominator.of[ONE] > BOUND_SLACK * spread + HIT_SLACK * fabs(denominator.of[ONE]);
+    return denominator.of[ONE] > BOUND_SLACK * spread + SIDE_SLACK * fabs(denominator.of[ONE]);
 }
 
 // The one cell of a grid that a rectangle of rays sees: its column and row, and 1 for the half
@@ -56,7 +57,8 @@ inline void set_up_light(const Scene *s, const Bundle *r, global const Region *r
     // The corners turn to the viewer where the weights are negative.
     const int front = (p->weights.of[ONE] < 0.0f) == (p->denominator.of[ONE] > 0.0f);
     const int first = front ? grid.x : grid.y, i = cell.x, j = cell.y, far = cell.z;
-    const float4 along = light_at(s, first, i + 1, j, side), up = light_at(s, first, i, j + 1, side);
+    const float4 along = light_at(s, first, i + 1, j, side);
+    const float4 up = light_at(s, first, i, j + 1, side);
     const float4 one = light_at(s, first, i + far, j + far, side);
     // The steps per column and row, and the light in the grid's three corners.
     const float4 x = far ? one - up : along - one, y = far ? one - along : up - one;
@@ -75,9 +77,9 @@ inline void set_up_light(const Scene *s, const Bundle *r, global const Region *r
 // The light on a row of rays that see a triangle.
 inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
 {
-    const vf weights = plane_row(p->weights, at), inverse = reciprocal(weights);
+    const vf weights = affine_row(p->weights, at), inverse = reciprocal(weights);
     const int side = p->grid[2];
-    Vec c = {edge_row(p->light[0], at), edge_row(p->light[1], at), edge_row(p->light[2], at)};
+    Vec c = {affine_row(p->light[0], at), affine_row(p->light[1], at), affine_row(p->light[2], at)};
     c = scale3(c, inverse);
     if (!side) return c;
     const vf x = c.y * (float)side, y = c.z * (float)side;
@@ -113,7 +115,8 @@ inline Vec sky_row(const Scene *s, const Bundle *r, Row row)
     const Vec d = direction_row(r, row);
     const vf scale = 0.5f * side / (fabs(d.x) + fabs(d.y) + 1.0f), middle = 0.5f * side - 0.5f;
     const vf x = fma(d.x, scale, middle), y = fma(d.y, scale, middle);
-    const vi i = clamp(TO_VI(x), (vi)(0), (vi)(side - 2)), j = clamp(TO_VI(y), (vi)(0), (vi)(side - 2));
+    const vi i = clamp(TO_VI(x), (vi)(0), (vi)(side - 2));
+    const vi j = clamp(TO_VI(y), (vi)(0), (vi)(side - 2));
     const vf f = x - TO_VF(i), g = y - TO_VF(j);
     private int at[LANES];
     private float across[LANES], down[LANES], light[3][LANES];

@@ -1,9 +1,46 @@
-// Plane equations: what a triangle interpolates over a block, as quotients of affine functions.
+// The surfaces and lights of a scene, as the host packs them, and plane equations: what a triangle
+// interpolates over a block, as quotients of affine functions.
 #pragma once
-#include "texture.cl"
+#include "visibility.cl"
 
-// What corners have, side by side.  Colours are differences from the first corner's, so that equal
-// corners give just their colour.
+#define TEXTURED ((TEXTURES & TEXTURED_BIT) != 0)
+// Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
+// them.
+#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
+// Materials of metal and roughness or of several textures: a bit of TEXTURES.
+#define PHYSICAL ((TEXTURES & PHYSICAL_BIT) != 0)
+
+typedef struct {
+    global const float *corners;     // (T, 9)
+    global const float *attributes;  // (T, ATTRIBUTES)
+    global const int *material_ids;  // (T,)
+    global const MaterialRecord *materials;
+    global const LightRecord *lights;
+    global const Level *levels;      // (textures, MIP_LEVELS)
+    global const uint *texels;
+    global const int *grids;         // (T, 3) see baked.cl
+    global const float *light;       // (P, 3) of the points of all grids
+    global const float *sky;         // (side, side, 3)
+    const SceneArguments *numbers;
+} Scene;
+
+// Of a kernel's parameters.
+#define MAKE_SCENE                                                                             \
+    {.corners = corners, .attributes = attributes, .material_ids = material_ids,               \
+     .materials = materials, .lights = lights, .levels = levels, .texels = texels,             \
+     .grids = grids, .light = light, .sky = sky, .numbers = &scene_numbers}
+
+inline float3 corner(const Scene *s, int triangle, int k)
+{
+    return vload3(k, s->corners + triangle * 9);
+}
+inline global const float *attributes_of(const Scene *s, int triangle)
+{
+    return s->attributes + (long)triangle * ATTRIBUTES;
+}
+
+// The slots of a corner's attributes.  Colours are differences from the first corner's, so that
+// equal corners give exactly their colour.
 #define SLOTS 8
 enum { NORMAL = 0, COORDINATES = 3, TINT = 5 };
 
@@ -21,7 +58,7 @@ typedef struct {
     float tangent[TANGENT_WORDS];
     int key;                               // shading key
 #if BAKED
-    Affine light[3];  // each corner's weight; of one cell of a grid, red, green and blue times weights
+    Affine light[3];  // each corner's weight; of one cell, red, green and blue times the weights
     int grid[3];      // first point in front and behind, and cells along an edge; 0: of one cell
 #endif
 } PlaneEquations;
@@ -44,7 +81,7 @@ inline Affine weight_function(float3 p, float3 q, const Bundle *r)
     return e;
 }
 
-// What corner `k` of a triangle has.
+// The attributes of corner `k`.
 inline float8 corner_slots(global const float *attributes, int k)
 {
     float8 a = 0.0f;
@@ -56,8 +93,8 @@ inline float8 corner_slots(global const float *attributes, int k)
     return a;
 }
 
-// Set up a triangle for a block; `pixel` is the tangent between neighbouring pixels.
-inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float pixel,
+// Set up a triangle for a block.
+inline void set_up_planes(const Scene *s, const Bundle *r, int triangle,
                           global PlaneEquations *out)
 {
     const float3 p = corner(s, triangle, 0), q = corner(s, triangle, 1), w = corner(s, triangle, 2);
@@ -68,24 +105,19 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
                          weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    if (OUTER > 1) out->weights.of[BILINEAR] = 0.0f;  // the three differences of depth cancel
 #if BAKED
     for (int k = 0; k < 3; ++k) out->light[k] = e[k];
 #endif
     float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
-    const float side = n.z < 0.0f ? -1.0f : 1.0f;
-    n *= side;
+    if (n.z < 0.0f) n = -n;
     const float offset = inner_product(n, v[0]);
     out->numerator = stepped_affine(offset, -n.x, -n.y, r->sx, r->sy, r->a);
     out->denominator = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
-    const float weights = out->weights.of[ONE];
     if (!SMOOTH) {
         // The sum of the weights is n . D: negative when the corners turn towards the viewer.
-        const float sign = weights < 0.0f ? -1.0f : 1.0f;
+        const float sign = out->weights.of[ONE] < 0.0f ? -1.0f : 1.0f;
         vstore3(-sign * direction_of(cross_product(q - p, w - p)), 0, out->normal);
-    }
-    if (PHYSICAL) {
-        const float3 towards = -side * cross_product(q - p, w - p);
-        vstore4(find_tangent(s, triangle, q - p, w - p, towards), 0, out->tangent);
     }
     if (ATTRIBUTES) {
         global const float *at = attributes_of(s, triangle);
@@ -95,18 +127,4 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle, float p
         if (VERTEX_COLOURS) vstore3(vload3(0, at + 9 * SMOOTH + 6 * TEXTURED), 0, out->first);
     }
     out->key = s->material_ids[triangle] * MIP_LEVELS;
-    if (!TEXTURED) return;
-    const float depth = (p.z * e[0].of[ONE] + q.z * e[1].of[ONE] + w.z * e[2].of[ONE]) / weights;
-    out->key += mip_level(s, triangle, weights, depth * pixel);
-}
-
-// Whether all rays in a rectangle of a block of one element see the triangle from one side.
-inline int is_one_sided(Affine denominator, Rectangle at)
-{
-    const float x = at.x * denominator.of[X], y = at.y * denominator.of[Y];
-    const float one = denominator.of[ONE];
-    const float error = HIT_SLACK * (fabs(one) + fabs(x) + fabs(y));
-    const float spread = at.half_width * fabs(denominator.of[X]) +
-                         at.half_height * fabs(denominator.of[Y]);
-    return one + x + y > error + BOUND_SLACK * spread;
 }

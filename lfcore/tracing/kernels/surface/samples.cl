@@ -1,12 +1,12 @@
-// What each ray of a block meets: place, normal, texture coordinates, tint and shading key.
+// The hit of each ray of a block: point, normal, texture coordinates, tint and shading key.
 #pragma once
 #if BAKED || SKY
 #include "baked.cl"
 #else
-#include "planes.cl"
+#include "texture.cl"
 #endif
 
-// (n, BLOCK_RAYS) of each quantity; what a scene lacks is never written or read.
+// (n, BLOCK_RAYS) of each quantity; those that a scene lacks are never written or read.
 typedef struct {
     float point[3 * BLOCK_RAYS];                // where the ray meets the surface
     float normal[3 * BLOCK_RAYS];               // of unit length, towards the viewer
@@ -20,6 +20,31 @@ typedef struct {
 #endif
 } Samples;
 
+// A surface's material and one mip level of its texture.  A shading key names both, material *
+// MIP_LEVELS + level.
+typedef struct {
+    float3 diffuse, specular, emission;
+    float shininess, specular_cutoff;
+    Level maps[MAPS];  // height 0: no texture; without PHYSICAL the first alone
+    // Scenes with PHYSICAL alone.
+    float metallic, roughness, normal_scale;
+} Material;
+
+// A row of rays' surfaces, of one material, which is shaded together.
+typedef struct {
+    const Material *material;
+    Vec albedo, point;
+    Vec normal;     // of unit length
+    Vec to_viewer;  // direction to the viewer, of unit length; only specular materials have it
+    // Scenes with PHYSICAL alone.
+    Vec geometric;  // the normal before the normal map
+    vf metallic;
+    vf alpha2;      // the fourth power of roughness
+    Vec emission;
+    // Scenes with BAKED alone.
+    Vec light;      // that arrives from sky and surfaces
+} Surface;
+
 // A row of rays that meet one triangle.
 typedef struct {
     Vec normal, tint, tangent;
@@ -32,8 +57,8 @@ typedef struct {
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 {
-    return (Vec){edge_row(slot_affine(p, first), at), edge_row(slot_affine(p, first + 1), at),
-                 edge_row(slot_affine(p, first + 2), at)};
+    return (Vec){affine_row(slot_affine(p, first), at), affine_row(slot_affine(p, first + 1), at),
+                 affine_row(slot_affine(p, first + 2), at)};
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
@@ -42,7 +67,7 @@ inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denominator,
                                 SampleRow *s)
 {
-    const vf weights = plane_row(p->weights, at);
+    const vf weights = affine_row(p->weights, at);
     s->tangent = turn_vectors(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
     s->across = flip_sign(p->tangent[TANGENT_WORDS - 1], sign_of(denominator));
 }
@@ -50,17 +75,17 @@ inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denom
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
     SampleRow s;
-    const vf denominator = plane_row(p->denominator, at);
-    s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
+    const vf denominator = affine_row(p->denominator, at);
+    s.depth = affine_row(p->numerator, at) * reciprocal(denominator);
     // Some rays of a block may see a flat triangle's other side.
     if (SMOOTH) s.normal = slots_row(p, NORMAL, at);
     else s.normal = turn_vectors(spread3(vload3(0, p->normal)), sign_of(denominator));
     if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
     if (!TEXTURED && !VERTEX_COLOURS) return s;
-    const vf inverse = reciprocal(plane_row(p->weights, at));
+    const vf inverse = reciprocal(affine_row(p->weights, at));
     if (TEXTURED) {
-        s.u = edge_row(slot_affine(p, COORDINATES), at) * inverse;
-        s.v = edge_row(slot_affine(p, COORDINATES + 1), at) * inverse;
+        s.u = affine_row(slot_affine(p, COORDINATES), at) * inverse;
+        s.v = affine_row(slot_affine(p, COORDINATES + 1), at) * inverse;
     }
     if (VERTEX_COLOURS)
         s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
@@ -137,7 +162,9 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
     const Bundle *r = &b->rays;
     SampleRow s = {0};
     for (int k = 0; k < b->regions.count; ++k) {
-        set_up_planes(scene, r, b->regions.of[k].triangle, pixel, b->planes + k);
+        set_up_planes(scene, r, b->regions.of[k].triangle, b->planes + k);
+        if (TEXTURED || PHYSICAL)
+            set_up_texture(scene, b->regions.of[k].triangle, pixel, b->planes + k);
 #if BAKED
         set_up_light(scene, r, b->regions.of + k, b->planes + k);
 #endif

@@ -4,7 +4,7 @@
 // A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
 // a channel to decode, and steps no coarser than those of 8-bit sRGB.
 #pragma once
-#include "scene.cl"
+#include "planes.cl"
 
 // One of a material's textures, -1 without it.
 inline int map_of(global const MaterialRecord *material, int map)
@@ -70,6 +70,20 @@ inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     const float3 along = direction_of(turn * (e.w * a - e.y * b)), up = turn * (e.x * b - e.z * a);
     const float side = inner_product(cross_product(towards, along), up);
     return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
+}
+
+// What textures add to a triangle's plane equations: the mip level and, for PHYSICAL, the tangent;
+// `pixel` is the tangent between neighbouring pixels.
+inline void set_up_texture(const Scene *s, int triangle, float pixel, global PlaneEquations *p)
+{
+    const float3 at = corner(s, triangle, 0);
+    const float3 a = corner(s, triangle, 1) - at, b = corner(s, triangle, 2) - at;
+    if (PHYSICAL) {
+        const float3 n = cross_product(a, b), towards = p->weights.of[ONE] < 0.0f ? n : -n;
+        vstore4(find_tangent(s, triangle, a, b, towards), 0, p->tangent);
+    }
+    const float depth = p->numerator.of[ONE] / p->denominator.of[ONE];
+    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.of[ONE], depth * pixel);
 }
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)

@@ -4,7 +4,18 @@
 // Texture coordinates are affine in the place on a triangle's plane, so two affine functions of it
 // give them to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
 #pragma once
-#include "tree.cl"
+#include "block.cl"
+
+// 1 where a scene has triangles with holes.
+#define CUT_OUTS ((TEXTURES & CUT_OUTS_BIT) != 0)
+
+typedef struct {
+    global const int *of;          // (T,) a triangle's record; -1: no holes
+    global const CutOut *records;  // (C,)
+    global const uchar *alpha;     // pictures of codes
+} CutOuts;
+
+inline int has_holes(const CutOuts *c, int triangle) { return CUT_OUTS && c->of[triangle] >= 0; }
 
 // Alpha at texture coordinates in turns, v up, bilinear and wrapping, in codes.
 inline float alpha_at(global const uchar *alphas, global const CutOut *image, float u, float v)

@@ -1,11 +1,11 @@
 // Packets of blocks: the unit of work that one worker takes at a time.
 //
 // A packet is a square of neighbouring elements (pixels, lens samples, data cameras) times a square
-// of blocks of the inner grid.  Blocks of one element come element after element, row by row; where
-// a block spans OUTER x OUTER elements, that is all that the packet has.  What leaves a packet does
-// so in cells of 16 x 16 inner rays of one element, element after element.
+// of blocks of the inner grid.  Blocks of one element are in the order of elements, row by row;
+// blocks that span OUTER x OUTER elements are of all elements of the packet.  Results leave the
+// packet in cells: 16 x 16 inner rays of one element, element after element.
 #pragma once
-#include "frustum.cl"
+#include "walk.cl"
 
 #define MOST_BLOCKS 16  // of a packet, and most of its cells
 
@@ -63,7 +63,7 @@ typedef struct {
     int group;                  // which of the groups of elements
     global const int *element;  // (group, group)
     int2 at;                    // first column and row of the inner grid
-    uint blocks;                // a bit for each block that has rays that are wanted
+    uint blocks;                // a bit for each block with rays that are wanted
 } Packet;
 
 // First column and row of a block in the inner grid.
@@ -118,8 +118,7 @@ inline Bundle block_bundle(const Packet *p, int block)
     return bundle_at(p->rays, centre, block_position(p, block), p->rays->half_extent);
 }
 
-// One element's part of the packet, as if it were one block, and where a block lies from its
-// centre.
+// One element's part of the packet as if it were one block, and a block's offset from its centre.
 inline Bundle element_bundle(const Packet *p, int block)
 {
     return bundle_at(p->rays, centre_ray_of(p, block), p->at, p->rays->element_half_extent);
@@ -156,8 +155,8 @@ inline Packet make_packet(const Rays *rays, int number)
     return p;
 }
 
-// A worker's way through the packets of a job.  Workers take strips from a counter, a strip is so
-// many packets one below the other.
+// A worker's way through the packets of a job.  Workers take strips from a counter; a strip is
+// `height` packets below each other.
 typedef struct {
     global int *next;    // (1,) of all workers
     int height, strips;  // packets in a strip, and strips in all
@@ -184,7 +183,7 @@ inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
     return 1;
 }
 
-// What holds every ray of the packet.
+// The frustum of all rays of the packet.
 inline Frustum packet_frustum(const Packet *p)
 {
     const Rays *r = p->rays;

@@ -5,7 +5,7 @@
 // has doubles, the edge functions are formed in them, and a difference of two products of floats is
 // then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
 #pragma once
-#include "cut_outs.cl"
+#include "lanes.cl"
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -23,8 +23,6 @@ typedef struct {
     int kx, ky, kz;            // axes, the last along the largest component of the direction
     float sx, sy, sz;          // shear onto that axis
 } Ray;
-
-typedef struct { float t; int id; float3 weights; } Hit;
 
 // A ray of any length; its parameter is 2^exponent times that of the direction as given.
 inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
@@ -46,7 +44,7 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 
 // Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
 // them.
-inline vi ray_meets(const Ray *r, global const Boxes *boxes, float t_far,
+inline vi ray_overlaps(const Ray *r, global const Boxes *boxes, float t_far,
                     private float *nearest)
 {
     vf near = 0.0f, far = t_far;
@@ -108,29 +106,4 @@ inline vf sheared_time(const Ray *r, const Sheared *s)
     vd sum = 0;
     for (int k = 0; k < 3; ++k) sum += s->e[k] * TO_VD(s->z.of[k]);
     return TO_VF(sum / s->sum) * r->sz;
-}
-
-// Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
-inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hit)
-{
-    global const int *ids = leaf_numbers(tree, leaf, lane);
-    Sheared s;
-    shear_leaf(r, leaf_corners(tree, leaf, lane), &s);
-    if (!row_any(s.mask)) return;
-    const vf t = sheared_time(r, &s);
-    s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
-    uint bits = row_bits(s.mask);
-    if (!bits) return;
-    private float times[LANES], first[LANES], second[LANES];
-    VSTORE(t, times);
-    VSTORE(TO_VF(s.e[0] / s.sum), first);
-    VSTORE(TO_VF(s.e[1] / s.sum), second);
-    for (; bits; bits &= bits - 1) {
-        const uint k = lowest(bits);
-        if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
-        if (!is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
-        hit->t = times[k];
-        hit->id = ids[k];
-        hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
-    }
 }

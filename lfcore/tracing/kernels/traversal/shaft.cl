@@ -2,7 +2,7 @@
 //
 // Source: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", 1991.
 #pragma once
-#include "tree.cl"
+#include "block.cl"
 
 // An axis-aligned box, and in each coordinate plane the two lines that touch the box of hit points
 // as seen from the light: na xa + nb xb <= limit within.  Pairs are (x, y), (y, z), (z, x), two
@@ -64,7 +64,7 @@ inline Shaft make_shaft(const float *light, int is_point, const Box *box)
 }
 
 // Mask of the LANES boxes that reach into the shaft.
-inline vi shaft_meets(const Shaft *shaft, global const Boxes *boxes)
+inline vi shaft_overlaps(const Shaft *shaft, global const Boxes *boxes)
 {
     vi miss = 0;
     for (int k = 0; k < 3; ++k)

@@ -1,18 +1,120 @@
-// The walk through the hierarchy, the same for packets, shafts and single rays.
+// The hierarchy, nodes of sixteen children and leaves of sixteen triangles, and the walk through
+// it, the same for packets, shafts and single rays.
 //
 // Children are stored by their nearest depth, and all camera rays look along +z, so that packets
 // walk front to back without sorting; single rays sort the children that they meet.
+//
+// Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
+// Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
+// with Coherent Ray Tracing", Eurographics 2001.
 #pragma once
-#include "frustum.cl"
+#include "cut_outs.cl"
 #include "ray.cl"
 #include "shaft.cl"
+
+typedef struct {
+    global const Boxes *boxes;   // (K,) of the wide nodes' children
+    global const int *children;  // (K, 16) a node, or -1 less a leaf
+    global const Leaf *leaves;   // (L,)
+    global const int *leaf_ids;  // (L, 16) triangles
+    CutOuts cut_outs;            // those of the triangles that have holes
+} Tree;
+
+// Of a kernel's parameters.
+#define MAKE_TREE                                                                             \
+    {.boxes = boxes, .children = children, .leaves = leaves, .leaf_ids = leaf_ids,            \
+     .cut_outs = {.of = cut_out_of, .records = cut_outs, .alpha = alpha}}
+
+// Records of 16 boxes or triangles from `lane` on: element 0 of each array is that lane.
+inline global const Boxes *boxes_from(global const Boxes *boxes, int lane)
+{
+    return (global const Boxes *)(boxes->low[0] + lane);
+}
+inline global const Leaf *leaf_corners(const Tree *tree, int leaf, int lane)
+{
+    return (global const Leaf *)(tree->leaves[leaf].corner[0][0] + lane);
+}
+inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
+{
+    return tree->leaf_ids + leaf * NODE_WIDTH + lane;
+}
+
+// Candidates: leaves with their boxes.
+#define LIST 64
+typedef struct {
+    Boxes boxes[LIST / NODE_WIDTH];
+    int leaf[LIST];
+} ListedLeaves;
+typedef struct {
+    global ListedLeaves *of;
+    int count;
+} LeafList;
+
+// A frustum is, along x and along y, the interval that a set of rays reaches at depth z,
+//     [o_lo + z d_lo - |h + z g| - |hu + z gu|, o_hi + z d_hi + |h + z g| + |hu + z gu|]
+// Its upper bound is convex in z and its lower bound concave, so looking at the two ends of a box's
+// depth range is enough, also across the point where the rays cross.
+
+// Along one axis: origins and directions of the centre rays, and half extents of the inner grid.
+typedef struct { float o_lo, o_hi, d_lo, d_hi, h, g; } Interval;
+typedef struct {
+    Interval x, y;
+    float hu, gu;  // half extents of the elements of a block, the same along both axes
+} Frustum;
+
+inline Interval widened(Interval a, float hu, float gu)
+{
+    const float o = FRUSTUM_SLACK * (max(fabs(a.o_lo), fabs(a.o_hi)) + fabs(a.h) + fabs(hu));
+    const float d = FRUSTUM_SLACK * (max(fabs(a.d_lo), fabs(a.d_hi)) + fabs(a.g) + fabs(gu));
+    a.o_lo -= o;
+    a.o_hi += o;
+    a.d_lo -= d;
+    a.d_hi += d;
+    return a;
+}
+
+// What holds all rays between two bundles of the same steps and half_extent.
+inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
+{
+    const float half_extent = lo->half_extent;
+    const float hu = OUTER_HALF * lo->a, gu = OUTER_HALF * lo->b;
+    const Interval x = {lo->ox, hi->ox, lo->dx, hi->dx, half_extent * lo->sx, half_extent * lo->tx};
+    const Interval y = {lo->oy, hi->oy, lo->dy, hi->dy, half_extent * lo->sy, half_extent * lo->ty};
+    return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
+}
+
+// Half of what an axis spans at depth z, of the half extents of an inner grid and of elements.
+inline vf half_span(vf z, float h, float g, float hu, float gu)
+{
+    const vf inner = fabs(fma(z, (vf)(g), (vf)(h)));
+    return OUTER > 1 ? inner + fabs(fma(z, (vf)(gu), (vf)(hu))) : inner;
+}
+
+// Mask of boxes that lie beside an interval at both ends of their depths.
+inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf z0, vf z1)
+{
+    const vf w0 = half_span(z0, a->h, a->g, f->hu, f->gu);
+    const vf w1 = half_span(z1, a->h, a->g, f->hu, f->gu);
+    const vf d_hi = a->d_hi, d_lo = a->d_lo;
+    return GT(lo, max(fma(z0, d_hi, a->o_hi + w0), fma(z1, d_hi, a->o_hi + w1))) |
+           LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
+}
+
+// Mask of LANES boxes that the rays may meet nearer than z_far.
+inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
+{
+    const vf z_lo = VLOAD(b->low[2]), z1 = VLOAD(b->high[2]), z0 = max(z_lo, (vf)(0.0f));
+    return ~(beside_interval(f, &f->x, VLOAD(b->low[0]), VLOAD(b->high[0]), z0, z1) |
+             beside_interval(f, &f->y, VLOAD(b->low[1]), VLOAD(b->high[1]), z0, z1) |
+             LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
+}
 
 // The volume that a walk is for: its kind, and a Frustum, a Shaft or a Ray.
 enum { FRUSTUM, SHAFT, RAY };
 typedef struct { int kind; const void *of; } Volume;
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins.
-// STACK holds what a tree of MOST_LEVELS leaves there at most: all but one of each node's children.
+// STACK suffices for a tree of MOST_LEVELS: all but one of each node's children wait there.
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
 typedef struct {
@@ -29,7 +131,7 @@ inline void start_walk(Stack *stack)
 }
 
 // Bits of the children of a node that the volume meets before `far`, and where each begins.
-inline uint meet_children(const Tree *tree, const Volume *volume, int node, float far,
+inline uint overlapping_children(const Tree *tree, const Volume *volume, int node, float far,
                           private float *near)
 {
     uint bits = 0;
@@ -37,10 +139,10 @@ inline uint meet_children(const Tree *tree, const Volume *volume, int node, floa
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vi meets;
         if (volume->kind == RAY) {
-            meets = ray_meets((const Ray *)volume->of, boxes, far, near + lane);
+            meets = ray_overlaps((const Ray *)volume->of, boxes, far, near + lane);
         } else {
-            if (volume->kind == SHAFT) meets = shaft_meets((const Shaft *)volume->of, boxes);
-            else meets = frustum_meets((const Frustum *)volume->of, boxes, far);
+            if (volume->kind == SHAFT) meets = shaft_overlaps((const Shaft *)volume->of, boxes);
+            else meets = frustum_overlaps((const Frustum *)volume->of, boxes, far);
             VSTORE(VLOAD(boxes->low[2]), near + lane);
         }
         bits |= row_bits(meets) << lane;
@@ -75,7 +177,7 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
         if (stack->near[stack->size] > far) continue;
         const int node = child == ROOT ? 0 : tree->children[child];
         if (node < 0) return child;
-        const uint bits = meet_children(tree, volume, node, far, near);
+        const uint bits = overlapping_children(tree, volume, node, far, near);
         push_children(volume, node, bits, near, stack);
     }
     return ROOT;
@@ -96,20 +198,5 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
             to->high[k][at % NODE_WIDTH] = from->high[k][0];
         }
         list->of->leaf[at] = -1 - tree->children[child];
-    }
-}
-
-// The first triangle that a ray meets, if that is nearer than hit->t.
-inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
-{
-    const Volume volume = {RAY, r};
-    Stack stack;
-    start_walk(&stack);
-    for (;;) {
-        const int child = next_leaf(tree, &volume, hit->t * RAY_SLACK, &stack);
-        if (child == ROOT) return;
-        const int leaf = -1 - tree->children[child];
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            hit_leaf(tree, r, leaf, lane, hit);
     }
 }

@@ -1,0 +1,67 @@
+// Camera rays followed one by one: those of blocks whose rays have little in common, and rays that
+// are no bundle.
+#pragma once
+#include "depth_buffer.cl"
+
+typedef struct { float t; int id; float3 weights; } Hit;
+
+// Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
+inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hit)
+{
+    global const int *ids = leaf_numbers(tree, leaf, lane);
+    Sheared s;
+    shear_leaf(r, leaf_corners(tree, leaf, lane), &s);
+    if (!row_any(s.mask)) return;
+    const vf t = sheared_time(r, &s);
+    s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
+    uint bits = row_bits(s.mask);
+    if (!bits) return;
+    private float times[LANES], first[LANES], second[LANES];
+    VSTORE(t, times);
+    VSTORE(TO_VF(s.e[0] / s.sum), first);
+    VSTORE(TO_VF(s.e[1] / s.sum), second);
+    for (; bits; bits &= bits - 1) {
+        const uint k = lowest(bits);
+        if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
+        if (!is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
+        hit->t = times[k];
+        hit->id = ids[k];
+        hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
+    }
+}
+
+// The first triangle that a ray meets, if that is nearer than hit->t.
+inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
+{
+    const Volume volume = {RAY, r};
+    Stack stack;
+    start_walk(&stack);
+    for (;;) {
+        const int child = next_leaf(tree, &volume, hit->t * RAY_SLACK, &stack);
+        if (child == ROOT) return;
+        const int leaf = -1 - tree->children[child];
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
+            hit_leaf(tree, r, leaf, lane, hit);
+    }
+}
+
+// Follow a block's rays one by one, where they have so little in common that to set up triangles
+// for the block would cost more.
+inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage *c)
+{
+    for (int at = 0; at < BLOCK_RAYS; ++at) {
+        const int i = at % BLOCK, j = at / BLOCK;
+        const float x = i - r->half_extent, y = j - r->half_extent;
+        Hit hit = {FAR, -1, (float3)(0.0f)};
+        int exponent = 0;
+        if (i < inside.x && j < inside.y) {
+            const float3 origin = (float3)(fma(x, r->sx, r->ox), fma(y, r->sy, r->oy), 0.0f);
+            const float3 along = (float3)(fma(x, r->tx, r->dx), fma(y, r->ty, r->dy), 1.0f);
+            const Ray ray = scaled_ray(origin, along, &exponent);
+            closest_hit(tree, &ray, &hit);
+        }
+        c->z[at] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
+        c->ids[at] = hit.id;
+    }
+    c->covering_triangle = BUFFERED;
+}

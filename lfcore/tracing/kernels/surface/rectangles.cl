@@ -1,0 +1,35 @@
+// What a region of a block of one element has within the rectangle around its rays.
+#pragma once
+#include "planes.cl"
+
+// Around the region's rays, in a block of that half_extent.
+inline Rectangle region_rectangle(global const Region *r, float half_extent)
+{
+    const float left = lowest((uint)r->columns), right = 31 - clz((uint)r->columns);
+    const float top = r->top, bottom = r->bottom;
+    return (Rectangle){0.5f * (left + right) - half_extent, 0.5f * (top + bottom) - half_extent,
+                       0.5f * (right - left), 0.5f * (bottom - top)};
+}
+
+// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
+// one sign: the quotient is linear-fractional, so they are in the corners.
+inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
+{
+    const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
+    return (float2)(least_of(q), most_of(q));
+}
+
+// A lower bound of an affine function at all rays in a rectangle.
+inline float least_over(Affine f, Rectangle at)
+{
+    const float x = at.x * f.of[X], y = at.y * f.of[Y], one = f.of[ONE];
+    const float error = SIDE_SLACK * (fabs(one) + fabs(x) + fabs(y));
+    const float spread = at.half_width * fabs(f.of[X]) + at.half_height * fabs(f.of[Y]);
+    return one + x + y - (error + BOUND_SLACK * spread);
+}
+
+// Whether all of them see the triangle from one side.
+inline int is_one_sided(Affine denominator, Rectangle at)
+{
+    return least_over(denominator, at) > 0.0f;
+}
