@@ -151,6 +151,8 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
                 resolver.trouble.append(f"image {number} cannot be decoded")
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
+    except SceneError:  # of a file beside it, which it names
+        raise
     except Exception as error:  # trimesh's readers raise whatever they stumble over
         _check_found(resolver.trouble, path)
         reason = " ".join(str(error).split()) or type(error).__name__

@@ -118,6 +118,14 @@ def test_a_damaged_mesh_is_one_line(tmp_path, change):
     assert "\n" not in str(caught.value)
 
 
+def test_a_buffer_that_is_not_there_is_named_itself(tmp_path):
+    path = written(tmp_path, draco(), "file")
+    (tmp_path / "m 1.bin").unlink()
+    with pytest.raises(SceneError) as error:
+        load_mesh(path)
+    assert error.value.file.name == "m 1.bin"
+
+
 def test_without_the_decoder_its_package_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, draco())
     monkeypatch.setitem(sys.modules, "DracoPy", None)

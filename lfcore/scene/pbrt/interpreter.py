@@ -94,7 +94,7 @@ class Interpreter:
             what = directive.parameters.owner
             if name == "Sampler":
                 self._sampler = directive.parameters
-                what += ": its kind, not its rays a pixel"
+                what += ": its kind, not its rays per pixel"
             self.notebook.add(NOT_USED, directive.place, what)
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
@@ -221,7 +221,7 @@ class Interpreter:
         if directive.strings[0] not in ("diffuse", "area"):
             parameters.approximated("as diffuse")
         # Read now, so that the note about points is there once, at its own line.
-        parameters.approximated(f"{self.light_points} point lights a shape and side")
+        parameters.approximated(f"{self.light_points} point lights per shape and side")
         for name in ("samples", "nsamples"):
             parameters.get(name)
         self.state.set(area_light=parameters)
