@@ -22,7 +22,7 @@ kernel void edges(global const float *in, global const Leaf *leaf, global float 
     const WideAffine wide = edge_functions(p, q, &r, 0, &error);
     Affine e = affine_of(&wide, 0);
     e.of[ONE] += FIRST(error);
-    const vf value = affine_row(e, (Row){in[11], in[12], in[13], in[14]});
+    const vf value = edge_row(e, (Row){in[11], in[12], in[13], in[14]});
     vstore2((float2)(FIRST(value), FIRST(error)), get_global_id(0), out);
 }
 
@@ -52,7 +52,7 @@ inline float edge_at(const Bundle *r, global const Leaf *leaf, int of_packet, fl
     const WideAffine wide = edge_functions(p, q, r, of_packet, error);
     Affine e = affine_of(&wide, 0);
     if (of_packet) e.of[ONE] += FIRST(*error);
-    const vf value = affine_row(e, (Row){at, at, 0, 0});
+    const vf value = edge_row(e, (Row){at, at, 0, 0});
     return FIRST(value);
 }
 
@@ -88,10 +88,10 @@ kernel void samples(global const float *in, global const Leaf *leaf, global floa
     r.b = in[9];
     const Corners v = shear_corners(&r, leaf + get_global_id(0));
     const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
-    Triple step;
-    for (int k = 0; k < 3; ++k) step.of[k] = fma(v.z.of[k], (vf)(r.tx), (vf)(r.sx));
+    Triple step, inverse;
+    find_steps(&x, &step, &inverse);
     vf lo, hi;
-    find_span(&x, step, 0, &lo, &hi);
+    find_span(&x, inverse, x.error * largest3(inverse), 0, &lo, &hi);
     vstore2((float2)(FIRST(lo), 0.0f), get_global_id(0), out);
 }
 
@@ -103,10 +103,10 @@ kernel void reaches(global const float *in, global const Leaf *leaf, global floa
     const Bundle all = rays_about(in, in[6], 31.5f), r = rays_about(in, in[7], 7.5f);
     const Corners v = shear_corners(&r, leaf);
     const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
-    Triple step;
-    for (int k = 0; k < 3; ++k) step.of[k] = fma(v.z.of[k], (vf)(r.tx), (vf)(r.sx));
+    Triple step, inverse;
+    find_steps(&x, &step, &inverse);
     vf lo, hi;
-    find_span(&x, step, 0, &lo, &hi);
+    find_span(&x, inverse, x.error * largest3(inverse), 0, &lo, &hi);
     const float at = leaf->corner[0][0][0], z = leaf->corner[0][2][0];
     const float2 ends = columns_at(all.ox, all.dx, all.sx, all.tx, 31.5f, at, z);
     vstore2((float2)(FIRST(lo), ends.x), get_global_id(0), out);
@@ -118,7 +118,7 @@ kernel void sides(global const float *in, global const Leaf *leaf, global float 
 {
     in += CANDIDATE * get_global_id(0);
     const Affine f = {{in[0], in[1], in[2]}};
-    const vf value = affine_row(f, (Row){in[7], in[8], 0, 0});
+    const vf value = edge_row(f, (Row){in[7], in[8], 0, 0});
     const float least = least_over(f, (Rectangle){in[3], in[4], in[5], in[6]});
     vstore2((float2)(FIRST(value), least), get_global_id(0), out);
 }
@@ -143,7 +143,7 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
     if (t.keep & 1) {
         float inside = FAR;
         for (int k = 0; k < FUNCTIONS; ++k) {
-            const vf e = affine_row(affine_of(t.functions + k, 0), row);
+            const vf e = edge_row(affine_of(t.functions + k, 0), row);
             if (k != NUMERATOR) inside = min(inside, FIRST(e));
         }
         const Scene scene = {.corners = in, .material_ids = (global const int *)in};
@@ -264,7 +264,7 @@ kernel void depths(global const float *in, global const Leaf *leaf, global float
     const Affine numerator = {{in[0], in[1], in[2]}}, denominator = {{in[3], in[4], in[5]}};
     const Row row = {in[6], in[7], 0, 0};
     const Rectangle grid = {0.0f, 0.0f, 7.5f, 7.5f};
-    const vf depth = affine_row(numerator, row) * reciprocal(affine_row(denominator, row));
+    const vf depth = edge_row(numerator, row) * reciprocal(edge_row(denominator, row));
     const float least = depth_range(numerator, denominator, grid).x;
     vstore2((float2)(FIRST(depth), least), get_global_id(0), out);
 }

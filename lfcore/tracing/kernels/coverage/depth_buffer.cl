@@ -39,8 +39,7 @@ inline void use_buffer(Coverage *c)
     if (c->covering_triangle == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, c->half_extent);
-        const vf over = affine_row(c->numerator, row), under = affine_row(c->denominator, row);
-        const vf depth = over * reciprocal(under);
+        const vf depth = plane_row(c->numerator, row) * reciprocal(plane_row(c->denominator, row));
         VSTORE((vi)(c->covering_triangle), c->ids + at);
         VSTORE(c->covering_triangle == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
     }
@@ -126,34 +125,61 @@ inline vi overlap(vf *e, int covers, int edge_on, vf *depth)
 // An affine function along the rows at LANES places y and v: base + x along + u across.
 typedef struct { vf base, along, across; } AffineRows;
 
-inline AffineRows along_rows(Affine f, vf y, vf v)
+inline AffineRows along_rows(Affine f, int twisted, vf y, vf v)
 {
     AffineRows r = {AT_OFFSETS(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
-    if (OUTER == 1) return r;
+    if (OUTER == 1 || !twisted) return r;
     r.along = fma(-v, (vf)(f.of[BILINEAR]), r.along);
     r.across = fma(y, (vf)(f.of[BILINEAR]), r.across);
     return r;
 }
 
-// The rows in which no edge excludes every ray, rounding allowed for.
-inline uint open_rows(const Affine *edges, uint wanted, float half_extent)
+// WideAffine of one triangle along each of the block's rows.
+typedef struct {
+    float base[FUNCTIONS][BLOCK];
+    float along[3][BLOCK], across[3][BLOCK];  // of the edges
+    float x[2], u[2];                         // of the others, the same along all rows
+} TriangleRows;
+
+// Returns the rows in which no edge excludes every ray, rounding allowed for.
+inline uint make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
 {
+    const uint wanted = t->rows[lane];
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
         // The places of rows along y are those of columns along x.
         const Row at = row_at(first, half_extent);
         vi meets = -1;
-        for (int k = 0; k < 3; ++k) {
-            const AffineRows r = along_rows(edges[k], at.x, at.u);
+        for (int k = 0; k < NUMERATOR; ++k) {
+            const AffineRows r = along_rows(affine_of(t->functions + k, lane), 1, at.x, at.u);
+            VSTORE(r.base, f->base[k] + first);
+            VSTORE(r.along, f->along[k] + first);
+            if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
             vf most = fabs(r.along) * half_extent;
             if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
             const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
             meets &= GE(r.base + most + slack, (vf)(0.0f));
         }
+        for (int k = NUMERATOR; k < FUNCTIONS; ++k) {
+            const Affine function = affine_of(t->functions + k, lane);
+            VSTORE(along_rows(function, 0, at.x, at.u).base, f->base[k] + first);
+            f->x[k - NUMERATOR] = function.of[X];
+            f->u[k - NUMERATOR] = function.of[U];
+        }
         rows |= row_bits(meets) << first;
     }
     return rows;
+}
+
+// What the triangle's affine functions are at a row of rays.
+inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
+{
+    for (int k = 0; k < FUNCTIONS; ++k) {
+        const float along = k < NUMERATOR ? f->along[k][row] : f->x[k - NUMERATOR];
+        const float across = k < NUMERATOR ? f->across[k][row] : f->u[k - NUMERATOR];
+        e[k] = AT_OFFSETS(at.x, at.u, f->base[k][row], along, across);
+    }
 }
 
 // A triangle that can touch no more than LANES rays: all of them at once, wherever in the block
@@ -174,7 +200,7 @@ inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int i
     const vf u = TO_VF(column / INNER) - OUTER_HALF, v = TO_VF(row / INNER) - OUTER_HALF;
     vf e[FUNCTIONS], depth;
     for (int k = 0; k < FUNCTIONS; ++k) {
-        const AffineRows r = along_rows(affine_of(t->functions + k, lane), y, v);
+        const AffineRows r = along_rows(affine_of(t->functions + k, lane), k < NUMERATOR, y, v);
         e[k] = AT_OFFSETS(x, u, r.base, r.along, r.across);
     }
     const vi mask = overlap(e, covers, edge_on, &depth);
@@ -201,17 +227,16 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     const int holes = has_holes(cut_outs, id);
     if (!holes && popcount(rows) * popcount(columns) <= LANES)
         return hit_few(t, lane, covers, edge_on, id, to);
-    Affine f[FUNCTIONS];
-    for (int k = 0; k < FUNCTIONS; ++k) f[k] = affine_of(t->functions + k, lane);
-    if (!edge_on) rows &= open_rows(f, rows, rays->half_extent);
+    TriangleRows f;
+    const uint open = make_rows(t, lane, rays->half_extent, &f);
+    if (!edge_on) rows &= open;
     int changed = 0;
     for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(columns >> column & ((1u << LANES) - 1u))) continue;
-            const Row at = row_at(row * BLOCK + column, rays->half_extent);
             vf e[FUNCTIONS], depth;
-            for (int k = 0; k < FUNCTIONS; ++k) e[k] = affine_row(f[k], at);
+            evaluate_rows(&f, row, row_at(column, rays->half_extent), e);
             vi mask = overlap(e, covers, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
@@ -219,6 +244,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             const vi old_id = VLOAD(ids);
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
+                const Row at = row_at(row * BLOCK + column, rays->half_extent);
                 const uint bits = row_bits(mask);
                 mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
             }

@@ -76,30 +76,37 @@ inline vi beside_rays(const Axis *a)
 // depth z neighbouring rays are s + z t apart, and neighbouring elements a + z b.  The map from a
 // triangle to the grid is projective: where s + z t keeps its sign over the triangle, the first and
 // last column belong to corners.
-inline void find_span(const Axis *a, Triple step, int element, vf *lo, vf *hi)
+inline void find_span(const Axis *a, Triple inverse, vf slack, int element, vf *lo, vf *hi)
 {
-    Triple inverse, sample;
+    Triple sample;
     for (int k = 0; k < 3; ++k) {
         const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
         vf at = a->at.of[k];
         if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
-        inverse.of[k] = reciprocal(step.of[k]);
         sample.of[k] = at * inverse.of[k];
     }
-    const vf slack = a->error * largest3(inverse);
     *lo = least3(sample) - slack + a->half_extent;
     *hi = most3(sample) + slack + a->half_extent;
+}
+
+inline void find_steps(const Axis *a, Triple *step, Triple *inverse)
+{
+    for (int k = 0; k < 3; ++k) {
+        step->of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
+        inverse->of[k] = reciprocal(step->of[k]);
+    }
 }
 
 // The block's 16 columns that triangles can reach, a bit each.
 inline vi samples_reached(const Axis *a)
 {
-    Triple step;
-    for (int k = 0; k < 3; ++k) step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
+    Triple step, inverse;
+    find_steps(a, &step, &inverse);
+    const vf slack = a->error * largest3(inverse);
     vi reached = 0;
     for (int element = 0; element < OUTER; ++element) {
         vf lo, hi;
-        find_span(a, step, element, &lo, &hi);
+        find_span(a, inverse, slack, element, &lo, &hi);
         const vi first = TO_VI(clamp(ceil(lo), (vf)(0.0f), (vf)(INNER)));
         const vi end = TO_VI(clamp(floor(hi) + 1.0f, (vf)(0.0f), (vf)(INNER)));
         reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
@@ -218,7 +225,6 @@ inline void depth_affines(const Corners *v, const Bundle *r, vi flip, WideAffine
         over->of[V] = -n.y * r->a;
         under->of[U] = n.x * r->b;
         under->of[V] = n.y * r->b;
-        over->of[BILINEAR] = under->of[BILINEAR] = 0.0f;
     }
 }
 

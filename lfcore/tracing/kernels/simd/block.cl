@@ -76,8 +76,7 @@ inline Vec direction_row(const Bundle *r, Row row)
 
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
 // Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.  In others it is 0.  Blocks of one element have no u and v: their U, V and BILINEAR
-// are never read.
+// direction.  Blocks of one element have no u and v: their U, V and BILINEAR are never read.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float of[AFFINE_TERMS]; } Affine;
@@ -85,11 +84,16 @@ typedef struct { float of[AFFINE_TERMS]; } Affine;
 // One function for each of LANES triangles.
 typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
 
-// Values of an affine function at a row of rays.
-inline vf affine_row(Affine f, Row at)
+// Values of an affine function without BILINEAR at a row of rays, and of any function.
+inline vf plane_row(Affine f, Row at)
 {
     const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    if (OUTER == 1) return fma(at.x, f.of[X], base);
+    return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
+}
+inline vf edge_row(Affine f, Row at)
+{
+    if (OUTER == 1) return plane_row(f, at);
+    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
     const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
     const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
     return AT_OFFSETS(at.x, at.u, base, along, across);

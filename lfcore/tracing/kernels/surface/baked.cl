@@ -77,9 +77,9 @@ inline void set_up_light(const Scene *s, const Bundle *r, global const Region *r
 // The light on a row of rays that see a triangle.
 inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
 {
-    const vf weights = affine_row(p->weights, at), inverse = reciprocal(weights);
+    const vf weights = plane_row(p->weights, at), inverse = reciprocal(weights);
     const int side = p->grid[2];
-    Vec c = {affine_row(p->light[0], at), affine_row(p->light[1], at), affine_row(p->light[2], at)};
+    Vec c = {edge_row(p->light[0], at), edge_row(p->light[1], at), edge_row(p->light[2], at)};
     c = scale3(c, inverse);
     if (!side) return c;
     const vf x = c.y * (float)side, y = c.z * (float)side;

@@ -105,7 +105,6 @@ inline void set_up_planes(const Scene *s, const Bundle *r, int triangle,
                          weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
-    if (OUTER > 1) out->weights.of[BILINEAR] = 0.0f;  // the three differences of depth cancel
 #if BAKED
     for (int k = 0; k < 3; ++k) out->light[k] = e[k];
 #endif

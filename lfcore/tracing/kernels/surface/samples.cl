@@ -57,8 +57,8 @@ typedef struct {
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 {
-    return (Vec){affine_row(slot_affine(p, first), at), affine_row(slot_affine(p, first + 1), at),
-                 affine_row(slot_affine(p, first + 2), at)};
+    return (Vec){edge_row(slot_affine(p, first), at), edge_row(slot_affine(p, first + 1), at),
+                 edge_row(slot_affine(p, first + 2), at)};
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
@@ -67,7 +67,7 @@ inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denominator,
                                 SampleRow *s)
 {
-    const vf weights = affine_row(p->weights, at);
+    const vf weights = plane_row(p->weights, at);
     s->tangent = turn_vectors(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
     s->across = flip_sign(p->tangent[TANGENT_WORDS - 1], sign_of(denominator));
 }
@@ -75,17 +75,17 @@ inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denom
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
     SampleRow s;
-    const vf denominator = affine_row(p->denominator, at);
-    s.depth = affine_row(p->numerator, at) * reciprocal(denominator);
+    const vf denominator = plane_row(p->denominator, at);
+    s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
     // Some rays of a block may see a flat triangle's other side.
     if (SMOOTH) s.normal = slots_row(p, NORMAL, at);
     else s.normal = turn_vectors(spread3(vload3(0, p->normal)), sign_of(denominator));
     if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
     if (!TEXTURED && !VERTEX_COLOURS) return s;
-    const vf inverse = reciprocal(affine_row(p->weights, at));
+    const vf inverse = reciprocal(plane_row(p->weights, at));
     if (TEXTURED) {
-        s.u = affine_row(slot_affine(p, COORDINATES), at) * inverse;
-        s.v = affine_row(slot_affine(p, COORDINATES + 1), at) * inverse;
+        s.u = edge_row(slot_affine(p, COORDINATES), at) * inverse;
+        s.v = edge_row(slot_affine(p, COORDINATES + 1), at) * inverse;
     }
     if (VERTEX_COLOURS)
         s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
