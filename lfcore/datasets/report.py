@@ -76,16 +76,17 @@ def _histograms(
     path: Path, description: Description, records: Sequence[Mapping[str, Any]]
 ) -> Path:  # fmt: skip
     made = [one for one in records if "refused" not in one]
+    blurs = np.sum([one["blurs"] for one in made if "blurs" in one], axis=0)
     figure = Figure((10, 3), layout="constrained")
-    axes = figure.subplots(1, 3)
+    axes = figure.subplots(1, 2 + np.ndim(blurs))
     depths = np.sum([one["depths"] for one in made], axis=0) if made else np.zeros(40)
     axes[0].stairs(depths / max(depths.sum(), 1), DEPTH_BINS, fill=True)
     axes[0].set(xscale="log", xlabel="depth, m", ylabel="share of pixels")
-    blurs = np.sum([one["blurs"] for one in made if "blurs" in one] or [np.zeros(40)], axis=0)
-    axes[1].stairs(blurs / max(blurs.sum(), 1), BLUR_BINS, fill=True)
-    axes[1].set(xlabel="blur radius, px", yscale="log" if blurs.any() else "linear")
-    axes[2].hist([one["expected_db"] for one in made], 20)
-    axes[2].axvline(description.quality_db, color="black", linewidth=1)
-    axes[2].set(xlabel="expected PSNR, dB", ylabel="items")
+    if np.ndim(blurs):  # light fields have none
+        axes[1].stairs(blurs / max(blurs.sum(), 1), BLUR_BINS, fill=True)
+        axes[1].set(xlabel="blur radius, px", yscale="log")
+    axes[-1].hist([one["expected_db"] for one in made], 20)
+    axes[-1].axvline(description.quality_db, color="black", linewidth=1)
+    axes[-1].set(xlabel="expected PSNR, dB", ylabel="items")
     save_figure(path, figure)
     return path

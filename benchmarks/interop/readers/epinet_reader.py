@@ -22,6 +22,6 @@ with tempfile.TemporaryDirectory() as place:
     tested = make_multiinput(f"hci_dataset/{scenes[0].name}", 512, 512, range(9))
     os.chdir("/")
 trained = generate_traindata512(views, disparity, np.arange(9))
-inputs = np.stack([one[0] for one in tested]), np.stack([one[0] / 255 for one in trained[:4]])
+inputs = np.stack([one[0] for one in tested]), np.stack([one[0] for one in trained[:4]])
 np.savez(out, views=views[0].transpose(2, 3, 0, 1, 4), disparity=disparity[0],
          apart=np.abs(inputs[0] - inputs[1]).max(), inputs=inputs[0].shape)  # fmt: skip

@@ -17,6 +17,7 @@ with tempfile.TemporaryDirectory() as place:
     subprocess.run([sys.executable, "-m", "lib2to3", "-w", "-n", str(copy)],
                    check=True, capture_output=True)  # fmt: skip
     text = copy.read_text().replace("idx / params", "idx // params")
+    text = text.replace("f.readline().rstrip()", "f.readline().decode().rstrip()")
     copy.write_text(text.replace("parser.readfp", "parser.read_file"))
     misc = types.ModuleType("scipy.misc")
     misc.imread = imageio.imread
