@@ -67,7 +67,7 @@ def pictures_by_depth(
     planes, size = list(planes), Size.of(pixels)
     if len(planes) == 1:
         return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
-    lens = replace(camera, f_number=min(plane.f_number for plane in planes))
+    lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
     room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, size))
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
@@ -80,6 +80,13 @@ def pictures_by_depth(
         if plane.normalise == "lens":  # the whole lens, not the part that is traced
             picture *= (camera.f_number / lens.f_number) ** 2
     return pictures
+
+
+def traced_camera(camera: Camera, planes: Sequence[SensorPlane]) -> Camera:
+    """The lens whose rays form ``planes``: as wide as the widest, focused where a single one is."""
+    if len(planes) == 1:
+        return focused_camera(camera, planes[0])
+    return replace(camera, f_number=min(plane.f_number for plane in planes))
 
 
 def _within(
@@ -100,7 +107,7 @@ def _focused(
     progress: Callable[[int, int], None] | None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
-    slab = Slab.of(focused_camera(camera, plane), lattice, size)
+    slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
     own = replace(plane, normalise="aperture", keep_magnification=False)
     picture = trace_by_depth(tracer, views, [own], size.longer, progress=progress, **widths)[0]

@@ -14,8 +14,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
-from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.by_depth import pictures_by_depth, traced_camera
 from lfcore.rendering.first_look import FirstLook
 from lfcore.tracing.tracer import Tracer
 
@@ -114,7 +113,7 @@ class QualitySearch:
     def look(self) -> FirstLook:
         """What one view shows of the pictures."""
         planes = list(self.planes)
-        camera = focused_camera(self.camera, planes[0]) if len(planes) == 1 else self.camera
+        camera = traced_camera(self.camera, planes)
         return FirstLook.at(self.tracer, camera, planes, self.pixels)
 
     def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:

@@ -12,6 +12,7 @@ from lfcore import Lattice, Quality, SensorPlane
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
 from lfcore.rendering.first_look import BORDER, SURE_DB, FirstLook
+from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import MOST_OF_VIEWS, OF_A_VIEW, QualitySearch, planes_between
 
 
@@ -98,6 +99,18 @@ def test_the_quality_that_was_asked_for_is_reached(scene):
     assert made.error.shape == (2, 32, 32)
     many = lfcore.render(scene, planes=planes, pixels=32, views=Lattice(16, 4))
     assert 38 < worst_db(made.pictures, many) < 46
+
+
+@pytest.mark.kernels
+def test_planes_of_a_stopped_down_lens_need_the_rays_of_that_lens(scene):
+    """Rays are traced through the widest aperture of the planes, not through the camera's."""
+    tracer, camera = open_tracer(scene), scene.camera
+    planes = [SensorPlane(camera.focus_m * by, 8 * camera.f_number) for by in (0.8, 1.2)]
+    stopped = replace(camera, f_number=8 * camera.f_number)
+    lattices = [
+        QualitySearch(tracer, lens, planes, 32, Quality(40)).lattice() for lens in (camera, stopped)
+    ]
+    assert lattices[0] == lattices[1]
 
 
 @pytest.mark.kernels

@@ -5,8 +5,15 @@ from functools import partial
 
 import numpy as np
 
+from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision.points import ON_THE_FLY, core_clock, point, timed_point
+from lfcore.evaluation.work_precision.points import (
+    ON_THE_FLY,
+    core_clock,
+    point,
+    refused_point,
+    timed_point,
+)
 from lfcore.opencl.device import programs_made
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.slab import Slab
@@ -57,11 +64,15 @@ def quality_rows(
     """As many rays as the wanted quality takes."""
     planes, pixels = reference.planes, reference.size
     for wanted in qualities_db:
-        quality = Quality(wanted)
-        job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, quality)
-        made, seconds = clocked_warm(job.pictures, programs_made, clock=core_clock(tracer.device))
+        job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, Quality(wanted))
+        context = {"panel": ON_THE_FLY, "method": TO_QUALITY, "setting": f"{wanted:g} dB"}
+        clock = core_clock(tracer.device)
+        try:
+            made, seconds = clocked_warm(job.pictures, programs_made, clock=clock)
+        except OpticsError as error:
+            yield refused_point(reference, error, **context)
+            continue
         yield point(
-            reference, made.pictures, panel=ON_THE_FLY, method=TO_QUALITY,
-            setting=f"{wanted:g} dB", rays=made.lattice.rays(pixels),
-            seconds=seconds, expected_db=float(made.expected_db.min()),
+            reference, made.pictures, rays=made.lattice.rays(pixels), seconds=seconds,
+            expected_db=float(made.expected_db.min()), **context,
         )  # fmt: skip

@@ -61,20 +61,24 @@ def timed_point(
 ) -> dict:
     """A row as :func:`point` makes it, with the seconds of ``work``, which makes the pictures.
 
-    A method that refuses the lens or the scene is a row without seconds, whose ``note`` says why.
-    Any other error passes through.
+    A method that refuses the lens or the scene is a :func:`refused_point`.  Any other error passes
+    through.
     """
     try:
         pictures, timing = measure_within(
             work, BUDGET_SECONDS, programs_made, repeats=REPEATS, clock=core_clock(device)
         )
     except (OpticsError, SceneError) as error:
-        stop = reference.planes[0].f_number
-        note = {"note": f"refused: {error.problem}"}
-        return dict.fromkeys(COLUMNS) | {"f_number": stop, "rays": rays} | context | note
+        return refused_point(reference, error, rays=rays, **context)
     low, high = timing.quartiles
     seconds = {"seconds": timing.median, "quartile_1_seconds": low, "quartile_3_seconds": high}
     return point(reference, pictures, rays=rays, **seconds, **context)
+
+
+def refused_point(reference: Reference, error: OpticsError | SceneError, **context: Any) -> dict:
+    """The row of a method that refuses the lens, the scene or a quality: ``note`` says why."""
+    note = {"f_number": reference.planes[0].f_number, "note": f"refused: {error.problem}"}
+    return dict.fromkeys(COLUMNS) | context | note
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
