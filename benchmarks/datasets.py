@@ -178,9 +178,10 @@ def cycles_row(count: int) -> dict:
         finally:
             peer.close()
         target = min(max(of.quality_db, worst[0]), worst[-1])
-        begun = time.process_time()
         small = of.model_copy(update={"pixels": CYCLES_PIXELS, "quality_db": target})
-        made, _ = items.formed(small, tracer, [plane.focus_m for plane in planes])
+        for _ in range(2):  # the first builds programs
+            begun = time.process_time()
+            made = items.formed(small, tracer, [plane.focus_m for plane in planes])[0]
         own = time.process_time() - begun
         reached = min(
             psnr(picture, true_picture(tracer, plane, CYCLES_PIXELS, TRUTH))
