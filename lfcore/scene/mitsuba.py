@@ -101,9 +101,9 @@ class Description:
             return None
         props = mitsuba.Properties()
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        if self._glows:
-            glow = {"type": "area", "radiance": self._glow(material)}
-            props["emitter"] = mitsuba.load_dict(glow)
+        glow = self._glow(material)
+        if glow is not None:
+            props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": glow})
         mesh = mitsuba.Mesh(
             f"material {material}",
             3 * len(which),
@@ -139,7 +139,10 @@ class Description:
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
 
-    def _glow(self, index: int) -> dict:
+    def _glow(self, index: int) -> dict | None:
+        """The radiance of a material that glows."""
+        if not self._glows:
+            return None
         emission = np.array(self._scene.materials[index].emission)
         return self._colour(index, np.array(self._scene.ambient), emission)
 

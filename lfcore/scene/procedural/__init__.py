@@ -12,7 +12,7 @@ from typing import Any
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.surface_mesh import SurfaceMesh
 
-BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "ecosys", "sphere")
+BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "cornell", "ecosys", "sphere")
 
 
 def build(

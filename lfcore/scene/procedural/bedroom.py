@@ -30,11 +30,14 @@ WINDOW = (-1.35, 0.75, 0.62, 2.30)
 SHEEPSKIN = chain(rotate("y", 12), translate(0.92, 0, -0.95))
 
 
-def build(seed: int, *, triangles: int = 207000) -> Parts:
-    """Exactly ``triangles`` of them; a sheepskin's fleece takes up what the rest leaves."""
+def build(seed: int, *, triangles: int = 207000, closed: bool = False) -> Parts:
+    """Exactly ``triangles`` of them; a sheepskin's fleece takes up what the rest leaves.
+
+    The room is open towards +z, unless ``closed``.
+    """
     rng = np.random.default_rng(seed)
     look = surfaces(seed)
-    parts = _room(seed, look) + _window(look, seed)
+    parts = _room(seed, look, closed) + _window(look, seed)
     parts += transform_all(furniture.bed(seed, look), translate(-0.42, 0, BACK + 0.06))
     parts += _beside_bed(look)
     shelf = furniture.bookshelf(rng, look, 0.98)
@@ -56,7 +59,7 @@ def build(seed: int, *, triangles: int = 207000) -> Parts:
     return merge(parts)
 
 
-def _room(seed: int, look: Look) -> Parts:
+def _room(seed: int, look: Look, closed: bool) -> Parts:
     boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
     floor = textured("floor", boards, 0.06, 40.0, tone=0.95)
     paint = textured("wall", textures.plaster(seed + 21, (206, 208, 192), contrast=5), tone=0.95)
@@ -70,6 +73,8 @@ def _room(seed: int, look: Look) -> Parts:
         rectangle((RIGHT, 0, BACK), (0, 0, deep), (0, tall, 0), paint, repeat=0.5),
         rectangle((LEFT, tall, BACK), (wide, 0, 0), (0, 0, deep), ceiling),
     ]
+    if closed:
+        parts.append(rectangle((RIGHT, 0, FRONT), (-wide, 0, 0), (0, tall, 0), paint, repeat=0.5))
     for start, end, low, high in (
         (BACK, z0, 0, tall), (z0, z1, 0, sill), (z0, z1, head, tall), (z1, FRONT, 0, tall)
     ):  # fmt: skip

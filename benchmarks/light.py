@@ -1,0 +1,246 @@
+"""Baked light against Mitsuba's path tracer: python -m benchmarks.light --out light.csv
+
+The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
+picture by it to Mitsuba's converged one.  *planes*: pictures through the open lens, the bake
+included, beside Mitsuba with its denoiser; dB of each to its own converged picture.  *price*:
+seconds of rays with baked light and sky over those of the same rays with ambient light, in turn.
+
+    python -m benchmarks.light --out light.csv --figure light.png --pictures light/
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import resource
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measured.rows import say
+from benchmarks.measured.scenes import SCENES
+from benchmarks.peers.cycles_lens import matt
+from benchmarks.peers.mitsuba_lens import Samples
+from benchmarks.peers.mitsuba_path import MitsubaPath
+from benchmarks.publish import Result, of_this_run
+from docs.examples.sky import sky
+from lfcore.api import load_scene
+from lfcore.evaluation.figures import contact_sheet, save_figure
+from lfcore.evaluation.true_picture import inner_psnr
+from lfcore.optics import bundles
+from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.pictures import write_picture
+from lfcore.rendering.bake import bake_light
+from lfcore.rendering.by_depth import pictures_by_depth
+from lfcore.rendering.depth import all_samples, spread_over
+from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.prepared import hierarchy_of, opened
+from lfcore.scene.baked import NO_SKY, BakedLight
+from lfcore.scene.model import Scene
+from lfcore.timing import measure_in_turn
+from lfcore.tracing.tracer import Tracer
+
+PATHS = {
+    "cornell": "cornell/scene.yaml",
+    "bike": "bike/sky.yaml",
+    "bedroom": "bedroom/window.yaml",
+}
+ERRORS = (0.16, 0.08, 0.04, 0.02, 0.01)
+PINHOLE, SHARP = 1e4, Lattice(2, 4)
+CONVERGED = 4096
+"""Samples per pixel of Mitsuba's converged pictures."""
+PEER = {
+    "Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture"),
+    "the same, with albedo and normals": Samples(64, "multijitter", "auxiliary"),
+}
+LATTICE, OWN_TRUTH = Lattice(4, 2), Lattice(8, 3)
+
+
+def scene_of(name: str, folder: Path) -> Scene:
+    """A matt scene; the bicycle under a panorama."""
+    path, light = SCENES / PATHS[name], None
+    if name == "bike":
+        write_picture(folder / "sky.exr", sky())
+        light = {"sky": {"file": str(folder / "sky.exr")}}
+    return replace(matt(load_scene(path, light=light)), name=name, clip=False)
+
+
+def baked(scene: Scene, error: float, threads: int) -> tuple[BakedLight, float, float]:
+    """The light of a scene, core seconds and MiB, in a process of its own."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(_bake, scene, error, threads).result()
+
+
+def _bake(scene: Scene, error: float, threads: int) -> tuple[BakedLight, float, float]:
+    from lfcore.opencl.device import open_device
+
+    assert scene.bake is not None
+    bvh, device = hierarchy_of(scene), open_device(threads=threads)
+    bake_light(_small(), hierarchy_of(_small()), device, replace(scene.bake, error=1.0))  # programs
+    before, begun = _peak_mib(), time.process_time()
+    light = bake_light(scene, bvh, device, replace(scene.bake, error=error))
+    return light, time.process_time() - begun, _peak_mib() - before
+
+
+def _small() -> Scene:
+    return load_scene(SCENES / PATHS["cornell"])
+
+
+def _peak_mib() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def bakes(
+    scene: Scene, peer: MitsubaPath, options: argparse.Namespace, kept: dict[str, np.ndarray]
+) -> tuple[list[dict], Scene]:
+    """A row per error, and the scene with the light of its own."""
+    camera = replace(scene.camera, f_number=PINHOLE)
+    halves = [
+        peer.picture(camera, options.pixels, Samples(options.converged), seed)[0]
+        for seed in (1, 2)
+    ]
+    truth = np.mean(halves, axis=0)
+    known = inner_psnr(*halves) + 6.0  # the mean's squared error is a quarter of the difference's
+    kept["Mitsuba, converged"] = truth
+    plane = SensorPlane(scene.camera.focus_m, PINHOLE)
+    rows, own = [], None
+    for error in options.errors:
+        light, seconds, mib = baked(scene, error, options.threads)
+        lit = replace(scene, light=light)
+        tracer = Tracer(lit, hierarchy_of(lit), opened(None))
+        picture = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)[0]
+        rows.append(_said({
+            "scene": scene.name, "part": "bake", "setting": f"error {error}",
+            "core s": f"{seconds:.1f}", "MiB": f"{mib:.0f}", "expected": f"{light.error:.3f}",
+            "points": len(light.values), "rays": light.rays,
+            "dB": f"{inner_psnr(picture, truth):.1f}", "truth dB": f"{known:.1f}",
+        }))  # fmt: skip
+        if error == 0.02 or own is None:
+            own = lit
+            kept["lfcore, baked"] = picture
+            kept["difference x 8"] = 0.5 + 4 * (picture - truth)
+    assert own is not None
+    return rows, own
+
+
+def planes(scene: Scene, peer: MitsubaPath, bake_s: float, options) -> Iterator[dict]:
+    """Through the open lens: pictures of five planes, each with its light's share."""
+    wanted = [SensorPlane(f, scene.camera.f_number) for f in scene.focus_distances_m]
+    cameras = [focused_camera(scene.camera, plane) for plane in wanted]
+    tracer = Tracer(scene, hierarchy_of(scene), opened(None))
+    common = {"scene": scene.name, "part": "planes"}
+    truths = [
+        pictures_by_depth(tracer, scene.camera, [p], options.pixels, OWN_TRUTH)[0] for p in wanted
+    ]
+    begun = time.process_time()
+    made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, LATTICE)
+    traced = (time.process_time() - begun) / len(wanted)
+    dB = [inner_psnr(*pair) for pair in zip(made, truths, strict=True)]
+    seconds = {"core s": f"{traced:.3f}", "with the bake": f"{traced + bake_s / len(wanted):.2f}"}
+    yield _said(common | {"setting": f"baked, {LATTICE}", "dB": f"{np.mean(dB):.1f}"} | seconds)
+    seeds = itertools.count(100)
+    converged = Samples(options.converged // 4)
+    theirs = [peer.picture(c, options.pixels, converged, next(seeds))[0] for c in cameras]
+    dB = [inner_psnr(*pair) for pair in zip(made, theirs, strict=True)]
+    yield _said(common | {"setting": f"baked, to Mitsuba's truth, {LATTICE}",
+                          "dB": f"{np.mean(dB):.1f}"} | seconds)  # fmt: skip
+    for name, samples in PEER.items():
+        peer.picture(cameras[0], options.pixels, samples, next(seeds))  # compiles
+        found = [peer.picture(c, options.pixels, samples, next(seeds)) for c in cameras]
+        dB = [inner_psnr(one, true) for (one, _), true in zip(found, theirs, strict=True)]
+        taken = np.mean([taken for _, taken in found])
+        yield _said(common | {"setting": name, "core s": f"{taken:.3f}",
+                              "dB": f"{np.mean(dB):.1f}"})  # fmt: skip
+
+
+def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
+    """The time of rays with baked light over that of those with ambient light."""
+    plain = replace(scene, light=None, sky=NO_SKY, bake=None, ambient=(0.3, 0.3, 0.3))
+    tracers = [
+        Tracer(one, hierarchy_of(scene), opened(None)) for one in (scene, plain)
+    ]
+    for views in (16, 64):
+        slab = Slab(scene.camera, views, options.pixels)
+        some = bundles.views(slab, all_samples(spread_over(slab)))
+        timings = measure_in_turn(
+            [lambda tracer=tracer: tracer.bundle_radiance(some) for tracer in tracers],
+            repeats=options.repeats, clock=time.process_time,
+        )  # fmt: skip
+        ours, without = (min(timing.seconds) for timing in timings)
+        yield _said({
+            "scene": scene.name, "part": "price", "setting": f"N = {views}",
+            "core s": f"{ours:.3f}", "price": f"{ours / without:.2f}",
+        })  # fmt: skip
+
+
+def _said(row: dict) -> dict:
+    say("  ".join(f"{key}: {value}" for key, value in row.items()))
+    return row
+
+
+def figure(table: pd.DataFrame, path: Path) -> None:
+    """dB of a pinhole's picture over core seconds of the bake, a line per scene."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(5.2, 3.6))
+    axis = drawn.subplots()
+    for name, rows in table[table.part == "bake"].groupby("scene", sort=False):
+        seconds, dB = rows["core s"].astype(float), rows["dB"].astype(float)
+        axis.plot(seconds, dB, "o-", label=name)
+        for x, y, setting in zip(seconds, dB, rows["setting"], strict=True):
+            axis.annotate(setting.removeprefix("error "), (x, y), (3, -9),
+                          textcoords="offset points", fontsize=7)  # fmt: skip
+    axis.axhline(40, color="0.6", lw=0.8, ls="--")
+    axis.set(xscale="log", xlabel="core seconds of the bake, for an error of",
+             ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
+    axis.legend()
+    save_figure(path, drawn)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser("benchmarks.light", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--figure", type=Path)
+    parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
+    parser.add_argument("--scenes", nargs="+", default=list(PATHS))
+    parser.add_argument("--parts", nargs="+", default=["planes", "price"], help="beside bakes")
+    parser.add_argument("--errors", nargs="+", type=float, default=ERRORS)
+    parser.add_argument("--pixels", type=int, default=128)
+    parser.add_argument("--converged", type=int, default=CONVERGED)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    rows: list[dict] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.scenes:
+            scene, kept = scene_of(name, Path(folder)), {}
+            assert scene.bake is not None
+            peer = MitsubaPath(scene, scene.bake.bounces, options.threads)
+            more, lit = bakes(scene, peer, options, kept)
+            rows += more
+            if "planes" in options.parts:
+                rows += planes(lit, peer, float(more[-1]["core s"]), options)
+            peer.close()
+            if "price" in options.parts:
+                rows += price(lit, options)
+            if options.pictures:
+                contact_sheet(options.pictures / f"{name}.png", list(kept.values()), list(kept),
+                              columns=3, panel_px=480)  # fmt: skip
+    table = pd.DataFrame(rows)
+    command = f"python -m benchmarks.light --pixels {options.pixels}"
+    Result(of_this_run(command), table).write(options.out)
+    if options.figure:
+        figure(table, options.figure)
+
+
+if __name__ == "__main__":
+    main()

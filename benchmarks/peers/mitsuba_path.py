@@ -1,0 +1,120 @@
+"""Mitsuba 3's `path` integrator: a matt scene's sky, suns, lamps and bounces, denoised if asked.
+
+The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel.  The sky is the
+whole panorama, whose suns are no lights of their own: their shadows are as soft as they are wide.
+Lamps shine on the side where corners run counter-clockwise.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from benchmarks.peers.method import check_installed
+from benchmarks.peers.mitsuba_lens import Samples
+from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
+from lfcore.optics.camera import Camera
+from lfcore.scene.mitsuba import Description, thin_lens
+from lfcore.scene.model import Scene
+from lfcore.scene.sky import radiance, suns
+
+SKY_HEIGHT = 512
+PASS_RAYS = 1 << 23
+_here: dict[str, Any] = {}
+
+
+class MitsubaPath:
+    """Pictures of a scene by Mitsuba, in a process of its own.
+
+    Raises :class:`SkippedError` for a missing package.
+    """
+
+    def __init__(self, scene: Scene, bounces: int, threads: int):
+        check_installed("mitsuba", "mitsuba_oidn")
+        llvm = os.environ.get(LLVM) or newest_llvm()
+        arguments = scene, bounces, threads, llvm
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
+
+    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
+        """((pixels, pixels, 3) float32 linear light, core seconds)."""
+        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+
+class _Lit(Description):
+    """A scene with its sky and what glows."""
+
+    def __init__(self, mitsuba, scene: Scene):
+        towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
+        lights = [light for light in scene.lights if light.vector not in towards]
+        super().__init__(mitsuba, replace(scene, lights=lights), leave_out_ambient=True)
+        self._glows = False
+
+    def _glow(self, index: int) -> dict | None:
+        emission = self._scene.materials[index].emission
+        return {"type": "rgb", "value": list(emission)} if any(emission) else None
+
+    def sky(self) -> dict:
+        """Mitsuba's panorama begins at -z and turns to +x."""
+        across, down = (np.arange(4 * n) + 0.5 for n in (2 * SKY_HEIGHT, SKY_HEIGHT))
+        turn, polar = np.meshgrid(across / len(across) * 2 * np.pi, down / len(down) * np.pi)
+        d = [np.sin(turn) * np.sin(polar), np.cos(polar), -np.cos(turn) * np.sin(polar)]
+        light = radiance(self._scene.sky, np.stack(d, -1).reshape(-1, 3))
+        light = light.reshape(SKY_HEIGHT, 4, 2 * SKY_HEIGHT, 4, 3).mean((1, 3))
+        return {"type": "envmap", "bitmap": self.mitsuba.Bitmap(light)}
+
+
+def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:
+    if llvm:
+        os.environ[LLVM] = llvm
+    import mitsuba
+
+    mitsuba.set_variant("llvm_ad_rgb")
+    import drjit
+
+    drjit.set_thread_count(threads)
+    describe = _Lit(mitsuba, scene)
+    integrator = {"type": "path", "max_depth": bounces + 2, "rr_depth": 64}
+    described = describe.all({}) | {"integrator": integrator}
+    del described["sensor"]
+    if len(scene.sky):
+        described["sky"] = describe.sky()
+    _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={
+        "": mitsuba.load_dict(integrator),
+        "auxiliary": mitsuba.load_dict(
+            {"type": "aov", "aovs": "albedo:albedo,normal:sh_normal", "path": integrator}
+        ),
+    })  # fmt: skip
+
+
+def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
+    mitsuba = _here["mitsuba"]
+    sensor = thin_lens(mitsuba, camera, pixels)
+    sensor["sampler"] = {"type": samples.sampler}
+    with_more = samples.denoise == "auxiliary"
+    integrator = _here["integrators"]["auxiliary" if with_more else ""]
+    sensor = mitsuba.load_dict(sensor)
+    begun = time.process_time()
+    passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
+    picture = np.mean([
+        np.array(mitsuba.render(
+            _here["scene"], sensor=sensor, integrator=integrator,
+            spp=samples.per_pixel // passes, seed=passes * seed + number,
+        ))
+        for number in range(passes)
+    ], axis=0)  # fmt: skip
+    if samples.denoise:
+        import mitsuba_oidn
+
+        parts = [np.ascontiguousarray(picture[..., k : k + 3], np.float32) for k in (0, 3, 6)]
+        more = {"albedo": parts[1], "normal": parts[2]} if with_more else {}
+        picture = mitsuba_oidn.denoise(parts[0], **more, hdr=True)
+    return np.asarray(picture[..., :3], np.float32), time.process_time() - begun

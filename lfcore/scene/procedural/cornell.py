@@ -1,0 +1,37 @@
+"""A Cornell box: two blocks in a white room with a red and a green wall, under a lamp.
+
+After C. Goral, K. Torrance, D. Greenberg and B. Battaile, "Modeling the Interaction of Light
+Between Diffuse Surfaces", SIGGRAPH 1984.
+"""
+
+from lfcore.scene.procedural.basics import Parts, painted
+from lfcore.scene.procedural.primitives import box, rectangle
+from lfcore.scene.surface_mesh import transform_all
+from lfcore.scene.transforms import chain, rotate, translate
+
+SIDE = 5.5
+
+
+def build(seed: int, *, lamp: float = 16.0) -> Parts:
+    """34 triangles in a cube of 5.5 m from x, y = 0 and z = -5.5, open towards +z.
+
+    ``lamp`` is the radiance of the lamp; ``seed`` changes nothing: the box has no random part.
+    """
+    white, red, green = (
+        painted(name, colour)
+        for name, colour in (("white", "#dcd8cf"), ("red", "#a81f1c"), ("green", "#2c7f31"))
+    )
+    glow = painted("lamp", "#c8c8c8", emission=(lamp, 0.75 * lamp, 0.42 * lamp))
+    s, wide = SIDE, 1.3
+    parts = [
+        rectangle((0, 0, 0), (s, 0, 0), (0, 0, -s), white),
+        rectangle((0, s, -s), (s, 0, 0), (0, 0, s), white),
+        rectangle((0, 0, -s), (s, 0, 0), (0, s, 0), white),
+        rectangle((0, 0, 0), (0, 0, -s), (0, s, 0), red),
+        rectangle((s, 0, -s), (0, 0, s), (0, s, 0), green),
+        rectangle(((s - wide) / 2, s - 0.02, -s / 2 - 0.5), (wide, 0, 0), (0, 0, 1.0), glow),
+    ]
+    for size, turn, x, z in (((1.65, 3.3, 1.65), 17, 1.85, -3.5), ((1.65,) * 3, -18, 3.7, -1.7)):
+        block = [box(size, white, centre=(0, size[1] / 2, 0))]
+        parts += transform_all(block, chain(rotate("y", turn), translate(x, 0, z)))
+    return parts
