@@ -105,8 +105,7 @@ def bakes(
     """A row per error, and the scene with the light of its own."""
     camera = replace(scene.camera, f_number=PINHOLE)
     halves = [
-        peer.picture(camera, options.pixels, Samples(options.converged), seed)[0]
-        for seed in (1, 2)
+        peer.picture(camera, options.pixels, Samples(options.converged), seed)[0] for seed in (1, 2)
     ]
     truth = np.mean(halves, axis=0)
     known = inner_psnr(*halves) + 6.0  # the mean's squared error is a quarter of the difference's
@@ -165,9 +164,7 @@ def planes(scene: Scene, peer: MitsubaPath, bake_s: float, options) -> Iterator[
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
     """The time of rays with baked light over that of those with ambient light."""
     plain = replace(scene, light=None, sky=NO_SKY, bake=None, ambient=(0.3, 0.3, 0.3))
-    tracers = [
-        Tracer(one, hierarchy_of(scene), opened(None)) for one in (scene, plain)
-    ]
+    tracers = [Tracer(one, hierarchy_of(scene), opened(None)) for one in (scene, plain)]
     for views in (16, 64):
         slab = Slab(scene.camera, views, options.pixels)
         some = bundles.views(slab, all_samples(spread_over(slab)))

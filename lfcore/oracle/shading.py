@@ -15,6 +15,7 @@ Source: J. F. Blinn, "Models of light reflection for computer synthesized pictur
 
 import numpy as np
 
+from lfcore.oracle import sky_gloss
 from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
 from lfcore.oracle.metal import bent_normals, glow, metals
@@ -62,8 +63,11 @@ def _shade_points(
     metal = metals(scene, triangle, weights, diffuse)
     is_metal = np.array([[m.metallic >= 0] for m in materials])
     colour = glow(scene, triangle, weights)
-    surrounded = np.where(is_metal, metal.surrounded(), diffuse)
-    colour += surroundings(scene, triangle, weights, view) * surrounded
+    around = surroundings(scene, triangle, weights, view)
+    of_metal = around * metal.surrounded()
+    if len(scene.sky):
+        of_metal = sky_gloss.reflected(scene, metal, around, bent, view)
+    colour += np.where(is_metal, of_metal, around * diffuse)
     for light in scene.lights:
         towards, strength = arriving(light, point)
         cosine = (bent * towards).sum(1)

@@ -14,6 +14,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.rendering.array import trace_array
+from lfcore.rendering.prepared import lit, opened
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import scene_at
 from lfcore.tracing.bvh import build_bvh
@@ -44,9 +45,11 @@ def expose(
 
     A scene at rest, and one whose shutter closes when it opens, is taken as it is, once for each
     of ``times``, with one hierarchy.  Else every instant has a hierarchy of its own.
-    ``progress`` is called with (instants done, instants).
+    Light is baked once, of the first poses.  ``progress`` is called with (instants done, instants).
     """
     instants, tracer = shutter_times(times, seed), None
+    device = opened(device)
+    scene = lit(scene, device)
     total: np.ndarray = np.zeros(())
     view = scene.view
     moves = scene.motions and not (view and view.shutter[0] == view.shutter[1])

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ from lfcore.scene.reading import read_bytes
 MOST_TEXELS = 2**26
 LARGEST_FILE = 1 << 30
 LARGEST_SIDE, GRADIENT_SIDE = 2048, 256
+Places = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 SUNS, WIDEST_SUN, SUN_CONTRAST = 8, 0.02, 50.0
 """At most so many suns, up to so many steradians, so many times as bright as the sky's mean."""
 
@@ -102,7 +105,11 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
     """The scene under a sky, as :func:`sky_of` takes it, and lit by its suns."""
-    sky = sky_of(description, to_camera, file=file, key="sky")
+    return under(scene, sky_of(description, to_camera, file=file, key="sky"))
+
+
+def under(scene: Scene, sky: np.ndarray) -> Scene:
+    """The scene with a sky and the light of its suns."""
     return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
 
 
@@ -126,32 +133,39 @@ def sky_of(description: dict, to_camera: np.ndarray, *, file: str | Path, key: s
         ]
         panorama, side = _gradient(*ends), GRADIENT_SIDE
     turned = math.radians(description.get("rotation_deg", 0.0))
-    return octahedral(panorama, to_camera[:3, :3], turned, side)
+    places = partial(panorama_places, turned=turned)
+    return octahedral(panorama, to_camera[:3, :3].T, places, side)
 
 
-def octahedral(panorama: np.ndarray, to_camera: np.ndarray, turned: float, side: int) -> np.ndarray:
-    """The map of a panorama (H, 2 H, 3), in whose middle is world -z, x to the right and y up.
+def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: int) -> np.ndarray:
+    """The map of a picture (H, W, 3) of all directions.
 
-    ``turned`` turns it about the world's y by so many radians, to the right.
+    ``to_world`` (3, 3) turns directions of the camera, and ``places`` says where on the picture
+    they are.
     """
     made = np.zeros((side, side, 3), np.float32)
-    rays = panorama.shape[1] // side + 2
+    rays = picture.shape[1] // side + 2
     within = (np.arange(rays) + 0.5) / rays
     for row in range(side):
         y = (row + within) / side * 2 - 1
         x = (np.arange(side)[:, None] + within).ravel() / side * 2 - 1
-        places = np.stack(np.broadcast_arrays(x, y[:, None]), -1)
-        world = octahedron(places) @ to_camera  # the transpose, of vectors in rows
-        made[row] = _looked_up(panorama, world, turned).reshape(rays, side, rays, 3).mean((0, 2))
+        world = octahedron(np.stack(np.broadcast_arrays(x, y[:, None]), -1)) @ to_world.T
+        world /= np.sqrt((world * world).sum(-1, keepdims=True))
+        made[row] = _looked_up(picture, *places(world)).reshape(rays, side, rays, 3).mean((0, 2))
     return made
 
 
-def _looked_up(panorama: np.ndarray, world: np.ndarray, turned: float) -> np.ndarray:
+def panorama_places(world: np.ndarray, turned: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows, shares of 1, of unit directions (..., 3) on a panorama (H, 2 H, 3), in
+    whose middle is -z, x to the right and y up; ``turned`` turns it by radians, to the right."""
+    u = 0.5 + (np.arctan2(world[..., 0], -world[..., 2]) - turned) / (2 * math.pi)
+    return u % 1.0, np.arccos(np.clip(world[..., 1], -1, 1)) / math.pi
+
+
+def _looked_up(panorama: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     import cv2  # loaded for skies alone
 
     height, width = panorama.shape[:2]
-    u = (0.5 + (np.arctan2(world[..., 0], -world[..., 2]) - turned) / (2 * math.pi)) % 1.0
-    v = np.arccos(np.clip(world[..., 1], -1, 1)) / math.pi
     x, y = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
     return cv2.remap(
         panorama,
@@ -160,6 +174,16 @@ def _looked_up(panorama: np.ndarray, world: np.ndarray, turned: float) -> np.nda
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_WRAP,
     )
+
+
+def added(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """The sum of two maps, as fine as the finer."""
+    coarse, fine = sorted((one, two), key=len)
+    if len(coarse) < len(fine):
+        axis = (np.arange(len(fine)) + 0.5) / len(fine) * 2 - 1
+        directions = octahedron(np.stack(np.meshgrid(axis, axis), -1))
+        coarse = radiance(coarse, directions.reshape(-1, 3)).reshape(fine.shape)
+    return coarse + fine
 
 
 def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:

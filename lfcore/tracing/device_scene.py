@@ -60,7 +60,7 @@ class DeviceScene:
         numbers = record(
             layouts.SCENE_ARGUMENTS, ambient=s.ambient, background=s.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,
-            sky_side=len(s.sky),
+            sky_side=len(scene.sky),
         )  # fmt: skip
         shared = [name for name in (layouts.TREE | layouts.SURFACES) if name in arrays]
         check_indices(arrays[name] for name in shared)

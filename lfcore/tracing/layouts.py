@@ -15,6 +15,7 @@ from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
 from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
 from lfcore.scene.needs import FLAT_NORMALS
+from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 
 FLOAT, INT, UINT = np.float32, np.int32, np.uint32
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
@@ -45,6 +46,9 @@ CONSTANTS: dict[str, int | float] = {
     "MAP_METAL": MAP_METAL,
     "MAP_EMISSION": MAP_EMISSION,
     "MAPS": MAPS,
+    "GLOSS_LEVELS": LEVELS,  # see lfcore/scene/sky_gloss.py
+    "GLOSS_SIDE": SIDE,
+    "GLOSS_SHARES": SHARES,
 }
 """The constants, by their names in kernels."""
 

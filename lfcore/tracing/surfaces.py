@@ -13,6 +13,7 @@ from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
+from lfcore.scene.sky_gloss import sky_gloss
 from lfcore.tracing.layouts import (
     CUT_OUTS,
     LEVEL,
@@ -97,10 +98,18 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         background=np.array(scene.background, np.float32),
         grids=np.ascontiguousarray(grids, np.int32),
         light=_padded(values),
-        sky=_padded(scene.sky),
+        sky=_padded(_with_gloss(scene.sky, needs)),
         shadow_lights=shadows,
         defines=defines,
     )
+
+
+def _with_gloss(sky: np.ndarray, needs: Needs) -> np.ndarray:
+    """A sky's colours (P, 3), and behind them what metals and gloss reflect."""
+    parts = [sky.reshape(-1, 3)]
+    if len(sky) and needs.physical:
+        parts.append(sky_gloss(sky))
+    return np.concatenate(parts)
 
 
 def _padded(colours: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Baked light: closed forms, bounces, skies, bad input."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import plain_scenes
@@ -11,7 +12,14 @@ import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
 from lfcore.optics import bundles
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.sky import octahedral, octahedron, radiance, solid_angles, suns
+from lfcore.scene.sky import (
+    octahedral,
+    octahedron,
+    panorama_places,
+    radiance,
+    solid_angles,
+    suns,
+)
 
 pytestmark = pytest.mark.kernels
 WHITE = np.ones((2, 2, 3), np.float32)
@@ -124,7 +132,8 @@ def test_a_panorama_is_where_the_page_says():
     to_camera = np.diag([1.0, -1.0, -1.0])  # x right, y down, z forward
     looks = np.float32([[1, 0, 0], [0, -1, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1]])
     for turned, red in ((0.0, 0), (np.pi / 2, 4), (-np.pi / 2, 2), (np.pi, 3)):
-        found = radiance(octahedral(picture, to_camera, turned, 64), looks)
+        places = partial(panorama_places, turned=turned)
+        found = radiance(octahedral(picture, to_camera, places, 64), looks)
         assert np.flatnonzero(found[:, 0] > 0.9).tolist() == [red]
         assert found[1, 1] == pytest.approx(1, abs=0.01)
 

@@ -1,5 +1,7 @@
 """Light that was baked, and skies, against float64."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracing_scenes import CAMERA, WALL, colours, scene, soup
@@ -7,7 +9,9 @@ from tracing_scenes import CAMERA, WALL, colours, scene, soup
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels
+from lfcore.scene.appearance import Material
 from lfcore.scene.baked import BakedLight
+from lfcore.scene.sky_gloss import LEVELS, SIDE, reflected_shares, sky_gloss
 
 pytestmark = pytest.mark.kernels
 
@@ -34,3 +38,29 @@ def test_colours_are_the_oracles(device, outer, wall):
     off = abs(found - expected).max(-1)
     # Slivers amplify the rounding of their weights.
     assert np.quantile(off, 0.99) < 2e-4 and off.mean() < 1e-3
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.6, 1.0])
+def test_gloss_is_the_oracles(device, metallic):
+    """Metals of every roughness under a sky, dimmed where baked light is below the open sky's."""
+    triangles = np.concatenate([soup(60, 3, 0.5), WALL[:2]])
+    world = lit(triangles, 4)
+    materials = [
+        Material(f"{k}", (0.9, 0.6, 0.3), metallic=metallic, roughness=k / 8) for k in range(9)
+    ]
+    ids = np.arange(len(triangles), dtype=np.int32) % 9
+    world = replace(world, materials=materials, material_ids=ids)
+    slab = Slab(CAMERA, 16, 8)
+    pixels = all_pixels(slab)
+    found, expected = colours(world, macropixels(slab, pixels), pixels, device)
+    off = abs(found - expected).max(-1)
+    assert np.quantile(off, 0.99) < 5e-4 and off.mean() < 1e-3
+
+
+def test_a_mirror_shows_the_sky_and_an_even_sky_is_kept():
+    """White metal under an even sky of 1 reflects about 1, the rougher the less."""
+    table = reflected_shares()
+    assert (table[..., 0] + table[..., 1] <= 1.001).all()
+    assert table[2, 16:, 0].min() > 0.95
+    even = sky_gloss(np.ones((16, 16, 3), np.float32))[: (LEVELS + 1) * SIDE**2]
+    assert abs(even - 1).max() < 1e-3

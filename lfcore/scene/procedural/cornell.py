@@ -9,19 +9,19 @@ from lfcore.scene.procedural.primitives import box, rectangle
 from lfcore.scene.surface_mesh import transform_all
 from lfcore.scene.transforms import chain, rotate, translate
 
-SIDE = 5.5
+SIDE, LAMP = 5.5, (16.0, 12.0, 6.7)
 
 
-def build(seed: int, *, lamp: float = 16.0) -> Parts:
-    """34 triangles in a cube of 5.5 m from x, y = 0 and z = -5.5, open towards +z.
+def build(seed: int) -> Parts:
+    """36 triangles in a cube of 5.5 m from x, y = 0 and z = -5.5, open towards +z.
 
-    ``lamp`` is the radiance of the lamp; ``seed`` changes nothing: the box has no random part.
+    ``seed`` changes nothing: the box has no random part.
     """
     white, red, green = (
         painted(name, colour)
         for name, colour in (("white", "#dcd8cf"), ("red", "#a81f1c"), ("green", "#2c7f31"))
     )
-    glow = painted("lamp", "#c8c8c8", emission=(lamp, 0.75 * lamp, 0.42 * lamp))
+    glow = painted("lamp", "#c8c8c8", emission=LAMP)
     s, wide = SIDE, 1.3
     parts = [
         rectangle((0, 0, 0), (s, 0, 0), (0, 0, -s), white),

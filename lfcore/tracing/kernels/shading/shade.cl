@@ -4,6 +4,9 @@
 #include "highlight.cl"
 #include "microfacet.cl"
 #include "texel_patch.cl"
+#if SKY
+#include "sky_gloss.cl"
+#endif
 
 // The direction of unit length to a light.  `attenuation` receives the share of the light that
 // distance, the cosine at the emitter and a spot's cone leave.
@@ -65,6 +68,9 @@ inline Vec unlit_light(const Scene *scene, const Surface *s)
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
     const Vec emission = PHYSICAL ? s->emission : spread3(s->material->emission);
     const int metallic = PHYSICAL && is_metallic(s->material);
+#if SKY
+    if (metallic) return plus3(reflect_sky(scene, s), emission);
+#endif
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
 }
 

@@ -107,27 +107,29 @@ inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
     return (Vec){VLOAD(light[0]), VLOAD(light[1]), VLOAD(light[2])};
 }
 
-// The sky that a row of rays sees, bilinearly.  Its map is an octahedron's, in which a direction d
-// of the camera's space, forward, is at d.xy over the sum of its components' sizes.
+// A map (side, side, 4) between texels.
+inline float4 map_between(global const float *map, int side, float x, float y)
+{
+    const int i = clamp((int)x, 0, side - 2), j = clamp((int)y, 0, side - 2);
+    const float f = x - i, g = y - j;
+    global const float *texel = map + 4 * (j * side + i), *below = texel + 4 * side;
+    const float4 top = vload4(0, texel) + f * (vload4(1, texel) - vload4(0, texel));
+    const float4 end = vload4(0, below) + f * (vload4(1, below) - vload4(0, below));
+    return top + g * (end - top);
+}
+
+// The sky that a row of rays sees.  Its map is an octahedron's, in which a direction d of the
+// camera's space, forward, is at d.xy over the sum of its components' sizes.
 inline Vec sky_row(const Scene *s, const Bundle *r, Row row)
 {
     const int side = s->numbers->sky_side;
     const Vec d = direction_row(r, row);
     const vf scale = 0.5f * side / (fabs(d.x) + fabs(d.y) + 1.0f), middle = 0.5f * side - 0.5f;
-    const vf x = fma(d.x, scale, middle), y = fma(d.y, scale, middle);
-    const vi i = clamp(TO_VI(x), (vi)(0), (vi)(side - 2));
-    const vi j = clamp(TO_VI(y), (vi)(0), (vi)(side - 2));
-    const vf f = x - TO_VF(i), g = y - TO_VF(j);
-    private int at[LANES];
-    private float across[LANES], down[LANES], light[3][LANES];
-    VSTORE(j * side + i, at);
-    VSTORE(f, across);
-    VSTORE(g, down);
+    private float x[LANES], y[LANES], light[3][LANES];
+    VSTORE(fma(d.x, scale, middle), x);
+    VSTORE(fma(d.y, scale, middle), y);
     for (int k = 0; k < LANES; ++k) {
-        global const float *texel = s->sky + 4 * at[k], *below = texel + 4 * side;
-        const float4 top = vload4(0, texel) + across[k] * (vload4(1, texel) - vload4(0, texel));
-        const float4 end = vload4(0, below) + across[k] * (vload4(1, below) - vload4(0, below));
-        const float4 c = top + down[k] * (end - top);
+        const float4 c = map_between(s->sky, side, x[k], y[k]);
         light[0][k] = c.x;
         light[1][k] = c.y;
         light[2][k] = c.z;

@@ -1,0 +1,63 @@
+// What surfaces of metal and roughness reflect of the sky: see lfcore/scene/sky_gloss.py.
+#pragma once
+#include "microfacet.cl"
+
+// A map of the sky's gloss in a direction.
+inline float4 gloss_between(global const float *gloss, int map, float3 d)
+{
+    d /= fabs(d.x) + fabs(d.y) + fabs(d.z);
+    const float2 folded = {copysign(1.0f - fabs(d.y), d.x), copysign(1.0f - fabs(d.x), d.y)};
+    const float2 at = ((d.z < 0.0f ? folded : d.xy) + 1.0f) * (0.5f * (GLOSS_SIDE - 1));
+    return map_between(gloss + 4 * map * GLOSS_SIDE * GLOSS_SIDE, GLOSS_SIDE, at.x, at.y);
+}
+
+// The light of the sky over the lobe about a mirrored direction, and of all of it on a surface.
+inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughness)
+{
+    const float level = roughness * (GLOSS_LEVELS - 1);
+    const int k = clamp((int)level, 0, GLOSS_LEVELS - 2);
+    const float4 sharp = gloss_between(gloss, k, mirrored);
+    return sharp + (level - k) * (gloss_between(gloss, k + 1, mirrored) - sharp);
+}
+
+// Baked light that a surface reflects, and the sky as far as it is not hidden.
+inline Vec reflect_sky(const Scene *scene, const Surface *s)
+{
+    global const float *gloss = scene->sky + 4 * scene->numbers->sky_side * scene->numbers->sky_side;
+    global const float *shares = gloss + 4 * (GLOSS_LEVELS + 1) * GLOSS_SIDE * GLOSS_SIDE;
+    const vf cosine = clamp(dot3(s->normal, s->to_viewer), (vf)(0.0f), (vf)(1.0f));
+    const Vec mirrored = fma3(2.0f * cosine, s->normal, scale3(s->to_viewer, (vf)(-1.0f)));
+    private float normal[3][LANES], out[3][LANES], seen[LANES], rough[LANES], lit[3][LANES];
+    private float sky[3][LANES], share[2][LANES];
+    VSTORE(s->normal.x, normal[0]);
+    VSTORE(s->normal.y, normal[1]);
+    VSTORE(s->normal.z, normal[2]);
+    VSTORE(mirrored.x, out[0]);
+    VSTORE(mirrored.y, out[1]);
+    VSTORE(mirrored.z, out[2]);
+    VSTORE(s->light.x, lit[0]);
+    VSTORE(s->light.y, lit[1]);
+    VSTORE(s->light.z, lit[2]);
+    VSTORE(cosine, seen);
+    VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
+    for (int k = 0; k < LANES; ++k) {
+        const float3 n = {normal[0][k], normal[1][k], normal[2][k]};
+        const float3 open = gloss_between(gloss, GLOSS_LEVELS, n).xyz;
+        const float3 light = {lit[0][k], lit[1][k], lit[2][k]};
+        const float3 c = lobe_of(gloss, (float3)(out[0][k], out[1][k], out[2][k]), rough[k]).xyz
+                         * clamp(light / max(open, 1e-20f), 0.0f, 1.0f);
+        const float4 ab = map_between(shares, GLOSS_SHARES, seen[k] * (GLOSS_SHARES - 1),
+                                      rough[k] * (GLOSS_SHARES - 1));
+        sky[0][k] = c.x;
+        sky[1][k] = c.y;
+        sky[2][k] = c.z;
+        share[0][k] = ab.x;
+        share[1][k] = ab.y;
+    }
+    const vf a = VLOAD(share[0]), b = VLOAD(share[1]), rest = 1.0f - s->metallic;
+    const Vec gloss_share = {fma(a, f0(s, s->albedo.x), b), fma(a, f0(s, s->albedo.y), b),
+                             fma(a, f0(s, s->albedo.z), b)};
+    const Vec diffuse = scale3(times3(s->albedo, minus3(spread3(1.0f), gloss_share)), rest);
+    const Vec reflected = {VLOAD(sky[0]), VLOAD(sky[1]), VLOAD(sky[2])};
+    return plus3(times3(diffuse, s->light), times3(gloss_share, reflected));
+}
