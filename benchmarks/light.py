@@ -18,6 +18,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -168,10 +169,8 @@ def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
     for views in (16, 64):
         slab = Slab(scene.camera, views, options.pixels)
         some = bundles.views(slab, all_samples(spread_over(slab)))
-        timings = measure_in_turn(
-            [lambda tracer=tracer: tracer.bundle_radiance(some) for tracer in tracers],
-            repeats=options.repeats, clock=time.process_time,
-        )  # fmt: skip
+        works = [partial(tracer.bundle_radiance, some) for tracer in tracers]
+        timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
         ours, without = (min(timing.seconds) for timing in timings)
         yield _said({
             "scene": scene.name, "part": "price", "setting": f"N = {views}",

@@ -1,4 +1,4 @@
-"""Write a panorama of a sky with sun and clouds, Radiance HDR: python docs/examples/sky.py sky.hdr"""
+"""Write a panorama of a sky with sun and clouds: python docs/examples/sky.py sky.hdr"""
 
 import sys
 
