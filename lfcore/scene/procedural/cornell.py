@@ -13,7 +13,7 @@ SIDE, LAMP = 5.5, (16.0, 12.0, 6.7)
 
 
 def build(seed: int) -> Parts:
-    """36 triangles in a cube of 5.5 m from x, y = 0 and z = -5.5, open towards +z.
+    """46 triangles in a cube of 5.5 m from x, y = 0 and z = -5.5, open towards +z.
 
     ``seed`` changes nothing: the box has no random part.
     """
@@ -22,14 +22,14 @@ def build(seed: int) -> Parts:
         for name, colour in (("white", "#dcd8cf"), ("red", "#a81f1c"), ("green", "#2c7f31"))
     )
     glow = painted("lamp", "#c8c8c8", emission=LAMP)
-    s, wide = SIDE, 1.3
+    s = SIDE
     parts = [
         rectangle((0, 0, 0), (s, 0, 0), (0, 0, -s), white),
         rectangle((0, s, -s), (s, 0, 0), (0, 0, s), white),
         rectangle((0, 0, -s), (s, 0, 0), (0, s, 0), white),
         rectangle((0, 0, 0), (0, 0, -s), (0, s, 0), red),
         rectangle((s, 0, -s), (0, 0, s), (0, s, 0), green),
-        rectangle(((s - wide) / 2, s - 0.02, -s / 2 - 0.5), (wide, 0, 0), (0, 0, 1.0), glow),
+        box((1.3, 0.02, 1.0), glow, centre=(s / 2, s - 0.01, -s / 2)),
     ]
     for size, turn, x, z in (((1.65, 3.3, 1.65), 17, 1.85, -3.5), ((1.65,) * 3, -18, 3.7, -1.7)):
         block = [box(size, white, centre=(0, size[1] / 2, 0))]
