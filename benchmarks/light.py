@@ -220,7 +220,8 @@ def main() -> None:
     rows: list[dict] = []
     with tempfile.TemporaryDirectory() as folder:
         for name in options.scenes:
-            scene, kept = scene_of(name, Path(folder)), {}
+            scene = scene_of(name, Path(folder))
+            kept: dict[str, np.ndarray] = {}
             assert scene.bake is not None
             peer = MitsubaPath(scene, scene.bake.bounces, options.threads)
             more, lit = bakes(scene, peer, options, kept)
