@@ -6,6 +6,7 @@ import io
 import json
 import re
 import shutil
+import signal
 import subprocess
 import threading
 import urllib.request
@@ -167,7 +168,15 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
         assert said in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_the_command_alone_hands_the_page_to_the_browser(field, monkeypatch, capsys):
+@pytest.fixture
+def interruptible():
+    """Ctrl+C ends this process, also where the tests were started in a shell's background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_the_command_alone_hands_the_page_to_the_browser(field, monkeypatch, capsys, interruptible):
     got = []
 
     def visit(address: str) -> None:
