@@ -176,16 +176,6 @@ def _looked_up(panorama: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray
     )
 
 
-def added(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """The sum of two maps, as fine as the finer."""
-    coarse, fine = sorted((one, two), key=len)
-    if len(coarse) < len(fine):
-        axis = (np.arange(len(fine)) + 0.5) / len(fine) * 2 - 1
-        directions = octahedron(np.stack(np.meshgrid(axis, axis), -1))
-        coarse = radiance(coarse, directions.reshape(-1, 3)).reshape(fine.shape)
-    return coarse + fine
-
-
 def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
     """Above the horizon linear in the sine of the elevation; below as at the horizon."""
     height = GRADIENT_SIDE

@@ -17,7 +17,6 @@ from lfcore.scene import reading
 from lfcore.scene.baked import ASKS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
-_INFINITE = re.compile(rb'^[^#\n]*LightSource\s*"infinite"', re.MULTILINE)
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
 _MATERIAL_FILE = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
 _TEXTURE_LINE = re.compile(
@@ -64,13 +63,8 @@ def files_of_scene(path: str | Path) -> list[Path]:
 
 def asks_for_light(path: str | Path) -> bool:
     """Whether light is to be baked for a scene; a file that cannot be read says so when parsed."""
-    scanner = _scanner_of(Path(path))
     try:
-        if scanner is _pbrt:
-            return any(_scanner_of(file) is _pbrt and _INFINITE.search(
-                reading.read_bytes(file, reading.LARGEST_TEXT)) for file in files_of_scene(path)
-            )  # fmt: skip
-        description = reading.read_yaml(path) if scanner is _description else None
+        description = reading.read_yaml(path) if _scanner_of(Path(path)) is _description else None
     except SceneError:
         return False
     return isinstance(description, dict) and any(key in description for key in ASKS)

@@ -18,7 +18,7 @@ LISTED = {
         'Shape "curve"', 'Shape "paraboloid"', 'LightSource "goniometric"',
     },
     "approximated": {
-        'LightSource "spot"', 'AreaLightSource "diffuse"',
+        'LightSource "infinite"', 'LightSource "spot"', 'AreaLightSource "diffuse"',
         'Shape "plymesh": "alpha"', 'Material "matte" named "floor"', 'Material "metal"',
         'Material "mirror"', 'Material "mix" named "blend"', 'Material "glass"',
         'Material "subsurface"',
@@ -66,7 +66,7 @@ def test_what_has_a_counterpart_is_there(scene):
     kinds = [light.kind for light in scene.lights]
     # A point, a spot and the twelve points of the area light; one distant light.
     assert (kinds.count(POINT), kinds.count(DIRECTIONAL)) == (14, 1)
-    np.testing.assert_allclose(scene.sky[0, 0], [0.3, 0.35, 0.4], rtol=1e-6)
+    np.testing.assert_allclose(scene.ambient, [0.3, 0.35, 0.4], rtol=1e-6)
     assert len(scene.textures) == 2
     (mixed,) = (k for k, name in enumerate(m.name for m in scene.materials) if "blend" in name)
     quads = scene.material_ids == mixed

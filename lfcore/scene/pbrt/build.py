@@ -7,7 +7,6 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.assemble import LARGEST_COORDINATE, assemble, sound
-from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
@@ -16,7 +15,6 @@ from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
-from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
 MOST_LIGHT_POINTS = 1024
@@ -67,19 +65,17 @@ def build_pbrt_scene(
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     rig, view = interpreter.rig, interpreter.view
     assert view is not None  # of the world block
-    scene = Scene(
+    return Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
         lights=rig.lights,
-        ambient=(0.0, 0.0, 0.0),
-        background=(0.0, 0.0, 0.0),
-        bake=BakeOptions() if len(rig.sky) else None,
+        ambient=tuple(rig.ambient.tolist()),
+        background=tuple(rig.background.tolist()),
         view=view,
         notes=notebook.notes(),
         motions=moves,
         **vars(geometry),
     )
-    return under(scene, rig.sky) if len(rig.sky) else scene
 
 
 def _parts(
