@@ -16,7 +16,7 @@ with job(snakemake.log[0], snakemake.threads):
         device_or_tracer = open_tracer(given, params.device, threads)
     else:
         device_or_tracer = open_device(params.device or None, threads=threads)
-    files = {key: file for key, file in given.items() if key not in ("scene", "bvh")}
+    files = {key: file for key, file in given.items() if key not in ("scene", "bvh", "light")}
     study, progress = STUDIES[params.study], log_progress(params.study)
     sheets, record = study(device_or_tracer, **files, **params.settings, progress=progress)
     for file, sheet in zip(snakemake.output.figures, sheets, strict=True):
