@@ -448,7 +448,7 @@ def test_includes_that_multiply_end(tmp_path, monkeypatch):
 
 
 def test_a_file_that_cannot_be(tmp_path):
-    nul = r"is no file: embedded null byte\. Check the path"
+    nul = r"is no file: .*null.*\. Check the path"
     for name, words in (("none.pbrt", r"none\.pbrt"), ("a\0.pbrt", nul)):
         with pytest.raises(SceneError, match=words):
             build_pbrt_scene(tmp_path / name)
