@@ -4,6 +4,10 @@ A ray stands for a cell: ``ds`` of the lens and a part of a pixel.  A surface th
 depth z moves on the plane focused at 1 / delta' by ``(delta' - 1/z) ds`` while the lens point
 crosses the cell.  So the ray's light is spread evenly over a box of that side about the place
 where it falls.  What lies behind adds to a pixel only what nearer light has left of it.
+
+Where pixels of the views are large in the picture, boxes are whole numbers of them wide, so that
+they overlap evenly: each ray has two, of the numbers below and above its side, with weights by
+which the mean is its side.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ def slice_by_depth(
     *,
     least_px: float,
     bounds_px: tuple[float, ...],
+    coarse_px: float = np.inf,
     edge_steps: int | None = None,
     brightest: float = 1.0,
 ) -> np.ndarray:
@@ -60,25 +65,37 @@ def slice_by_depth(
         room += cells.share[k] * np.outer(_covered(down, height), _covered(across, width))
         # How far a point seen moves on the plane, in pixels a metre of the lens.
         moves = (plane.delta - 1.0 / depth[k].astype(float)) * scale / pitch
-        boxes = []
-        for axis, place in enumerate((across[None, :-1], down[:-1, None])):
-            half = np.maximum(np.abs(moves) * cells.extent[k, axis], least_px) / 2
-            step = np.diff(across)[0] / 2  # from the edge of the slab's pixel to its middle
-            middle = place + step + (cells.middle[k, axis] - at[axis]) * moves
-            edges = [middle - half, middle + half]
-            if edge_steps:
-                edges = [np.rint(edge * edge_steps) / edge_steps for edge in edges]
-            boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), (width, height)[axis]))
-        layer = _layer(moves.ravel() * slab.lens_pitch_m, bounds_px)
+        layer = _layer(moves * slab.lens_pitch_m, bounds_px)
+        step = np.diff(across)[0]
+        sides = [np.maximum(np.abs(moves) * extent, least_px) for extent in cells.extent[k]]
         colour = np.ones((layer.size, 4))
         colour[:, :3] = np.minimum(light[k].reshape(-1, 3), brightest)
-        for number in range(layers):
-            rays = layer == number
-            total[number] += cells.share[k] * np.einsum(
-                "ry,rx,rc->yxc", boxes[1][rays], boxes[0][rays], colour[rays]
-            )
+        for grown, weight in _even(np.maximum(*sides) / step, step > coarse_px):
+            boxes = []
+            for axis, place in enumerate((across[None, :-1], down[:-1, None])):
+                half = grown * sides[axis] / 2
+                middle = place + step / 2 + (cells.middle[k, axis] - at[axis]) * moves
+                edges = [middle - half, middle + half]
+                if edge_steps:
+                    edges = [np.rint(edge * edge_steps) / edge_steps for edge in edges]
+                boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), (width, height)[axis]))
+            for number in range(layers):
+                rays = (layer == number).ravel()
+                total[number] += cells.share[k] * np.einsum(
+                    "r,ry,rx,rc->yxc",
+                    weight.ravel()[rays], boxes[1][rays], boxes[0][rays], colour[rays],
+                )  # fmt: skip
     room *= (slab.pixels / pixels / scale) ** 2
     return _composed(total, room)
+
+
+def _even(side: np.ndarray, coarse: bool) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Boxes of every ray: the side over that given, in pixels of the views, and the weight."""
+    if not coarse:
+        return [(np.ones(side.shape), np.ones(side.shape))]
+    whole = np.maximum(side, 1)
+    below = np.floor(whole)
+    return [(below / side, 1 - (whole - below)), ((below + 1) / side, whole - below)]
 
 
 def _places(

@@ -34,6 +34,8 @@ measured, docs/notebook/true-picture.md."""
 LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 """Least side of a box: of the distance between neighbouring rays of a view, and of all views
 together where they are in focus, whichever is less: measured there."""
+COARSE_PX = 1.25
+"""The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
 STRIPS_A_THREAD = 2
 MOST_RAYS_A_PIXEL = 1 << 20
 """Sums are 63 bits, a ray 2^40; light above white takes bits that rays leave, or its last ones."""
@@ -110,6 +112,8 @@ class DepthSlicer:
             "STOPS": stops,
             "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
             "STORED": 0,
+            "COARSE": int(any(self._step(plane) > COARSE_PX for plane in self.planes)),
+            "COARSE_PX": f"{COARSE_PX}f",
         }
         if codes is not None:
             code = "uchar" if codes.format.bits == 8 else "ushort"

@@ -9,7 +9,7 @@ from lfcore import Camera, OpticsError, SensorPlane, Slab, open_device
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.ray_cells import crossed_views, plain_views
 from lfcore.oracle.depth_slicing import slice_by_depth
-from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
+from lfcore.refocus.depth_slicing import BOUNDS_PX, COARSE_PX, DepthSlicer
 
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 
@@ -78,7 +78,7 @@ def test_equal_to_the_reference(pixels, size, seed, plane):
         least = 0.5 * pixels / size
         expected = slice_by_depth(
             views, plane, light, depth, pixels,
-            edge_steps=256, least_px=least, bounds_px=BOUNDS_PX,
+            edge_steps=256, least_px=least, bounds_px=BOUNDS_PX, coarse_px=COARSE_PX,
         )  # fmt: skip
         # An edge within float32's rounding of the middle between two steps may go either way.
         one_edge = 1 / (256 * least) / (9 * (size / pixels) ** 2)
@@ -105,6 +105,21 @@ def test_a_ramp_at_one_depth_is_exact(focus):
     inner = slice(6, -6)
     # A pixel's rays are not all alike in place: what its weights are off shows in the slope.
     assert np.abs(picture[..., 0] - expected)[inner, inner].max() < 2e-3
+
+
+@pytest.mark.parametrize("pixels", [64, 90])
+def test_a_blurred_edge_has_no_weave_in_a_larger_picture(pixels):
+    """A bright card far before the focus: the picture changes across its edge and not along."""
+    views = crossed_views(Slab(CAMERA, 4, 32))
+    card = (1.7, grey(lambda x, y: 0 * x + 1), lambda x, y: x < 0)
+    wall = (9.0, grey(lambda x, y: 0 * x), everywhere)
+    planes = [
+        SensorPlane(9.0, f_number, shape) for f_number, shape in ((1, "square"), (1.3, "circle"))
+    ]
+    for picture in sliced(views, planes, pixels, *seen(views, [card, wall]))[..., 0]:
+        rows = picture[pixels // 4 : -pixels // 4]
+        print(np.ptp(rows, axis=0).max())
+        assert np.ptp(rows, axis=0).max() < 0.01 and np.ptp(rows) > 0.9
 
 
 def test_what_lies_behind_does_not_shine_through():

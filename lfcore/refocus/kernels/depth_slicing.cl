@@ -193,19 +193,31 @@ inline void parts_along(int16 low, int16 high, int first, int count, int16 diffe
 }
 
 // The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
+//
+// COARSE: pixels of views are larger than those of the picture.  Boxes that are not a whole number of them wide overlap
+// more at some places than at others, and where few views see a surface, that shows as a weave.  So a ray has two boxes,
+// of the whole numbers below and above its side: by `part` the one or the other.
 inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, float16 moves, float16 x, float16 y,
-                       float least, constant const float *bounds, Boxes *b)
+                       float least, constant const float *bounds, int part, Boxes *b)
 {
-    const float16 half_x = 0.5f * max(fabs(moves) * cell->side_x, least);
-    const float16 half_y = 0.5f * max(fabs(moves) * cell->side_y, least);
+    float16 half_x = 0.5f * max(fabs(moves) * cell->side_x, least);
+    float16 half_y = 0.5f * max(fabs(moves) * cell->side_y, least), share = cell->share;
+#if COARSE
+    const float16 side = 2.0f * max(half_x, half_y) / p->step, whole = max(side, 1.0f), below = floor(whole);
+    const int even = p->step > COARSE_PX;
+    const float16 grown = even ? (below + (float)part) / side : (float16)(1.0f);
+    share *= even ? fabs((float)(1 - part) - (whole - below)) : (float16)(1 - part);
+    half_x *= grown;
+    half_y *= grown;
+#endif
     const int16 left = to_steps(s, x - half_x), top = to_steps(s, y - half_y);
     const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, y + half_y);
     const int16 wide = right - left, tall = bottom - top;
-    const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, across = s->width * STEPS;
-    const int16 falls = bottom > first & top < end & right > 0 & left < across & wide > 0 & tall > 0;
+    const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, edge = s->width * STEPS;
+    const int16 falls = bottom > first & top < end & right > 0 & left < edge & wide > 0 & tall > 0 & share > 0.0f;
     const int16 layer = layer_of(moves * p->pitch, bounds), outermost = layer == 0 | layer == LAYERS - 1;
     const int16 few = ((right - 1) >> 8) - (left >> 8) > 1 | ((bottom - 1) >> 8) - (top >> 8) > 1 | left < 0 |
-                      top < first | left >= across | top >= end;
+                      top < first | left >= edge | top >= end;
     vstore16(falls & select(select((int16)(FOUR), (int16)(FEW), few), (int16)(EDGES), outermost), 0, b->kind);
     vstore16(layer, 0, b->layer);
     vstore16(left, 0, b->box[0]);
@@ -221,7 +233,7 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
         vstore16(down[k / 2] * along[k % 2], 0, b->part[k]);
         vstore16((k < 2 ? down[k] : along[k - 2]) * STEPS, 0, b->part[4 + k]);
     }
-    return select((float16)(0.0f), cell->share * ONE / (convert_float16(wide) * convert_float16(tall)), falls);
+    return select((float16)(0.0f), share * ONE / (convert_float16(wide) * convert_float16(tall)), falls);
 }
 
 // Depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
@@ -295,16 +307,18 @@ inline void add_row(const Strip *s,
         read_rays(light + start * pixel, channel, pixel, depth + start, table, rays, &z, found);
         const float16 moves = (p.delta - 1.0f / z) * p.scale;
         const float16 x = fma(along + (float)start, p.step, cell.x) + cell.off_x * moves;
-        const float16 weight = find_boxes(s, &p, &cell, moves, x, y + cell.off_y * moves, least, bounds, &b);
-        float16 colour[4] = {weight, weight, weight, weight}, most = STOPS ? 0.0f : weight;
-        for (int c = 0; c < 3; ++c) {
-            colour[c] = clamp(found[c], 0.0f, BRIGHTEST) * LIGHT * weight;
-            if (STOPS) most = max(most, max(weight, colour[c]));
+        for (int part = 0; part <= COARSE; ++part) {
+            const float16 weight = find_boxes(s, &p, &cell, moves, x, y + cell.off_y * moves, least, bounds, part, &b);
+            float16 colour[4] = {weight, weight, weight, weight}, most = STOPS ? 0.0f : weight;
+            for (int c = 0; c < 3; ++c) {
+                colour[c] = clamp(found[c], 0.0f, BRIGHTEST) * LIGHT * weight;
+                if (STOPS) most = max(most, max(weight, colour[c]));
+            }
+            store_colours(colour, b.colour);
+            for (int k = rays; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
+            if (any(most >= 0x1p31f)) add_boxes(s, size, &b, 1);
+            else add_boxes(s, size, &b, 0);
         }
-        store_colours(colour, b.colour);
-        for (int k = rays; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
-        if (any(most >= 0x1p31f)) add_boxes(s, size, &b, 1);
-        else add_boxes(s, size, &b, 0);
     }
 }
 
