@@ -448,7 +448,7 @@ class LightField(FieldPlanes):
         *,
         grid: int | None = None,
         pixels: int | None = None,
-        format: str = "jpeg",
+        format: str | None = None,
         jpeg_quality: int | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
@@ -460,10 +460,10 @@ class LightField(FieldPlanes):
         grid, pixels : int, optional
             Views per side, and pixels of a picture's longer side.
         format : str
-            ``jpeg``, ``avif`` or ``webp``.
+            ``jpeg``, ``avif`` or ``webp``.  Default: ``webp`` of a file with depth, else ``jpeg``.
         jpeg_quality : int
-            The quality of the pictures' encoder, 1 to 100.  Default: 80 of a file with depth,
-            else 90.
+            The quality of the pictures' encoder, 1 to 100.  Default: 90, and of a file with
+            depth by the views' error.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional

@@ -53,11 +53,11 @@ def options(command: argparse.ArgumentParser) -> None:
     add(page, pixels="pixels of a picture's longer side (at most 512)")
     page.add_argument(
         "--format", choices=("jpeg", "avif", "webp"),
-        help="of its views: jpeg (default), avif, which is smaller, or webp, which blurs colours",
+        help="of its views: webp (default with depth), which blurs colours, jpeg (else) or avif",
     )  # fmt: skip
     page.add_argument(
         "--jpeg-quality", type=values.count(1, 100), metavar="Q",
-        help="of its views (80 with depth, else 90)",
+        help="of its views (with depth by their error, else 90)",
     )  # fmt: skip
     page.add_argument(
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",

@@ -69,6 +69,20 @@ class Atlas:
     across: int
     down: int
 
+    def decoded(self, shape: tuple[int, ...]) -> np.ndarray:
+        """The pictures of ``shape`` (K, height, width, 3), uint8."""
+        from PIL import Image
+
+        count, height, width, _ = shape
+        cells = [
+            np.asarray(Image.open(io.BytesIO(page)).convert("RGB"))
+            .reshape(self.down, height, self.across, width, 3)
+            .swapaxes(1, 2)
+            .reshape(-1, height, width, 3)
+            for page in self.pages
+        ]
+        return np.concatenate(cells)[:count]
+
 
 def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None = None) -> Choice:
     """The views that a page shows.
@@ -142,24 +156,17 @@ def read(
     return out
 
 
-def read_disparities(field: LightFieldFile, choice: Choice) -> tuple[np.ndarray, float, float]:
-    """(K, height, width) uint8 codes of the chosen views' depth, and disparities of 0 and 255.
-
-    Disparities are in pixels of the file from one view to the next.
-    """
-    slab, codes = field.require_slab(), field.require_depth().codes
+def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
+    """(K, height, width) disparities of the chosen views, in their pixels from view to view."""
+    slab = field.require_slab()
     i, j = choice.samples.T
     inverse = 1 / read_depths(field, i + slab.views * j)
     v, u = (
         ((np.arange(side) + 0.5) * rays / side).astype(int)
         for side, rays in ((choice.height, slab.size.height), (choice.width, slab.size.width))
     )
-    share = (inverse[:, v[:, None], u] - codes.far) / (codes.near - codes.far)
-    low, high = (
-        (end - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
-        for end in (codes.far, codes.near)
-    )
-    return np.rint(255 * share.clip(0, 1)).astype(np.uint8), low, high
+    step = slab.pixel_pitch / slab.lens_pitch_m
+    return (inverse[:, v[:, None], u] - slab.camera.delta) * (choice.scale / step)
 
 
 def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:

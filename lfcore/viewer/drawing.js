@@ -111,8 +111,8 @@ class CannotDraw extends Error {}
 
 class Drawing {
   /**
-   * @param {HTMLCanvasElement} canvas @param {Field} field @param {HTMLImageElement[]} pages
-   * @param {HTMLImageElement[]} depths @param {Uint8Array | null} map
+   * @param {HTMLCanvasElement} canvas @param {Field} field @param {Page[]} pages @param {Page[]} depths
+   * @param {Uint8Array | null} map
    */
   constructor(canvas, field, pages, depths, map) {
     const gl = canvas.getContext("webgl2", {alpha: false, antialias: false, preserveDrawingBuffer: true});
@@ -171,7 +171,7 @@ class Drawing {
     return texture;
   }
 
-  /** @param {HTMLImageElement[]} pages @param {number} unit @param {number} held @param {number} format */
+  /** @param {Page[]} pages @param {number} unit @param {number} held @param {number} format */
   upload(pages, unit, held, format) {
     const gl = this.gl, target = gl.TEXTURE_2D_ARRAY;
     this.texture(unit, target, gl.LINEAR);

@@ -16,17 +16,29 @@
  * @property {number} peak  Linear light of the brightest code of PQ; 0 of sRGB.
  * @property {[number, number]} range  Range of the slider of disparities.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
- * @property {{data: string, width: number, height: number, low: number, high: number} | null} map
- * @property {{pages: string[], across: number, down: number}} atlas
+ * @property {{page: string, width: number, height: number, low: number, high: number} | null} map
+ * @property {Atlas} atlas
  */
 
 /**
- * @typedef {object} Depth
- * @property {string[]} pages  As of the atlas.
+ * Views side by side in pictures, row by row.
+ * @typedef {object} Atlas
+ * @property {string[]} pages
+ * @property {number} across
+ * @property {number} down
+ */
+
+/**
+ * @typedef {object} Depth  Of each ray; lengths are in pixels of the atlas.
+ * @property {string[]} pages  Codes, as differences between neighbours, in the atlas's cells.
+ * @property {({views: [number, number][]} & Atlas)[]} levels  Views with their neighbours, and their differences.
+ * @property {number} gain  Of differences between colours; 1 wraps around.
  * @property {number} low  Disparity of code 0.
- * @property {number} high  Disparity of code 255.
+ * @property {number} step  From code to code.
+ * @property {number} codes  How many there are.
+ * @property {[number, number]} ends  The farthest and the nearest disparity of the file's own codes.
  * @property {[number, number]} size  Width and height of a picture, pixels.
- * @property {[number, number][]} displaced  Of each view's pixels, in pixels of the atlas.
+ * @property {[number, number][]} displaced  Of each view's pixels.
  */
 
 /**

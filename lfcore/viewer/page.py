@@ -6,8 +6,10 @@ import base64
 import html
 import http.server
 import json
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +23,18 @@ from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_disparities
 from lfcore.viewer.disparity import estimate
+from lfcore.viewer.neighbours import CODES, STEP_PX, Neighbours
 
 HERE = Path(__file__).parent
-SCRIPTS = ("optics.js", "drawing.js", "splatting.js", "viewer.js")
+SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "viewer.js")
 MOST_PARALLAX = 0.08
 """The parallax over the whole lens, of the picture's width, where depths are not known."""
 MAP_SIDE = 128
 """The most pixels per side of a map of stored depth: a click is no finer."""
+QUALITIES = (60, 75, 85, 92, 97)
+MOST_ERROR = 255**2 / 10**3.9
+"""The mean square error of codes of the views in pictures' pixels: 39 dB.  A picture is a mean of
+at least four views."""
 MARGIN = 0.1
 """The margin on either side of the seen range of disparities, of that range."""
 ESTIMATED = (
@@ -87,7 +94,7 @@ def viewer_page(
     *,
     grid: int | None = None,
     pixels: int | None = None,
-    format: str = "jpeg",
+    format: str | None = None,
     jpeg_quality: int | None = None,
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -102,10 +109,11 @@ def viewer_page(
     pixels : int, optional
         The pixels of a picture's longer side; by default as recorded, at most 512.
     format : {"jpeg", "avif", "webp"}
-        The format of the views; see :func:`lfcore.viewer.atlas.encode`.
+        The format of the views; see :func:`lfcore.viewer.atlas.encode`.  By default ``webp`` of a
+        file with depth, whose pictures are means of many rays, else ``jpeg``.
     jpeg_quality : int
-        The quality of their encoder, 1 to 100; by default 80 of a file with depth, whose pictures
-        are means of more rays, else 90.
+        The quality of their encoder, 1 to 100; by default 90, and of a file with depth the
+        least that gives views to 39 dB.
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
@@ -131,22 +139,31 @@ def viewer_page(
     stored = _stored(field, slab)
     found = _estimated(slab, choice, pictures, seen) if stored is None else stored
     disparities = None if found is None else _map(found, seen)
-    if jpeg_quality is None:
-        jpeg_quality = 80 if field.metadata.depth else 90
-    data = _describe(field, slab, choice, encode(pictures, format, jpeg_quality))
-    data |= {"range": _widened(seen), "map": disparities, "depth": _depth(field, slab, choice)}
+    data = _describe(field, slab, choice) | {"range": _widened(seen), "map": disparities}
+    if field.metadata.depth:
+        data |= _by_depth(field, slab, choice, pictures, format or "webp", jpeg_quality)
+    else:
+        data |= {
+            "depth": None,
+            "atlas": _coded(encode(pictures, format or "jpeg", jpeg_quality or 90)),
+        }
     parts = {
         "title": html.escape(data["name"]),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
         "status": NO_MAP if disparities is None else ESTIMATED if stored is None else STORED,
         # "<" would end the script element.
         "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        "script": "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS),
+        "script": _base64(zlib.compress(_program().encode(), 9)),
     }
     template = (HERE / "page.html").read_text(encoding="utf-8")
     pieces = template.split("@")  # text and names by turns: the page itself has no other "@"
     pieces[1::2] = [parts[name] for name in pieces[1::2]]
     return ViewerPage("".join(pieces))
+
+
+def _program() -> str:
+    texts = ((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    return "\n".join(('"use strict";', *texts))
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +173,7 @@ def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
     return choice.columns + column - middle, choice.rows + row - middle
 
 
-def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -> dict[str, Any]:
+def _describe(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, Any]:
     columns, rows = _places(slab, choice)
     camera = slab.camera
     metric = {
@@ -177,26 +194,78 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice, atlas: Atlas) -
         "white": field.white,
         "peak": field.layout.peak or 0,
         "metric": metric if field.metric else None,
-        "atlas": {"pages": _pages(atlas), "across": atlas.across, "down": atlas.down},
     }
 
 
-def _depth(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, Any] | None:
-    """The depth of every ray, in an atlas like that of the views, and the place of its pixel."""
-    if field.metadata.depth is None:
-        return None
-    codes, low, high = read_disparities(field, choice)
-    shown = slab.resized(field.metadata.depth.pixels).size
+def _by_depth(
+    field: LightFieldFile,
+    slab: Slab,
+    choice: Choice,
+    pictures: np.ndarray,
+    format: str,
+    quality: int | None,
+) -> dict[str, Any]:
+    """Views and depth of every ray as differences between neighbours, and places of pixels."""
+    stored = field.require_depth()
+    disparities = read_disparities(field, choice).astype(float)
+    low, high = float(disparities.min()), float(disparities.max())
+    step = max(STEP_PX * len(choice.columns) / slab.views, (high - low) / (CODES - 1))
     i, j = choice.samples.T
-    displaced = field.metadata.depth.views(slab).displacement[i + slab.views * j]
-    atlas = encode(np.repeat(codes[..., None], 3, -1), "webp", 100)
-    return {
+    displaced = stored.views(slab).displacement[i + slab.views * j] * choice.scale
+    count = round((high - low) / step) + 1
+    views = Neighbours(*_places(slab, choice), displaced.round(6), low, step, count)
+    codes, differences = views.coded_depth(disparities)
+    grey = np.repeat((differences * (255 // max(count - 1, 1)))[..., None], 3, -1)
+    atlas = encode(grey, "webp", 100)
+    levels = views.levels()
+    shown = slab.resized(stored.pixels).size
+    size = [max(1, round(side * choice.scale)) for side in shown]
+    gain, coded = _to_quality(views, pictures, codes, size, format, quality)
+    depth = {
         "pages": _pages(atlas),
+        "levels": [
+            {"views": level} | _coded(each) for level, each in zip(levels, coded, strict=True)
+        ],
+        "gain": gain,
         "low": low,
-        "high": high,
-        "size": [max(1, round(side * choice.scale)) for side in shown],
-        "displaced": (displaced * choice.scale).round(6).tolist(),
+        "step": step,
+        "codes": count,
+        "ends": [
+            _disparity(slab, end) * choice.scale for end in (stored.codes.far, stored.codes.near)
+        ],
+        "size": size,
+        "displaced": views.displaced.tolist(),
     }
+    return {"depth": depth, "atlas": {"pages": [], "across": atlas.across, "down": atlas.down}}
+
+
+def _to_quality(
+    views: Neighbours,
+    pictures: np.ndarray,
+    codes: np.ndarray,
+    size: list[int],
+    format: str,
+    quality: int | None,
+) -> tuple[int, list[Atlas]]:
+    """The divisor of differences, and their pictures: where no quality is given, of the least that
+    is enough for the first views."""
+    import cv2
+
+    levels = views.levels()
+    first = [view for level in levels[:2] for view, _ in level]
+    for each in [quality] if quality else QUALITIES:
+        gain = 1 if (format, each) == ("webp", 100) else 2
+        coding = partial(encode, format=format, jpeg_quality=each)
+        _, made = views.coded_colours(pictures, codes, coding, gain, levels[:2])
+        errors = pictures[first] - made[first].astype(np.float32)
+        shown = [cv2.resize(error, size, interpolation=cv2.INTER_AREA) for error in errors]
+        if np.square(shown).mean() <= MOST_ERROR:
+            break
+    return gain, views.coded_colours(pictures, codes, coding, gain, levels)[0]
+
+
+def _coded(atlas: Atlas) -> dict[str, Any]:
+    return {"pages": _pages(atlas), "across": atlas.across, "down": atlas.down}
 
 
 def _pages(atlas: Atlas) -> list[str]:
@@ -205,12 +274,16 @@ def _pages(atlas: Atlas) -> list[str]:
 
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
     """The range of visible disparities, pixels of the file between neighbouring views."""
-    step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
     if field.metric and field.depth_range:
         near, far = field.depth_range
-        return (1 / far - delta) / step, (1 / near - delta) / step
+        return _disparity(slab, 1 / far), _disparity(slab, 1 / near)
     most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
-    return max(-most, -delta / step) if field.metric else -most, most
+    return max(-most, _disparity(slab, 0)) if field.metric else -most, most
+
+
+def _disparity(slab: Slab, inverse: float) -> float:
+    """Pixels of the file from view to view of an inverse depth, 1/m."""
+    return (inverse - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
 
 
 def _widened(seen: tuple[float, float]) -> list[float]:
@@ -241,9 +314,9 @@ def _estimated(
 def _map(found: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
     """The map of disparities as the page holds it, in codes of 8 bits."""
     low, high = seen
-    codes = np.rint(255 * (found - low) / max(high - low, 1e-9)).clip(0, 255)
+    codes = np.rint(255 * (found - low) / max(high - low, 1e-9)).clip(0, 255).astype(np.uint8)
     return {
-        "data": _base64(codes.astype(np.uint8).tobytes()),
+        "page": _pages(encode(np.repeat(codes[None, ..., None], 3, -1), "webp", 100))[0],
         "width": found.shape[1],
         "height": found.shape[0],
         "low": low,

@@ -95,7 +95,7 @@ const BOUNDS = [0.5, 2];      // sweeps, pixels, between layers: lfcore.refocus.
 const POINT_LAYERS = 6;       // of what is seen from a point: lfcore.refocus.free_views.LAYERS
 
 class Splatting {
-  /** @param {Drawing} drawing @param {Depth} depth @param {HTMLImageElement[]} depths */
+  /** @param {Drawing} drawing @param {Depth} depth @param {Page[]} depths */
   constructor(drawing, depth, depths) {
     const gl = drawing.gl;
     if (!gl.getExtension("EXT_color_buffer_float") || !gl.getExtension("EXT_float_blend")) {
@@ -123,16 +123,16 @@ class Splatting {
     const picture = depth.size.map((side) => Math.ceil(side / divisor));
     const ratio = Math.max(...depth.size) / divisor / Math.max(field.width, field.height);
     const pitch = field.views / field.columns.length, scale = field.scale;
-    const [low, high] = [depth.low * scale, depth.high * scale], disparity = state.single ? low : state.d * scale;
+    const {low, step: between, ends: [far, near]} = depth, disparity = state.single ? far : state.d * scale;
     const tilt = state.single ? [0, 0] : [state.tx * scale / field.width, state.ty * scale / field.height];
-    const apart = Math.max(Math.abs(disparity - low), Math.abs(disparity - high))
+    const apart = Math.max(Math.abs(disparity - far), Math.abs(disparity - near))
       + 0.5 * field.width * (Math.abs(tilt[0]) + Math.abs(tilt[1]));
     const step = stride(field, divisor);
     const least = (step === 1 ? Math.min(0.5, 2 / field.columns.length) : 1) * ratio * step;
     const widest = Math.max(least, ...cells.map((cell) => Math.max(cell.wide, cell.tall) * apart * ratio));
     const margin = Math.min(Math.ceil(widest) + 2, this.most);
     const bounds = state.single
-      ? Array.from({length: POINT_LAYERS - 1}, (_, k) => (k + 1) / POINT_LAYERS * (high - low) * ratio)
+      ? Array.from({length: POINT_LAYERS - 1}, (_, k) => (k + 1) / POINT_LAYERS * (near - far) * ratio)
       : BOUNDS.map((bound) => bound / pitch);
     const target = [2 * (picture[0] + 2 * margin), 3 * (picture[1] + 2 * margin)];
     this.resize(target);
@@ -152,7 +152,7 @@ class Splatting {
       if (!number) gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
       gl.useProgram(this.rays);
       drawing.setAll(this.rays, {
-        ...this.common, target, ends: [low, high], least, follow: state.single ? 0 : 1, share: cell.share,
+        ...this.common, target, ends: [low, low + 255 * between], least, follow: state.single ? 0 : 1, share: cell.share,
         lens: [cell.s, cell.t], centre: [cell.x, cell.y], side: [cell.wide, cell.tall], displaced: cell.displaced,
       }, {
         pages: 0, depths: 3, view: cell.view, stride: step, parts: bounds.length,

@@ -40,7 +40,7 @@ class Viewer {
     this.canvas = /** @type {HTMLCanvasElement} */ (element("canvas"));
     this.state = fromHash(field, location.hash);
     /** @type {Drawing | null} */ this.drawing = null;
-    /** @type {HTMLImageElement[]} */ this.pages = [];
+    /** @type {Page[]} */ this.pages = [];
     /** @type {Uint8Array | null} */ this.map = null;
     this.cost = 0;            // milliseconds of reading a million samples
     this.job = 0;             // the picture that is being drawn; a later one ends it
@@ -50,11 +50,12 @@ class Viewer {
 
   async start() {
     const {field} = this, map = field.map;
-    this.map = map && Uint8Array.from(atob(map.data), (letter) => letter.charCodeAt(0));
-    this.pages = await loaded(field.atlas.pages);
-    const depths = field.depth ? await loaded(field.depth.pages) : [];
+    this.map = map && greys(cellsOf(await loaded([map.page]), {across: 1, down: 1}, map)(0));
+    const {colours, depths} = field.depth ? await restored(field, field.depth)
+      : {colours: await loaded(field.atlas.pages), depths: []};
+    this.pages = colours;
     try {
-      this.drawing = new Drawing(this.canvas, field, this.pages, depths, this.map);
+      this.drawing = new Drawing(this.canvas, field, colours, depths, this.map);
       // The first picture may compile.
       for (let turn = 0; turn < 2; turn++) this.now(initial(field), this.parts(initial(field)).slice(0, 16), 4);
     } catch (error) {
