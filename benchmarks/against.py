@@ -1,15 +1,15 @@
 """The tracer against another commit of itself, in turn: which is faster, and by how much.
 
     python -m benchmarks.against b916407 --out against.csv
-    python -m benchmarks.against HEAD~1 --angular 16 --scenes bike --work hits --out hits.csv
+    python -m benchmarks.against HEAD~1 --views 16 --scenes bike --work hits --out hits.csv
 
 Each program runs in a process of its own bound to one core, on the same rays; the one that begins
 changes from round to round.  Seconds are of the processor, with the host's part, and means of the
 best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the other commit over those
 of this tree.  ``--devices intel pocl`` runs the other on one OpenCL device and this tree on a
 second: with HEAD, driver against driver.  ``--work``: ``hits`` or ``radiance`` of 64 squares,
-``frames`` with five planes of 16 tiles, spread over the picture.  ``--held-to core-avx2`` adds rows
-of Intel's runtime held to that instruction set.
+``frames`` with five planes of 16 tiles, spread over the picture, or whole ``views`` with depth.
+``--held-to core-avx2`` adds rows of Intel's runtime held to that instruction set.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from lfcore.errors import LfcoreError
 
 ROOT = Path(__file__).resolve().parents[1]
 WORKER = ROOT / "benchmarks" / "measured" / "against_worker.py"
-WORK = ("frames", "hits", "radiance")
+WORK = ("frames", "hits", "radiance", "views")
 
 
 class Program:
@@ -87,8 +87,8 @@ def rows(
     for work in options.work:
         for scene in options.scenes:
             row: dict[str, Any] = {"work": work, "held_to": held_to or "nothing", "scene": scene}
-            for views in options.angular:
-                case = {"work": work, "scene": scene, "views": views, "pixels": options.size,
+            for views in options.views:
+                case = {"work": work, "scene": scene, "views": views, "pixels": options.pixels,
                         "mrays": options.mrays}  # fmt: skip
                 before, now = in_turn(programs, case, options.rounds)
                 row[f"N = {views}"] = f"{before / now:.2f}"
@@ -118,8 +118,8 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("revision", help="of the program to compare with")
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
-    parser.add_argument("--angular", nargs="+", type=int, default=[4, 8, 16, 64, 512], help="N")
-    parser.add_argument("--size", type=int, default=512, help="M; default 512")
+    parser.add_argument("--views", nargs="+", type=int, default=[4, 8, 16, 64, 512], help="N")
+    parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
     parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays of a case")

@@ -29,7 +29,7 @@ def worktrees():
 
 def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, capsys):
     out, before = tmp_path / "against.csv", worktrees()
-    small = ["--angular", "4", "--size", "32", "--mrays", "0.01", "--rounds", "1"]
+    small = ["--views", "4", "--pixels", "32", "--mrays", "0.01", "--rounds", "1"]
     words = ["against", revision, "--scenes", "bike", *small, "--out", str(out)]
     monkeypatch.setattr("sys.argv", words)
     against.main()
@@ -59,7 +59,7 @@ class Slow:
 
 def test_the_ratio_is_of_the_best_quarter_without_the_first_run():
     programs = [Slow(9, 3, 1, 5, 4), Slow(9, 2, 8, 6, 7)]
-    words = ["abc", "--scenes", "bike", "--angular", "4", "--work", "hits", "--rounds", "4"]
+    words = ["abc", "--scenes", "bike", "--views", "4", "--work", "hits", "--rounds", "4"]
     options = against.parse([*words, "--out", "x.csv"])
     (row,) = against.rows(programs, "core-avx2", options)
     assert row == {"work": "hits", "held_to": "core-avx2", "scene": "bike", "N = 4": "0.50"}

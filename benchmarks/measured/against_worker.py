@@ -17,7 +17,7 @@ sys.path[0] = str(ROOT)
 import numpy as np  # noqa: E402
 
 import lfcore  # noqa: E402
-from lfcore.optics.bundles import macropixels  # noqa: E402
+from lfcore.optics.bundles import macropixels, views  # noqa: E402
 from lfcore.optics.planes import SensorPlane  # noqa: E402
 from lfcore.optics.slab import Slab  # noqa: E402
 from lfcore.scene.build import build_scene  # noqa: E402
@@ -52,6 +52,11 @@ def work_of(line: str) -> Callable[[], object]:
     case = json.loads(line)
     scene, tracer = opened(case["scene"])
     slab = Slab(scene.camera, case["views"], case["pixels"])
+    if case["work"] == "views":
+        step = max(1, round(slab.views**2 * slab.pixels**2 / (case["mrays"] * 1e6)))
+        j, i = np.divmod(np.arange(0, slab.views**2, step), slab.views)
+        bundles = views(slab, np.stack([i, j], 1))
+        return lambda: tracer.radiance_and_depth(bundles)
     count = SQUARES[case["work"]]
     side, corners = squares(count, slab.pixels, case["mrays"] * 1e6, slab.views)
     if case["work"] != "frames":
