@@ -98,8 +98,8 @@ inline Vec sample_patch(const TexelPatch *p, vf u, vf v)
 // The range of texture coordinates over a region of a block of one element.
 inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
 {
-    const float2 u = quotient_range(slot_affine(p, COORDINATES), p->weights, at);
-    const float2 v = quotient_range(slot_affine(p, COORDINATES + 1), p->weights, at);
+    const float2 u = quotient_range(p->slot[COORDINATES], p->weights, at);
+    const float2 v = quotient_range(p->slot[COORDINATES + 1], p->weights, at);
     return (float4)(u.x, v.x, u.y, v.y);
 }
 

@@ -99,21 +99,6 @@ inline vf edge_row(Affine f, Row at)
     return AT_OFFSETS(at.x, at.u, base, along, across);
 }
 
-// The affine function one + x (change along the columns) + y (change along the rows).
-inline Affine stepped_affine(float one, float x, float y, float step_x, float step_y, float outer)
-{
-    Affine f;
-    f.of[ONE] = one;
-    f.of[X] = x * step_x;
-    f.of[Y] = y * step_y;
-    if (OUTER > 1) {
-        f.of[U] = x * outer;
-        f.of[V] = y * outer;
-        f.of[BILINEAR] = 0.0f;
-    }
-    return f;
-}
-
 // Rays between two columns and two rows of a block of one element, as a middle and half extents.
 typedef struct { float x, y, half_width, half_height; } Rectangle;
 

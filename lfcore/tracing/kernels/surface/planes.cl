@@ -41,15 +41,23 @@ inline global const float *attributes_of(const Scene *s, int triangle)
 
 // The slots of a corner's attributes.  Colours are differences from the first corner's, so that
 // equal corners give exactly their colour.
-#define SLOTS 8
-enum { NORMAL = 0, COORDINATES = 3, TINT = 5 };
+enum {
+    NORMAL = 0,
+    COORDINATES = NORMAL + 3 * SMOOTH,
+    TINT = COORDINATES + 2 * TEXTURED,
+    USED_SLOTS = TINT + 3 * VERTEX_COLOURS,
+    SLOTS = USED_SLOTS ? USED_SLOTS : 1
+};
 
 #define TANGENT_WORDS (PHYSICAL ? 4 : 1)
 
 typedef struct {
     Affine weights;                        // sum of the barycentric weights
     Affine numerator, denominator;         // depth is their quotient
-    float slot[OUTER > 1 ? 6 : 3][SLOTS];  // attributes times the weights, term by term
+#if BAKED
+    Affine light[3];  // each corner's weight; of one cell, red, green and blue times the weights
+#endif
+    Affine slot[SLOTS];                    // attributes times the weights
     // Geometric, towards the viewer, unless normals are smooth.
     float normal[3];
     float first[3];                        // colour of the first corner
@@ -58,72 +66,139 @@ typedef struct {
     float tangent[TANGENT_WORDS];
     int key;                               // shading key
 #if BAKED
-    Affine light[3];  // each corner's weight; of one cell, red, green and blue times the weights
     int grid[3];      // first point in front and behind, and cells along an edge; 0: of one cell
 #endif
 } PlaneEquations;
 
-inline Affine slot_affine(global const PlaneEquations *p, int slot)
+// The first of these of LANES triangles, in the same order.
+typedef struct {
+    WideAffine weights, numerator, denominator;
+#if BAKED
+    WideAffine light[3];
+#endif
+    WideAffine slot[SLOTS];
+    vf normal[3], first[3];
+} WidePlanes;
+
+// The affine function one + x (change along the columns) + y (change along the rows).
+inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
 {
-    Affine f;
-    for (int k = 0; k < AFFINE_TERMS; ++k) f.of[k] = p->slot[k][slot];
+    WideAffine f;
+    f.of[ONE] = one;
+    f.of[X] = x * step_x;
+    f.of[Y] = y * step_y;
+    if (OUTER > 1) {
+        f.of[U] = x * outer;
+        f.of[V] = y * outer;
+        f.of[BILINEAR] = 0.0f;
+    }
     return f;
 }
 
 // An edge function of the weights, of corners sheared to the centre ray.
-inline Affine weight_function(float3 p, float3 q, const Bundle *r)
+inline WideAffine weight_function(Vec p, Vec q, const Bundle *r)
 {
-    const float3 g = p - q, c = 0.5f * edge_normal(p, q);
-    const Affine along = stepped_affine(c.z, c.x, c.y, r->tx, r->ty, r->b);
-    Affine e = stepped_affine(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
+    const Vec g = minus3(p, q), c = scale3(edge_normals(p, q), 0.5f);
+    const WideAffine along = stepped_affine(c.z, c.x, c.y, r->tx, r->ty, r->b);
+    WideAffine e = stepped_affine(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
     for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] += along.of[k];
     if (OUTER > 1) e.of[BILINEAR] = g.z * (r->sx * r->b - r->a * r->tx);
     return e;
 }
 
-// The attributes of corner `k`.
-inline float8 corner_slots(global const float *attributes, int k)
+// A number of each of LANES triangles, which have `pitch` numbers each.
+inline vf read_lanes(global const float *from, vi triangles, int pitch)
 {
-    float8 a = 0.0f;
-    if (SMOOTH) a.s012 = vload3(k, attributes);
-    attributes += 9 * SMOOTH;
-    if (TEXTURED) a.s34 = vload2(k, attributes);
-    attributes += 6 * TEXTURED;
-    if (VERTEX_COLOURS) a.s567 = vload3(k, attributes) - vload3(0, attributes);
-    return a;
+    private int triangle[LANES];
+    private float found[LANES];
+    VSTORE(triangles, triangle);
+    for (int k = 0; k < LANES; ++k) found[k] = from[(long)triangle[k] * pitch];
+    return VLOAD(found);
 }
 
-// Set up a triangle for a block.
-inline void set_up_planes(const Scene *s, const Bundle *r, int triangle,
-                          global PlaneEquations *out)
+inline Vec read_corners(const Scene *s, vi triangles, int k)
 {
-    const float3 p = corner(s, triangle, 0), q = corner(s, triangle, 1), w = corner(s, triangle, 2);
-    const float3 shear = (float3)(r->dx, r->dy, 0.0f), origin = (float3)(r->ox, r->oy, 0.0f);
-    const float3 v[3] = {p - origin - p.z * shear, q - origin - q.z * shear,
-                         w - origin - w.z * shear};
-    const Affine e[3] = {weight_function(v[1], v[2], r), weight_function(v[2], v[0], r),
-                         weight_function(v[0], v[1], r)};
+    global const float *from = s->corners + 3 * k;
+    return (Vec){read_lanes(from, triangles, 9), read_lanes(from + 1, triangles, 9),
+                 read_lanes(from + 2, triangles, 9)};
+}
+
+// A slot as a function over the block, of the weights `e` of the corners.
+inline WideAffine set_up_slot(const Scene *s, vi triangles, int slot, const WideAffine *e)
+{
+    const int of_uv = TEXTURED && slot >= COORDINATES && slot < TINT;
+    const int begin = slot < COORDINATES ? 0 : of_uv ? COORDINATES : TINT;
+    global const float *from = s->attributes + 3 * begin + slot - begin;
+    vf at[3];
+    for (int k = 0; k < 3; ++k)
+        at[k] = read_lanes(from + k * (of_uv ? 2 : 3), triangles, ATTRIBUTES);
+    for (int k = 2; k >= 0 && slot >= TINT; --k) at[k] -= at[0];
+    WideAffine f;
+    for (int k = 0; k < AFFINE_TERMS; ++k)
+        f.of[k] = at[0] * e[0].of[k] + at[1] * e[1].of[k] + at[2] * e[2].of[k];
+    return f;
+}
+
+// Unit vectors along a, whose squares may overflow or underflow.
+inline Vec directions_of(Vec a)
+{
+    const Vec size = absolute3(a);
+    const vf most = max(max(size.x, max(size.y, size.z)), (vf)(LEAST_LENGTH));
+    a = (Vec){a.x / most, a.y / most, a.z / most};
+    const vf length = max(sqrt(a.x * a.x + a.y * a.y + a.z * a.z), (vf)(LEAST_LENGTH));
+    return (Vec){a.x / length, a.y / length, a.z / length};
+}
+
+inline void store_normals(Vec n, vf *to)
+{
+    to[0] = n.x;
+    to[1] = n.y;
+    to[2] = n.z;
+}
+
+inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlanes *out)
+{
+    Vec at[3], v[3];
+    for (int k = 0; k < 3; ++k) {
+        const Vec p = at[k] = read_corners(s, triangles, k);
+        v[k] = (Vec){p.x - r->ox - p.z * r->dx, p.y - r->oy - p.z * r->dy, p.z};
+    }
+    const WideAffine e[3] = {weight_function(v[1], v[2], r), weight_function(v[2], v[0], r),
+                             weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
 #if BAKED
     for (int k = 0; k < 3; ++k) out->light[k] = e[k];
 #endif
-    float3 n = cross_product(v[1] - v[0], v[2] - v[0]);
-    if (n.z < 0.0f) n = -n;
-    const float offset = inner_product(n, v[0]);
+    Vec n = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
+    n = turn_vectors(n, LT(n.z, (vf)(0.0f)) & (vi)(0x80000000));
+    const vf offset = n.x * v[0].x + n.y * v[0].y + n.z * v[0].z;
     out->numerator = stepped_affine(offset, -n.x, -n.y, r->sx, r->sy, r->a);
     out->denominator = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
     if (!SMOOTH) {
         // The sum of the weights is n . D: negative when the corners turn towards the viewer.
-        const float sign = out->weights.of[ONE] < 0.0f ? -1.0f : 1.0f;
-        vstore3(-sign * direction_of(cross_product(q - p, w - p)), 0, out->normal);
+        const vi turn = ~LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
+        const Vec normal = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
+        store_normals(turn_vectors(normal, turn), out->normal);
     }
-    if (ATTRIBUTES) {
-        global const float *at = attributes_of(s, triangle);
-        const float8 a = corner_slots(at, 0), b = corner_slots(at, 1), c = corner_slots(at, 2);
-        for (int k = 0; k < AFFINE_TERMS; ++k)
-            vstore8(a * e[0].of[k] + b * e[1].of[k] + c * e[2].of[k], 0, out->slot[k]);
-        if (VERTEX_COLOURS) vstore3(vload3(0, at + 9 * SMOOTH + 6 * TEXTURED), 0, out->first);
+    for (int slot = 0; slot < USED_SLOTS; ++slot)
+        out->slot[slot] = set_up_slot(s, triangles, slot, e);
+    for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
+        out->first[k] = read_lanes(s->attributes + 3 * TINT + k, triangles, ATTRIBUTES);
+}
+
+// Set up `count` of LANES triangles for a block.
+inline void set_up_planes(const Scene *s, const Bundle *r, vi triangles, int count,
+                          global PlaneEquations *out)
+{
+    WidePlanes wide;
+    set_up_lanes(s, r, triangles, &wide);
+    private int triangle[LANES];
+    VSTORE(triangles, triangle);
+    for (int lane = 0; lane < count; ++lane, ++out) {
+        const float *from = (const float *)&wide + lane;
+        global float *to = (global float *)out;
+        for (int k = 0; k < sizeof(WidePlanes) / sizeof(vf); ++k) to[k] = from[k * LANES];
+        out->key = s->material_ids[triangle[lane]] * MIP_LEVELS;
     }
-    out->key = s->material_ids[triangle] * MIP_LEVELS;
 }

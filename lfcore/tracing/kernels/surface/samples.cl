@@ -57,8 +57,8 @@ typedef struct {
 
 inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
 {
-    return (Vec){edge_row(slot_affine(p, first), at), edge_row(slot_affine(p, first + 1), at),
-                 edge_row(slot_affine(p, first + 2), at)};
+    return (Vec){edge_row(p->slot[first], at), edge_row(p->slot[first + 1], at),
+                 edge_row(p->slot[first + 2], at)};
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
@@ -84,8 +84,8 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     if (!TEXTURED && !VERTEX_COLOURS) return s;
     const vf inverse = reciprocal(plane_row(p->weights, at));
     if (TEXTURED) {
-        s.u = edge_row(slot_affine(p, COORDINATES), at) * inverse;
-        s.v = edge_row(slot_affine(p, COORDINATES + 1), at) * inverse;
+        s.u = edge_row(p->slot[COORDINATES], at) * inverse;
+        s.v = edge_row(p->slot[COORDINATES + 1], at) * inverse;
     }
     if (VERTEX_COLOURS)
         s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
@@ -134,14 +134,31 @@ typedef struct {
     global int *lit;
 } Block;
 
+// The regions that each row of LANES rays meets: as many as rays at the most.
+#define RAY_ROWS (BLOCK_RAYS / LANES)
+typedef struct { int count[RAY_ROWS]; uchar of[RAY_ROWS][LANES]; } RowRegions;
+
+inline void list_regions(const Regions *regions, RowRegions *out)
+{
+    for (int row = 0; row < RAY_ROWS; ++row) out->count[row] = 0;
+    for (int k = 0; k < regions->count; ++k) {
+        global const Region *r = regions->of + k;
+        for (int at = r->top * BLOCK; at < (r->bottom + 1) * BLOCK; at += LANES) {
+            const int row = at / LANES;
+            if (r->rows[at / BLOCK] >> at % BLOCK & ((1 << LANES) - 1))
+                out->of[row][out->count[row]++] = k;
+        }
+    }
+}
+
 // Interpolate the row that begins with ray `at`, region by region.
-inline void sample_row(const Scene *scene, const Block *b, int at, Row row, SampleRow *s)
+inline void sample_row(const Scene *scene, const Block *b, const RowRegions *list, int at, Row row,
+                       SampleRow *s)
 {
     s->key = s->triangle = -1;
-    int first = 1;
-    for (int k = 0; k < b->regions.count; ++k) {
+    for (int n = 0; n < list->count[at / LANES]; ++n) {
+        const int k = list->of[at / LANES][n];
         global const Region *r = b->regions.of + k;
-        if (!(r->rows[at / BLOCK] >> at % BLOCK & ((1 << LANES) - 1))) continue;
         const vi mask = region_row(r, at);
         SampleRow one = interpolate(b->planes + k, row);
         one.key = pick_int(s->key, (vi)(b->planes[k].key), mask);
@@ -149,29 +166,42 @@ inline void sample_row(const Scene *scene, const Block *b, int at, Row row, Samp
 #if BAKED
         one.light = baked_row(scene, b->planes + k, row);
 #endif
-        if (first) *s = one;
+        if (n == 0) *s = one;
         else merge_rows(s, one, mask);
-        first = 0;
     }
 }
 
-// Set up the planes of a block's regions and sample its rays.
+// Set up the planes of a block's regions, LANES at a time.
+inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
+{
+    const int count = b->regions.count;
+    global const Region *of = b->regions.of;
+    for (int first = 0; first < count; first += LANES) {
+        private int triangle[LANES];
+        for (int k = 0; k < LANES; ++k) triangle[k] = of[min(first + k, count - 1)].triangle;
+        set_up_planes(scene, &b->rays, VLOAD(triangle), min(LANES, count - first),
+                      b->planes + first);
+    }
+    for (int k = 0; k < count; ++k) {
+        if (TEXTURED || PHYSICAL) set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
+#if BAKED
+        set_up_light(scene, &b->rays, of + k, b->planes + k);
+#endif
+    }
+}
+
+// Sample the rays of a block.
 inline void sample_block(const Scene *scene, float pixel, const Block *b)
 {
     global Samples *out = b->samples;
     const Bundle *r = &b->rays;
     SampleRow s = {0};
-    for (int k = 0; k < b->regions.count; ++k) {
-        set_up_planes(scene, r, b->regions.of[k].triangle, b->planes + k);
-        if (TEXTURED || PHYSICAL)
-            set_up_texture(scene, b->regions.of[k].triangle, pixel, b->planes + k);
-#if BAKED
-        set_up_light(scene, r, b->regions.of + k, b->planes + k);
-#endif
-    }
+    RowRegions list;
+    set_up_regions(scene, pixel, b);
+    list_regions(&b->regions, &list);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->rays.half_extent);
-        sample_row(scene, b, at, row, &s);
+        sample_row(scene, b, &list, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);
         if (!row_any(GE(s.key, (vi)(0)))) continue;
