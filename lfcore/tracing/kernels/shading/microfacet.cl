@@ -23,7 +23,8 @@ inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 inline Vec map_row(const Scene *scene, const Material *m, int map, global const Samples *samples,
                    int at)
 {
-    const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
+    const vf u = VLOAD(samples->of[COORDINATES] + at);
+    const vf v = VLOAD(samples->of[COORDINATES + 1] + at);
     return sample_texture(scene->texels, m->maps[map], u, v);
 }
 
@@ -33,8 +34,8 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
                         int at, Vec n)
 {
     const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
-    const Vec along = load3(samples->tangent, at);
-    const vf across = VLOAD(samples->tangent + 3 * BLOCK_RAYS + at);
+    const Vec along = load3(samples->of[TANGENT], at);
+    const vf across = VLOAD(samples->of[TANGENT + 3] + at);
     Vec t = fma3(-dot3(along, n), n, along);
     const vf square = dot3(t, t);
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
@@ -53,7 +54,7 @@ inline void read_row_maps(const Scene *scene, global const Samples *samples, int
     vf roughness = m->roughness;
     s->emission = spread3(m->emission);
     s->metallic = m->metallic;
-    s->normal = s->geometric = load3(samples->normal, at);
+    s->normal = s->geometric = load3(samples->of[NORMAL], at);
     if (m->maps[MAP_NORMAL].height) s->normal = map_normals(scene, m, samples, at, s->geometric);
     if (m->maps[MAP_METAL].height) {
         const Vec c = map_row(scene, m, MAP_METAL, samples, at);

@@ -81,7 +81,7 @@ inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Materia
     Vec c = spread3(m->diffuse);
     if (TEXTURED && m->maps[MAP_BASE].height)
         c = times3(c, texture_row(scene, patch, m, samples, at));
-    if (VERTEX_COLOURS) c = times3(c, load3(samples->tint, at));
+    if (VERTEX_COLOURS) c = times3(c, load3(samples->of[TINT], at));
     return c;
 }
 
@@ -158,12 +158,10 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         const vi mine = EQ(VLOAD(b->samples->key + at), (vi)(key));
         if (!row_any(mine)) continue;
         s.point = load3(b->samples->point, at);
-        s.normal = load3(b->samples->normal, at);
+        s.normal = load3(b->samples->of[NORMAL], at);
         if (PHYSICAL || is_glossy(&material))
             s.to_viewer = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
-#if BAKED
-        s.light = load3(b->samples->light, at);
-#endif
+        if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);
         s.albedo = albedo_row(scene, &patch, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);

@@ -127,7 +127,8 @@ inline void read_patch(const Scene *scene, const Block *b, int key, const Materi
 inline Vec texture_row(const Scene *scene, const TexelPatch *patch, const Material *m,
                        global const Samples *samples, int at)
 {
-    const vf u = VLOAD(samples->uv + at), v = VLOAD(samples->uv + BLOCK_RAYS + at);
+    const vf u = VLOAD(samples->of[COORDINATES] + at);
+    const vf v = VLOAD(samples->of[COORDINATES + 1] + at);
     if (patch->columns) return sample_patch(patch, u, v);
     return sample_texture(scene->texels, m->maps[MAP_BASE], u, v);
 }

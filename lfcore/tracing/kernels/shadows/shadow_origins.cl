@@ -62,7 +62,7 @@ inline int lift_origins(const Scene *scene, const Block *b, global float *lifted
         for (int at = 0; at < BLOCK_RAYS; at += LANES) {
             const Vec point = load3(samples->point, at);
             const Vec old = any_curved ? load3(lifted, at) : point;
-            const Vec new = lifted_row(&c, point, load3(samples->normal, at));
+            const Vec new = lifted_row(&c, point, load3(samples->of[NORMAL], at));
             store3(pick3(old, new, region_row(r, at)), lifted, at);
         }
         any_curved = 1;

@@ -27,7 +27,7 @@ inline vi facing_row(global const Samples *s, global const LightRecord *light, i
     const vi met = GE(VLOAD(s->key + at), (vi)(0));
     Vec towards = spread3(vload3(0, light->vector));
     if (light->is_point) towards = minus3(towards, load3(s->point, at));
-    const vi facing = met & GT(dot3(load3(s->normal, at), towards), (vf)(0.0f));
+    const vi facing = met & GT(dot3(load3(s->of[NORMAL], at), towards), (vf)(0.0f));
     const float3 forward = vload3(0, light->normal);
     if (!any(forward != 0.0f)) return facing;
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));

@@ -39,45 +39,38 @@ inline global const float *attributes_of(const Scene *s, int triangle)
     return s->attributes + (long)triangle * ATTRIBUTES;
 }
 
-// The slots of a corner's attributes.  Colours are differences from the first corner's, so that
-// equal corners give exactly their colour.
+// The slots of what a triangle interpolates.  Colours are differences from the first corner's, so
+// that equal corners give exactly their colour.  Flat triangles have a normal for all rays, towards
+// the viewer.
 enum {
     NORMAL = 0,
-    COORDINATES = NORMAL + 3 * SMOOTH,
+    COORDINATES = 3,
     TINT = COORDINATES + 2 * TEXTURED,
-    USED_SLOTS = TINT + 3 * VERTEX_COLOURS,
-    SLOTS = USED_SLOTS ? USED_SLOTS : 1
+    SLOTS = TINT + 3 * VERTEX_COLOURS,
+    FIRST_ATTRIBUTE = SMOOTH ? NORMAL : COORDINATES
 };
 
-#define TANGENT_WORDS (PHYSICAL ? 4 : 1)
+#define TANGENT_WORDS (PHYSICAL ? 4 : 0)
+#define LIGHT_WORDS (BAKED ? 3 : 0)
 
 typedef struct {
-    Affine weights;                        // sum of the barycentric weights
-    Affine numerator, denominator;         // depth is their quotient
-#if BAKED
-    Affine light[3];  // each corner's weight; of one cell, red, green and blue times the weights
-#endif
-    Affine slot[SLOTS];                    // attributes times the weights
-    // Geometric, towards the viewer, unless normals are smooth.
-    float normal[3];
-    float first[3];                        // colour of the first corner
-    // Of PHYSICAL scenes: the direction of u, and the sign of v's beside it for a viewer; else
-    // nothing.
-    float tangent[TANGENT_WORDS];
-    int key;                               // shading key
-#if BAKED
-    int grid[3];      // first point in front and behind, and cells along an edge; 0: of one cell
-#endif
+    Affine weights;                 // sum of the barycentric weights
+    Affine numerator, denominator;  // depth is their quotient
+    Affine slot[SLOTS];             // times the weights
+    float first[3];                 // colour of the first corner
+    // Each corner's weight; of one cell, red, green and blue times the weights.
+    Affine light[LIGHT_WORDS + !BAKED];
+    int key;                        // shading key
+    // The direction of u, and the sign of v's beside it for a viewer.
+    float tangent[TANGENT_WORDS + !PHYSICAL];
+    int grid[3];  // first point in front and behind, and cells along an edge; 0: of one cell
 } PlaneEquations;
 
 // The first of these of LANES triangles, in the same order.
 typedef struct {
-    WideAffine weights, numerator, denominator;
-#if BAKED
-    WideAffine light[3];
-#endif
-    WideAffine slot[SLOTS];
-    vf normal[3], first[3];
+    WideAffine weights, numerator, denominator, slot[SLOTS];
+    vf first[3];
+    WideAffine light[LIGHT_WORDS + !BAKED];
 } WidePlanes;
 
 // The affine function one + x (change along the columns) + y (change along the rows).
@@ -127,8 +120,8 @@ inline Vec read_corners(const Scene *s, vi triangles, int k)
 inline WideAffine set_up_slot(const Scene *s, vi triangles, int slot, const WideAffine *e)
 {
     const int of_uv = TEXTURED && slot >= COORDINATES && slot < TINT;
-    const int begin = slot < COORDINATES ? 0 : of_uv ? COORDINATES : TINT;
-    global const float *from = s->attributes + 3 * begin + slot - begin;
+    const int begin = slot < COORDINATES ? NORMAL : of_uv ? COORDINATES : TINT;
+    global const float *from = s->attributes + 3 * (begin - FIRST_ATTRIBUTE) + slot - begin;
     vf at[3];
     for (int k = 0; k < 3; ++k)
         at[k] = read_lanes(from + k * (of_uv ? 2 : 3), triangles, ATTRIBUTES);
@@ -149,13 +142,6 @@ inline Vec directions_of(Vec a)
     return (Vec){a.x / length, a.y / length, a.z / length};
 }
 
-inline void store_normals(Vec n, vf *to)
-{
-    to[0] = n.x;
-    to[1] = n.y;
-    to[2] = n.z;
-}
-
 inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlanes *out)
 {
     Vec at[3], v[3];
@@ -167,9 +153,7 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlan
                              weight_function(v[0], v[1], r)};
     for (int k = 0; k < AFFINE_TERMS; ++k)
         out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
-#if BAKED
-    for (int k = 0; k < 3; ++k) out->light[k] = e[k];
-#endif
+    for (int k = 0; k < LIGHT_WORDS; ++k) out->light[k] = e[k];
     Vec n = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
     n = turn_vectors(n, LT(n.z, (vf)(0.0f)) & (vi)(0x80000000));
     const vf offset = n.x * v[0].x + n.y * v[0].y + n.z * v[0].z;
@@ -178,13 +162,15 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlan
     if (!SMOOTH) {
         // The sum of the weights is n . D: negative when the corners turn towards the viewer.
         const vi turn = ~LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
-        const Vec normal = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
-        store_normals(turn_vectors(normal, turn), out->normal);
+        const Vec n = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
+        const vf turned[3] = {flip_sign(n.x, turn), flip_sign(n.y, turn), flip_sign(n.z, turn)};
+        for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{turned[k]}};
     }
-    for (int slot = 0; slot < USED_SLOTS; ++slot)
+    for (int slot = FIRST_ATTRIBUTE; slot < SLOTS; ++slot)
         out->slot[slot] = set_up_slot(s, triangles, slot, e);
     for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
-        out->first[k] = read_lanes(s->attributes + 3 * TINT + k, triangles, ATTRIBUTES);
+        out->first[k] = read_lanes(s->attributes + 3 * (TINT - FIRST_ATTRIBUTE) + k, triangles,
+                                   ATTRIBUTES);
 }
 
 // Set up `count` of LANES triangles for a block.

@@ -6,18 +6,18 @@
 #include "texture.cl"
 #endif
 
-// (n, BLOCK_RAYS) of each quantity; those that a scene lacks are never written or read.
+// The quantities of a hit: slots of its triangle, tangent and the sign beside it, and light that
+// arrives from sky and surfaces; those that a scene lacks have no place.
+enum {
+    TANGENT = SLOTS,
+    BAKED_LIGHT = TANGENT + TANGENT_WORDS,
+    QUANTITIES = BAKED_LIGHT + LIGHT_WORDS
+};
 typedef struct {
-    float point[3 * BLOCK_RAYS];                // where the ray meets the surface
-    float normal[3 * BLOCK_RAYS];               // of unit length, towards the viewer
-    float uv[2 * BLOCK_RAYS];                   // texture coordinates
-    float tint[3 * BLOCK_RAYS];                 // colour interpolated between corners
-    int key[BLOCK_RAYS];                        // shading key; -1 where nothing is met
-    int triangle[BLOCK_RAYS];                   // -1 where nothing is met
-    float tangent[TANGENT_WORDS * BLOCK_RAYS];  // see PlaneEquations
-#if BAKED
-    float light[3 * BLOCK_RAYS];
-#endif
+    float point[3 * BLOCK_RAYS];  // where the ray meets the surface
+    float of[QUANTITIES][BLOCK_RAYS];
+    int key[BLOCK_RAYS];          // shading key; -1 where nothing is met
+    int triangle[BLOCK_RAYS];     // -1 where nothing is met
 } Samples;
 
 // A surface's material and one mip level of its texture.  A shading key names both, material *
@@ -47,66 +47,47 @@ typedef struct {
 
 // A row of rays that meet one triangle.
 typedef struct {
-    Vec normal, tint, tangent;
-    vf depth, u, v, across;  // `across`: the sign beside the tangent
+    vf depth, of[QUANTITIES];
     vi key, triangle;
-#if BAKED
-    Vec light;
-#endif
 } SampleRow;
 
-inline Vec slots_row(global const PlaneEquations *p, int first, Row at)
+inline Vec row_vector(const SampleRow *s, int first)
 {
-    return (Vec){edge_row(p->slot[first], at), edge_row(p->slot[first + 1], at),
-                 edge_row(p->slot[first + 2], at)};
+    return (Vec){s->of[first], s->of[first + 1], s->of[first + 2]};
+}
+inline void set_vector(SampleRow *s, int first, Vec a)
+{
+    s->of[first] = a.x;
+    s->of[first + 1] = a.y;
+    s->of[first + 2] = a.z;
 }
 
 // Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
 // turned as its normal is.  Smooth normals have the sign of the weights, and are turned to the
 // viewer later, and the tangent with them.
-inline void interpolate_tangent(global const PlaneEquations *p, Row at, vf denominator,
+inline void interpolate_tangent(global const PlaneEquations *p, vf weights, vf denominator,
                                 SampleRow *s)
 {
-    const vf weights = plane_row(p->weights, at);
-    s->tangent = turn_vectors(spread3(vload3(0, p->tangent)), sign_of(SMOOTH ? weights : -weights));
-    s->across = flip_sign(p->tangent[TANGENT_WORDS - 1], sign_of(denominator));
+    const vi side = sign_of(SMOOTH ? weights : -weights);
+    set_vector(s, TANGENT, turn_vectors(spread3(vload3(0, p->tangent)), side));
+    s->of[TANGENT + 3] = flip_sign(p->tangent[3], sign_of(denominator));
 }
 
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
     SampleRow s;
-    const vf denominator = plane_row(p->denominator, at);
+    const vf denominator = plane_row(p->denominator, at), weights = plane_row(p->weights, at);
     s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
     // Some rays of a block may see a flat triangle's other side.
-    if (SMOOTH) s.normal = slots_row(p, NORMAL, at);
-    else s.normal = turn_vectors(spread3(vload3(0, p->normal)), sign_of(denominator));
-    if (PHYSICAL) interpolate_tangent(p, at, denominator, &s);
-    if (!TEXTURED && !VERTEX_COLOURS) return s;
-    const vf inverse = reciprocal(plane_row(p->weights, at));
-    if (TEXTURED) {
-        s.u = edge_row(p->slot[COORDINATES], at) * inverse;
-        s.v = edge_row(p->slot[COORDINATES + 1], at) * inverse;
-    }
-    if (VERTEX_COLOURS)
-        s.tint = fma3(inverse, slots_row(p, TINT, at), spread3(vload3(0, p->first)));
+    for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
+        s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
+    for (int k = FIRST_ATTRIBUTE; k < SLOTS; ++k) s.of[k] = edge_row(p->slot[k], at);
+    if (PHYSICAL) interpolate_tangent(p, weights, denominator, &s);
+    if (SLOTS == COORDINATES) return s;
+    const vf inverse = reciprocal(weights);
+    for (int k = COORDINATES; k < TINT; ++k) s.of[k] *= inverse;
+    for (int k = TINT; k < SLOTS; ++k) s.of[k] = fma(inverse, s.of[k], (vf)(p->first[k - TINT]));
     return s;
-}
-
-inline void merge_rows(SampleRow *a, SampleRow b, vi mask)
-{
-    a->normal = pick3(a->normal, b.normal, mask);
-    a->depth = pick(a->depth, b.depth, mask);
-    a->key = b.key;
-    a->triangle = b.triangle;
-    if (VERTEX_COLOURS) a->tint = pick3(a->tint, b.tint, mask);
-    if (PHYSICAL) a->tangent = pick3(a->tangent, b.tangent, mask);
-    if (PHYSICAL) a->across = pick(a->across, b.across, mask);
-#if BAKED
-    a->light = pick3(a->light, b.light, mask);
-#endif
-    if (!TEXTURED) return;
-    a->u = pick(a->u, b.u, mask);
-    a->v = pick(a->v, b.v, mask);
 }
 
 // The sign bit where a normal points away from the viewer.
@@ -161,13 +142,14 @@ inline void sample_row(const Scene *scene, const Block *b, const RowRegions *lis
         global const Region *r = b->regions.of + k;
         const vi mask = region_row(r, at);
         SampleRow one = interpolate(b->planes + k, row);
-        one.key = pick_int(s->key, (vi)(b->planes[k].key), mask);
-        one.triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
+        s->key = pick_int(s->key, (vi)(b->planes[k].key), mask);
+        s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
 #if BAKED
-        one.light = baked_row(scene, b->planes + k, row);
+        set_vector(&one, BAKED_LIGHT, baked_row(scene, b->planes + k, row));
 #endif
-        if (n == 0) *s = one;
-        else merge_rows(s, one, mask);
+        s->depth = n ? pick(s->depth, one.depth, mask) : one.depth;
+        for (int q = 0; q < QUANTITIES; ++q)
+            s->of[q] = n ? pick(s->of[q], one.of[q], mask) : one.of[q];
     }
 }
 
@@ -209,18 +191,10 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         const Vec point = {fma(s.depth, direction.x, row_ox(r, row)),
                            fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
-        store3(viewed_normal(s.normal, direction), out->normal, at);
-        if (VERTEX_COLOURS) store3(s.tint, out->tint, at);
-#if BAKED
-        store3(s.light, out->light, at);
-#endif
-        if (PHYSICAL) {
-            const vi away = SMOOTH ? turned_away_from(s.normal, direction) : (vi)(0);
-            store3(turn_vectors(s.tangent, away), out->tangent, at);
-            VSTORE(s.across, out->tangent + 3 * BLOCK_RAYS + at);
-        }
-        if (!TEXTURED) continue;
-        VSTORE(s.u, out->uv + at);
-        VSTORE(s.v, out->uv + BLOCK_RAYS + at);
+        const Vec normal = row_vector(&s, NORMAL);
+        const vi away = SMOOTH ? turned_away_from(normal, direction) : (vi)(0);
+        set_vector(&s, NORMAL, viewed_normal(normal, direction));
+        if (PHYSICAL) set_vector(&s, TANGENT, turn_vectors(row_vector(&s, TANGENT), away));
+        for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
 }
