@@ -32,7 +32,7 @@ BESIDE = {
     "rays one by one": {"follow_rays", "ray_overlaps", "shaft_overlaps", "Ray", "Shaft"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
-    "baked light": {"set_up_light", "baked_row", "sky_row"},
+    "baked light": {"set_up_light", "baked_row", "sky_row", "reflect_sky"},
     "light above white": {"encode_pq"},
     "packets of one element": {"compacted_tree", "compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
