@@ -6,6 +6,7 @@ import base64
 import html
 import http.server
 import json
+import re
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,6 +28,7 @@ from lfcore.viewer.neighbours import CODES, STEP_PX, Neighbours
 
 HERE = Path(__file__).parent
 SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "viewer.js")
+COMMENT = re.compile(r"^\s*//[^\n]*\n|/\*\*.*?\*/|^\s+", re.DOTALL | re.MULTILINE)
 MOST_PARALLAX = 0.08
 """The parallax over the whole lens, of the picture's width, where depths are not known."""
 MAP_SIDE = 128
@@ -162,8 +164,9 @@ def viewer_page(
 
 
 def _program() -> str:
-    texts = ((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    return "\n".join(('"use strict";', *texts))
+    """The page's program without comments and indentation."""
+    text = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    return '"use strict";\n' + COMMENT.sub("", text)
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:

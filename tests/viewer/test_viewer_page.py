@@ -17,11 +17,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS
 
 import lfcore.viewer.page as viewer_page
-from lfcore import Lattice, load_scene, record
+from lfcore import Lattice, Scene, load_scene, record
 from lfcore.cli import main
 from lfcore.errors import StorageError
 from lfcore.lightfield import LightField
@@ -152,6 +153,13 @@ def test_a_page_asks_no_other_host(page):
     assert data["name"] == "<two> & planes" and data["views"] == VIEWS
     assert data["columns"] == (np.arange(VIEWS) - 4.0).tolist()
     assert data["range"][0] < FAR and data["range"][1] > NEAR
+
+
+def test_the_page_of_a_plain_model_is_at_most_four_times_the_file(tmp_path):
+    ring = trimesh.creation.torus(1.6, 0.3).apply_translation((0.5, 0, -1))
+    mesh = trimesh.util.concatenate([trimesh.creation.icosphere(4), ring])
+    field = record(Scene.from_trimesh(mesh), tmp_path / "plain.mkv", pixels=256)
+    assert len(field.viewer().html) < 4 * field.path.stat().st_size
 
 
 def test_a_notebook_shows_a_frame(field):
