@@ -23,12 +23,12 @@ examples:
       depth_m and disparity_px, (views, rows, columns), of the light field's views
   lfcore depth scenes/bike --pixels 512 -o centre.png
       from the middle of the lens, to look at: near is warm, far is cold
-  lfcore depth --lightfield bike.mkv --all-in-focus sharp.png
+  lfcore depth bike.mkv --all-in-focus sharp.png
 """
 
 
 def options(command: argparse.ArgumentParser) -> None:
-    usual = "scene.yaml, its folder, a mesh or a .pbrt file (the depth in --lightfield)"
+    usual = "scene.yaml, its folder, a mesh, a .pbrt file, or a light field that holds depth"
     add_scene(command, help=usual, nargs="?")
     add_output(command, ".npz (every view); .pfm, .exr, or .png to look at (one view)",
                required=False)  # fmt: skip
@@ -80,6 +80,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
     """The light field, if one is named; :class:`LfcoreError` for options that need others."""
+    if not arguments.lightfield and str(arguments.scene).lower().endswith(".mkv"):
+        arguments.scene, arguments.lightfield = None, str(arguments.scene)
     if not (arguments.output or arguments.all_in_focus):
         refuse("--output", "nothing to write", "Give --output or --all-in-focus")
     if arguments.output:
