@@ -234,7 +234,8 @@ def _by_depth(
         "step": step,
         "codes": count,
         "ends": [
-            _disparity(slab, end) * choice.scale for end in (stored.codes.far, stored.codes.near)
+            (end - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch * choice.scale
+            for end in (stored.codes.far, stored.codes.near)
         ],
         "size": size,
         "displaced": views.displaced.tolist(),
@@ -277,16 +278,12 @@ def _pages(atlas: Atlas) -> list[str]:
 
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
     """The range of visible disparities, pixels of the file between neighbouring views."""
+    step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
     if field.metric and field.depth_range:
         near, far = field.depth_range
-        return _disparity(slab, 1 / far), _disparity(slab, 1 / near)
+        return (1 / far - delta) / step, (1 / near - delta) / step
     most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
-    return max(-most, _disparity(slab, 0)) if field.metric else -most, most
-
-
-def _disparity(slab: Slab, inverse: float) -> float:
-    """Pixels of the file from view to view of an inverse depth, 1/m."""
-    return (inverse - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
+    return max(-most, -delta / step) if field.metric else -most, most
 
 
 def _widened(seen: tuple[float, float]) -> list[float]:
