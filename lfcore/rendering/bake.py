@@ -12,6 +12,7 @@ G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interre
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +20,10 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
 from lfcore.progress import Progress
+from lfcore.rendering.bake_guide import Guide
+from lfcore.rendering.bake_lamps import Lamps
 from lfcore.rendering.bake_points import Grids, Points, grid_point, lattice
-from lfcore.rendering.bake_rays import BATCH, Surroundings, directions
+from lfcore.rendering.bake_rays import BATCH, Surroundings, samples
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
@@ -34,7 +37,7 @@ _FEWEST, _MOST = 32, 1024
 _OF_HIDDEN = 16
 _ROUNDS = 4
 _LARGEST_SIDE = 256
-_HIT_BYTES = 16
+_HIT_BYTES = 18
 _SMOOTHED, _STEPS, _LIKE_NORMALS = 3.0, 8, 0.95
 """How much more noise rays may leave than is asked for; steps of averaging neighbours take it."""
 
@@ -113,7 +116,7 @@ def _sides(scene: Scene, distance: np.ndarray) -> np.ndarray:
     cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / CELLS, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
     wanted = np.log2(np.maximum(edge / cell, 1))
-    return np.minimum(1 << np.ceil(wanted - 0.25).astype(np.int64), _LARGEST_SIDE)
+    return np.minimum(1 << np.floor(wanted + 0.25).astype(np.int64), _LARGEST_SIDE)
 
 
 class Baker:
@@ -123,26 +126,31 @@ class Baker:
     ----------
     source : (P, 3) what the light at points, times their colour, sends on in the last bounce.
     sums : (2, P, 3) sums of two halves of the rays; ``counts`` (P,) rays of each half.
+    open : (S,) of points of seen faces, whether they are outside of things.
     """
 
     def __init__(self, grids: Grids, around: Surroundings, options: BakeOptions):
         self.grids, self.around, self.options = grids, around, options
         self.sums = np.zeros((2, 0, 3), np.float32)
-        self.counts = np.zeros(0, np.int64)
+        self.counts, self.open = np.zeros(0, np.int64), np.zeros(0, bool)
         self.source, self.error = np.zeros((0, 3), np.float32), 0.0
-        self._hits: list[tuple[slice, int, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._hits: list[tuple] = []
 
     def find(self, seen: np.ndarray) -> None:
         """Gather at seen faces, and at those that rays from there hit."""
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
         fresh, count = self.grids.add(seen), _FEWEST
+        self.lamps = Lamps(self.around, self.grids.points)
         points = max(fresh.stop, 1)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
         count = min(count, max(8, room // 2 * 2))
-        self._seen_points = fresh.stop
-        for _ in range(_ROUNDS):
+        self._seen_points, self._first = fresh.stop, count
+        for turn in range(_ROUNDS):
             found = self._look(fresh, count)
+            if not turn:
+                self.open |= not self.open.any()
+                self.grids.replace(~self.open)
             if not self.options.bounces or not len(found):
                 break
             fresh, count = self.grids.add(found), min(count, _OF_HIDDEN)
@@ -157,25 +165,26 @@ class Baker:
     def _look(self, fresh: slice, count: int) -> np.ndarray:
         """Send the first rays of fresh points and keep their hits; returns faces without grids."""
         self._extend()
-        found = []
+        found, is_open = [], []
         for part in _batches(fresh, count):
-            towards = directions(
-                self.grids.points.of(part), np.arange(part.start, part.stop), 0, count
-            )
-            faces, weights = self.around.hits(self.grids.points.of(part), towards)
-            glow = self.around.glow(faces, weights, towards.reshape(-1, 3))
-            self._add(part, glow, count)
-            if self.options.bounces:
-                colour = self.around.albedo(faces, weights).astype(np.float16)
-                hits = faces.astype(np.int32), weights.astype(np.float16), colour
-                self._hits.append((part, count, *hits))
-                found.append(np.unique(faces[faces >= 0]))
+            points, seeds = self.grids.points.of(part), np.arange(part.start, part.stop)
+            faces, weights, glow = self.lamps.look(points, *samples(seeds, 0, count))
+            aimed = self.lamps.aimed(points, seeds, 0, count).reshape(-1, 3)
+            self.sums[:, part] += _halves(glow + aimed, count)
+            self.counts[part] += count // 2
+            colour = self.around.albedo(faces, weights).astype(np.float16)
+            hits = faces.astype(np.int32), weights.astype(np.float16), colour
+            self._hits.append((part, count, glow.mean(1).astype(np.float16), *hits))
+            is_open.append(self._open(faces, count))
+            found.append(np.unique(faces[(faces >= 0) & np.repeat(is_open[-1], count)]))
+        if not len(self.open):
+            self.open = np.concatenate([self.open, *is_open])
         every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
         return every[self.grids.first[every] < 0]
 
-    def _add(self, part: slice | np.ndarray, light: np.ndarray, count: int) -> None:
-        self.sums[:, part] += _halves(light, count)
-        self.counts[part] += count // 2
+    def _open(self, faces: np.ndarray, count: int) -> np.ndarray:
+        """(P,) whether rays hit the sky or seen faces: points inside of things do not."""
+        return ((faces < 0) | self.seen[faces]).reshape(-1, count).any(1)
 
     def mean(self) -> np.ndarray:
         """(P, 3) light at the points."""
@@ -186,32 +195,46 @@ class Baker:
         direct = self.around.direct(self.grids.points)
         glow, self.source = self.sums.copy(), direct
         hits = [
-            (part, count, self.grids.nearest(np.maximum(faces, 0), weights), colour)
-            for part, count, faces, weights, colour in self._hits
+            (part, count, glows, self.grids.nearest(np.maximum(faces, 0), weights), colour)
+            for part, count, glows, faces, weights, colour in self._hits
         ]
         self._hits = []
         for _ in range(self.options.bounces):
             self.source = direct + self.mean()
             self.sums = glow.copy()
-            for part, count, points, colour in hits:
+            for part, count, _, points, colour in hits:
                 self.sums[:, part] += _halves(self.source[points] * colour, count)
         if not self.options.bounces:
             self.source = np.zeros_like(direct)
+        seen = slice(0, self._seen_points)
+        self.guide = Guide(self.grids.points.of(seen), self._first, self._light_of(hits))
 
-    def gather(self, points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
-        """(2, P, 3) sums of halves of rays from ``first`` on."""
-        made = np.zeros((2, len(points), 3), np.float32)
+    def _light_of(self, hits: list) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
+        """Of hits of rays from seen points: the points, samples, and light (P, n)."""
+        for part, count, glows, points, colour in hits:
+            if part.start < self._seen_points:
+                light = glows + (self.source[points] * colour).mean(1)
+                a, b = samples(np.arange(part.start, part.stop), 0, count)
+                yield part, a, b, light.reshape(a.shape)
+
+    def gather(
+        self, points: Points, near: np.ndarray, seeds: np.ndarray, first: int, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(2, P, 3) sums of halves of rays from ``first`` on, of points ``near`` seen ones (P,);
+        and whether the points are open."""
+        made, is_open = np.zeros((2, len(points), 3), np.float32), np.zeros(len(points), bool)
         for part in _batches(slice(0, len(points)), count):
-            some = points.of(part)
-            towards = directions(some, seeds[part], first, count)
-            faces, weights = self.around.hits(some, towards)
-            light = self.around.glow(faces, weights, towards.reshape(-1, 3))
+            some, table = points.of(part), self.guide.of[near[part]]
+            a, b, worth = self.guide.turn(table, *samples(seeds[part], first, count))
+            faces, weights, light = self.lamps.look(some, a, b)
             if self.options.bounces:
                 on = np.flatnonzero(faces >= 0)
                 colour = self.around.albedo(faces[on], weights[on])
                 light[on] += self.source[self.grids.nearest(faces[on], weights[on])] * colour
-            made[:, part] = _halves(light, count)
-        return made
+            light *= worth.reshape(-1, 1)
+            light += self.lamps.aimed(some, seeds[part], first, count).reshape(-1, 3)
+            made[:, part], is_open[part] = _halves(light, count), self._open(faces, count)
+        return made, is_open
 
     def converge(self) -> None:
         """Send more rays from seen points, while the halves disagree."""
@@ -222,60 +245,57 @@ class Baker:
             count = 2 * self.counts[wanted]
             for size in np.unique(count).tolist():
                 some = wanted[count == size]
-                self.sums[:, some] += self.gather(self.grids.points.of(some), some, size, size)
+                points = self.grids.points.of(some)
+                self.sums[:, some] += self.gather(points, some, some, size, size)[0]
                 self.counts[some] += size // 2
 
-    def _squares(self) -> tuple[np.ndarray, np.ndarray]:
-        """(P,) expected squared error over a square of the light, each pooled over faces that
-        points share, since two halves alone say little; and the light."""
-        half = self.sums.mean(-1) / np.maximum(self.counts, 1)
-        light = half.mean(0)
-        square = (half[0] - half[1]) ** 2 / 4
-        total, weight = np.zeros(len(light)), np.zeros(len(light))
-        for side in np.unique(self.grids.sides[np.flatnonzero(self.seen) // 2]).tolist():
-            faces = np.flatnonzero(self.seen)
-            faces = faces[self.grids.sides[faces // 2] == side]
-            number = len(lattice(side))
-            index = self.grids.index[self.grids.first[faces][:, None] + np.arange(number)]
-            pooled = np.repeat(square[index].mean(1), number)
-            total += np.bincount(index.ravel(), pooled, len(light))
-            weight += np.bincount(index.ravel(), minlength=len(light))
-        return total / np.maximum(weight, 1), light
+    def _light(self) -> tuple[np.ndarray, np.ndarray]:
+        """(S,) light at seen points, and half of what their halves differ by: its error; 0 at
+        those that are not open."""
+        seen = slice(0, self._seen_points)
+        half = self.sums[:, seen].mean(-1) / np.maximum(self.counts[seen], 1) * self.open
+        return half.mean(0), (half[0] - half[1]) / 2
+
+    def _pooled(self, error: np.ndarray) -> np.ndarray:
+        """(S,) expected squares of errors (S,) of seen points: of one alone little is known, so
+        those of points that share a table of the guide."""
+        of = self.guide.of
+        return (np.bincount(of, error**2) / np.bincount(of))[of]
 
     def _uncertain(self) -> np.ndarray:
-        square, light = self._squares()
-        seen = np.arange(len(light)) < self._seen_points
-        mean = light[seen].mean() if seen.any() else 0.0
+        light, error = self._light()
+        mean = light[self.open].mean() if len(light) else 0.0
         least = _SMOOTHED * self.options.error * np.maximum(light, 0.25 * mean)
-        return np.flatnonzero(seen & (square > least**2) & (2 * self.counts < _MOST))
+        few = self.open & (2 * self.counts[: len(light)] < _MOST)
+        return np.flatnonzero(few & (self._pooled(error) > least**2))
 
     def smoothed(self) -> np.ndarray:
         """(P, 3) light, averaged with that of neighbours on the surface as far as noise can be
         what they differ by; sets ``error``, expected at seen points over their mean."""
-        square, light = self._squares()
-        values, weight = self.mean().astype(np.float64), np.ones(len(light))
+        light, error = self._light()
+        # The halves' difference is averaged in the same way: what stays of it is the error.
+        every = self.mean()
+        values = np.column_stack([every[: len(light)].astype(np.float64), error])
         a, b = self._edges()
-        noise = square.copy()
+        degree = np.bincount(a, minlength=len(light)) + np.bincount(b, minlength=len(light))
+        most = 1 + np.maximum(degree[a], degree[b])
+        noise = self._pooled(error)
         for _ in range(_STEPS):
-            level = values.mean(1)
+            level = values[:, :3].mean(1)
             off = (level[a] - level[b]) ** 2
-            share = np.maximum(1 - off / (9 * (noise[a] + noise[b]) + 1e-30), 0) / 6
-            sums = np.bincount(a, share, len(light)) + np.bincount(b, share, len(light))
-            keep = np.maximum(1 - sums, 0.25)
-            total = keep + sums
+            # As much from a to b as from b to a: the sum of all light stays.
+            share = np.maximum(1 - off / (9 * (noise[a] + noise[b]) + 1e-30), 0) / most
+            keep = 1 - np.bincount(a, share, len(light)) - np.bincount(b, share, len(light))
             mixed = keep[:, None] * values
-            for channel in range(3):
-                mixed[:, channel] += np.bincount(a, share * values[b, channel], len(light))
-                mixed[:, channel] += np.bincount(b, share * values[a, channel], len(light))
-            values = mixed / total[:, None]
-            of_others = np.bincount(a, share**2 * weight[b], len(light))
-            of_others += np.bincount(b, share**2 * weight[a], len(light))
-            weight = (keep**2 * weight + of_others) / total**2
-            noise = square * weight
-        seen = slice(0, self._seen_points)
-        mean = light[seen].mean() if self._seen_points else 0.0
-        self.error = float(math.sqrt(noise[seen].mean()) / mean) if mean > 0 else 0.0
-        return values.astype(np.float32)
+            for column in range(4):
+                mixed[:, column] += np.bincount(a, share * values[b, column], len(light))
+                mixed[:, column] += np.bincount(b, share * values[a, column], len(light))
+            values, noise = mixed, self._pooled(mixed[:, 3])
+        mean = light[self.open].mean() if len(light) else 0.0
+        noise = noise[self.open]
+        self.error = float(math.sqrt(noise.mean()) / mean) if mean > 0 else 0.0
+        every[: len(light)] = values[:, :3]
+        return every
 
     def _edges(self) -> tuple[np.ndarray, np.ndarray]:
         """Pairs of neighbouring points of seen faces, each once, whose normals are alike."""

@@ -125,14 +125,16 @@ class Grids:
         return slice(before, len(self.points))
 
     def at(self, faces: np.ndarray, places: np.ndarray, side: int) -> tuple[Points, np.ndarray]:
-        """Points (F places) at columns and rows (n, 2) of grids of faces, and their hashes."""
-        weights = np.column_stack([side - places.sum(1), places]).astype(np.float64)
+        """Points (F n) at columns and rows (n, 2), or (F, n, 2), of grids of faces (F,), and their
+        hashes."""
+        rest, number = side - places.sum(-1, keepdims=True), places.shape[-2]
+        weights = np.concatenate([rest, places], -1).astype(np.float64)
         triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
         corners = self.scene.triangles[triangle].astype(np.float64)
         exact = _mixed(weights, corners) / side
         normals = _mixed(weights, self._normals[triangle]) * sign[:, None, None]
         normals /= np.sqrt((normals * normals).sum(-1, keepdims=True))
-        flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], len(places), axis=1)
+        flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
         share = _INSET / side
         inset = exact + share * (corners.mean(1, keepdims=True) - exact)
         edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1) / side
@@ -141,8 +143,8 @@ class Grids:
              np.rint(normals / _NORMAL + 0.37)], -1
         ).astype(np.int64)  # fmt: skip
         made = (array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat))
-        points = Points(next(made), next(made), next(made), np.repeat(edge, len(places)))
-        return points, _hashed(key.reshape(-1, 6))
+        points = Points(next(made), next(made), next(made), np.repeat(edge, number))
+        return points, hashed(key.reshape(-1, 6))
 
     def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """The points that are nearest to hits of barycentric ``weights`` (R, 3); -1 without any."""
@@ -156,27 +158,39 @@ class Grids:
         at = np.maximum(first, 0) + grid_point(i, j, side)
         return np.where(first < 0, self.instead[faces], self.index[np.where(first < 0, 0, at)])
 
+    def replace(self, which: np.ndarray) -> None:
+        """Let others take the place of points ``which`` (P,): the nearest that look alike."""
+        if which.any() and not which.all():
+            other = np.arange(len(which))
+            others, some = np.flatnonzero(~which), self.points.of(which)
+            other[which] = others[self._alike(self.points.of(others), some.places, some.normals)]
+            self.index = other[self.index]
+
     def stand_in(self) -> None:
         """Find points for faces without grids: the nearest that look alike."""
-        from scipy.spatial import cKDTree  # slow to import
-
-        tree = cKDTree(
-            np.concatenate([self.points.places / self._size, _ALIKE * self.points.normals], 1)
-        )
         lacking = np.flatnonzero(self.first < 0)
         flat = self._flat[lacking // 2] * (1 - 2 * (lacking % 2))[:, None]
-        middles = self.scene.triangles[lacking // 2].mean(1) / self._size
-        self.instead[lacking] = tree.query(np.concatenate([middles, _ALIKE * flat], 1))[1]
+        middles = self.scene.triangles[lacking // 2].mean(1)
+        used = np.unique(self.index)
+        self.instead[lacking] = used[self._alike(self.points.of(used), middles, flat)]
+
+    def _alike(self, points: Points, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Those of ``points`` that are nearest to places and normals (P, 3)."""
+        from scipy.spatial import cKDTree  # slow to import
+
+        scale = np.float64(1 / self._size)
+        tree = cKDTree(np.concatenate([points.places * scale, _ALIKE * points.normals], 1))
+        return tree.query(np.concatenate([places * scale, _ALIKE * normals], 1))[1]
 
 
 def _mixed(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(F, n, 3) of weights (n, 3) and corners (F, 3, 3), term by term: a shared edge's points are
-    the same to the last bit."""
-    a, b, c = (weights[None, :, k, None] * corners[:, None, k] for k in range(3))
+    """(F, n, 3) of weights (n, 3) or (F, n, 3) and corners (F, 3, 3), term by term: shared edges
+    have the same points to the last bit."""
+    a, b, c = (weights[..., k, None] * corners[:, None, k] for k in range(3))
     return a + b + c
 
 
-def _hashed(keys: np.ndarray) -> np.ndarray:
+def hashed(keys: np.ndarray) -> np.ndarray:
     """(P,) uint64 of integers (P, n), by the finaliser of splitmix64 (G. Steele et al., 2014)."""
     hashes = np.zeros(len(keys), np.uint64)
     for column in keys.T.astype(np.uint64):

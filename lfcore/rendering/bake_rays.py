@@ -32,18 +32,25 @@ def _circle() -> np.ndarray:
     return np.stack([np.cos(turns), np.sin(turns)]).astype(np.float32)
 
 
-def directions(points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
-    """(P, count, 3) float32 directions, as dense as the cosine to the normal, of the samples from
-    ``first`` on: integers in a low-discrepancy sequence, shifted for each point by its seed.
+def samples(seeds: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two (P, count) float64 in ]0, 1[: a low-discrepancy sequence from ``first`` on, shifted for
+    each point by its seed."""
+    number = np.arange(first, first + count, dtype=np.uint64)
+    shift = _shuffled(seeds.astype(np.uint64))[:, None]
+    a, b = (
+        (number * np.uint64(step) + (shift >> np.uint64(32 * k))) & np.uint64(0xFFFFFFFF)
+        for k, step in enumerate(_R2)
+    )
+    return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
+
+
+def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(P, n, 3) float32 directions, as dense as the cosine to the normal, of samples (P, n).
 
     Those below the triangle itself, which a bent normal allows, are mirrored above it.
     """
-    number = np.arange(first, first + count, dtype=np.uint64)
-    shift = _shuffled(seeds.astype(np.uint64))[:, None]
-    a, b = ((number * np.uint64(step) + (shift >> np.uint64(32 * k))) & np.uint64(0xFFFFFFFF)
-            for k, step in enumerate(_R2))  # fmt: skip
-    share = ((a >> np.uint64(8)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-24)
-    cosine, sine = _circle()[:, (b >> np.uint64(20)).astype(np.int64)]
+    share = a.astype(np.float32)
+    cosine, sine = _circle()[:, (b * _TURNS).astype(np.int64)]
     radius, up = np.sqrt(share), np.sqrt(1 - share)
     n = points.normals[:, None]
     # The frame of T. Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
@@ -60,11 +67,11 @@ def directions(points: Points, seeds: np.ndarray, first: int, count: int) -> np.
         -1,
     )
     flat = points.flat[:, None]
-    below = np.minimum(_dot(made, flat), 0)
+    below = np.minimum(dot(made, flat), 0)
     return made - 2 * below[..., None] * flat
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Term by term: libraries add in other orders on other processors."""
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
@@ -92,6 +99,8 @@ class Surroundings:
         for light in scene.lights:
             self._lamps[light.own[0] : light.own[1]] = True
         self._materials()
+        glows = self._emission.max(1, initial=0) > 0
+        self.emits = glows[scene.material_ids] & ~self._lamps
 
     def _materials(self) -> None:
         materials = self.scene.materials
@@ -111,12 +120,17 @@ class Surroundings:
     def _has(self, texture: int) -> bool:
         return texture >= 0 and len(self.scene.uvs) > 0
 
-    def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Faces (R,) that rays (P, n, 3) from points hit, -1 none; barycentric weights (R, 3)."""
-        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))[:, None]
-        start = points.places + lift * points.flat
-        origins = np.repeat(start, towards.shape[1], axis=0)
-        return self.cast(origins, towards.reshape(-1, 3))[:2]
+    def hits(
+        self, points: Points, towards: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As :meth:`cast` of rays (P, n, 3) from points."""
+        origins = np.repeat(self.starts(points), towards.shape[1], axis=0)
+        return self.cast(origins, towards.reshape(-1, 3))
+
+    def starts(self, points: Points) -> np.ndarray:
+        """(P, 3) float32 where rays of points start, above the surface."""
+        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))
+        return points.places + lift[:, None] * points.flat
 
     def cast(
         self, origins: np.ndarray, towards: np.ndarray
@@ -124,7 +138,7 @@ class Surroundings:
         """Faces (R,) that rays (R, 3) hit, -1 none; barycentric weights (R, 3), distances (R,)."""
         triangle, distance, weights = self.tracer.closest_hit(origins, towards)
         self.rays += len(origins)
-        behind = _dot(self._flat[triangle], towards) > 0
+        behind = dot(self._flat[triangle], towards) > 0
         faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
         return faces, np.where((triangle < 0)[:, None], 0, weights), distance
 
@@ -136,8 +150,7 @@ class Surroundings:
             light[out] = radiance(self.sky, towards[out])
         triangle = faces // 2
         material = self.scene.material_ids[triangle]
-        glows = self._emission.max(1) > 0
-        on = np.flatnonzero((faces >= 0) & glows[material] & ~self._lamps[triangle])
+        on = np.flatnonzero((faces >= 0) & self.emits[triangle])
         if len(on):
             kinds = np.array([m.emission_texture for m in self.scene.materials])
             light[on] = self._emission[material[on]]
@@ -186,22 +199,21 @@ class Surroundings:
         towards = (
             vector - points.places if light.kind == POINT else np.tile(vector, (len(points), 1))
         )
-        distance = np.sqrt(_dot(towards, towards))
+        distance = np.sqrt(dot(towards, towards))
         unit = towards / distance[:, None]
-        strength = np.maximum(_dot(unit, points.normals), 0)
-        strength[_dot(unit, points.flat) <= 0] = 0
+        strength = np.maximum(dot(unit, points.normals), 0)
+        strength[dot(unit, points.flat) <= 0] = 0
         if light.kind == POINT and light.reference_distance_m:
             strength *= (np.float32(light.reference_distance_m) / distance) ** 2
         if any(light.normal):
-            cosine = -_dot(unit, np.array(light.normal, np.float32))
+            cosine = -dot(unit, np.array(light.normal, np.float32))
             if light.is_spot:
                 inner, outer = light.cone
                 cosine = np.clip((cosine - outer) / max(inner - outer, 0.001), 0, 1) ** 2
             strength *= np.maximum(cosine, 0)
         lit = np.flatnonzero(strength > 0)
         if light.casts_shadows and len(lit):
-            lift = np.maximum(self._lift, np.float32(1e-4) * points.cells[lit].astype(np.float32))
-            start = points.places[lit] + lift[:, None] * points.flat[lit]
+            start = self.starts(points.of(lit))
             triangle, far, _ = self.tracer.closest_hit(start, towards[lit])
             self.rays += len(lit)
             own = (triangle >= light.own[0]) & (triangle < light.own[1])

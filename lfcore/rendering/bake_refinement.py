@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.rendering.bake_points import Points, grid_point, lattice
+from lfcore.rendering.bake_points import grid_point, lattice
 from lfcore.scene.baked import BakedLight
 
 if TYPE_CHECKING:
@@ -14,10 +14,12 @@ if TYPE_CHECKING:
 
 LEVELS = 4
 """Times that a grid's cells are halved, at most."""
-_CONTRAST, _SURPRISE = 0.12, 0.06
-"""Neighbours that differ by such a share have a point between them; where it differs so much from
-their mean, cells are halved once more."""
-_RAYS = 128
+_SURPRISE, _CONTRAST = 0.06, 2.0
+"""A point between neighbours may differ by such a share from their mean, or by three times the
+error that is asked for; where it does not, cells are halved no more.  Neighbours that differ by so
+many times more have a point between them."""
+_FEW, _RAYS, _POOL = 32, 128, 4
+"""Rays of such a point, and of those that surprise."""
 _MOST_SIDE = 1024
 _VALUE_BYTES = 64
 
@@ -35,8 +37,9 @@ class Refinement:
         self.baker, self.grids = baker, baker.grids
         self._seen = seen
         self._light = baker.smoothed()
-        bright = self._light[: max(baker._seen_points, 1)].mean(-1)
+        bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
+        self._allowed = max(_SURPRISE, 3 * baker.options.error)
         self._room = baker.options.mib * 2**20 // 2 // _VALUE_BYTES
         self._next_seed = len(self._light)
 
@@ -75,7 +78,7 @@ class Refinement:
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
         kept = []
         for _ in range(LEVELS):
-            finer, rough = _between(values, side, self._floor)
+            finer, rough = _between(values, side, self._floor, _CONTRAST * self._allowed)
             faces = 2 * triangles[:, None] + np.arange(2)
             rough &= is_seen[faces][..., None]
             todo = rough.any((1, 2))
@@ -97,30 +100,45 @@ class Refinement:
         self, faces: np.ndarray, side: int, values: np.ndarray, rough: np.ndarray
     ) -> np.ndarray:
         """Replace rough values by gathered ones; (T,) whether they differ from the mean."""
-        places, parts, keys = lattice(side), [], []
-        row, which, place = np.nonzero(rough)
-        for number in np.unique(place).tolist():
-            some = np.flatnonzero(place == number)
-            points, key = self.grids.at(
-                faces[row[some], which[some]], places[number : number + 1], side
-            )
-            parts.append(points)
-            keys.append(key)
-        order = np.argsort(place, kind="stable")
-        joined, key = Points.joined(parts), np.concatenate(keys)
-        _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+        at, places = np.nonzero(rough), lattice(side)
+        on, where = faces[at[0], at[1]], places[at[2]]
+        points, keys = self.grids.at(on, where[:, None], side)
+        _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        weights = np.column_stack([side - where.sum(1), where])[first] / side
+        points, near = points.of(first), self.grids.nearest(on[first], weights)
+        before = values[at][first]
         seeds = self._next_seed + np.arange(len(first))
         self._next_seed += len(first)
-        light = self.baker.gather(joined.of(first), seeds, 0, _RAYS).sum(0) / _RAYS
-        found = np.empty((len(row), 3), np.float32)
-        found[order] = light[inverse]
-        before = values[row, which, place]
-        off = abs(found - before).mean(-1)
-        large = off > _SURPRISE * np.maximum(found.mean(-1), self._floor)
-        values[row, which, place] = found
+        sums, is_open = self.baker.gather(points, near, seeds, 0, _FEW)
+        found, noise = self._judged(sums, _FEW, near)
+        most = self._allowed * np.maximum(found.mean(-1), self._floor)
+        off = (found - before).mean(-1) ** 2
+        unsure = np.flatnonzero(is_open & (off > np.maximum(most**2, 4 * noise)))
+        if len(unsure):
+            some = near[unsure]
+            more = points.of(unsure), some, seeds[unsure]
+            sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
+            found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
+            off = (found - before).mean(-1) ** 2
+        # The mean is kept as far as noise can be what it differs by.
+        share = np.where(is_open, off / np.maximum(off + noise, 1e-30), 0)
+        values[at] = (before + share[:, None] * (found - before))[inverse]
+        large = is_open & (off > most**2 + 9 * noise)
         surprised = np.zeros(len(values), bool)
-        surprised[row[large]] = True
+        surprised[at[0][large[inverse]]] = True
         return surprised
+
+    def _judged(
+        self, sums: np.ndarray, rays: int, near: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors: of a few
+        points near one another little is known, so of all a share."""
+        halves = 2 * sums / rays
+        square = (halves[0] - halves[1]).mean(-1) ** 2 / 4
+        of = self.baker.guide.of[near]
+        total, count = np.bincount(of, square), np.bincount(of)
+        noise = (total + _POOL * square.mean()) / (count + _POOL)
+        return halves.mean(0), noise[of]
 
     def _assembled(self, kept: list[tuple[int, np.ndarray, np.ndarray]]) -> BakedLight:
         grids = np.zeros((len(self.grids.sides), 3), np.int32)
@@ -134,9 +152,11 @@ class Refinement:
         return BakedLight(grids, np.concatenate(chunks, dtype=np.float32))
 
 
-def _between(values: np.ndarray, side: int, floor: float) -> tuple[np.ndarray, np.ndarray]:
+def _between(
+    values: np.ndarray, side: int, floor: float, most: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Values of grids of twice the cells, linear between those of a side; and (T, 2, n) whether the
-    neighbours of a new point differ."""
+    neighbours of a new point differ by more than a share."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.
@@ -147,5 +167,5 @@ def _between(values: np.ndarray, side: int, floor: float) -> tuple[np.ndarray, n
         for end in ends
     )
     x, y = a.mean(-1), b.mean(-1)
-    rough = abs(x - y) > _CONTRAST * np.maximum(np.maximum(x, y), floor)
+    rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
     return (a + b) / 2, rough

@@ -11,6 +11,7 @@ import trimesh
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
 from lfcore.optics import bundles
+from lfcore.rendering.bake_points import lattice
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.sky import (
     octahedral,
@@ -37,6 +38,35 @@ def world(triangles, albedo=0.5, emission=0.0, sky=WHITE, **options):
 def seen(scene, pixels=48):
     slab = lfcore.Slab(scene.camera, 1, pixels)
     return open_tracer(scene).bundle_radiance(bundles.views(slab, np.int32([[0, 0]])))[0]
+
+
+def on_grid(scene, triangle, behind):
+    """Places of a triangle's baked points (n, 3), and their light (n,)."""
+    light = scene.light
+    first, side = light.grids[triangle, int(behind)], light.grids[triangle, 2]
+    at = lattice(int(side))
+    weights = np.column_stack([side - at.sum(1), at]) / side
+    return weights @ scene.triangles[triangle], light.values[first : first + len(at), 0]
+
+
+def rectangle(low, high, z):
+    """Two triangles across the axis, from (x, y) ``low`` to ``high``."""
+    (a, b), (c, d) = low, high
+    corners = np.array([[a, b, z], [c, b, z], [c, d, z], [a, d, z]])
+    return corners[[[0, 1, 2], [0, 2, 3]]]
+
+
+def factor_to(places, low, high, distance):
+    """The share of a parallel rectangle in the light of places (n, 3) across the axis: J. Howell,
+    "A Catalog of Radiation Heat Transfer Configuration Factors", B-4."""
+    total = 0.0
+    for sign, x in ((-1, low[0]), (1, high[0])):
+        for turn, y in ((-1, low[1]), (1, high[1])):
+            a, b = (x - places[:, 0]) / distance, (y - places[:, 1]) / distance
+            c, d = np.sqrt(1 + a * a), np.sqrt(1 + b * b)
+            part = a / c * np.arctan(b / c) + b / d * np.arctan(a / d)
+            total = total + sign * turn * part / (2 * np.pi)
+    return total
 
 
 def solid(kind, at, **size):
@@ -91,16 +121,62 @@ def test_two_plates_exchange_what_their_form_factor_says(distance):
         materials=[Material("glows", (0, 0, 0), emission=(1, 1, 1)), Material("dark", (0, 0, 0))],
         material_ids=np.int32([0, 0, 1, 1]),
     )
-    light = lfcore.bake(scene).light
+    scene = lfcore.bake(scene)
     # The mean over a triangle of what is linear between its points.
     total = []
     for triangle in (2, 3):
-        _, first, side = light.grids[triangle]
-        values = light.values[first : first + (side + 1) * (side + 2) // 2, 0]
-        at = [(i, j) for j in range(side + 1) for i in range(side + 1 - j)]
-        weight = [{0: 6, 1: 3, 2: 1}[(i == 0) + (j == 0) + (i + j == side)] for i, j in at]
-        total.append(np.average(values, weights=weight))
+        places, values = on_grid(scene, triangle, behind=True)
+        side = round(np.sqrt(2 * len(places)) - 1.5)
+        i, j = lattice(side).T
+        edges = (i == 0) * 1 + (j == 0) + (i + j == side)
+        total.append(np.average(values, weights=np.array([6, 3, 1])[edges]))
     assert np.mean(total) == pytest.approx(factor, rel=0.01)
+
+
+@pytest.mark.parametrize("half", [0.01, 0.2])
+def test_a_lamp_gives_what_its_form_factor_says(half):
+    """A square behind the camera, and a wall before it."""
+    low, high = (0.3 - half, -half), (0.3 + half, half)
+    scene = replace(
+        world(np.concatenate([plain_scenes.wall(1.5, 1.0), rectangle(low, high, -0.3)])),
+        materials=[Material("matt"), Material("lamp", emission=(0.1 / half**2,) * 3)],
+        material_ids=np.int32([0, 0, 1, 1]), bake=BakeOptions(0), sky=np.zeros_like(WHITE),
+    )  # fmt: skip
+    scene = lfcore.bake(scene)
+    for triangle in (0, 1):
+        places, found = on_grid(scene, triangle, behind=True)
+        wanted = 0.1 / half**2 * factor_to(places, low, high, 1.8)
+        off = found / wanted - 1
+        assert abs(off.mean()) < 0.003 and np.sqrt((off**2).mean()) < 0.01
+
+
+def test_a_bright_part_of_the_sky_gives_its_share():
+    """10^4 times as bright as the rest, and too wide for a sun."""
+    place = (np.arange(128) + 0.5) / 64 - 1
+    towards = octahedron(np.stack(np.meshgrid(place, place), -1))
+    bright = towards @ np.array([0.6, 0.0, -0.8]) > np.cos(0.12)
+    sky = np.repeat(np.where(bright, 1e4, 1.0)[..., None], 3, -1).astype(np.float32)
+    assert suns(sky)[1] == []
+    scene = lfcore.bake(world(plain_scenes.wall(1.5, 1.0), sky=sky, bounces=0))
+    wanted = (sky[..., 0] * solid_angles(128) * np.maximum(-towards[..., 2], 0)).sum() / np.pi
+    off = on_grid(scene, 0, behind=True)[1] / wanted - 1
+    assert abs(off.mean()) < 0.005 and np.sqrt((off**2).mean()) < 0.01
+
+
+def test_a_slit_lights_a_closed_room_as_its_form_factor_says():
+    low, high = (-0.3, 0.2), (0.3, 0.24)
+    front = [((-1, -1), (low[0], 1)), ((high[0], -1), (1, 1)),
+             ((low[0], -1), (high[0], low[1])), ((low[0], high[1]), (high[0], 1))]  # fmt: skip
+    things = [plain_scenes.wall(1.5, 1.0), *(rectangle(*part, -0.5) for part in front)]
+    for side in (-1, 1):
+        wall = rectangle((-1, -0.5), (1, 1.5), side)
+        things += [wall[..., [2, 0, 1]], wall[..., [0, 2, 1]]]
+    scene = lfcore.bake(world(np.concatenate(things), bounces=0))
+    places, found = on_grid(scene, 0, behind=True)
+    wanted = factor_to(places, low, high, 2.0)
+    off = found - wanted
+    assert abs(off.mean()) < 0.01 * wanted.mean()
+    assert np.sqrt((off**2).mean()) < 1.5 * scene.light.error * found.mean() + 0.01 * wanted.mean()
 
 
 def test_bounces_of_a_closed_room_are_a_geometric_series():

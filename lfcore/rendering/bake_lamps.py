@@ -1,0 +1,165 @@
+"""Rays to lamps: surfaces that emit more than is around.
+
+Rays to all sides seldom hit a small lamp.  Rays to points of the lamps find it.  A ray of either
+kind counts its radiance times a weight, the balance heuristic of E. Veach, "Robust Monte Carlo
+Methods for Light Transport Simulation", 1997: the density of rays to all sides in its direction
+over the sum of both densities.  So all light counts once, whatever the lamps' shares are.
+
+Where light is counted: emission and sky here, for every point that is baked.  Points, suns and
+spots, among them those that stand for a pbrt file's emitters, are shaded by the kernels;
+:meth:`Surroundings.direct` adds what they give to bounces, and their emitters are no lamps here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lfcore.rendering.bake_points import Points
+from lfcore.rendering.bake_rays import Surroundings, directions, dot, samples
+
+RAYS_PER_RAY = 0.5
+"""Rays to lamps per ray to all sides."""
+_TESTS, _RAYS, _PLACES = 1 << 12, 4, 16
+_BRIGHT = 2.0
+"""Emission above so many times the mean that points see is a lamp's."""
+_OTHER = np.uint64(0x6A09E667F3BCC909)
+
+
+class Lamps:
+    """What rays from points see, with rays to the lamps of their surroundings; ``points`` are
+    examples."""
+
+    def __init__(self, around: Surroundings, points: Points):
+        self.around = around
+        scene = around.scene
+        corners = scene.triangles.astype(np.float64)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        double = np.sqrt(dot(normals, normals))
+        self._area = double / 2
+        self._unit = (normals / np.maximum(double, 1e-300)[:, None]).astype(np.float32)
+        self._density = np.zeros(2 * scene.triangle_count, np.float32)
+        emitted = _emitted(around)
+        emitted[emitted <= _BRIGHT * self._level(points)] = 0
+        power = np.repeat(emitted * self._area, 2)
+        self._faces = np.flatnonzero(power > 0)
+        if len(self._faces):
+            self._set(power[self._faces])
+            self._set(power[self._faces] * self._use())
+
+    def _level(self, points: Points) -> float:
+        """The mean light of the sky and of emission on points."""
+        some = points.of(slice(None, None, len(points) // _TESTS + 1))
+        if not len(some) or not self.around.emits.any():
+            return 0.0
+        towards = directions(some, *samples(np.arange(len(some)), 0, _RAYS))
+        faces, weights, _ = self.around.hits(some, towards)
+        light = self.around.glow(faces, weights, towards.reshape(-1, 3)).mean(1)
+        return float(np.cumsum(light, dtype=np.float64)[-1] / len(light))
+
+    def _set(self, share: np.ndarray) -> None:
+        """Spread rays over the faces by their ``share``."""
+        self._ends = np.cumsum(share)
+        self._density[self._faces] = share / self._ends[-1] / self._area[self._faces // 2]
+        self._ends /= self._ends[-1]
+
+    def _use(self) -> np.ndarray:
+        """(F,) the share of rays from each face that hit surfaces without emission."""
+        a, b = samples(np.zeros(1, np.uint64), 0, _TESTS)
+        which, places = self._on_faces(a[0], b[0])
+        faces = self._faces[which]
+        up = self._unit[faces // 2] * (1 - 2 * (faces % 2))[:, None].astype(np.float32)
+        points = Points(places.astype(np.float32), up, up, np.zeros(_TESTS))
+        hit = self.around.hits(points, directions(points, *samples(np.arange(_TESTS), 0, 1)))[0]
+        useful = (hit >= 0) & ~np.isin(hit // 2, self._faces // 2)
+        tried = np.bincount(which, minlength=len(self._faces))
+        return (np.bincount(which, useful, len(self._faces)) + 0.5) / (tried + 0.5)
+
+    def _on_faces(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of lamps' faces and places (R, 3) on them, of pairs of samples (R,)."""
+        which = np.minimum(np.searchsorted(self._ends, a, "right"), len(self._ends) - 1)
+        before = np.where(which > 0, self._ends[which - 1], 0)
+        within = np.clip((a - before) / (self._ends[which] - before), 0, 1)
+        root = np.sqrt(within)
+        weights = np.stack([1 - root, root * (1 - b), root * b], -1)
+        corners = self.around.scene.triangles[self._faces[which] // 2]
+        return which, sum(weights[:, k, None] * corners[:, k] for k in range(3))
+
+    def look(
+        self, points: Points, a: np.ndarray, b: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What rays of points in the directions of samples (P, n) see.
+
+        Returns
+        -------
+        tuple
+            Faces (R,) that the rays hit, -1 none, barycentric weights (R, 3), and light (R, 3) of
+            sky and emission that counts for them.
+        """
+        towards = directions(points, a, b)
+        faces, weights, distance = self.around.hits(points, towards)
+        towards = towards.reshape(-1, 3)
+        light = self.around.glow(faces, weights, towards)
+        if len(self._faces):
+            of = np.repeat(np.arange(len(points)), a.shape[1])
+            self._weight(light, points, of, towards, faces, distance)
+        return faces, weights, light
+
+    def aimed(self, points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
+        """(P, count, 3) light of rays to lamps that counts, a ray for every other sample."""
+        light = np.zeros((len(points), count, 3), np.float32)
+        if not len(self._faces):
+            return light
+        some = samples(seeds.astype(np.uint64) ^ _OTHER, first // 2, count // 2)
+        of = np.repeat(np.arange(len(points)), count // 2)
+        start = self.around.starts(points)[of]
+        which, places = self._on_faces(*(of_points.ravel() for of_points in some))
+        towards = places - start
+        towards = (towards / np.sqrt(dot(towards, towards))[:, None]).astype(np.float32)
+        sent = np.flatnonzero(_cosines(points, of, towards) > 0)
+        of, towards = of[sent], towards[sent]
+        faces, weights, distance = self.around.cast(start[sent], towards)
+        found = np.flatnonzero(faces == self._faces[which[sent]])
+        seen = self.around.glow(faces[found], weights[found], towards[found])
+        self._weight(seen, points, of[found], towards[found], faces[found], distance[found])
+        light.reshape(-1, 3)[2 * sent[found]] = seen
+        return light
+
+    def _weight(
+        self,
+        light: np.ndarray,
+        points: Points,
+        of: np.ndarray,
+        towards: np.ndarray,
+        faces: np.ndarray,
+        distance: np.ndarray,
+    ) -> None:
+        """Multiply light that arrives at points ``of`` by its ray's weight, in place."""
+        on = np.flatnonzero(light.any(1))
+        towards, faces = towards[on], faces[on]
+        density = np.zeros(len(on), np.float32)
+        hit = faces >= 0
+        some = faces[hit]
+        cosine = abs(dot(self._unit[some // 2], towards[hit]))
+        density[hit] = self._density[some] * distance[on][hit] ** 2 / np.maximum(cosine, 1e-9)
+        cosine = _cosines(points, of[on], towards)
+        light[on] *= (cosine / (cosine + RAYS_PER_RAY * np.pi * density))[:, None]
+
+
+def _cosines(points: Points, of: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """pi times the density of :func:`directions` of points ``of``, which mirrors some."""
+    normals, flat = points.normals[of], points.flat[of]
+    cosine, up = dot(normals, towards), dot(flat, towards)
+    mirrored = cosine - 2 * up * dot(normals, flat)
+    return np.where(up > 0, np.maximum(cosine, 0) + np.maximum(mirrored, 0), 0)
+
+
+def _emitted(around: Surroundings) -> np.ndarray:
+    """(T,) the mean radiance that triangles emit."""
+    mean = np.zeros(around.scene.triangle_count)
+    which = np.flatnonzero(around.emits)
+    a, b = (of[0] for of in samples(np.zeros(1, np.uint64), 0, _PLACES))
+    root = np.sqrt(a)
+    for weights in np.stack([1 - root, root * (1 - b), root * b], -1).astype(np.float32):
+        every = np.tile(weights, (len(which), 1))
+        mean[which] += around.glow(2 * which, every, every).mean(-1) / _PLACES
+    return mean
