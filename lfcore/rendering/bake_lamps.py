@@ -63,7 +63,7 @@ class Lamps:
         self._ends /= self._ends[-1]
 
     def _use(self) -> np.ndarray:
-        """(F,) the share of rays from each face that hit surfaces without emission."""
+        """(F,) the share of rays from each face that hit surfaces that are no lamps."""
         a, b = samples(np.zeros(1, np.uint64), 0, _TESTS)
         which, places = self._on_faces(a[0], b[0])
         faces = self._faces[which]
@@ -72,7 +72,8 @@ class Lamps:
         hit = self.around.hits(points, directions(points, *samples(np.arange(_TESTS), 0, 1)))[0]
         useful = (hit >= 0) & ~np.isin(hit // 2, self._faces // 2)
         tried = np.bincount(which, minlength=len(self._faces))
-        return (np.bincount(which, useful, len(self._faces)) + 0.5) / (tried + 0.5)
+        share = np.bincount(which, useful, len(self._faces)) / np.maximum(tried, 1)
+        return np.where(tried < _RAYS, 1.0, share)
 
     def _on_faces(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of lamps' faces and places (R, 3) on them, of pairs of samples (R,)."""

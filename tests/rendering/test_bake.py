@@ -140,7 +140,7 @@ def test_a_lamp_gives_what_its_form_factor_says(half):
     scene = replace(
         world(np.concatenate([plain_scenes.wall(1.5, 1.0), rectangle(low, high, -0.3)])),
         materials=[Material("matt"), Material("lamp", emission=(0.1 / half**2,) * 3)],
-        material_ids=np.int32([0, 0, 1, 1]), bake=BakeOptions(0), sky=np.zeros_like(WHITE),
+        material_ids=np.int32([0, 0, 1, 1]), bake=BakeOptions(0, error=0.005), sky=np.zeros_like(WHITE),
     )  # fmt: skip
     scene = lfcore.bake(scene)
     for triangle in (0, 1):
