@@ -1,9 +1,10 @@
 """Baked light against Mitsuba's path tracer: python -m benchmarks.light --out light.csv
 
 The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
-picture by it to Mitsuba's converged one.  *planes*: pictures through the open lens, the bake
-included, beside Mitsuba with its denoiser; dB of each to its own converged picture.  *price*:
-seconds of rays with baked light and sky over those of the same rays with ambient light, in turn.
+picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
+beside Mitsuba with its denoiser; core seconds per plane, without and with a fifth of the bake, and
+dB to Mitsuba's converged ones.  *price*: seconds of rays with baked light and sky over those of the
+same rays with ambient light, in turn.  Rows of other scenes and parts in the result file stay.
 
     python -m benchmarks.light --out light.csv --figure light.png --pictures light/
 """
@@ -29,7 +30,7 @@ from benchmarks.measured.scenes import SCENES
 from benchmarks.peers.cycles_lens import matt
 from benchmarks.peers.mitsuba_lens import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath
-from benchmarks.publish import Result, of_this_run
+from benchmarks.publish import Result, of_this_run, read_result
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
@@ -55,14 +56,15 @@ PATHS = {
     "bedroom": "bedroom/window.yaml",
 }
 ERRORS = (0.16, 0.08, 0.04, 0.02, 0.01)
+SHOWN = 0.02
 PINHOLE, SHARP = 1e4, Lattice(2, 4)
-CONVERGED = 4096
+CONVERGED = 1024
 """Samples per pixel of Mitsuba's converged pictures."""
 PEER = {
     "Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture"),
     "the same, with albedo and normals": Samples(64, "multijitter", "auxiliary"),
 }
-LATTICE, OWN_TRUTH = Lattice(4, 2), Lattice(8, 3)
+LATTICE = Lattice(4, 2)
 
 
 def scene_of(name: str, folder: Path) -> Scene:
@@ -104,8 +106,8 @@ def _peak_mib() -> float:
 
 def bakes(
     scene: Scene, peer: MitsubaPath, options: argparse.Namespace, kept: dict[str, np.ndarray]
-) -> tuple[list[dict], Scene]:
-    """A row per error, and the scene with the light of its own."""
+) -> Iterator[tuple[dict, Scene]]:
+    """A row per error, and the scene with its light."""
     camera = replace(scene.camera, f_number=PINHOLE)
     halves = [
         peer.picture(camera, options.pixels, Samples(options.converged), seed)[0] for seed in (1, 2)
@@ -114,54 +116,49 @@ def bakes(
     known = inner_psnr(*halves) + 6.0  # the mean's squared error is a quarter of the difference's
     kept["Mitsuba, converged"] = truth
     plane = SensorPlane(scene.camera.focus_m, PINHOLE)
-    rows, own = [], None
     for error in options.errors:
         light, seconds, mib = baked(scene, error, options.threads)
         lit = replace(scene, light=light)
-        tracer = Tracer(lit, hierarchy_of(lit), opened(None))
+        tracer = Tracer(lit, hierarchy_of(scene), opened(None))
         picture = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)[0]
-        rows.append(_said({
+        yield _said({
             "scene": scene.name, "part": "bake", "setting": f"error {error}",
             "core s": f"{seconds:.1f}", "MiB": f"{mib:.0f}", "expected": f"{light.error:.3f}",
             "points": len(light.values), "rays": light.rays,
             "dB": f"{inner_psnr(picture, truth):.1f}", "truth dB": f"{known:.1f}",
-        }))  # fmt: skip
-        if error == 0.02 or own is None:
-            own = lit
+        }), lit  # fmt: skip
+        if error == SHOWN:
             kept["lfcore, baked"] = picture
             kept["difference x 8"] = 0.5 + 4 * (picture - truth)
-    assert own is not None
-    return rows, own
 
 
-def planes(scene: Scene, peer: MitsubaPath, bake_s: float, options) -> Iterator[dict]:
-    """Through the open lens: pictures of five planes, each with its light's share."""
+def planes(
+    scene: Scene, lights: list[tuple[dict, Scene]], peer: MitsubaPath, options: argparse.Namespace
+) -> Iterator[dict]:
+    """Through the open lens: pictures of five planes, each with its share of the bake."""
     wanted = [SensorPlane(f, scene.camera.f_number) for f in scene.focus_distances_m]
     cameras = [focused_camera(scene.camera, plane) for plane in wanted]
-    tracer = Tracer(scene, hierarchy_of(scene), opened(None))
-    common = {"scene": scene.name, "part": "planes"}
-    truths = [
-        pictures_by_depth(tracer, scene.camera, [p], options.pixels, OWN_TRUTH)[0] for p in wanted
-    ]
-    begun = time.process_time()
-    made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, LATTICE)
-    traced = (time.process_time() - begun) / len(wanted)
-    dB = [inner_psnr(*pair) for pair in zip(made, truths, strict=True)]
-    seconds = {"core s": f"{traced:.3f}", "with the bake": f"{traced + bake_s / len(wanted):.2f}"}
-    yield _said(common | {"setting": f"baked, {LATTICE}", "dB": f"{np.mean(dB):.1f}"} | seconds)
-    seeds = itertools.count(100)
-    converged = Samples(options.converged // 4)
-    theirs = [peer.picture(c, options.pixels, converged, next(seeds))[0] for c in cameras]
-    dB = [inner_psnr(*pair) for pair in zip(made, theirs, strict=True)]
-    yield _said(common | {"setting": f"baked, to Mitsuba's truth, {LATTICE}",
-                          "dB": f"{np.mean(dB):.1f}"} | seconds)  # fmt: skip
+    seeds, converged = itertools.count(100), Samples(options.converged)
+    truths = [peer.picture(c, options.pixels, converged, next(seeds))[0] for c in cameras]
+
+    def row(setting: str, pictures: list[np.ndarray], seconds: float, bake_s: float = 0.0) -> dict:
+        dB = [inner_psnr(*pair) for pair in zip(pictures, truths, strict=True)]
+        return _said({
+            "scene": scene.name, "part": "planes", "setting": setting, "core s": f"{seconds:.3f}",
+            "with the bake": f"{seconds + bake_s / len(wanted):.2f}", "dB": f"{np.mean(dB):.1f}",
+        })  # fmt: skip
+
+    for bake, lit in lights:
+        tracer = Tracer(lit, hierarchy_of(scene), opened(None))
+        pictures_by_depth(tracer, scene.camera, wanted, 16, LATTICE)  # programs
+        begun = time.process_time()
+        made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, LATTICE)
+        traced = (time.process_time() - begun) / len(wanted)
+        yield row(f"baked, {bake['setting']}, {LATTICE}", list(made), traced, float(bake["core s"]))
     for name, samples in PEER.items():
         peer.picture(cameras[0], options.pixels, samples, next(seeds))  # compiles
         found = [peer.picture(c, options.pixels, samples, next(seeds)) for c in cameras]
-        dB = [inner_psnr(one, true) for (one, _), true in zip(found, theirs, strict=True)]
-        taken = np.mean([taken for _, taken in found])
-        yield _said(common | {"setting": name, "core s": f"{taken:.3f}",
-                              "dB": f"{np.mean(dB):.1f}"})  # fmt: skip
+        yield row(name, [one for one, _ in found], float(np.mean([taken for _, taken in found])))
 
 
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
@@ -224,19 +221,27 @@ def main() -> None:
             kept: dict[str, np.ndarray] = {}
             assert scene.bake is not None
             peer = MitsubaPath(scene, scene.bake.bounces, options.threads)
-            more, lit = bakes(scene, peer, options, kept)
-            rows += more
+            lights = list(bakes(scene, peer, options, kept))
+            rows += [row for row, _ in lights]
             if "planes" in options.parts:
-                rows += planes(lit, peer, float(more[-1]["core s"]), options)
+                rows += planes(scene, lights, peer, options)
             peer.close()
             if "price" in options.parts:
-                rows += price(lit, options)
+                rows += price(lights[-1][1], options)
             if options.pictures:
                 contact_sheet(options.pictures / f"{name}.png", list(kept.values()), list(kept),
                               columns=3, panel_px=480)  # fmt: skip
-    table = pd.DataFrame(rows)
-    command = f"python -m benchmarks.light --pixels {options.pixels}"
-    Result(of_this_run(command), table).write(options.out)
+    command = "python -m benchmarks.light --out light.csv"
+    provenance = of_this_run(command)
+    table = (
+        pd.DataFrame(rows).assign(pixels=options.pixels, commit=provenance["commit"]).astype(str)
+    )
+    if options.out.exists():
+        old = read_result(options.out).rows
+        known = set(zip(table.scene, table.part, strict=True))
+        others = [pair not in known for pair in zip(old.scene, old.part, strict=True)]
+        table = pd.concat([table, old[others]])
+    Result(provenance, table.fillna("")).write(options.out)
     if options.figure:
         figure(table, options.figure)
 

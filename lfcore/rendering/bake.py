@@ -30,16 +30,17 @@ from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 
-CELLS = 64
+CELLS = 32
 """Cells of grids over the width of the picture, to begin with."""
 _FEWEST, _MOST = 32, 1024
 """Rays per point."""
 _OF_HIDDEN = 16
-_ROUNDS = 4
+_ROUNDS, _DARK = 4, 0.25
 _LARGEST_SIDE = 256
 _HIT_BYTES = 18
-_SMOOTHED, _STEPS, _LIKE_NORMALS = 3.0, 8, 0.95
-"""How much more noise rays may leave than is asked for; steps of averaging neighbours take it."""
+_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 2, 25.0, 0.95
+"""How much more noise rays may leave at first than is asked for; steps of averaging neighbours,
+where the square of what they differ by is not so many times their noise, take it."""
 
 
 def bake_light(
@@ -62,13 +63,15 @@ def bake_light(
     grids = Grids(scene, _sides(scene, distance))
     baker = Baker(grids, around, options)
     report = progress or (lambda done, of: None)
-    for done, step in enumerate((lambda: baker.find(seen), baker.bounce, baker.converge)):
-        step()
-        report(done + 1, 4)
-    refinement = Refinement(baker, seen)
-    light = refinement.light()
+    baker.find(seen)
+    report(1, 4)
+    baker.bounce()
+    report(2, 4)
+    baker.converge()
+    report(3, 4)
+    finished = Refinement(baker, seen).light()
     report(4, 4)
-    return replace(light, error=baker.error, rays=around.rays)
+    return replace(finished, error=baker.error, rays=around.rays)
 
 
 def _check_albedo(scene: Scene) -> None:
@@ -256,22 +259,31 @@ class Baker:
         half = self.sums[:, seen].mean(-1) / np.maximum(self.counts[seen], 1) * self.open
         return half.mean(0), (half[0] - half[1]) / 2
 
-    def _pooled(self, error: np.ndarray) -> np.ndarray:
-        """(S,) expected squares of errors (S,) of seen points: of one alone little is known, so
-        those of points that share a table of the guide."""
+    def pooled(self, error: np.ndarray, near: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """(P,) expected squares of errors (P,) of points ``near`` seen ones: of one alone little is
+        known, so those of points that share a table of the guide."""
+        of = self.guide.of[near]
+        return (np.bincount(of, error**2) / np.maximum(np.bincount(of), 1))[of]
+
+    def _level(self, light: np.ndarray) -> np.ndarray:
+        """(S,) what errors are shares of: light nearby, where it is more than a part of the mean.
+        That of a point alone would let points stop that were lucky."""
         of = self.guide.of
-        return (np.bincount(of, error**2) / np.bincount(of))[of]
+        near = (np.bincount(of, light) / np.maximum(np.bincount(of), 1))[of]
+        return np.maximum(near, _DARK * light[self.open].mean()) if len(light) else light
 
     def _uncertain(self) -> np.ndarray:
         light, error = self._light()
-        mean = light[self.open].mean() if len(light) else 0.0
-        least = _SMOOTHED * self.options.error * np.maximum(light, 0.25 * mean)
-        few = self.open & (2 * self.counts[: len(light)] < _MOST)
-        return np.flatnonzero(few & (self._pooled(error) > least**2))
+        least = _SMOOTHED * self.options.error * self._level(light)
+        rays, of = 2 * self.counts[: len(light)], self.guide.of
+        # One more ray may have found the brightest light.
+        unseen = (self.guide.brightest / np.maximum(np.bincount(of, rays), 1))[of]
+        uncertain = self.pooled(error) + unseen**2 > least**2
+        return np.flatnonzero(self.open & (rays < _MOST) & uncertain)
 
     def smoothed(self) -> np.ndarray:
         """(P, 3) light, averaged with that of neighbours on the surface as far as noise can be
-        what they differ by; sets ``error``, expected at seen points over their mean."""
+        what they differ by; sets ``error``, what is expected at seen points."""
         light, error = self._light()
         # The halves' difference is averaged in the same way: what stays of it is the error.
         every = self.mean()
@@ -279,21 +291,20 @@ class Baker:
         a, b = self._edges()
         degree = np.bincount(a, minlength=len(light)) + np.bincount(b, minlength=len(light))
         most = 1 + np.maximum(degree[a], degree[b])
-        noise = self._pooled(error)
+        noise = self.pooled(error)
         for _ in range(_STEPS):
             level = values[:, :3].mean(1)
             off = (level[a] - level[b]) ** 2
             # As much from a to b as from b to a: the sum of all light stays.
-            share = np.maximum(1 - off / (9 * (noise[a] + noise[b]) + 1e-30), 0) / most
+            share = np.maximum(1 - off / (_CUT * (noise[a] + noise[b]) + 1e-30), 0) / most
             keep = 1 - np.bincount(a, share, len(light)) - np.bincount(b, share, len(light))
             mixed = keep[:, None] * values
             for column in range(4):
                 mixed[:, column] += np.bincount(a, share * values[b, column], len(light))
                 mixed[:, column] += np.bincount(b, share * values[a, column], len(light))
-            values, noise = mixed, self._pooled(mixed[:, 3])
-        mean = light[self.open].mean() if len(light) else 0.0
-        noise = noise[self.open]
-        self.error = float(math.sqrt(noise.mean()) / mean) if mean > 0 else 0.0
+            values, noise = mixed, self.pooled(mixed[:, 3])
+        square = (noise / np.maximum(self._level(light), 1e-30) ** 2)[self.open]
+        self.error = float(math.sqrt(square.mean())) if len(square) else 0.0
         every[: len(light)] = values[:, :3]
         return every
 

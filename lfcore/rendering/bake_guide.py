@@ -35,6 +35,7 @@ class Guide:
     Attributes
     ----------
     of : (P,) the table of each point.
+    brightest : the most light that was found.
     """
 
     def __init__(
@@ -45,13 +46,15 @@ class Guide:
     ):
         self.of = _shared(points, count)
         tables, cells = int(self.of.max(initial=0)) + 1, SIDE * SIDE
-        squares, rays = np.zeros(tables * cells), np.zeros(tables * cells)
+        sums, counts = np.zeros(tables * cells), np.zeros(tables * cells)
+        self.brightest = 0.0
         for which, a, b, light in found:
+            self.brightest = max(self.brightest, float(light.max(initial=0)))
             cell = (a * SIDE).astype(np.int64) * SIDE + (b * SIDE).astype(np.int64)
             at = (self.of[which][:, None] * cells + cell).ravel()
-            squares += np.bincount(at, light.ravel().astype(np.float64) ** 2, len(squares))
-            rays += np.bincount(at, minlength=len(rays))
-        squares, rays = squares.reshape(tables, cells), rays.reshape(tables, cells)
+            sums += np.bincount(at, light.ravel().astype(np.float64) ** 2, len(sums))
+            counts += np.bincount(at, minlength=len(counts))
+        squares, rays = sums.reshape(tables, cells), counts.reshape(tables, cells)
         all_rays, mean = _total(rays), _total(squares) / np.maximum(_total(rays), 1)
         size = np.sqrt((squares + _PRIOR * mean) / (rays + _PRIOR))
         share = cells * size / np.maximum(_total(size), 1e-300)

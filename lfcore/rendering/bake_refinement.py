@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 LEVELS = 4
 """Times that a grid's cells are halved, at most."""
 _SURPRISE, _CONTRAST = 0.06, 2.0
-"""A point between neighbours may differ by such a share from their mean, or by three times the
-error that is asked for; where it does not, cells are halved no more.  Neighbours that differ by so
-many times more have a point between them."""
-_FEW, _RAYS, _POOL = 32, 128, 4
+"""A point between neighbours may differ by such a share from their mean, or by the error that is
+asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
+more have a point between them."""
+_FEW, _RAYS = 32, 128
 """Rays of such a point, and of those that surprise."""
 _MOST_SIDE = 1024
 _VALUE_BYTES = 64
@@ -35,11 +35,10 @@ class Refinement:
 
     def __init__(self, baker: Baker, seen: np.ndarray):
         self.baker, self.grids = baker, baker.grids
-        self._seen = seen
-        self._light = baker.smoothed()
+        self._seen, self._light = seen, baker.smoothed()
         bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
-        self._allowed = max(_SURPRISE, 3 * baker.options.error)
+        self._allowed = max(_SURPRISE, baker.options.error)
         self._room = baker.options.mib * 2**20 // 2 // _VALUE_BYTES
         self._next_seed = len(self._light)
 
@@ -120,8 +119,10 @@ class Refinement:
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
             off = (found - before).mean(-1) ** 2
-        # The mean is kept as far as noise can be what it differs by.
-        share = np.where(is_open, off / np.maximum(off + noise, 1e-30), 0)
+        # The mean is kept as far as noise can be what points nearby differ by.
+        table = self.baker.guide.of[near]
+        all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
+        share = np.where(is_open, np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0), 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
         large = is_open & (off > most**2 + 9 * noise)
         surprised = np.zeros(len(values), bool)
@@ -131,14 +132,9 @@ class Refinement:
     def _judged(
         self, sums: np.ndarray, rays: int, near: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors: of a few
-        points near one another little is known, so of all a share."""
+        """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors."""
         halves = 2 * sums / rays
-        square = (halves[0] - halves[1]).mean(-1) ** 2 / 4
-        of = self.baker.guide.of[near]
-        total, count = np.bincount(of, square), np.bincount(of)
-        noise = (total + _POOL * square.mean()) / (count + _POOL)
-        return halves.mean(0), noise[of]
+        return halves.mean(0), self.baker.pooled((halves[0] - halves[1]).mean(-1) / 2, near)
 
     def _assembled(self, kept: list[tuple[int, np.ndarray, np.ndarray]]) -> BakedLight:
         grids = np.zeros((len(self.grids.sides), 3), np.int32)

@@ -19,7 +19,7 @@ NO_SKY = np.zeros((0, 0, 3), np.float32)
 @dataclass(frozen=True)
 class BakeOptions:
     """How light is baked: ``bounces`` between matt surfaces, until the root mean square ``error``
-    is such a share of the mean, within ``mib`` of memory."""
+    is such a share of the light, of a quarter of its mean at least, within ``mib`` of memory."""
 
     bounces: int = 3
     error: float = 0.02
@@ -36,7 +36,7 @@ class BakedLight:
         counter-clockwise) and behind, and the grid's cells R along an edge.
     values : (P, 3) float32, linear RGB at the points: (i, j) with i + j <= R, row by row of j,
         where i / R and j / R are the weights of the second and the third corner.
-    error : the expected root mean square error over the mean, where the camera sees them.
+    error : the expected root mean square error, such a share, where the camera sees them.
     rays : how many were traced.
     """
 
