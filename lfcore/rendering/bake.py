@@ -241,16 +241,22 @@ class Baker:
 
     def converge(self) -> None:
         """Send more rays from seen points, while the halves disagree."""
+        seen = slice(0, self._seen_points)
+        sent, blind = 2 * self.counts[seen], self.sums[:, seen].copy()
         while True:
-            wanted = self._uncertain()
+            wanted = self._uncertain(sent)
             if not len(wanted):
                 return
-            count = 2 * self.counts[wanted]
-            for size in np.unique(count).tolist():
-                some = wanted[count == size]
+            for size in np.unique(sent[wanted]).tolist():
+                some = wanted[sent[wanted] == size]
                 points = self.grids.points.of(some)
                 self.sums[:, some] += self.gather(points, some, some, size, size)[0]
                 self.counts[some] += size // 2
+                if size == 2 * self._first:
+                    # The first rays had no guide, and add more noise than they take.
+                    self.sums[:, some] -= blind[:, some]
+                    self.counts[some] -= self._first // 2
+                sent[some] += size
 
     def _light(self) -> tuple[np.ndarray, np.ndarray]:
         """(S,) light at seen points, and half of what their halves differ by: its error; 0 at
@@ -272,14 +278,14 @@ class Baker:
         near = (np.bincount(of, light) / np.maximum(np.bincount(of), 1))[of]
         return np.maximum(near, _DARK * light[self.open].mean()) if len(light) else light
 
-    def _uncertain(self) -> np.ndarray:
+    def _uncertain(self, sent: np.ndarray) -> np.ndarray:
         light, error = self._light()
         least = _SMOOTHED * self.options.error * self._level(light)
-        rays, of = 2 * self.counts[: len(light)], self.guide.of
+        of = self.guide.of
         # One more ray may have found the brightest light.
-        unseen = (self.guide.brightest / np.maximum(np.bincount(of, rays), 1))[of]
+        unseen = (self.guide.brightest / np.maximum(np.bincount(of, sent), 1))[of]
         uncertain = self.pooled(error) + unseen**2 > least**2
-        return np.flatnonzero(self.open & (rays < _MOST) & uncertain)
+        return np.flatnonzero(self.open & (sent < _MOST) & uncertain)
 
     def smoothed(self) -> np.ndarray:
         """(P, 3) light, averaged with that of neighbours on the surface as far as noise can be

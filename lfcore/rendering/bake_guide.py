@@ -17,7 +17,7 @@ import numpy as np
 from lfcore.rendering.bake_points import Points, hashed
 
 SIDE = 16
-_LEAST_RAYS, _PRIOR = 8 * SIDE * SIDE, 4
+_LEAST_RAYS, _PRIOR = 8 * SIDE * SIDE, 0.25
 """Of a table; and rays of the mean light that each cell begins with."""
 _BLIND = 0.3
 """The share of rays that ignore their table."""
@@ -58,7 +58,7 @@ class Guide:
         all_rays, mean = _total(rays), _total(squares) / np.maximum(_total(rays), 1)
         size = np.sqrt((squares + _PRIOR * mean) / (rays + _PRIOR))
         share = cells * size / np.maximum(_total(size), 1e-300)
-        known = (mean > 0) & (all_rays >= _LEAST_RAYS)
+        known = (mean > 0) & (4 * all_rays >= _LEAST_RAYS)
         share = np.where(known, _BLIND + (1 - _BLIND) * share, 1).reshape(tables, SIDE, SIDE)
         self._worth = (1 / share).ravel().astype(np.float32)
         self._rows = _limits(_total(share)[..., 0])
