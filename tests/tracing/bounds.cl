@@ -149,12 +149,13 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
         const Scene scene = {.corners = in, .material_ids = (global const int *)in};
         global PlaneEquations *planes = (global PlaneEquations *)leaf;
         const float3 v[3] = {vload3(0, in), vload3(1, in), vload3(2, in)};
-        set_up_planes(&scene, &all, 0, 1, planes);
+        const TriangleRow first = {1};
+        set_up_planes(&scene, &all, &first, planes);
         const Rectangle over = rays_at(&all, v);
         const Box box = hits_at(&all, v, planes, over);
         const int even = evenly_weighted(planes->denominator, over);
         const float least = least_over(planes->denominator, over);
-        set_up_planes(&scene, &r, 0, 1, planes);
+        set_up_planes(&scene, &r, &first, planes);
         const SampleRow s = interpolate(planes, row);
         const Vec d = direction_row(&r, row);
         const vf x = fma(s.depth, d.x, row_ox(&r, row));

@@ -194,7 +194,8 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     OccluderCache *c = s->cache;
     global PlaneEquations *planes = s->element_planes;
     if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
-    set_up_planes(s->scene, &c->rays, triangle, 1, planes);
+    const TriangleRow one = {1, {triangle}};
+    set_up_planes(s->scene, &c->rays, &one, planes);
     const float3 v[3] = {corner(s->scene, triangle, 0), corner(s->scene, triangle, 1),
                          corner(s->scene, triangle, 2)};
     const Rectangle over = rays_at(&c->rays, v);

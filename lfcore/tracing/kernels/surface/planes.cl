@@ -99,17 +99,19 @@ inline WideAffine weight_function(Vec p, Vec q, const Bundle *r)
     return e;
 }
 
-// A number of each of LANES triangles, which have `pitch` numbers each.
-inline vf read_lanes(global const float *from, vi triangles, int pitch)
+// Up to LANES triangles; those beyond `count` repeat one.
+typedef struct { int count, of[LANES]; } TriangleRow;
+
+// A number of each of the triangles, which have `pitch` numbers each.
+inline vf read_lanes(global const float *from, const TriangleRow *triangles, int pitch)
 {
-    private int triangle[LANES];
+    if (triangles->count == 1) return from[(long)triangles->of[0] * pitch];
     private float found[LANES];
-    VSTORE(triangles, triangle);
-    for (int k = 0; k < LANES; ++k) found[k] = from[(long)triangle[k] * pitch];
+    for (int k = 0; k < LANES; ++k) found[k] = from[(long)triangles->of[k] * pitch];
     return VLOAD(found);
 }
 
-inline Vec read_corners(const Scene *s, vi triangles, int k)
+inline Vec read_corners(const Scene *s, const TriangleRow *triangles, int k)
 {
     global const float *from = s->corners + 3 * k;
     return (Vec){read_lanes(from, triangles, 9), read_lanes(from + 1, triangles, 9),
@@ -117,7 +119,8 @@ inline Vec read_corners(const Scene *s, vi triangles, int k)
 }
 
 // A slot as a function over the block, of the weights `e` of the corners.
-inline WideAffine set_up_slot(const Scene *s, vi triangles, int slot, const WideAffine *e)
+inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
+                              const WideAffine *e)
 {
     const int of_uv = TEXTURED && slot >= COORDINATES && slot < TINT;
     const int begin = slot < COORDINATES ? NORMAL : of_uv ? COORDINATES : TINT;
@@ -142,7 +145,8 @@ inline Vec directions_of(Vec a)
     return (Vec){a.x / length, a.y / length, a.z / length};
 }
 
-inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlanes *out)
+inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
+                         WidePlanes *out)
 {
     Vec at[3], v[3];
     for (int k = 0; k < 3; ++k) {
@@ -173,18 +177,16 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, vi triangles, WidePlan
                                    ATTRIBUTES);
 }
 
-// Set up `count` of LANES triangles for a block.
-inline void set_up_planes(const Scene *s, const Bundle *r, vi triangles, int count,
+// Set up triangles for a block.
+inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
                           global PlaneEquations *out)
 {
     WidePlanes wide;
     set_up_lanes(s, r, triangles, &wide);
-    private int triangle[LANES];
-    VSTORE(triangles, triangle);
-    for (int lane = 0; lane < count; ++lane, ++out) {
+    for (int lane = 0; lane < triangles->count; ++lane, ++out) {
         const float *from = (const float *)&wide + lane;
         global float *to = (global float *)out;
         for (int k = 0; k < sizeof(WidePlanes) / sizeof(vf); ++k) to[k] = from[k * LANES];
-        out->key = s->material_ids[triangle[lane]] * MIP_LEVELS;
+        out->key = s->material_ids[triangles->of[lane]] * MIP_LEVELS;
     }
 }

@@ -121,8 +121,12 @@ typedef struct { int count[RAY_ROWS]; uchar of[RAY_ROWS][LANES]; } RowRegions;
 
 inline void list_regions(const Regions *regions, RowRegions *out)
 {
-    for (int row = 0; row < RAY_ROWS; ++row) out->count[row] = 0;
-    for (int k = 0; k < regions->count; ++k) {
+    const int one = regions->count == 1;  // even of rows that it does not meet
+    for (int row = 0; row < RAY_ROWS; ++row) {
+        out->count[row] = one;
+        out->of[row][0] = 0;
+    }
+    for (int k = 0; k < regions->count && !one; ++k) {
         global const Region *r = regions->of + k;
         for (int at = r->top * BLOCK; at < (r->bottom + 1) * BLOCK; at += LANES) {
             const int row = at / LANES;
@@ -159,10 +163,10 @@ inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
     const int count = b->regions.count;
     global const Region *of = b->regions.of;
     for (int first = 0; first < count; first += LANES) {
-        private int triangle[LANES];
-        for (int k = 0; k < LANES; ++k) triangle[k] = of[min(first + k, count - 1)].triangle;
-        set_up_planes(scene, &b->rays, VLOAD(triangle), min(LANES, count - first),
-                      b->planes + first);
+        TriangleRow triangles = {min(LANES, count - first)};
+        for (int k = 0; k < LANES; ++k)
+            triangles.of[k] = of[min(first + k, count - 1)].triangle;
+        set_up_planes(scene, &b->rays, &triangles, b->planes + first);
     }
     for (int k = 0; k < count; ++k) {
         if (TEXTURED || PHYSICAL) set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
