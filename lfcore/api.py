@@ -128,7 +128,7 @@ def bake(
     bounces : int, optional
         Default: the scene's, or 3.
     error : float, optional
-        The root mean square error of the light, a share of its mean, where the camera sees it.
+        The root mean square error, a share of the light, where the camera sees it.
         Default: the scene's, or 0.02.
     mib : int, optional
         Memory that this may use, MiB.  Default: the scene's, or 1024.
