@@ -183,9 +183,10 @@ def test_a_slit_lights_a_closed_room_as_its_form_factor_says():
 def test_bounces_of_a_closed_room_are_a_geometric_series():
     """Inside a sphere that glows with 1 and reflects a share a, light is 1 + a + a^2 + ..."""
     room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
-    for bounces, light in ((0, 1.0), (1, 1.6), (3, 1 + 0.6 + 0.36 + 0.216)):
-        scene = world(room, 0.6, 1.0, sky=np.zeros_like(WHITE), bounces=bounces)
-        assert seen(scene, 16) == pytest.approx(1 + 0.6 * light, rel=0.01)
+    for albedo, bounces in ((0.6, 0), (0.6, 1), (0.6, 3), (1.0, 4)):
+        scene = world(room, albedo, 1.0, sky=np.zeros_like(WHITE), bounces=bounces)
+        light = sum(albedo**power for power in range(bounces + 1))
+        assert seen(scene, 16) == pytest.approx(1 + albedo * light, rel=0.01)
     dark = world(room, 1.0, sky=WHITE, bounces=4)
     assert seen(dark, 16).max() == 0
 
