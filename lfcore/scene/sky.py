@@ -105,7 +105,11 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
     """The scene under a sky, as :func:`sky_of` takes it, and lit by its suns."""
-    sky = sky_of(description, to_camera, file=file, key="sky")
+    return under(scene, sky_of(description, to_camera, file=file, key="sky"))
+
+
+def under(scene: Scene, sky: np.ndarray) -> Scene:
+    """The scene with a sky and the light of its suns."""
     return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
 
 

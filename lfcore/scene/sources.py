@@ -17,6 +17,11 @@ from lfcore.scene import reading
 from lfcore.scene.baked import ASKS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
+_SKY = re.compile(
+    rb'^[^#\n]*LightSource\s*"infinite"(?:"[^"\n]*"|#[^\n]*|[^"#A-DF-Z])*?'  # parameters before it
+    rb'"string\s+(?:mapname|filename)"',
+    re.MULTILINE,
+)
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
 _MATERIAL_FILE = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
 _TEXTURE_LINE = re.compile(
@@ -44,10 +49,16 @@ def files_of_scene(path: str | Path) -> list[Path]:
     counts, what it would have named does not: parsing says what is wrong with it.
     """
     path = Path(path)
+    return [path, *sorted({file for file, _ in _walk(path)} - {path})]
+
+
+def _walk(path: Path) -> Iterator[tuple[Path, Scanner]]:
+    """The files and how each is scanned."""
     waiting = [(path, path.parent, _scanner_of(path))]
     seen = {path}
     while waiting:
         file, main, scanner = waiting.pop()
+        yield file, scanner
         for name, scanner_of_named in _named_by(file, scanner):
             # pbrt looks beside its main file, then beside the file that includes.
             candidates = (_existing(folder, name) for folder in dict.fromkeys((main, file.parent)))
@@ -58,13 +69,16 @@ def files_of_scene(path: str | Path) -> list[Path]:
                 waiting.append(
                     (named, main if scanner is _pbrt else named.parent, scanner_of_named)
                 )
-    return [path, *sorted(seen - {path})]
 
 
 def asks_for_light(path: str | Path) -> bool:
     """Whether light is to be baked for a scene; a file that cannot be read says so when parsed."""
+    path = Path(path)
     try:
-        description = reading.read_yaml(path) if _scanner_of(Path(path)) is _description else None
+        if _scanner_of(path) is _pbrt:
+            return any(scanner is _pbrt and _SKY.search(reading.read_bytes(
+                file, reading.LARGEST_TEXT)) for file, scanner in _walk(path))  # fmt: skip
+        description = reading.read_yaml(path) if _scanner_of(path) is _description else None
     except SceneError:
         return False
     return isinstance(description, dict) and any(key in description for key in ASKS)

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
+import lfcore
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
+from lfcore.scene.baked import BakeOptions
 from lfcore.scene.motion import scene_at
 from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.sky import radiance
 
 HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
 FILM = 'Film "image" "integer xresolution" [100] "integer yresolution" [100]\n'
@@ -279,9 +282,58 @@ def test_lights(read):
     np.testing.assert_allclose(point.colour, np.array([1, 2, 3]) / math.pi)
     assert sun.kind == DIRECTIONAL and sun.vector == (0, -1, 0)
     np.testing.assert_allclose(scene.ambient, (0.2, 0.4, 0.6))
-    assert scene.background == scene.ambient
+    assert scene.background == scene.ambient and scene.bake is None
     notes = {(note.kind, note.line) for note in scene.notes}
     assert notes == {("approximated", 7), ("approximated", 8), ("left out", 9)}
+
+
+def _square_to_sphere(place):
+    """Clarberg's map of equal areas, as pbrt 4 has it, forward."""
+    x, y = 2 * place[0] - 1, 2 * place[1] - 1
+    from_edge = 1 - (abs(x) + abs(y))
+    r = 1 - abs(from_edge)
+    turn = ((abs(y) - abs(x)) / r + 1) * math.pi / 4
+    across = r * math.sqrt(2 - r * r)
+    z = math.copysign(1 - r * r, from_edge)
+    return [math.copysign(math.cos(turn), x) * across, math.copysign(math.sin(turn), y) * across, z]
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_sky_is_where_pbrt_has_it(read, tmp_path, version):
+    """A bright square of a map, in a light space that is turned and mirrored."""
+    size = (32, 64) if version == 3 else (64, 64)
+    picture = np.full((*size, 3), 0.5, np.float32)
+    picture[8:12, 12:16] = 4
+    lfcore.write_picture(tmp_path / "sky.exr", picture)
+    u, v = 14 / size[1], 10 / size[0]
+    if version == 3:
+        polar, turn = v * math.pi, 2 * u * math.pi
+        bright = [
+            math.sin(polar) * math.cos(turn),
+            math.sin(polar) * math.sin(turn),
+            math.cos(polar),
+        ]
+    else:
+        bright = _square_to_sphere((u, v))
+    name = "mapname" if version == 3 else "filename"
+    world = (
+        "AttributeBegin\nRotate 90 1 0 0\nScale -1 1 1\n"
+        f'LightSource "infinite" "string {name}" "sky.exr"\nAttributeEnd\n'
+        'LightSource "infinite" "rgb L" [1 0 0]\n' + TRIANGLE
+    )
+    scene = read(world)
+    assert scene.bake == BakeOptions()
+    x, y, z = bright
+    in_world = [-x, -z, y]  # mirrored, then turned about x
+    camera = np.float32([[in_world[0], -in_world[1], in_world[2]]])  # y down
+    assert radiance(scene.sky, camera)[0] == pytest.approx([5, 4, 4], rel=0.05)
+    assert radiance(scene.sky, -camera)[0] == pytest.approx([1.5, 0.5, 0.5], rel=0.05)
+
+
+def test_a_sky_that_is_no_light(read, tmp_path):
+    lfcore.write_picture(tmp_path / "dark.exr", np.full((2, 4, 3), -1, np.float32))
+    with pytest.raises(SceneError, match=r"scene.pbrt: line \d+.*mapname.*are no light"):
+        read('LightSource "infinite" "string mapname" "dark.exr"\n' + TRIANGLE)
 
 
 def test_area_lights_send_what_they_should(read):

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from test_gltf import packed
 
-from lfcore.scene.sources import files_of_scene
+from lfcore.scene.sources import asks_for_light, files_of_scene
 
 
 def names(path):
@@ -64,6 +64,20 @@ def test_pbrt_includes_of_any_name_meshes_textures_and_spectra(write):
         "main.pbrt", "parts/geometry.inc", "parts/more.pbrt", "parts/wood.png", "parts/mesh.ply",
         "sky.exr", "lamp.spd", "remark.pbrt",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("light", "asks"),
+    [
+        ('"infinite" "rgb L" [1E0 1 1] # of all\n "string mapname" "sky.exr"', True),
+        ('"infinite" "string filename" [ "sky.exr" ]', True),
+        ('"infinite" "rgb L" [1 1 1]\nTexture "a" "color" "imagemap" "string filename" "b"', False),
+        ('"distant" "string mapname" "sky.exr"', False),
+    ],
+)
+def test_light_of_a_pbrt_map_is_baked(write, light, asks):
+    folder = write(main_pbrt='Include "a.inc"', a_inc=f"LightSource {light}\nWorldEnd", sky_exr="")
+    assert asks_for_light(folder / "main.pbrt") is asks
 
 
 def test_a_packed_pbrt_scene_and_a_packed_mesh(write):

@@ -7,6 +7,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.assemble import LARGEST_COORDINATE, assemble, sound
+from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
@@ -15,6 +16,7 @@ from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
+from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
 MOST_LIGHT_POINTS = 1024
@@ -65,17 +67,20 @@ def build_pbrt_scene(
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     rig, view = interpreter.rig, interpreter.view
     assert view is not None  # of the world block
-    return Scene(
+    scene = Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
         lights=rig.lights,
         ambient=tuple(rig.ambient.tolist()),
-        background=tuple(rig.background.tolist()),
+        background=tuple(rig.ambient.tolist()),
         view=view,
         notes=notebook.notes(),
         motions=moves,
         **vars(geometry),
     )
+    if not len(rig.sky):
+        return scene
+    return replace(under(scene, rig.sky + np.float32(rig.ambient)), bake=BakeOptions())
 
 
 def _parts(

@@ -1,4 +1,4 @@
-"""pbrt lights as what the tracer has: point and directional lights, ambient, background.
+"""pbrt lights as what the tracer has: point and directional lights, ambient light, and a sky.
 
 The tracer multiplies diffuse colours by irradiance without dividing by pi, so every irradiance
 here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radiance.
@@ -12,11 +12,14 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
+from lfcore.scene.baked import NO_SKY
 from lfcore.scene.emitters import EmitterPoints
+from lfcore.scene.limits import BRIGHTEST
 from lfcore.scene.notes import LEFT_OUT
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 from lfcore.scene.pbrt.textures import read_picture
+from lfcore.scene.sky import LARGEST_SIDE, octahedral
 from lfcore.scene.surface_mesh import Colour, triple
 
 ENDS = {"from": (0.0, 0.0, 0.0), "to": (0.0, 0.0, 1.0)}
@@ -37,13 +40,14 @@ def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
 class LightRig:
     """Lights in camera space and the light from everywhere, collected while reading.
 
-    ``folder`` is that of the scene file, which names of pictures and spectra are relative to.
+    ``ambient`` is that of infinite lights of one colour, ``sky`` that of their maps.  ``folder``
+    is that of the scene file, which names of pictures and spectra are relative to.
     """
 
     folder: Path
     lights: list[Light] = field(default_factory=list)
     ambient: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    background: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    sky: np.ndarray = field(default_factory=lambda: NO_SKY)
 
     def add(self, kind: str, parameters: ParameterSet, to_camera: np.ndarray) -> None:
         """Handle ``LightSource "kind"``; ``to_camera`` is (4, 4), light space to camera space."""
@@ -56,7 +60,7 @@ class LightRig:
                 parameters.left_out("illuminance")
             self.lights.append(Light(DIRECTIONAL, towards, _over_pi(irradiance)))
         elif kind == "infinite":
-            self._infinite(parameters)
+            self._infinite(parameters, to_camera)
         else:
             parameters.note(LEFT_OUT, f'LightSource "{kind}"')
         parameters.note_unused()
@@ -75,26 +79,27 @@ class LightRig:
             parameters.approximated("fades as glTF's spots")
         self.lights.append(light)
 
-    def _infinite(self, parameters: ParameterSet) -> None:
+    def _infinite(self, parameters: ParameterSet, to_camera: np.ndarray) -> None:
         radiance = emitted(parameters, "L", self.folder)
         parameters.get("samples")
         parameters.get("nsamples")
-        for name, octahedral in (("mapname", False), ("filename", True)):
+        for name, places in (("mapname", _latitudes), ("filename", _equal_area)):
             file = parameters.string(name)
             if file is None:
                 continue
             picture, encoded = read_picture(self.folder / file, parameters.place_of(name))
             if encoded:
                 picture = srgb_decode(picture / 255.0)
-            # Version 3 maps by latitude, whose rows shrink towards the poles; version 4's
-            # octahedral map has texels of equal solid angle.
-            latitude = (np.arange(len(picture)) + 0.5) / len(picture) * math.pi
-            weight = np.ones(len(picture)) if octahedral else np.sin(latitude)
-            radiance = radiance * np.average(picture.mean(1), axis=0, weights=weight)
-            parameters.approximated("the mean of its map", name)
+            light = np.ascontiguousarray(picture * radiance, np.float32)
+            if not (light.min() >= 0 and light.max() <= BRIGHTEST):
+                problem = f"{file!r} has values that are no light"
+                raise parameters.error(name, problem, f"Give radiance from 0 to {BRIGHTEST:g}")
+            side = len(self.sky) or max(2, min(picture.shape[1], LARGEST_SIDE))
+            sky = octahedral(light, np.linalg.inv(to_camera[:3, :3]), places, side)
+            self.sky = self.sky + sky if len(self.sky) else sky
+            return
         parameters.approximated("ambient light without shadows")
         self.ambient = self.ambient + radiance
-        self.background = self.background + radiance
 
     def add_area(self, points: EmitterPoints, radiance: np.ndarray, own: tuple[int, int]) -> None:
         """Let point lights in camera space stand for an emitting surface.
@@ -108,6 +113,23 @@ class LightRig:
 
 def _over_pi(irradiance: np.ndarray) -> Colour:
     return triple(np.asarray(irradiance, np.float64) / math.pi)
+
+
+def _latitudes(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Version 3: columns by azimuth from x to y, rows by the angle to z."""
+    u = np.arctan2(d[..., 1], d[..., 0]) / (2 * math.pi) % 1.0
+    return u, np.arccos(np.clip(d[..., 2], -1, 1)) / math.pi
+
+
+def _equal_area(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Version 4: P. Clarberg, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD", 2008."""
+    x, y, z = np.moveaxis(abs(d), -1, 0)
+    radius = np.sqrt(np.maximum(1 - z, 0))
+    across = radius * np.arctan2(y, x) * (2 / math.pi)
+    u, v = radius - across, across
+    below = d[..., 2] < 0
+    u, v = np.where(below, 1 - v, u), np.where(below, 1 - u, v)
+    return (np.copysign(u, d[..., 0]) + 1) / 2, (np.copysign(v, d[..., 1]) + 1) / 2
 
 
 def _axis(parameters: ParameterSet, to_camera: np.ndarray, start: str, end: str) -> Colour:
