@@ -64,14 +64,15 @@ def load_scene(
     view_from: str | None = None,
     zoom: float | None = None,
     light: Mapping[str, Any] | None = None,
+    bare: bool = False,
 ) -> Scene:
     """Load a scene from any file that describes one.
 
     Parameters
     ----------
     path : str or Path
-        A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera and a
-        light; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
+        A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera, a
+        sky and a floor where it has none; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
     light_points : int
         Point lights that stand for each area light of a pbrt scene.
     up : str, optional
@@ -85,6 +86,9 @@ def load_scene(
     light : mapping, optional
         Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
         ``bake_mib``.  A file is relative to the scene's.
+    bare : bool
+        Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
+        where it has lights of its own or the camera is within it.
 
     Returns
     -------
@@ -100,8 +104,9 @@ def load_scene(
     if path.suffix.lower() == ".npz":
         return load_prepared(path)
     return build_scene(
-        path, light_points=light_points, up=up, view_from=view_from, zoom=zoom, light=light
-    )
+        path, light_points=light_points, up=up, view_from=view_from, zoom=zoom, light=light,
+        bare=bare,
+    )  # fmt: skip
 
 
 def bake(
@@ -523,10 +528,10 @@ def _planned(
 ) -> tuple[Lattice, Encoding, dict]:
     """The lattice that one view chooses, the encoding that trials choose, and what the file says of
     its quality."""
-    from lfcore.rendering.depth import depth_range
+    from lfcore.rendering.depth import seen_range
     from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
 
-    near_far = quality.focus_range_m or depth_range(tracer, Slab.of(camera, 4, size))
+    near_far = quality.focus_range_m or seen_range(tracer, Slab.of(camera, 4, size))
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
     codec_takes = encoding.crf is None and not encoding.lossless
     search = QualitySearch(tracer, camera, planes, size, quality)

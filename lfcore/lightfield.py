@@ -31,7 +31,7 @@ from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
 from lfcore.refocus.views import read_views
 from lfcore.rendering.depth import all_in_focus, all_samples, check_samples, depth_of_views
-from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.prepared import open_dark_tracer
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.labelled import MadeViews, labelled_views
@@ -379,7 +379,7 @@ class LightField(FieldPlanes):
         slab = self.made_views
         if scene is None:
             return self._stored_depth(check_samples(slab, samples), progress)
-        return depth_of_views(open_tracer(scene, device), slab, samples, progress=progress)
+        return depth_of_views(open_dark_tracer(scene, device), slab, samples, progress=progress)
 
     def _stored_depth(self, samples: np.ndarray, progress: Progress | None) -> np.ndarray:
         if self.metadata.depth is None:
@@ -425,7 +425,7 @@ class LightField(FieldPlanes):
             return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
         if scene is None:
             raise self._needs_scene()
-        slab, tracer = self.require_grid(), open_tracer(scene, device)
+        slab, tracer = self.require_grid(), open_dark_tracer(scene, device)
         alone = Extent((0, 0, 1, 1), slab.held.pixels)
         centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels, alone))[0]
         everything = all_samples(slab)

@@ -24,7 +24,7 @@ def model(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(model):
-    scene = lfcore.load_scene(model)
+    scene = lfcore.load_scene(model, bare=True)
     seen = []
     field = lfcore.record(
         scene, model.with_suffix(".mkv"), views=4, pixels=32, f_number=2,
@@ -116,7 +116,7 @@ def test_a_scene_of_arrays_is_that_of_the_same_file(model):
     mesh = trimesh.load(model, force="mesh")
     triangles = mesh.vertices[mesh.faces]
     scene = lfcore.Scene.from_triangles(triangles, normals=mesh.vertex_normals[mesh.faces])
-    known = lfcore.load_scene(model)
+    known = lfcore.load_scene(model, bare=True)
     np.testing.assert_allclose(scene.triangles, known.triangles, atol=1e-6)
     assert scene.camera.focus_m == pytest.approx(known.camera.focus_m)
     ours, theirs = (lfcore.render(s, pixels=24, views=2) for s in (scene, known))

@@ -102,6 +102,7 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     scene = lfcore.load_scene(
         arguments.scene, light_points=arguments.light_points, up=arguments.up,
         view_from=arguments.view_from, zoom=arguments.zoom, light=arguments.sky,
+        bare=arguments.bare,
     )  # fmt: skip
     if scene.notes:
         say(scene.summary())

@@ -44,7 +44,7 @@ def options(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     from lfcore.optics.slab import Slab
     from lfcore.rendering import depth as depths
-    from lfcore.rendering.prepared import open_tracer
+    from lfcore.rendering.prepared import open_dark_tracer
 
     field = _checked(arguments)
     scene = open_scene(arguments) if arguments.scene else None
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         assert scene  # checked above
         slab = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
-        of_samples = partial(depths.depth_of_views, open_tracer(scene, arguments.device), slab)
+        of_samples = partial(depths.depth_of_views, open_dark_tracer(scene, arguments.device), slab)
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()

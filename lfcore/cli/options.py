@@ -25,6 +25,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "sky": {"type": values.sky, "metavar": "SKY[,KEY=VALUE...]",
             "help": "light from all around: an .hdr or .exr panorama, or #rrggbb; keys: bounces, "
             "rotation_deg, strength (the scene's)"},
+    "bare": {"action": "store_true", "help": "leave a mesh without lights without sky and floor"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
     "subpixels": {"type": values.positive, "metavar": "Q"},
@@ -79,7 +80,7 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None, **
     """The scene that a command traces, and the device that traces it."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
     command.add_argument(name, type=Path, help=help or usual, **more)
-    add(command, "light_points", "up", "view_from", "zoom", "sky", "device")
+    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:

@@ -19,7 +19,7 @@ from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import FreeViews, served_positions
 from lfcore.refocus.views import read_views
-from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.prepared import open_dark_tracer
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
 
@@ -78,7 +78,7 @@ class Truth:
                 key="--scene",
                 remedy="Give the scene as it was, or record it again",
             )
-        self._tracer = open_tracer(scene, device)
+        self._tracer = open_dark_tracer(scene, device)
         self._materials = scene.material_ids
 
     def of_view(self, slab: Slab, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

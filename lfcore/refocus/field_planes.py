@@ -190,10 +190,10 @@ class FieldPlanes(LightFieldFile):
     @cached_property
     def _seen(self) -> DepthRange | None:
         """The ends of the depth that the middle view shows, as for a scene; of a file without
-        depth the ends that it states."""
-        if self.metadata.depth is not None:
+        depth, or of a mesh on a floor, the ends that it states."""
+        if self.metadata.depth is not None and "seen_m" not in self.content:
             return ends_of(self._middle_depth[np.isfinite(self._middle_depth)])
-        return DepthRange(*self.depth_range) if self.depth_range else None
+        return DepthRange(*self.seen_range) if self.seen_range else None
 
     def distance_of(self, disparity_px: float) -> float:
         """Convert a disparity to a distance.

@@ -27,11 +27,10 @@ from lfcore.rendering.bake_rays import BATCH, Surroundings, samples
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
+from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 
-CELLS = 32
-"""Cells of grids over the width of the picture, to begin with."""
 _FEWEST, _MOST = 32, 1024
 """Rays per point."""
 _OF_HIDDEN = 16
@@ -58,9 +57,11 @@ def bake_light(
     """
     _check_albedo(scene)
     bare = replace(scene, bake=None, light=None, sky=NO_SKY)
+    if not Needs.of(bare).cut_outs:  # else texels say what rays hit
+        bare = replace(bare, uvs=bare.uvs[:0])
     around = Surroundings(scene, Tracer(bare, bvh, device))
-    seen, distance = _seen_faces(scene, around)
-    grids = Grids(scene, _sides(scene, distance))
+    seen, distance = _seen_faces(scene, around, 16 * options.cells)
+    grids = Grids(scene, _sides(scene, distance, options.cells))
     baker = Baker(grids, around, options)
     report = progress or (lambda done, of: None)
     baker.find(seen)
@@ -85,9 +86,10 @@ def _check_albedo(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def _seen_faces(scene: Scene, around: Surroundings) -> tuple[np.ndarray, np.ndarray]:
-    """Faces that the camera sees, within twice its field, and each triangle's least distance."""
-    camera, count = scene.camera, 512
+def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Faces that the camera sees, within twice its field, and each triangle's least distance; by
+    ``count`` rays per side."""
+    camera = scene.camera
     axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * camera.field_width
     x, y = (grid.ravel() for grid in np.meshgrid(axis, axis))
     distance = np.full(scene.triangle_count, np.inf)
@@ -110,13 +112,13 @@ def _seen_faces(scene: Scene, around: Surroundings) -> tuple[np.ndarray, np.ndar
     return np.unique(np.concatenate(faces)), distance
 
 
-def _sides(scene: Scene, distance: np.ndarray) -> np.ndarray:
+def _sides(scene: Scene, distance: np.ndarray, cells: int) -> np.ndarray:
     """(T,) cells along an edge: a power of 2, as many as the picture needs to begin with."""
     corners = scene.triangles.astype(np.float64)
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1)
     seen = np.isfinite(distance)
-    cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / CELLS, np.inf)
+    cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
     wanted = np.log2(np.maximum(edge / cell, 1))
     return np.minimum(1 << np.floor(wanted + 0.25).astype(np.int64), _LARGEST_SIDE)

@@ -226,7 +226,7 @@ def _reduced(texture: np.ndarray) -> np.ndarray:
     """A texture's colours in linear light, shrunk to at most _TEXELS a side."""
     import cv2  # loaded for textures alone
 
-    linear = srgb_decode(texture[..., :3] / 255.0).astype(np.float32)
+    linear = srgb_decode(np.arange(256) / 255.0).astype(np.float32)[texture[..., :3]]
     height, width = linear.shape[:2]
     size = min(width, _TEXELS), min(height, _TEXELS)
     return cv2.resize(linear, size, interpolation=cv2.INTER_AREA)

@@ -59,6 +59,23 @@ def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
     return (float(depth.min()), float(depth.max())) if len(depth) else None
 
 
+def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
+    """The same; of a mesh on a floor the ends that the scene has, without the floor."""
+    scene = tracer.scene
+    if scene.floor_material < 0 or scene.depth_range is None:
+        return depth_range(tracer, slab)
+    near, far = scene.depth_range
+    return near, far
+
+
+def depth_content(tracer: Tracer, slab: Slab) -> dict:
+    """The ends of depth as a file's ``content`` has them."""
+    found = {"depth_m": depth_range(tracer, slab)}
+    if tracer.scene.floor_material >= 0:
+        found["seen_m"] = seen_range(tracer, slab)
+    return {name: list(ends) for name, ends in found.items() if ends}
+
+
 def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, float]:
     """The least and greatest inverse depth, 1/m, of such rays, misses being 0, and ``margin`` of
     what lies between on either side."""

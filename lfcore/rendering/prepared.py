@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 
 from lfcore.opencl.device import Device, open_device
 from lfcore.progress import Progress
+from lfcore.scene.baked import NO_SKY
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -47,6 +48,12 @@ def open_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:
     whole = opened(device)
     scene = lit(scene, whole)
     return Tracer(scene, hierarchy_of(scene), whole)
+
+
+def open_dark_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:
+    """A tracer of hits alone, for which no light is baked."""
+    dark = replace(scene, bake=None, light=None, sky=NO_SKY)
+    return Tracer(dark, hierarchy_of(scene), opened(device))
 
 
 def open_tracers(scene: Scene, device: Device | str | None = None) -> list[Tracer]:

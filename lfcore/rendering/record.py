@@ -13,7 +13,7 @@ import numpy as np
 from lfcore.files import draft_folder
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.depth import depth_range
+from lfcore.rendering.depth import depth_content
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
@@ -78,7 +78,6 @@ def record_slab(
                 count.stop()
                 pool.shutdown(cancel_futures=True)
                 raise
-        seen = depth_range(tracers[0], slab)
         return join_segments(
             path,
             segments,
@@ -87,7 +86,7 @@ def record_slab(
             geometry=slab,
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=spec,
-            content=({"depth_m": list(seen)} if seen else {}) | (content or {}),
+            content=depth_content(tracers[0], slab) | (content or {}),
         )
 
 

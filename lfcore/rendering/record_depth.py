@@ -19,7 +19,7 @@ from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import traced_views
-from lfcore.rendering.depth import depth_range, dioptre_range
+from lfcore.rendering.depth import depth_content, dioptre_range
 from lfcore.rendering.record import TILE_RAYS
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
@@ -114,7 +114,6 @@ def record_by_depth(
         for tile in tiles:
             frames = frames_by_depth(tracer, slab, store, codes, tile, progress)
             encode(frames, layout, [(colours[tile.index], store.spec), (depths[tile.index], spec)])
-        near_far = depth_range(tracer, slab)
         return join_segments(
             path,
             colours,
@@ -123,7 +122,7 @@ def record_by_depth(
             geometry=slab,
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=store.spec,
-            content=({"depth_m": list(near_far)} if near_far else {}) | (content or {}),
+            content=depth_content(tracer, slab) | (content or {}),
             depth=DepthSegments(depths, codes, store.displaced, store.pixels, spec),
         )
 

@@ -19,11 +19,13 @@ NO_SKY = np.zeros((0, 0, 3), np.float32)
 @dataclass(frozen=True)
 class BakeOptions:
     """How light is baked: ``bounces`` between matt surfaces, until the root mean square ``error``
-    is such a share of the light, of a quarter of its mean at least, within ``mib`` of memory."""
+    is such a share of the light, of a quarter of its mean at least, within ``mib`` of memory; on
+    grids of ``cells`` over the width of the picture, to begin with."""
 
     bounces: int = 3
     error: float = 0.02
     mib: int = 1024
+    cells: int = 32
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import check_focus
-from lfcore.scene import framing, procedural
+from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import ASKS, BakeOptions
@@ -48,6 +48,7 @@ def build_scene(
     view_from: str | None = None,
     zoom: float | None = None,
     light: Mapping[str, Any] | None = None,
+    bare: bool = True,
 ) -> Scene:
     """Read a scene and everything it names.
 
@@ -64,6 +65,8 @@ def build_scene(
     zoom : above 1, a narrower field of view from the same place.
     light : keys of a scene.yaml, such as ``sky`` and ``bounces``, in place of the file's; paths
         are relative to the scene file.
+    bare : whether a mesh file without lights, for which no ``light`` is given, gets no sky and no
+        floor (:mod:`lfcore.scene.studio`).
 
     Raises
     ------
@@ -97,7 +100,8 @@ def build_scene(
     if zoom is not None:
         camera["zoom"] *= zoom
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
-    return build(description, file=path, name=name, note_up=note_up)
+    bare = bare or not mesh or bool(light)
+    return build(description, file=path, name=name, note_up=note_up, bare=bare)
 
 
 def _refuse_view(path: Path, **asked: Any) -> None:
@@ -138,10 +142,13 @@ def _default_name(path: Path) -> str:
     return path.resolve().parent.name or "scene"
 
 
-def build(description: dict, *, file: str | Path, name: str, note_up: bool = False) -> Scene:
+def build(
+    description: dict, *, file: str | Path, name: str, note_up: bool = False, bare: bool = True
+) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``.
 
-    With ``note_up`` a note says where z seems to be up.
+    With ``note_up`` a note says where z seems to be up; unless ``bare`` a scene without lights is
+    put into :mod:`~lfcore.scene.studio`.
     """
     file = Path(file)
     notebook = Notebook()
@@ -159,8 +166,9 @@ def build(description: dict, *, file: str | Path, name: str, note_up: bool = Fal
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
         notebook.add_in(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
     staging = staging_of(description, file, notebook)
+    extent = framing.bounds(every, file=file)
     camera, to_camera = framing.place_camera(
-        description["camera"], every, file=file, found=staging.camera
+        description["camera"], extent, file=file, found=staging.camera
     )
     geometry = assemble(every, to_camera)
     view = _view(description["camera"], file)
@@ -195,6 +203,8 @@ def build(description: dict, *, file: str | Path, name: str, note_up: bool = Fal
         from lfcore.scene.sky import with_sky  # seldom needed
 
         scene = with_sky(scene, description["sky"], to_camera, file=file)
+    if not bare and not staging.lights:
+        scene = studio.around(scene, extent, to_camera, file=file)
     return within_limits(scene, file)
 
 

@@ -80,6 +80,7 @@ def _header(scene: Scene) -> dict:
         ],
         "notes": [[note.kind, str(note.file), note.line, note.what] for note in scene.notes],
         **({"bake": asdict(scene.bake)} if scene.bake else {}),
+        **({"floor": scene.floor_material} if scene.floor_material >= 0 else {}),
     }
 
 
@@ -152,6 +153,7 @@ def _scene(archive: Any, path: str | Path) -> Scene:
         ),
         sky=archive["sky"] if "sky" in archive else NO_SKY,
         bake=BakeOptions(**header["bake"]) if "bake" in header else None,
+        floor_material=header.get("floor", -1),
         **arrays,
     )
 

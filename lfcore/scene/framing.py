@@ -82,14 +82,15 @@ def _finite(triangles: np.ndarray) -> np.ndarray:
 
 def place_camera(
     description: dict,
-    parts: list[SurfaceMesh],
+    extent: Bounds,
     *,
     file: str | Path,
     found: FoundCamera | None = None,
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
 
-    ``found`` is a camera of a glTF file, for a description that gives no pose and no direction.
+    ``extent`` is that of the scene; ``found`` is a camera of a glTF file, for a description that
+    gives no pose and no direction.
 
     Raises :class:`SceneError` for a pose that cannot be, a scene wholly behind the lens when
     the focus must be found, and a focus inside the focal length.
@@ -99,7 +100,6 @@ def place_camera(
         raise SceneError(
             f"must be positive, not {zoom:g}", file=file, key="zoom", remedy="Give 2 for twice"
         )
-    extent = bounds(parts, file=file)
     pose = description.get("pose")
     if pose is not None or "view_from" in description:
         found = None

@@ -94,6 +94,8 @@ class Scene:
     view : the film and pinholes that the scene's own camera asks for (pbrt's cameras and
         scene.yaml's ``lightfield``); None where the square picture of ``camera`` is all there is.
     motions : triangles that move while the shutter is open.
+    floor_material : of the floor that was put under a mesh, -1 without; the floor is no part of
+        ``depth_range``.
     notes : what could not be mapped exactly from another program's format, with file and line.
     """
 
@@ -115,6 +117,7 @@ class Scene:
     view: View | None = None
     motions: tuple[Motion, ...] = ()
     notes: tuple[Note, ...] = ()
+    floor_material: int = -1
     sky: np.ndarray = field(default_factory=lambda: NO_SKY)
     bake: BakeOptions | None = None
     light: BakedLight | None = None
@@ -240,7 +243,9 @@ class Scene:
         defaults = complete({"objects": []})
         to_camera = np.eye(4)
         if camera is None:
-            camera, to_camera = framing.place_camera(defaults["camera"], parts, file=name)
+            camera, to_camera = framing.place_camera(
+                defaults["camera"], framing.bounds(parts, file=name), file=name
+            )
         geometry = assemble(parts, to_camera)
         if not len(geometry.triangles):
             raise SceneError(
@@ -270,7 +275,8 @@ class Scene:
     def depth_range(self) -> DepthRange | None:
         """The near and the far end of what the camera sees, metres, without the outermost 2
         percent of the picture; None where it sees nothing."""
-        return depth_range(self.triangles, self.camera.field_width)
+        seen = self.triangles[self.material_ids != self.floor_material]
+        return depth_range(seen, self.camera.field_width)
 
     @cached_property
     def is_pinhole(self) -> bool:

@@ -145,6 +145,12 @@ class LightFieldFile(StoredVideo):
         return tuple(found) if found else None
 
     @property
+    def seen_range(self) -> tuple[float, float] | None:
+        """The same without a floor that was put under a mesh."""
+        found = self.content.get("seen_m")
+        return tuple(found) if found else self.depth_range
+
+    @property
     def metric(self) -> bool:
         """Whether lens, focus and distances are known; else only disparities mean something."""
         return bool(self.content.get("metric", True))

@@ -279,8 +279,8 @@ def _pages(atlas: Atlas) -> list[str]:
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
     """The range of visible disparities, pixels of the file between neighbouring views."""
     step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
-    if field.metric and field.depth_range:
-        near, far = field.depth_range
+    if field.metric and field.seen_range:
+        near, far = field.seen_range
         return (1 / far - delta) / step, (1 / near - delta) / step
     most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
     return max(-most, -delta / step) if field.metric else -most, most
