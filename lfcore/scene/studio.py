@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def around(scene: Scene, extent: Bounds, to_camera: np.ndarray, *, file: Path) -
     if below is None:
         return scene
     made = assemble([below], to_camera)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.concatenate([getattr(scene, name), default(made.triangles).astype(np.float32)])
         for name, default in DEFAULTS.items()
         if len(getattr(scene, name))

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean
-from lfcore.evaluation.stability import extents, lenses, primitives, shadows
+from lfcore.evaluation.stability import extents, lenses, light, primitives, shadows
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
@@ -17,6 +17,7 @@ CASES: tuple[Case, ...] = (
     shadows.self_shadow, shadows.far_self_shadow, shadows.thin_gap, shadows.thin_gap_far,
     lenses.near_the_focal_length, lenses.focus_to_infinity,
     lenses.apertures, lenses.refocus_shifts, lenses.accumulation,
+    light.bright_texel, light.closed_room, light.albedo, light.slit, light.scaled_light,
 )  # fmt: skip
 
 

@@ -14,10 +14,10 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import Material
 from lfcore.scene.assemble import sound
 from lfcore.scene.model import Scene
-from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=2.0)
@@ -96,4 +96,4 @@ class TracerUnderTest:
         return trace_planes(self._tracer(scene), slab, [plane])[0]
 
     def _tracer(self, scene: Scene) -> Tracer:
-        return Tracer(scene, build_bvh(scene.triangles), self.device)
+        return open_tracer(scene, self.device)
