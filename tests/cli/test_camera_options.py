@@ -63,7 +63,8 @@ def test_distances_are_reported(mesh, tmp_path, capsys):
 
 
 def test_a_recorded_file_is_refocused_by_words(mesh, tmp_path, capsys):
-    mkv = made("record", mesh, tmp_path / "a.mkv", "--focus", "far", "--blur", "4%")
+    options = "--bare", "--focus", "far", "--blur", "4%"
+    mkv = made("record", mesh, tmp_path / "a.mkv", *options)
     pictures = []
     for focus in (["--focus", "near"], ["--focus-at", "0.5,0.5"], ["--focus", "far"]):
         capsys.readouterr()
