@@ -62,7 +62,8 @@ def _corners(side: int) -> np.ndarray:
 
 
 def _source(sky: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Directions (S, 3), light (S, 3) and solid angles (S,) of a coarse map."""
+    """Directions (S, 3), light (S, 3) and solid angles (S,) of a map as fine as needed, at most."""
+    side = min(side, max(len(sky), 32))
     axis = (np.arange(side) + 0.5) / side * 2 - 1
     towards = octahedron(np.stack(np.meshgrid(axis, axis), -1)).reshape(-1, 3)
     return towards, _reduced(sky, side, towards), solid_angles(side).ravel()

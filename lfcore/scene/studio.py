@@ -28,7 +28,7 @@ ZENITH, HORIZON = (0.62, 0.65, 0.70), (0.42, 0.42, 0.42)
 LAMP = (0.58, 0.56, 0.52)
 BAKE = BakeOptions(bounces=1, error=0.3, cells=16)
 """Coarse: the light of a smooth sky has little noise."""
-SKY_SIDE = 64
+SKY_SIDE = 32
 NAME = "floor under a mesh"
 RINGS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.2, 3.2, 4.5, 6.5)
 """Radii of the floor, in radii of the mesh: finer where it is shadowed."""

@@ -6,6 +6,7 @@ import http.server
 import re
 import shlex
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -73,13 +74,16 @@ def exported(name: str, size: float, up: str):
     return write
 
 
-MODELS = {
-    "metres.glb": (metres_with_camera, "y"),
-    "millimetres.obj": (exported("millimetres.obj", 0.02, "y"), "y"),
-    "up.ply": (exported("up.ply", 1, "z"), "z"),
-    "kilometres.stl": (exported("kilometres.stl", 1500, "z"), "z"),
-    "centimetres.pbrt": (pbrt_with_camera, "y"),
+BARE, TURNED = ["--bare"], ["--bare", "--up", "z"]
+MODELS: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
+    "metres.glb": (metres_with_camera, BARE),
+    "millimetres.obj": (exported("millimetres.obj", 0.02, "y"), BARE),
+    "up.ply": (exported("up.ply", 1, "z"), TURNED),
+    "kilometres.stl": (exported("kilometres.stl", 1500, "z"), TURNED),
+    "centimetres.pbrt": (pbrt_with_camera, BARE),
+    "on_a_floor.glb": (exported("on_a_floor.glb", 1, "y"), []),
 }
+"""How to write each model, and its options: sharpness is measured before a dark background."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -95,10 +99,11 @@ class Model:
     """A model, what is seen of it, and its default light field."""
 
     def __init__(self, name: str, folder: Path):
-        write, up = MODELS[name]
+        write, self.options = MODELS[name]
         self.done: list[list[str]] = []
-        self.path, self.options = write(folder), ["--up", up] if up == "z" else []
-        scene = lfcore.load_scene(self.path, up=up if up == "z" else None)
+        self.path = write(folder)
+        up, self.bare = "z" if "z" in self.options else None, "--bare" in self.options
+        scene = lfcore.load_scene(self.path, up=up, bare=self.bare)
         self.near, self.far = scene.depth_range
         self.lens_m = scene.camera.focal_length_m / scene.camera.f_number
         self.field = folder / "default.mkv"
@@ -226,7 +231,13 @@ def check(words: list[str], output: Path, model: Model, place: str) -> None:
     alone = words[0] in ("render", "refocus") and len(files) == 1 and output.suffix == ".png"
     focus = words[words.index("--focus") + 1] if "--focus" in words else ""
     stopped = {"--f-number", "--blur", "--views", "--from"} & set(words)
-    if not alone or stopped or output.stem == "ghosts" or place in ("stanford", "hci-ground-truth"):
+    if (
+        not alone
+        or stopped
+        or not model.bare
+        or output.stem == "ghosts"
+        or place in ("stanford", "hci-ground-truth")
+    ):
         return
     if focus in ("near", "far") or _number(focus):
         inside, beyond = blurs(picture, model, model.distance(focus))
