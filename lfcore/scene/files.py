@@ -5,7 +5,7 @@ import io
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +38,10 @@ def save_scene(path: str | Path, scene: Scene) -> None:
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of what :func:`save_scene` writes, in hex: equal scenes have equal digests."""
+    """SHA-256 of what :func:`save_scene` writes, in hex: equal scenes have equal digests, whether
+    their light is baked yet or not."""
     stream = io.BytesIO()
-    _write(stream, scene)
+    _write(stream, replace(scene, light=None))
     return hashlib.sha256(stream.getbuffer()).hexdigest()
 
 

@@ -8,7 +8,7 @@ import lfcore
 from lfcore.scene import studio
 from lfcore.scene.build import build_scene
 from lfcore.scene.files import load_scene as load_prepared
-from lfcore.scene.files import save_scene
+from lfcore.scene.files import save_scene, scene_digest
 
 
 @pytest.fixture
@@ -89,5 +89,6 @@ def test_no_edge_parts_floor_and_sky_and_the_mesh_has_a_shadow(mesh, tmp_path):
 def test_ends_of_a_recorded_mesh_are_its_own(mesh, tmp_path):
     scene = lfcore.load_scene(mesh())
     field = lfcore.record(scene, tmp_path / "a.mkv", pixels=32)
+    assert field.metadata.scene["digest"] == scene_digest(scene)
     for word in ("near", "far"):
         assert field.plane(word).focus_m == pytest.approx(scene.plane(word).focus_m, rel=0.05)
