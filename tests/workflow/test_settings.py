@@ -32,7 +32,7 @@ def test_the_files_of_the_project_hold_every_key_and_its_default():
 @pytest.mark.parametrize("name", ["config.yaml", "thesis.yaml", "smoke.yaml", "micro.yaml"])
 def test_the_configurations_of_the_project(name):
     settings = check_settings(complete() | load(name))
-    scenes = ["chart"] if name == "micro.yaml" else ["bike", "cabin", "bedroom"]
+    scenes = ["chart_sky"] if name == "micro.yaml" else ["bike", "cabin", "bedroom"]
     assert settings["scenes"] == scenes
     expected = {"config.yaml": 128, "thesis.yaml": 512, "smoke.yaml": 32, "micro.yaml": 16}
     assert settings["pixels"] == expected[name]

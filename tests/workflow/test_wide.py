@@ -19,7 +19,7 @@ def test_pictures_of_any_width_and_height_go_all_the_way(project_copy):
     stored = pd.read_csv(results / "tables" / "table_7_2.csv")
     assert (stored.raw_bytes_uint8 == 3 * 24 * 16 * stored.N**2).all()
     for source in ("on_the_fly", "from_video"):
-        for file in (results / f"chart/M24x16/N4/planes/{source}").glob("*.png"):
+        for file in (results / f"chart_sky/M24x16/N4/planes/{source}").glob("*.png"):
             with Image.open(file) as picture:
                 assert picture.size == (24, 16)
     assert "24x16" in (results / "tables" / "index.html").read_text()
