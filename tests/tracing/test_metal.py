@@ -89,6 +89,16 @@ def test_colours_are_the_oracles(device, name, outer, smooth):
     assert (difference > 2e-3).mean() < 2e-3 and np.median(difference) < 5e-4
 
 
+def test_light_straight_from_behind_adds_nothing(device):
+    light = Light(DIRECTIONAL, (0.0, 0.0, 1.0), (0.9, 0.9, 0.9), 0.0, False)
+    slab, found = Slab(CAMERA, 16, 4), {}
+    for lights in ([], [light]):
+        world = scene(WALL, materials=[Material("a", (0.5,) * 3, metallic=0.5)], lights=lights)
+        rays = macropixels(slab, all_pixels(slab))
+        found[len(lights)] = tracer_of(world, device).bundle_radiance(rays)
+    np.testing.assert_array_equal(found[0], found[1])
+
+
 def test_what_asks_for_metal_alone_pays_for_it():
     plain = sheets([Material("a", texture=0)])
     assert not Needs.of(plain).physical

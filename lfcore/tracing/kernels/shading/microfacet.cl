@@ -100,11 +100,12 @@ inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf attenuatio
     const vf specular = microfacets(s, h, cosine, fabs(dot3(s->normal, s->to_viewer)));
     const vf off = max(1.0f - dot3(s->to_viewer, h), (vf)(0.0f)), off2 = off * off;
     const vf grazing = off2 * off2 * off;
-    const vf lit = pick((vf)(0.0f), cosine * attenuation, GT(attenuation, (vf)(0.0f)));
     const Vec c = {reflected(s, s->albedo.x, grazing, specular),
                    reflected(s, s->albedo.y, grazing, specular),
                    reflected(s, s->albedo.z, grazing, specular)};
-    return scale3(c, lit);
+    // Light from behind, whose terms may be infinite.
+    const vi facing = GT(attenuation, (vf)(0.0f));
+    return pick3(spread3((float3)(0.0f)), scale3(c, cosine * attenuation), facing);
 }
 
 // The share of ambient light that is reflected: diffuse, and specular as at normal incidence.
