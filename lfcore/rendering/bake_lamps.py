@@ -22,6 +22,7 @@ RAYS_PER_RAY = 0.5
 _TESTS, _RAYS, _PLACES = 1 << 12, 4, 16
 _BRIGHT = 2.0
 """Emission above so many times the mean that points see is a lamp's."""
+_LEAST = np.float32(1e-30)
 _OTHER = np.uint64(0x6A09E667F3BCC909)
 
 
@@ -143,7 +144,8 @@ class Lamps:
         cosine = abs(dot(self._unit[some // 2], towards[hit]))
         density[hit] = self._density[some] * distance[on][hit] ** 2 / np.maximum(cosine, 1e-9)
         cosine = _cosines(points, of[on], towards)
-        light[on] *= (cosine / (cosine + RAYS_PER_RAY * np.pi * density))[:, None]
+        both = cosine + RAYS_PER_RAY * np.pi * density
+        light[on] *= (cosine / np.maximum(both, _LEAST))[:, None]  # a grazing ray has no weight
 
 
 def _cosines(points: Points, of: np.ndarray, towards: np.ndarray) -> np.ndarray:

@@ -11,8 +11,11 @@ import trimesh
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
 from lfcore.optics import bundles
-from lfcore.rendering.bake_points import lattice
+from lfcore.rendering.bake_lamps import Lamps
+from lfcore.rendering.bake_points import Points, lattice
+from lfcore.rendering.bake_rays import Surroundings
 from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.baked import NO_SKY
 from lfcore.scene.sky import (
     octahedral,
     octahedron,
@@ -149,6 +152,16 @@ def test_a_lamp_gives_what_its_form_factor_says(half):
         wanted = 0.1 / half**2 * factor_to(places, low, high, 1.8)
         off = found / wanted - 1
         assert abs(off.mean()) < 0.003 and np.sqrt((off**2).mean()) < 0.01
+
+
+def test_a_ray_along_the_surface_brings_no_light():
+    scene = replace(world(rectangle((-1, -1), (1, 1), 3)), bake=None)
+    tracer, up = open_tracer(replace(scene, sky=NO_SKY)), np.float32([[0, 0, -1]])
+    points = Points(np.float32([[0, 0, 3]]), up, up, np.zeros(1))
+    lamps = Lamps(Surroundings(scene, tracer), points)
+    light, along = np.ones((1, 3), np.float32), np.float32([[1, 0, 0]])
+    lamps._weight(light, points, np.zeros(1, int), along, np.full(1, -1), np.full(1, np.inf))
+    np.testing.assert_array_equal(light, 0)
 
 
 def test_a_bright_part_of_the_sky_gives_its_share():
