@@ -215,12 +215,13 @@ class Description(_Keys):
 
     def check_room(self, folder: Path) -> None:
         """Raise :class:`SettingsError` where the disk lacks room: shards and items, both."""
-        pictures = len(self.lens.focus_m) + 3
-        if self.kind == "light_fields":
-            pictures = 3 * (1 + len(self.also)) * self.lens.views**2  # with depth, disparity
+        of_pixel = 3 * (len(self.lens.focus_m) + 3)  # bytes
+        if self.kind == "light_fields":  # colours and disparities of each view
+            also = sum({"mat": 3, "hdf5": 11}[name] for name in self.also)
+            of_pixel = (7 + also) * self.lens.views**2
         elif self.kind == "defocus_pairs":
-            pictures = 5
-        needed = 2 * self.count * pictures * 3 * self.pixels**2
+            of_pixel = 3 * 5
+        needed = 2 * self.count * of_pixel * self.pixels**2
         free = shutil.disk_usage(folder).free
         if needed > free:
             raise SettingsError(
