@@ -1,4 +1,4 @@
-"""Draws refocus.webp and viewer.png, the pictures of README.md, from one default light field.
+"""Draws the pictures of README.md: refocus.webp and viewer.png from one light field, and lit.webp.
 
 python -m docs.pictures.readme
 """
@@ -11,10 +11,14 @@ import numpy as np
 from PIL import Image
 
 import lfcore
+from docs.examples.sky import sky
 from lfcore.colour import srgb_codes
+from lfcore.pictures import write_picture
 from tests.viewer.viewer_browser import chromium, visit
 
 HERE = Path(__file__).parent
+SCENES = HERE.parents[1] / "scenes"
+LIT_PIXELS = 288
 PIXELS, COUNT = 400, 20
 """Pixels of the light field, and pictures from its near end to its far end."""
 
@@ -31,6 +35,24 @@ def moving(field: lfcore.LightField) -> None:
                    kmin=0, kmax=1)  # whole frames, no blocks  # fmt: skip
 
 
+def lit(folder: Path) -> None:
+    """A room lit through its window, a bicycle under a panorama, and a box with a lamp."""
+    write_picture(folder / "sky.exr", sky())
+    light = {"sky": {"file": str(folder / "sky.exr")}}
+    scenes = [
+        lfcore.load_scene(SCENES / "bedroom" / "window.yaml"),
+        lfcore.load_scene(SCENES / "bike" / "sky.yaml", light=light),
+        lfcore.load_scene(SCENES / "cornell"),
+    ]
+    row = []
+    for number, scene in enumerate(scenes):
+        file = folder / f"{number}.png"
+        picture = lfcore.render(scene, pixels=LIT_PIXELS, quality=lfcore.Quality(42))
+        write_picture(file, picture, roll_off=True)
+        row.append(np.asarray(Image.open(file)))
+    Image.fromarray(np.hstack(row)).save(HERE / "lit.webp", quality=88, method=6)
+
+
 def screenshot(field: lfcore.LightField, folder: Path) -> None:
     field.viewer().save(folder / "bike.html")
     with chromium(folder / "profile", "--window-size=900,900", "--hide-scrollbars") as browser:
@@ -43,5 +65,6 @@ def screenshot(field: lfcore.LightField, folder: Path) -> None:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
         made = lfcore.record(lfcore.load_scene("scenes/bike"), f"{name}/bike.mkv", pixels=PIXELS)
+        lit(Path(name))
         moving(made)
         screenshot(made, Path(name))
