@@ -3,7 +3,7 @@
 The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
 picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
 beside Mitsuba with its denoiser; core seconds per plane, without and with a fifth of the bake, and
-dB to Mitsuba's converged ones.  *price*: seconds of rays with baked light and sky over those of the
+dB to Mitsuba's converged ones.  *price*: time of rays with baked light and sky over the time of the
 same rays with ambient light, in turn.  Rows of other scenes and parts in the result file stay.
 
     python -m benchmarks.light --out light.csv --figure light.png --pictures light/

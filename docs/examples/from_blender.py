@@ -37,7 +37,7 @@ def main(folder):
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.export_scene.gltf(
         filepath=str(folder / "scene.glb"), export_cameras=True, export_lights=True,
-        export_import_convert_lighting_mode="COMPAT",  # watts, as those of the world
+        export_import_convert_lighting_mode="COMPAT",  # watts, as in the world
     )  # fmt: skip
     scene = {"objects": [{"file": "scene.glb"}]}
     if bpy.context.scene.world:

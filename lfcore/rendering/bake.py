@@ -268,16 +268,14 @@ class Baker:
         return half.mean(0), (half[0] - half[1]) / 2
 
     def pooled(self, error: np.ndarray, near: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """(P,) expected squares of errors (P,) of points ``near`` seen ones: of one alone little is
-        known, so those of points that share a table of the guide."""
-        of = self.guide.of[near]
-        return (np.bincount(of, error**2) / np.maximum(np.bincount(of), 1))[of]
+        """(P,) expected squares of errors (P,) of points ``near`` seen ones, as means over points
+        that share a table of the guide: one alone says little."""
+        return _mean_of_table(error**2, self.guide.of[near])
 
     def _level(self, light: np.ndarray) -> np.ndarray:
         """(S,) what errors are shares of: light nearby, where it is more than a part of the mean.
         That of a point alone would let points stop that were lucky."""
-        of = self.guide.of
-        near = (np.bincount(of, light) / np.maximum(np.bincount(of), 1))[of]
+        near = _mean_of_table(light, self.guide.of)
         return np.maximum(near, _DARK * light[self.open].mean()) if len(light) else light
 
     def _uncertain(self, sent: np.ndarray) -> np.ndarray:
@@ -342,6 +340,11 @@ class Baker:
 def _halves(light: np.ndarray, count: int) -> np.ndarray:
     """(2, P, 3) sums of the first and the second half of each point's rays: both spread evenly."""
     return light.reshape(-1, 2, count // 2, 3).sum(2).swapaxes(0, 1)
+
+
+def _mean_of_table(values: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """(P,) mean of values (P,) over the points of the same table, ``of`` (P,)."""
+    return (np.bincount(of, values) / np.maximum(np.bincount(of), 1))[of]
 
 
 def _batches(points: slice, count: int) -> list[slice]:

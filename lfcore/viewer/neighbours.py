@@ -73,7 +73,7 @@ class Neighbours:
         return np.array([across, down]) * disparities[:, None] + own
 
     def moved_depth(self, codes: np.ndarray, one: int, other: int) -> np.ndarray:
-        """(h, w) codes as view ``other`` has them, by those of ``one``; a gap is as left of it."""
+        """(h, w) depth codes of view ``other``, predicted from view ``one``; gaps take the left."""
         height, width = codes.shape
         move = np.floor(self._apart(one, other) + 0.5).astype(int)
         y, x = np.mgrid[:height, :width]

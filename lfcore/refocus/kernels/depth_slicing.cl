@@ -194,9 +194,9 @@ inline void parts_along(int16 low, int16 high, int first, int count, int16 diffe
 
 // The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
 //
-// COARSE: pixels of views are larger than those of the picture.  Boxes that are not a whole number of them wide overlap
-// more at some places than at others, and where few views see a surface, that shows as a weave.  So a ray has two boxes,
-// of the whole numbers below and above its side: by `part` the one or the other.
+// COARSE: a pixel of a view is larger than one of the picture.  A box whose side is no whole number of view pixels
+// overlaps its neighbours unevenly, and where few views see a surface, this shows as a weave.  So a ray has two
+// boxes, whose sides are the whole numbers below and above: `part` chooses one.
 inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, float16 moves, float16 x, float16 y,
                        float least, constant const float *bounds, int part, Boxes *b)
 {
