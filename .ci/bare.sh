@@ -5,6 +5,7 @@
 #   make bare SUITE=trixie STEPS="smoke wheel"      another Debian, more targets of make
 #   make bare STEPS=container                       the steps of workflow/envs/Containerfile
 #   make bare STEPS=test DEVICE=pocl                the tests on Debian's PoCL, which is installed, too
+#   make bare STEPS=test DEVICE=pocl SUPPORT=yes    the same, and a row of the table in docs/robustness.md
 #
 # Nothing of the machine is used but its mirror of Debian, its settings of pip, which say where
 # packages come from, and the folders that these name, given in BARE_FOLDERS.
@@ -22,10 +23,9 @@ mirror=
 if grep -qx 'ID=debian' /etc/os-release; then
     mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)
 fi
-packages=python3,python3-venv,make,ca-certificates${LFCORE_DEVICE:+,pocl-opencl-icd}
+packages=python3,python3-venv,make,ca-certificates${LFCORE_DEVICE:+,pocl-opencl-icd}${SUPPORT:+,git}
 mmdebstrap --quiet --variant=minbase --include="$packages" "$suite" "$root" $mirror
-mkdir "$root/project"
-git archive HEAD | tar -x -C "$root/project"
+git clone --quiet --no-hardlinks . "$root/project"
 [ -f /etc/pip.conf ] && cp /etc/pip.conf "$root/etc/"
 if [ -f /etc/ssl/certs/ca-certificates.crt ]; then
     cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
@@ -42,7 +42,7 @@ unshare --mount --propagation private sh -eu -c '
     # In the same network, with settings of pip and proxies, and nothing else of the environment.
     inside() {
         chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin \
-            $(env | grep -E "^(PIP_|LFCORE_DEVICE=|https?_proxy=)" || true) "$@"
+            $(env | grep -E "^(PIP_|LFCORE_DEVICE=|SUPPORT=|https?_proxy=)" || true) "$@"
     }
     python=$(inside python3 -c "import platform; print(platform.python_version())")
     for step in $STEPS; do
@@ -55,3 +55,4 @@ unshare --mount --propagation private sh -eu -c '
         echo "bare: $step passed in $(($(date +%s) - start)) s: Debian $suite, Python $python"
     done
 '
+[ -z "${SUPPORT:-}" ] || cp "$root/project/benchmarks/published/support.csv" benchmarks/published/
