@@ -64,12 +64,8 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
     global int *wanted = s->active + BLOCK_RAYS;
     Box box;
     for (find_facing(b, light, wanted); next_span(s, b, wanted, &box);) {
-        LightSpaceRays l;
-        l.rays = make_shadow_rays(light, &box);
-        l.space = make_light_space(&l.rays);
-        l.samples = b->samples;
-        if (project_hits(s, &l)) cast_light_space(s, &l);
-        else cast_single_rays(s, b, light);
+        const ShadowRays rays = make_shadow_rays(light, &box);
+        if (!cast_light_space(s, b, &rays)) cast_single_rays(s, b, light);
         add_active(s, lit);
     }
 }

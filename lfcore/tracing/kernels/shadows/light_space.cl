@@ -21,18 +21,24 @@ typedef struct {
 // coordinates there, places over the distance, are thirty thousand at the most.
 #define NEAREST_SHARE 1.0e-4f
 
-// Boxes of each stripe, STRIPE rays of a block: one without hit points has lows beyond its highs.
+// Boxes of each stripe, STRIPE rays: one without rays has lows beyond its highs.
 #define STRIPE (LANES > 8 ? LANES : 8)
 #define STRIPES (BLOCK_RAYS / STRIPE)
 typedef struct { float lo[3][STRIPES], hi[3][STRIPES]; } StripeBoxes;
 
-// A set of shadow rays in light space.
+// A set of shadow rays in light space.  Neighbours in the light's picture follow each other, so
+// that the boxes of stripes are small.
 typedef struct {
     ShadowRays rays;
     LightSpace space;
     StripeBoxes stripes;
-    uint lit;                       // stripes that have any active rays, a bit each
-    global const Samples *samples;  // where the block's rays start
+    uint lit;                        // stripes that have any active rays, a bit each
+    int count;                       // of rays
+    int ray[BLOCK_RAYS];             // their numbers in the block
+    int triangle[BLOCK_RAYS];        // on which they start
+    int active[BLOCK_RAYS];          // masks
+    float seen[3 * BLOCK_RAYS];      // u, v, d of their hit points
+    global const Samples *samples;   // of the block
 } LightSpaceRays;
 
 inline LightSpace make_light_space(const ShadowRays *r)
@@ -88,36 +94,96 @@ inline vf widened_constant(const LightSpace *space, vf a, vf b, vf g, vf c, int 
     return fma(most, (vf)(LIGHT_SPACE_ERROR), c);
 }
 
-// Fill s->seen with u, v, d of the hit points in s->active, and bound them.  False if some lie
-// beside the light or behind it, where it has no picture of them.
-inline int project_hits(const Shadows *s, LightSpaceRays *l)
+// u, v, d of the hit points in s->active, and the box around them.
+inline Box project_block(const Shadows *s, const LightSpaceRays *l, private float *seen)
 {
-    const ShadowRays *r = &l->rays;
-    LightSpace *space = &l->space;
-    Box hits = {{FAR, FAR, FAR}, {-FAR, -FAR, -FAR}};
+    Ranges ranges;
+    clear_ranges(&ranges);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const Vec row = project_row(&l->rays, &l->space, s->origins, at);
+        VSTORE(row.x, seen + at);
+        VSTORE(row.y, seen + BLOCK_RAYS + at);
+        VSTORE(row.z, seen + 2 * BLOCK_RAYS + at);
+        add_to_ranges(&ranges, row, VLOAD(s->active + at));
+    }
+    return box_of(&ranges);
+}
+
+// The cell along u or v of a picture of SORT_CELLS x SORT_CELLS over the hit points, its bits apart.
+#define SORT_CELLS 16
+inline vi cell_bits(vf x, float lo, float hi)
+{
+    const float scale = SORT_CELLS / max(hi - lo, LEAST_LENGTH);
+    vi cell = clamp(TO_VI((x - lo) * scale), (vi)(0), (vi)(SORT_CELLS - 1));
+    cell = (cell | cell << 2) & 0x33;
+    return (cell | cell << 1) & 0x55;
+}
+
+// Sort the rays in s->active along a Z-curve through these cells.
+inline void sort_hits(const Shadows *s, private const float *seen, const Box *hits,
+                      LightSpaceRays *l)
+{
+    private int cell[BLOCK_RAYS], end[SORT_CELLS * SORT_CELLS] = {0};
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi u = cell_bits(VLOAD(seen + at), hits->lo[0], hits->hi[0]);
+        const vi v = cell_bits(VLOAD(seen + BLOCK_RAYS + at), hits->lo[1], hits->hi[1]);
+        VSTORE(u | v << 1, cell + at);
+    }
+    for (int ray = 0; ray < BLOCK_RAYS; ++ray)
+        if (s->active[ray]) ++end[cell[ray]];
+    l->count = 0;
+    for (int k = 0; k < SORT_CELLS * SORT_CELLS; ++k) {
+        const int count = end[k];
+        end[k] = l->count;
+        l->count += count;
+    }
+    for (int ray = 0; ray < BLOCK_RAYS; ++ray) {
+        if (!s->active[ray]) continue;
+        const int at = end[cell[ray]]++;
+        l->ray[at] = ray;
+        l->triangle[at] = l->samples->triangle[ray];
+        for (int k = 0; k < 3; ++k) l->seen[k * BLOCK_RAYS + at] = seen[k * BLOCK_RAYS + ray];
+    }
+}
+
+inline Vec seen_row(const LightSpaceRays *l, int at)
+{
+    private const float *from = l->seen + at;
+    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
+}
+
+inline void bound_stripes(LightSpaceRays *l)
+{
     l->lit = 0;
     for (int stripe = 0; stripe < STRIPES; ++stripe) {
         Ranges ranges;
         clear_ranges(&ranges);
         for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
-            const vi within = VLOAD(s->active + at);
-            const Vec seen = project_row(r, space, s->origins, at);
-            store3(seen, s->seen, at);
-            add_to_ranges(&ranges, seen, within);
+            const vi within = LT(TO_VI(IOTA) + at, (vi)(l->count));
+            VSTORE(within, l->active + at);
+            add_to_ranges(&ranges, seen_row(l, at), within);
         }
         const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
             l->stripes.lo[k][stripe] = box.lo[k];
             l->stripes.hi[k][stripe] = box.hi[k];
-            hits.lo[k] = min(hits.lo[k], box.lo[k]);
-            hits.hi[k] = max(hits.hi[k], box.hi[k]);
         }
-        l->lit |= (uint)(box.lo[0] <= box.hi[0]) << stripe;
+        l->lit |= (uint)(stripe * STRIPE < l->count) << stripe;
     }
-    set_range(&hits, space);
-    if (!r->is_point) return 1;
-    const float nearest = NEAREST_SHARE * largest_component(r->half_extent);
-    return hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f;
+}
+
+// Take the rays in s->active into light space.  False if some lie beside the light or behind it,
+// where it has no picture of them.
+inline int project_hits(const Shadows *s, LightSpaceRays *l)
+{
+    private float seen[3 * BLOCK_RAYS];
+    const Box hits = project_block(s, l, seen);
+    set_range(&hits, &l->space);
+    const float nearest = NEAREST_SHARE * largest_component(l->rays.half_extent);
+    if (l->rays.is_point && !(hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f)) return 0;
+    sort_hits(s, seen, &hits, l);
+    bound_stripes(l);
+    return 1;
 }
 
 // Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
@@ -188,11 +254,11 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
     const float3 p = corner(s->scene, occluder, 0);
     const float3 n = cross_product(corner(s->scene, occluder, 1) - p,
                                    corner(s->scene, occluder, 2) - p);
-    global const float *point = s->origins + at;
     uint dark = 0;
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);
-        const float3 from = (float3)(point[k], point[BLOCK_RAYS + k], point[2 * BLOCK_RAYS + k]);
+        global const float *point = s->origins + l->ray[at + k];
+        const float3 from = (float3)(point[0], point[BLOCK_RAYS], point[2 * BLOCK_RAYS]);
         const float3 to = l->rays.towards - (l->rays.is_point ? from : 0.0f);
         const float way = inner_product(n, p - from) / inner_product(n, to);
         dark |= (uint)is_solid(&s->tree->cut_outs, occluder, from + way * to) << k;
@@ -214,15 +280,15 @@ inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec seen, vi
     return inside & GT(beyond, (vf)(0.0f)) & ~EQ(triangle, (vi)(id));
 }
 
-// Take from s->active the rays of a stripe behind the occluders `keep`, of triangles `ids`.
+// Take from l->active the rays of a stripe behind the occluders `keep`, of triangles `ids`.
 inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, global const int *ids,
                        int stripe, LightSpaceRays *l)
 {
     vi lit = 0;
     for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
-        vi open = VLOAD(s->active + at);
-        const Vec seen = load3(s->seen, at);
-        const vi triangle = VLOAD(l->samples->triangle + at);
+        vi open = VLOAD(l->active + at);
+        const Vec seen = seen_row(l, at);
+        const vi triangle = VLOAD(l->triangle + at);
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
             vi dark = open & behind_occluder(f, lane, ids[lane], seen, triangle);
@@ -230,13 +296,13 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
                 dark = mask_of_bits(behind_holes(s, l, ids[lane], at, row_bits(dark)));
             open &= ~dark;
         }
-        VSTORE(open, s->active + at);
+        VSTORE(open, l->active + at);
         lit |= open;
     }
     if (!row_any(lit)) l->lit ^= 1u << stripe;
 }
 
-// Take from s->active the rays behind LANES triangles of a leaf; false when none is left.
+// Take from l->active the rays behind LANES triangles of a leaf; false when none is left.
 inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
@@ -255,12 +321,26 @@ inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     return l->lit != 0;
 }
 
-// Take from s->active the rays that something hides from the light.
-inline void cast_light_space(const Shadows *s, LightSpaceRays *l)
+// Take from l->active the rays that something hides from the light.
+inline void walk_light_space(const Shadows *s, LightSpaceRays *l)
 {
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_hiding(s->tree, &l->rays, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
             if (!cast_leaf(s, leaf, lane, l)) return;
+}
+
+// Take from s->active the rays that something hides from the light; false if the light has no
+// picture of them.
+inline int cast_light_space(const Shadows *s, const Block *b, const ShadowRays *rays)
+{
+    LightSpaceRays l;
+    l.rays = *rays;
+    l.space = make_light_space(rays);
+    l.samples = b->samples;
+    if (!project_hits(s, &l)) return 0;
+    walk_light_space(s, &l);
+    for (int at = 0; at < l.count; ++at) s->active[l.ray[at]] = l.active[at];
+    return 1;
 }

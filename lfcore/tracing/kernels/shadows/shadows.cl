@@ -6,7 +6,6 @@
 // A worker's memory: see Shadows and OccluderCache.
 typedef struct {
     int active[2 * BLOCK_RAYS];
-    float seen[3 * BLOCK_RAYS];
     OccluderRow pool[POOL / LANES];
     PlaneEquations element_planes;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
@@ -15,8 +14,7 @@ typedef struct {
 inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
                           OccluderCache *cache, Shadows *s)
 {
-    *s = (Shadows){tree, scene, 0, memory->active, memory->seen, 0, cache,
-                   &memory->element_planes};
+    *s = (Shadows){tree, scene, 0, memory->active, 0, cache, &memory->element_planes};
     cache->pool = memory->pool;
 }
 
