@@ -88,7 +88,7 @@ class FullRun:
         return f"Our file is {smaller:.1f} times smaller."
 
     def compared(self) -> Iterator[tuple[str, bool]]:
-        """Cells that the thesis has, too, as ``bike, N = 16: 4.3 (4)``; whether it is better."""
+        """Cells that the thesis has, too, in words; whether ours is better."""
         for name, columns in COMPARED.items():
             for place, row in enumerate(self.tables[name].to_dict("records")):
                 for column, more in columns.items():
@@ -98,7 +98,8 @@ class FullRun:
                         continue
                     better = ours > theirs if more else ours < theirs
                     words = f"{shown(column, ours)} ({shown(column, theirs)})"
-                    cell = f"{THESIS[name]}, {row['scene']}, N = {row['N']}, {LABELS[column]}"
+                    table = THESIS[name].partition(":")[0]
+                    cell = f"{table}, {row['scene']}, N = {row['N']}, {LABELS[column]}"
                     yield f"{cell}: {words}. {self._reason(place, column)}", better
 
 
@@ -170,15 +171,16 @@ def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
             if not stack.is_file():
                 raise FullSizeError(f"is not there, of which the {name} stack is made", file=stack)
             pictures, planes = load_stack(stack)
-            labels = [f"{plane.focus_m:.3g} m, f/{plane.f_number:.2g}" for plane in planes]
             if name == "aperture":  # the dimmed half repeats the other
-                pictures, labels = pictures[len(planes) // 2 :], labels[len(planes) // 2 :]
+                pictures, planes = pictures[len(planes) // 2 :], planes[len(planes) // 2 :]
+            labels = [f"{plane.focus_m:.3g} m" for plane in planes]
+            labels += [f"f/{plane.f_number:.2g}" for plane in planes]
             codes = np.concatenate([srgb_codes(picture) for picture in pictures], axis=1)
             file = f"{name}_stack_{scene}.jpg"
             with whole_file(to / file) as out:
                 jpeg = cast(BinaryIO, out)
                 Image.fromarray(codes).save(jpeg, "JPEG", quality=QUALITY, subsampling=0)
-            yield f"{scene}, {name} stack: {'; '.join(labels)}", file
+            yield f"{scene}, {name} stack: {', '.join(dict.fromkeys(labels))}", file
 
 
 def against_thesis(run: FullRun) -> Figure:

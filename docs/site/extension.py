@@ -49,7 +49,7 @@ def finished(name: str, depth: int) -> str:
     folder.mkdir(parents=True)
     text = page.text
     for block, printed in reversed(list(zip(page.blocks, run(page, folder), strict=True))):
-        text = text[: block.end] + _after(block.skipped, printed) + text[block.end :]
+        text = text[: block.end] + _after(printed) + text[block.end :]
     place = f"{up}{folder.relative_to(ROOT).as_posix()}"
     text = PICTURE.sub(lambda found: _figure(place, *found.groups()), text)
     text = VIEWER.sub(lambda found: _frame(name, depth, *found.groups()), text)
@@ -60,9 +60,7 @@ def finished(name: str, depth: int) -> str:
     return text
 
 
-def _after(skipped: str, printed: str) -> str:
-    if skipped:
-        return f"\n\n*Not run when this page was built: {skipped}.*\n"
+def _after(printed: str) -> str:
     # Of a line of progress, the last state.
     printed = re.sub(r"^.*\r", "", printed.strip("\n"), flags=re.MULTILINE)
     return f"\n\n```{{code-block}} text\n:class: printed\n\n{printed}\n```\n" if printed else ""

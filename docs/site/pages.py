@@ -5,8 +5,6 @@ with links to the project's scenes and workflow; Python blocks share their names
 the rest:
 
     <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   replacements in tests
-    <!-- needs: sinfo --version -->   the next block is run only where this command succeeds
-    <!-- not run: the reason -->      the next block is not
     <!-- picture: near.png | caption -->   shows a picture that a block made
     <!-- viewer: bike.html | caption -->   shows a page that a block made, in a frame
 """
@@ -18,7 +16,6 @@ import io
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -40,7 +37,6 @@ PAGES = {
 LANGUAGES = ("bash", "python")
 REACHED = ("Snakefile", "config", "profiles", "scenes", "workflow")
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-COMMENT = re.compile(r"^<!-- (needs|not run): (.*?) -->\n+\Z", re.MULTILINE)
 SMALL = re.compile(r"^<!-- small: (.*?) -->$", re.MULTILINE)
 PICTURE = re.compile(r"^<!-- picture: (\S+) \| (.*?) -->$", re.MULTILINE)
 VIEWER = re.compile(r"^<!-- viewer: (\S+) \| (.*?) -->$", re.MULTILINE)
@@ -54,16 +50,11 @@ class PageError(Exception):
 
 @dataclass(frozen=True)
 class Block:
-    """A block to run; ``end`` is its end in the page's text.
-
-    ``skipped`` says why it is not run: the page says so, or something is ``missing``.
-    """
+    """A block to run; ``end`` is its end in the page's text."""
 
     language: str
     code: str
     end: int
-    skipped: str = ""
-    missing: bool = False
 
     @property
     def first_line(self) -> str:
@@ -83,28 +74,14 @@ class Page:
     def read(cls, name: str) -> Page:
         """The page of this name."""
         text = (ROOT / "docs" / PAGES[name]).read_text(encoding="utf-8")
-        blocks = []
-        for match in FENCE.finditer(text):
-            if match[1] in LANGUAGES:
-                said = COMMENT.search(text[: match.start()])
-                skipped = _reason(said) if said else ""
-                missing = said is not None and bool(skipped) and said[1] == "needs"
-                blocks.append(Block(match[1], match[2], match.end(), skipped, missing))
+        found = (match for match in FENCE.finditer(text) if match[1] in LANGUAGES)
+        blocks = [Block(match[1], match[2], match.end()) for match in found]
         pairs = (part.split(" = ") for said in SMALL.findall(text) for part in said.split(" | "))
         return cls(name, text, blocks, dict(pairs))
 
 
-def _reason(said: re.Match) -> str:
-    """The reason not to run a block; "" if there is none."""
-    if said[1] == "not run":
-        return said[2]
-    words = shlex.split(said[2])
-    there = shutil.which(words[0]) and not subprocess.run(words, capture_output=True).returncode
-    return "" if there else f"`{said[2]}` does not succeed on this machine"
-
-
 def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
-    """Run the page's blocks in ``folder``; returns the output of each, "" if it was skipped.
+    """Run the page's blocks in ``folder``; returns the output of each.
 
     Raises :class:`PageError` for a block that fails.
     """
@@ -118,7 +95,7 @@ def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
             for whole, tiny in page.small.items() if small else ():
                 code = code.replace(whole, tiny)
             try:
-                printed.append("" if block.skipped else _run(block.language, code, names))
+                printed.append(_run(block.language, code, names))
             except Exception as error:
                 raise PageError(f"{page.name}: {block.first_line}\n{error}") from error
     return printed
