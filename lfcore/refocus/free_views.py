@@ -13,7 +13,6 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, minimum_filter
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
@@ -246,6 +245,8 @@ def _filled(
 
     ``inverse`` is of each pixel, NaN where it is not known; ``surface`` as of :class:`FreeViews`.
     """
+    from scipy.ndimage import distance_transform_edt, minimum_filter  # slow to import
+
     known = ~np.isnan(inverse)
     if not (holes.any() and known.any()):
         return values

@@ -58,7 +58,7 @@ class FrameSummer:
         defines = layout.defines | {"VIEWS": int(layout.kind == "views")}
         program = build_program(summer.device, [_SOURCE], defines, header())
         self._kernel = cl.Kernel(program, "unpack_views")
-        self._open = summer.open_samples
+        self._open, self._views = summer.open_samples, summer.device.empty(0)
         self._is_open = np.zeros((layout.views, layout.views), bool)
         self._is_open[self._open[:, 1], self._open[:, 0]] = True
 
@@ -110,7 +110,8 @@ class FrameSummer:
     ) -> None:
         device, layout = self.summer.device, self.layout
         (width, height), count = region[2:], len(samples)
-        views = device.empty(12 * count * width * height)
+        if (size := 12 * count * width * height) > self._views.size:
+            self._views = device.empty(size)  # kept: fresh pages cost as much as what fills them
         views_layout = layout.kind == "views"
         self._kernel(
             device.queue,
@@ -124,9 +125,9 @@ class FrameSummer:
             np.int32(width),
             np.int32(height),
             np.int32(count),
-            views,
+            self._views,
         )
-        self.summer.add_fixed(views, samples, region)
+        self.summer.add_fixed(self._views, samples, region)
 
 
 def add_frames(

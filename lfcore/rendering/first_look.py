@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import minimum_filter
 
 from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
@@ -121,6 +120,8 @@ def inner(pictures: np.ndarray) -> np.ndarray:
 
 def _contrast(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(H, W) differences to neighbours, and the part of them along straight edges."""
+    from scipy.ndimage import minimum_filter  # slow to import
+
     shown = srgb_encode(np.clip(light, 0, 1))
     total, straight = np.zeros((2, *shown.shape[:2]))
     for axis in range(2):
