@@ -13,12 +13,16 @@ from benchmarks.publish import RESULTS, Result, of_this_run, read_result
 KEY = ["system", "Python", "OpenCL drivers", "tests"]
 
 
-def keep(drivers: list[str], chosen: str, counts: dict[str, int]) -> None:
-    """Replace or add the row of this run in ``published/support.csv``."""
+def keep(devices: list[str], chosen: str, counts: dict[str, int]) -> None:
+    """Replace or add the row of this run in ``published/support.csv``.
+
+    A device is ``NAME (DRIVER)``; a row has the driver.
+    """
     run = of_this_run(f"SUPPORT=yes pytest {chosen}")
     system = f"{platform.system()} {platform.machine()}"
     today = datetime.date.today().isoformat()
-    identity = [system, platform.python_version(), ", ".join(drivers), chosen]
+    names = [device.partition(" (")[2].removesuffix(")") for device in devices]
+    identity = [system, platform.python_version(), ", ".join(names), chosen]
     row = dict(zip(KEY, identity, strict=True)) | {
         name: str(counts.get(name, 0)) for name in ("passed", "failed", "skipped")
     }

@@ -3,11 +3,11 @@
     python -m benchmarks.interop.run --work /tmp/interop [--only plenpy,...]
         [--source lftoolbox=FOLDER] [--source hci-tools=FOLDER] [--source jpeg-pleno=FOLDER]
         [--source nerf=FOLDER] [--source dfv=FOLDER] [--source basic-lfsr=FOLDER]
-        [--source epinet=FOLDER] [--out table.md]
+        [--source epinet=FOLDER] [--out benchmarks/published/interop.csv]
 
 Each package is installed into an environment of its own under ``--work``; for a program without a
-package, ``--source`` names a checkout of its repository.  A reader that is not available is a row
-that says so.  None of their code is kept here.
+package, ``--source`` names a checkout of its repository.  A reader that is not available is named,
+and its row in the result file stays.  None of their code is kept here.
 """
 
 import argparse
@@ -20,12 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.interop import data_sets
+from benchmarks.publish import Result, of_this_run, with_kept
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
-from lfcore.files import write_text
 from lfcore.lightfield import LightField
 from lfcore.storage.codecs import Encoding
 
@@ -340,19 +341,21 @@ def main() -> None:
     arguments = parser.parse_args()
     pairs = dict(text.split("=", 1) for text in arguments.source)
     bench = prepare(arguments.work.resolve(), {name: Path(path) for name, path in pairs.items()})
-    lines = ["| reader | outcome | what was compared |", "|---|---|---|"]
+    rows = []
     for name in arguments.only.split(","):
         title, check = PEERS[name]
         try:
             outcome, said = "reads it", "; ".join(check(bench))
         except Missing as reason:
-            outcome, said = "not run", str(reason)
+            print(f"{title}: not run, {reason}", flush=True)
+            continue
         except (AssertionError, RuntimeError, subprocess.TimeoutExpired) as error:
             outcome, said = "FAILS", " ".join(str(error).split())[:200]
-        lines.append(f"| {title} | {outcome} | {said} |")
-        print(lines[-1], flush=True)
+        print(f"{title}: {outcome}: {said}", flush=True)
+        rows.append({"reader": title, "outcome": outcome, "compared": said})
     if arguments.out:
-        write_text(arguments.out, "\n".join(lines) + "\n")
+        found = with_kept(pd.DataFrame(rows), "interop", "reader")
+        Result(of_this_run("python -m benchmarks.interop.run"), found).write(arguments.out)
 
 
 if __name__ == "__main__":
