@@ -238,7 +238,7 @@ def read_codes(path: str | Path) -> np.ndarray:
     picture, reason = _by_pillow(data)
     deep = data[24:25] == b"\x10" if data[:4] == b"\x89PNG" else data[:2] in (b"II", b"MM")
     if deep or (picture is None and reason == UNKNOWN):
-        found = _by_opencv(data)
+        found = by_opencv(data)
         if found is not None and (picture is None or found.dtype == np.uint16):
             picture = found
     if picture is None:
@@ -262,7 +262,8 @@ def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
         return None, " ".join(str(error).split())[:120] or type(error).__name__
 
 
-def _by_opencv(data: bytes) -> np.ndarray | None:
+def by_opencv(data: bytes) -> np.ndarray | None:
+    """(H, W, 3) RGB of a picture file's bytes, in the file's own type; None if it is none."""
     import cv2
 
     try:

@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError, StorageError
+from lfcore.exr import read_exr_picture
+from lfcore.pictures import by_opencv
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.limits import BRIGHTEST
@@ -207,7 +209,9 @@ def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:
                 f"is no panorama: {width} x {height} texels", "Give an equirectangular picture, "
                 "twice as wide as high",
             )  # fmt: skip
-        panorama = _exr(path) if kind == ".exr" else _hdr(data)
+        panorama = read_exr_picture(path) if kind == ".exr" else by_opencv(data)
+        if panorama is None:
+            raise ValueError("it is damaged")
     except (StorageError, ValueError, OSError) as error:
         raise refuse(
             f"cannot be read: {' '.join(str(error).split())[:200]}", "Get it again"
@@ -227,18 +231,6 @@ def _hdr_size(data: bytes) -> tuple[int, int]:
     return int(found[2]), int(found[1])
 
 
-def _hdr(data: bytes) -> np.ndarray:
-    import cv2  # loaded for skies alone
-
-    try:
-        made = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise ValueError(str(error)) from None
-    if made is None or made.ndim != 3:
-        raise ValueError("it is damaged")
-    return np.ascontiguousarray(made[..., ::-1], np.float32)
-
-
 def _exr_size(path: Path) -> tuple[int, int]:
     import OpenEXR
 
@@ -248,9 +240,3 @@ def _exr_size(path: Path) -> tuple[int, int]:
     except Exception as error:  # the package raises RuntimeError, ValueError and more
         raise ValueError(str(error)) from None
     return int(high[0] - low[0] + 1), int(high[1] - low[1] + 1)
-
-
-def _exr(path: Path) -> np.ndarray:
-    from lfcore.exr import read_exr_picture
-
-    return read_exr_picture(path)
