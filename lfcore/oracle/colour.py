@@ -32,16 +32,6 @@ def ycbcr(encoded: np.ndarray, bits: int = 8) -> np.ndarray:
     return np.stack([219 * luma + 16, 224 * cb + 128, 224 * cr + 128], -1) * 2.0 ** (bits - 8)
 
 
-def rgb(codes: np.ndarray, bits: int = 8) -> np.ndarray:
-    """sRGB-encoded (..., 3), not clipped, of BT.709 limited-range codes Y, Cb, Cr (..., 3)."""
-    y, cb, cr = np.moveaxis(np.asarray(codes, np.float64) / 2.0 ** (bits - 8), -1, 0)
-    luma = (y - 16) / 219
-    red = luma + 2 * (1 - RED) * (cr - 128) / 224
-    blue = luma + 2 * (1 - BLUE) * (cb - 128) / 224
-    green = (luma - RED * red - BLUE * blue) / GREEN
-    return np.stack([red, green, blue], -1)
-
-
 def pq(light: np.ndarray) -> np.ndarray:
     """PQ codes in [0, 1] of light over its most, in [0, 1] (SMPTE ST 2084, equation 5.2)."""
     power = np.asarray(light, np.float64) ** 0.1593017578125

@@ -385,16 +385,6 @@ def test_help_teaches(name, capsys):
             assert parser(words).parse_args(words).command
 
 
-def test_a_mesh_alone_is_a_scene(tmp_path):
-    import trimesh
-
-    mesh, out = tmp_path / "ball.glb", tmp_path / "ball.npy"
-    trimesh.creation.icosphere(subdivisions=2).export(mesh)
-    assert main(["render", str(mesh), "-o", str(out), "--pixels", "24", "--views", "2"]) == 0
-    picture = np.load(out)
-    assert picture[12, 12].mean() > picture[0, 0].mean() + 0.05
-
-
 def test_a_stack_without_a_number(recorded, tmp_path, monkeypatch, capsys):
     """From near to far, as the file holds them: evenly in dioptres."""
     field = lfcore.LightField.open(recorded)

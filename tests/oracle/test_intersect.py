@@ -108,12 +108,6 @@ def test_triangles_without_area_or_not_finite_are_never_hit():
     assert (closest_hits(both, origins, directions).triangle == 5).all()
 
 
-@pytest.mark.parametrize("empty", [np.zeros((0, 3, 3)), UNIT * np.nan])
-def test_nothing_to_hit(empty):
-    assert one((0, 0, 0), (0, 0, 1), empty).triangle[0] == -1
-    assert len(closest_hits(UNIT, np.zeros((0, 3)), np.zeros((0, 3))).triangle) == 0
-
-
 def by_cramer(triangle, origin, direction):
     """(t, v, w) of the crossing as fractions, by Cramer's rule; None without one."""
     p, q, r = ([Fraction(float(x)) for x in corner] for corner in triangle)
@@ -166,20 +160,6 @@ def test_equals_exact_fractions(corners, origin, direction, scale, offset):
     assert hits.t[0] == pytest.approx(float(nearest), rel=1e-9)
     _, v, w = found[first]
     assert hits.weights[0].tolist() == pytest.approx([float(1 - v - w), float(v), float(w)])
-
-
-@pytest.mark.parametrize("centre", [(0, 0, 0), (1e2, -3e3, 1e4), (148376, 1234, -223423)])
-@pytest.mark.parametrize("columns", [4, 12, 30])
-def test_closed_meshes_do_not_leak_at_edges_and_vertices(centre, columns):
-    triangles = np.float32(shapes.sphere(8, columns, 2.0, centre))
-    after = np.roll(triangles, -1, axis=1).astype(float)
-    points = [triangles * share + after * (1 - share) for share in (1, 0.5, 0.3, 0.01)]
-    rng = np.random.default_rng(columns)
-    for origin in np.array(centre) + rng.uniform(-0.5, 0.5, (2, 3)):
-        directions = np.float32(np.concatenate(points).reshape(-1, 3) - np.float32(origin))
-        hits = closest_hits(triangles, np.full_like(directions, origin), directions)
-        assert (hits.triangle >= 0).all()
-        assert hits.margin.min() < 16
 
 
 def test_occluded_is_a_hit_before_the_end():

@@ -118,14 +118,6 @@ def test_half_a_pixel_goes_up_or_is_shared():
     np.testing.assert_allclose(shared, expected, atol=1e-12)
 
 
-def test_a_pinhole_is_one_view():
-    slab = Slab(CAMERA, views=3, pixels=6)
-    light = np.random.default_rng(1).uniform(0, 1, (6, 6, 3, 3, 3))
-    for distance in (0.5, 2.0, np.inf):
-        picture = form_plane(slab, SensorPlane(distance, 1e6), light)
-        np.testing.assert_allclose(picture, light[:, :, 1, 1])
-
-
 def test_magnification_scales_about_the_centre():
     camera = dataclasses.replace(CAMERA, focus_m=0.1)
     slab = Slab(camera, views=1, pixels=8)

@@ -4,9 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from lfcore.errors import SceneError
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
@@ -65,32 +62,6 @@ def test_invariants(name, leaf_size):
     assert figures.triangles == len(triangles)
     # Never a chain: SAH_DEPTH binary levels and then halves.
     assert figures.depth <= bvh_binary.SAH_DEPTH + 12
-
-
-finite = st.floats(-(2.0**99), 2.0**99, width=32)  # below 1e30
-few = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-38, 1e25])
-
-
-@pytest.mark.slow
-@settings(max_examples=60)
-@given(
-    hnp.arrays(
-        np.float32,
-        st.tuples(st.integers(0, 60), st.just(3), st.just(3)),
-        elements=st.one_of(finite, few),
-    ),
-    st.integers(1, 16),
-    st.integers(1, 6),
-)
-def test_invariants_of_any_input(triangles, leaf_size, copies):
-    triangles = np.tile(triangles, (copies, 1, 1))
-    build_bvh(triangles, leaf_size=leaf_size).check(triangles)
-
-
-def test_equal_input_gives_an_equal_tree():
-    one, two = build_bvh(soup(5000)), build_bvh(soup(5000))
-    for name in FIELDS:
-        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
 
 
 def half_area(points):

@@ -83,10 +83,3 @@ def test_few_triangles_have_the_oracles_colours(device, name):
     found, truth = colours(world, macropixels(slab, pixels), pixels, device, outer=1)
     assert np.ptp(found) > 0.1
     assert (np.abs(found - truth).max(-1) > 1e-4).mean() < 5e-3
-
-
-def test_what_covers_a_block_hides_all_beyond(device):
-    slab = Slab(CAMERA, 100, 24)
-    triangle, depth = tracer_of(SCENES["hidden"], device, outer=1).slab_hits(slab, two_pixels(slab))
-    assert (triangle == len(SCENES["hidden"]) - 1).all()
-    assert np.abs(depth / 0.5 - 1).max() < 1e-6

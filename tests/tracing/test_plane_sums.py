@@ -83,12 +83,6 @@ def test_sums_are_every_ray_alone(views, pixels, make, lanes, monkeypatch):
     np.testing.assert_array_equal(formed(tracer, layout), sums)
 
 
-def test_frames_do_not_change_sums():
-    tracer = tracer_of(painted_soup(), open_device(threads=1))
-    layout = FrameLayout("macropixels", 20, 9)
-    np.testing.assert_array_equal(formed(tracer, layout, frames=True), formed(tracer, layout))
-
-
 @pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
 def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
     """A beam of white rays on one pixel is 2^32."""

@@ -55,13 +55,6 @@ typedef struct {
     const Surface surface, \
     global const float *restrict map
 
-kernel void struct_sizes(global int *sizes)
-{
-    sizes[0] = sizeof(Array);
-    sizes[1] = sizeof(View);
-    sizes[2] = sizeof(Surface);
-}
-
 inline float3 to_array(const View *view, float3 v)
 {
     return (float3)(
