@@ -62,27 +62,6 @@ def test_distances_are_reported(mesh, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["far_m"] == far
 
 
-def test_a_recorded_file_is_refocused_by_words(mesh, tmp_path, capsys):
-    options = "--bare", "--focus", "far", "--blur", "4%"
-    mkv = made("record", mesh, tmp_path / "a.mkv", *options)
-    pictures = []
-    for focus in (["--focus", "near"], ["--focus-at", "0.5,0.5"], ["--focus", "far"]):
-        capsys.readouterr()
-        assert main(["refocus", str(mkv), *focus, "-o", str(tmp_path / "b.npy")]) == 0
-        assert "focus" in capsys.readouterr().err
-        pictures.append(np.load(tmp_path / "b.npy"))
-    assert np.abs(pictures[0] - pictures[2]).max() > 0.05
-
-
-def test_up_is_questioned_and_answered(tmp_path, capsys):
-    path = tmp_path / "cone.stl"
-    trimesh.creation.cone(0.5, 2.0).export(path)
-    made("render", path, tmp_path / "a.png")
-    assert "--up z" in capsys.readouterr().err
-    made("render", path, tmp_path / "a.png", "--up", "z")
-    assert "--up z" not in capsys.readouterr().err
-
-
 def test_a_pinhole_is_not_recorded_without_a_word(tmp_path, capsys):
     path = tmp_path / "hole.pbrt"
     path.write_text(

@@ -107,8 +107,10 @@ def test_a_changed_row_leaves_the_others(project_copy):
     table = checkout.folder / "config" / "sweeps" / "s.tsv"
     for rows in ("a\t20\nb\t30\n", "new\t25\na\t20\nb\t31\n"):
         table.write_text("case\tencoding.crf\n" + rows)
-        checkout.made("--configfile", "config/micro.yaml", "--config",
-                      "sweep=config/sweeps/s.tsv", "--", "sweep")  # fmt: skip
+        checkout.made(
+            "--configfile", "config/micro.yaml", "--config", "scenes=[chart]", "views=[4]",
+            "sweep=config/sweeps/s.tsv", "--", "sweep",
+        )  # fmt: skip
         files = list((checkout.folder / "results/sweeps/s").rglob("*.json"))
         made = read_rows(files)
         for file in files:
