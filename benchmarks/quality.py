@@ -1,12 +1,14 @@
 """Requested and reached quality: python -m benchmarks.quality --out FILE.csv
 
 Scenes are rendered to several qualities, focused near, in the middle and far, and at all three
-from the same rays.  A row has the PSNR of the worst picture, its core seconds, and those of the
-cheapest single lattice that reaches the quality.  The truth is of another kind: many lens samples
-displaced within a pixel, each ray counted in the pixel that it falls on.
+from the same rays; with --stored, light fields are recorded, too.  A row has the PSNR of the worst
+picture, its core seconds, and those of the cheapest single lattice that reaches the quality.  The
+truth is of another kind: many lens samples displaced within a pixel, each ray counted in the pixel
+that it falls on.
 """
 
 import argparse
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -95,8 +97,8 @@ def true_picture(
     return (total / share.sum()).astype(np.float32)
 
 
-def cases(name: str, pixels: int) -> Iterator[Case]:
-    """The cases of a scene."""
+def cases(name: str, pixels: int, kept: Path | None) -> Iterator[Case]:
+    """The cases of a scene; true pictures are kept in a folder for the next run."""
     path = SCENES / name if (SCENES / name).exists() else Path(name)
     scene = lfcore.load_scene(path)
     tracer, focus = open_tracer(scene), scene.focus_distances_m
@@ -104,7 +106,13 @@ def cases(name: str, pixels: int) -> Iterator[Case]:
         SensorPlane(distance, scene.camera.f_number)
         for distance in (focus[0], focus[len(focus) // 2], focus[-1])
     ]
-    truths = np.stack([true_picture(tracer, plane, pixels) for plane in planes])
+    file = kept and kept / f"{path.stem}-{pixels}.npy"
+    if file and file.exists():
+        truths = np.load(file)
+    else:
+        truths = np.stack([true_picture(tracer, plane, pixels) for plane in planes])
+        if file:
+            np.save(file, truths)
     for index, which in enumerate(("near", "middle", "far")):
         yield Case(tracer, which, planes[index : index + 1], truths[index : index + 1])
     yield Case(tracer, "all three", planes, truths)
@@ -138,16 +146,44 @@ def rows_of(case: Case, repeats: int, targets: list[float]) -> Iterator[dict]:
         yield row
 
 
+def stored_rows(case: Case, targets: list[float]) -> Iterator[dict]:
+    """A row per quality of a light field that is recorded for it."""
+    focus = [plane.focus_m for plane in case.planes]
+    for target in targets:
+        row: dict = {"planes": "stored", "asked dB": f"{target:g}"}
+        quality = Quality(target, focus_range_m=(min(focus), max(focus)))
+        with tempfile.TemporaryDirectory() as folder:
+            path, begun = Path(folder) / "a.mkv", time.process_time()
+            try:
+                field = lfcore.record(case.tracer.scene, path, pixels=case.pixels, quality=quality)
+            except OpticsError as error:
+                yield row | {"refused": error.problem}
+                continue
+            with field:
+                seconds, slab = time.process_time() - begun, field.require_slab()
+                yield row | {
+                    "expected dB": f"{field.content['expected']['db']:.1f}",
+                    "dB": f"{case.worst_db(field.refocus_many(case.planes)):.1f}",
+                    "lattice": str(Lattice(slab.views, slab.pixels / case.pixels)),
+                    "core s": f"{seconds:.3g}",
+                }
+
+
 def summary(rows: pd.DataFrame) -> str:
     """The shares of cases that were reached, by not too much, and in not too long."""
-    of = rows[rows["dB"].notna()]
-    over = of["dB"].astype(float) - of["asked dB"].astype(float)
-    times = of["times"].dropna().astype(float)
-    return (
-        f"Reached in {(over >= 0).mean():.0%} of {len(of)} cases, by at most {MOST_OVER_DB} dB in "
-        f"{(over <= MOST_OVER_DB).mean():.0%}; {times.median():.2f} times the cheapest lattice's "
-        f"seconds in the median, at most {MOST_TIMES} times in {(times <= MOST_TIMES).mean():.0%}."
-    )
+    said = []
+    for stored, of in rows[rows["dB"].notna()].groupby(rows["planes"] == "stored"):
+        over = of["dB"].astype(float) - of["asked dB"].astype(float)
+        words = f"{'Stored' if stored else 'Rendered'}: {(over >= 0).mean():.0%} of {len(of)} "
+        words += (
+            f"cases reached, {(over <= MOST_OVER_DB).mean():.0%} at most {MOST_OVER_DB} dB over"
+        )
+        if not stored:
+            times = pd.to_numeric(of["times"]).dropna()
+            words += f"; {times.median():.2f} times the cheapest lattice's seconds in the median, "
+            words += f"at most {MOST_TIMES} times in {(times <= MOST_TIMES).mean():.0%}"
+        said.append(words + ".")
+    return " ".join(said)
 
 
 def main() -> None:
@@ -155,18 +191,24 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--pixels", type=int, default=128)
     parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--truths", type=Path, help="folder that keeps true pictures")
     parser.add_argument("--targets", nargs="+", type=float, default=list(TARGETS_DB))
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom", "chart"])
+    parser.add_argument("--stored", action="store_true", help="record light fields, too")
     asked = parser.parse_args()
     rows: list[dict] = []
     for name in asked.scenes:
-        for case in cases(name, asked.pixels):
-            for row in rows_of(case, asked.repeats, asked.targets):
+        for case in cases(name, asked.pixels, asked.truths):
+            found = list(rows_of(case, asked.repeats, asked.targets))
+            if asked.stored and case.name == "all three":
+                found += stored_rows(case, asked.targets)
+            for row in found:
                 rows.append({"scene": Path(name).stem} | row)
                 say(" ".join(map(str, rows[-1].values())))
     table = pd.DataFrame(rows)
     scenes = " ".join(Path(name).name for name in asked.scenes)
     command = f"python -m benchmarks.quality --pixels {asked.pixels} --scenes {scenes}"
+    command += " --stored" * asked.stored
     Result(of_this_run(command, note=summary(table)), table.fillna("")).write(asked.out)
 
 
