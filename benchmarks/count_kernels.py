@@ -24,21 +24,19 @@ scene (hierarchy, surfaces, buffers, the C header), the sample rays of the plan,
 chunks, and arrays, which are another sink."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
-    "other sinks": {"write_hits", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
+    "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
                     "RadianceImage"},
-    "shadows": {"start_shadows", "enter_packet", "find_lit", "Shadows", "ShadowMemory",
-                "OccluderCache"},
+    "shadows": {"start_shadows", "find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
     "rays one by one": {"follow_rays", "ray_overlaps", "shaft_overlaps", "Ray", "Shaft"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
     "baked light": {"set_up_light", "baked_row", "sky_row", "reflect_sky"},
     "light above white": {"encode_pq"},
-    "packets of one element": {"compacted_tree", "compact_triangles", "CompactedLeaves"},
+    "packets of one element": {"compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
                       "SensorPlanes", "Strip"},
-    "microfacets": {"read_microfacets", "read_row_maps", "reflect_light", "is_metallic",
-                    "ambient_reflectance"},
+    "microfacets": {"read_row_maps", "reflect_light", "is_metallic", "ambient_reflectance"},
 }  # fmt: skip
 MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7
 

@@ -36,13 +36,8 @@ inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
     const Volume volume = {RAY, r};
     Stack stack;
     start_walk(&stack);
-    for (;;) {
-        const int child = next_leaf(tree, &volume, hit->t * RAY_SLACK, &stack);
-        if (child == ROOT) return;
-        const int leaf = -1 - tree->children[child];
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            hit_leaf(tree, r, leaf, lane, hit);
-    }
+    for (int leaf; (leaf = next_leaf_number(tree, &volume, hit->t * RAY_SLACK, &stack)) >= 0;)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) hit_leaf(tree, r, leaf, lane, hit);
 }
 
 // Follow a block's rays one by one, where they have so little in common that to set up triangles

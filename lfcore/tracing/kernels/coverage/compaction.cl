@@ -9,15 +9,6 @@ typedef struct {
     int ids[LIST * NODE_WIDTH];  // (LIST, NODE_WIDTH) their triangles
 } CompactedLeaves;
 
-// The tree whose leaves are the compacted ones.
-inline Tree compacted_tree(const Tree *tree, global const CompactedLeaves *compacted)
-{
-    Tree leaves = *tree;
-    leaves.leaves = compacted->leaves;
-    leaves.leaf_ids = compacted->ids;
-    return leaves;
-}
-
 // Append triangle `number`.  The first triangle of a leaf clears the leaf: all zero, which nothing
 // can hit, in an empty box.
 inline void compact_triangle(global const Leaf *from, int id, int number,

@@ -122,99 +122,40 @@ inline vi overlap(vf *e, int covers, int edge_on, vf *depth)
     return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
-// An affine function along the rows at LANES places y and v: base + x along + u across.
-typedef struct { vf base, along, across; } AffineRows;
-
-inline AffineRows along_rows(Affine f, int twisted, vf y, vf v)
-{
-    AffineRows r = {AT_OFFSETS(y, v, f.of[ONE], f.of[Y], f.of[V]), f.of[X], f.of[U]};
-    if (OUTER == 1 || !twisted) return r;
-    r.along = fma(-v, (vf)(f.of[BILINEAR]), r.along);
-    r.across = fma(y, (vf)(f.of[BILINEAR]), r.across);
-    return r;
-}
-
-// WideAffine of one triangle along each of the block's rows.
+// A triangle's functions along each of the block's rows: base + x along + u across.
 typedef struct {
-    float base[FUNCTIONS][BLOCK];
-    float along[3][BLOCK], across[3][BLOCK];  // of the edges
-    float x[2], u[2];                         // of the others, the same along all rows
+    float base[FUNCTIONS][BLOCK], along[FUNCTIONS][BLOCK], across[FUNCTIONS][BLOCK];
 } TriangleRows;
 
 // Returns the rows in which no edge excludes every ray, rounding allowed for.
 inline uint make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
 {
-    const uint wanted = t->rows[lane];
     uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
-        if (!(wanted >> first & ((1u << LANES) - 1u))) continue;
+        if (!(t->rows[lane] >> first & ((1 << LANES) - 1))) continue;
         // The places of rows along y are those of columns along x.
         const Row at = row_at(first, half_extent);
         vi meets = -1;
-        for (int k = 0; k < NUMERATOR; ++k) {
-            const AffineRows r = along_rows(affine_of(t->functions + k, lane), 1, at.x, at.u);
-            VSTORE(r.base, f->base[k] + first);
-            VSTORE(r.along, f->along[k] + first);
-            if (OUTER > 1) VSTORE(r.across, f->across[k] + first);
-            vf most = fabs(r.along) * half_extent;
-            if (OUTER > 1) most = fma(fabs(r.across), (vf)(OUTER_HALF), most);
-            const vf slack = FRUSTUM_SLACK * (most + fabs(r.base));
-            meets &= GE(r.base + most + slack, (vf)(0.0f));
-        }
-        for (int k = NUMERATOR; k < FUNCTIONS; ++k) {
-            const Affine function = affine_of(t->functions + k, lane);
-            VSTORE(along_rows(function, 0, at.x, at.u).base, f->base[k] + first);
-            f->x[k - NUMERATOR] = function.of[X];
-            f->u[k - NUMERATOR] = function.of[U];
+        for (int k = 0; k < FUNCTIONS; ++k) {
+            const Affine g = affine_of(t->functions + k, lane);
+            const vf base = AT_OFFSETS(at.x, at.u, g.of[ONE], g.of[Y], g.of[V]);
+            vf along = g.of[X], across = g.of[U];
+            if (OUTER > 1 && k < NUMERATOR) {
+                along = fma(-at.u, (vf)(g.of[BILINEAR]), along);
+                across = fma(at.x, (vf)(g.of[BILINEAR]), across);
+            }
+            VSTORE(base, f->base[k] + first);
+            VSTORE(along, f->along[k] + first);
+            if (OUTER > 1) VSTORE(across, f->across[k] + first);
+            if (k >= NUMERATOR) continue;
+            vf most = fabs(along) * half_extent;
+            if (OUTER > 1) most = fma(fabs(across), (vf)(OUTER_HALF), most);
+            const vf slack = FRUSTUM_SLACK * (most + fabs(base));
+            meets &= GE(base + most + slack, (vf)(0.0f));
         }
         rows |= row_bits(meets) << first;
     }
     return rows;
-}
-
-// What the triangle's affine functions are at a row of rays.
-inline void evaluate_rows(const TriangleRows *f, int row, Row at, vf *e)
-{
-    for (int k = 0; k < FUNCTIONS; ++k) {
-        const float along = k < NUMERATOR ? f->along[k][row] : f->x[k - NUMERATOR];
-        const float across = k < NUMERATOR ? f->across[k][row] : f->u[k - NUMERATOR];
-        e[k] = AT_OFFSETS(at.x, at.u, f->base[k][row], along, across);
-    }
-}
-
-// A triangle that can touch no more than LANES rays: all of them at once, wherever in the block
-// they are.
-inline int hit_few(const Triangles *t, uint lane, int covers, int edge_on, int id,
-                   const Coverage *to)
-{
-    private int place[LANES];
-    private float found[LANES];
-    int count = 0, changed = 0;
-    for (int k = 0; k < LANES; ++k) place[k] = 0;
-    for (uint rows = t->rows[lane]; rows; rows &= rows - 1)
-        for (uint columns = t->columns[lane]; columns; columns &= columns - 1)
-            place[count++] = lowest(rows) * BLOCK + lowest(columns);
-    const vi column = VLOAD(place) & (BLOCK - 1), row = VLOAD(place) / BLOCK;
-    const vf x = TO_VF(column & (INNER - 1)) - to->half_extent;
-    const vf y = TO_VF(row & (INNER - 1)) - to->half_extent;
-    const vf u = TO_VF(column / INNER) - OUTER_HALF, v = TO_VF(row / INNER) - OUTER_HALF;
-    vf e[FUNCTIONS], depth;
-    for (int k = 0; k < FUNCTIONS; ++k) {
-        const AffineRows r = along_rows(affine_of(t->functions + k, lane), k < NUMERATOR, y, v);
-        e[k] = AT_OFFSETS(x, u, r.base, r.along, r.across);
-    }
-    const vi mask = overlap(e, covers, edge_on, &depth);
-    VSTORE(depth, found);
-    for (uint bits = row_bits(mask) & ((1u << count) - 1u); bits; bits &= bits - 1) {
-        const uint k = lowest(bits);
-        const int ray = place[k], old_id = to->ids[ray];
-        const uint new = as_uint(found[k]), old = as_uint(to->z[ray]);
-        const int nearer = (new < old) | ((new == old) & (id < old_id));
-        to->z[ray] = as_float(nearer ? new : old);
-        to->ids[ray] = nearer ? id : old_id;
-        changed |= nearer;
-    }
-    return changed;
 }
 
 // Merge one of LANES triangles into the depth buffer; returns whether anything changed.
@@ -222,11 +163,8 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
                         const CutOuts *cut_outs, const Coverage *to)
 {
     uint rows = t->rows[lane];
-    const uint columns = t->columns[lane];
     const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
     const int holes = has_holes(cut_outs, id);
-    if (!holes && popcount(rows) * popcount(columns) <= LANES)
-        return hit_few(t, lane, covers, edge_on, id, to);
     TriangleRows f;
     const uint open = make_rows(t, lane, rays->half_extent, &f);
     if (!edge_on) rows &= open;
@@ -234,9 +172,11 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
     for (; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
-            if (!(columns >> column & ((1u << LANES) - 1u))) continue;
+            if (!(t->columns[lane] >> column & ((1 << LANES) - 1))) continue;
+            const Row at = row_at(row * BLOCK + column, rays->half_extent);
             vf e[FUNCTIONS], depth;
-            evaluate_rows(&f, row, row_at(column, rays->half_extent), e);
+            for (int k = 0; k < FUNCTIONS; ++k)
+                e[k] = AT_OFFSETS(at.x, at.u, f.base[k][row], f.along[k][row], f.across[k][row]);
             vi mask = overlap(e, covers, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
@@ -244,7 +184,6 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             const vi old_id = VLOAD(ids);
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
-                const Row at = row_at(row * BLOCK + column, rays->half_extent);
                 const uint bits = row_bits(mask);
                 mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
             }

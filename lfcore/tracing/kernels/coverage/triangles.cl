@@ -207,6 +207,21 @@ inline vi place_edges(const Bundle *r, int of_packet, Placed *out)
     return ~(flat | (outside & ~out->edge_on));
 }
 
+// The affine function one + x (change along the columns) + y (change along the rows).
+inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
+{
+    WideAffine f;
+    f.of[ONE] = one;
+    f.of[X] = x * step_x;
+    f.of[Y] = y * step_y;
+    if (OUTER > 1) {
+        f.of[U] = x * outer;
+        f.of[V] = y * outer;
+        f.of[BILINEAR] = 0.0f;
+    }
+    return f;
+}
+
 // Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
 // not with its distance, as that of the weighted mean of corners does.
 inline void depth_affines(const Corners *v, const Bundle *r, vi flip, WideAffine *over,
@@ -214,18 +229,8 @@ inline void depth_affines(const Corners *v, const Bundle *r, vi flip, WideAffine
 {
     const Vec p = corner_of(v, 0), a = minus3(corner_of(v, 1), p), b = minus3(corner_of(v, 2), p);
     const Vec n = turn_vectors(cross3(a, b), flip);
-    over->of[ONE] = dot3(n, p);
-    over->of[X] = -n.x * r->sx;
-    over->of[Y] = -n.y * r->sy;
-    under->of[ONE] = n.z;
-    under->of[X] = n.x * r->tx;
-    under->of[Y] = n.y * r->ty;
-    if (OUTER > 1) {
-        over->of[U] = -n.x * r->a;
-        over->of[V] = -n.y * r->a;
-        under->of[U] = n.x * r->b;
-        under->of[V] = n.y * r->b;
-    }
+    *over = stepped_affine(dot3(n, p), -n.x, -n.y, r->sx, r->sy, r->a);
+    *under = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
 }
 
 // WideAffine of a triangle: edges opposite p, q and r, and depth's.

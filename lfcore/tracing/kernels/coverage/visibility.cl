@@ -17,19 +17,17 @@ typedef struct {
     CompactedLeaves compacted;
 } VisibilityMemory;
 
-// The packet's blocks, and the leaves in their way.
+// The packet's blocks.
 typedef struct {
     Coverage block[MOST_BLOCKS];
-    global ListedLeaves *candidates;
-    global CompactedLeaves *compacted;
+    global VisibilityMemory *memory;
 } Visibility;
 
 inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, Visibility *v)
 {
     for (int block = 0; block < rays->blocks; ++block)
         clear_coverage(memory->buffers + block, rays->half_extent, v->block + block);
-    v->candidates = &memory->candidates;
-    v->compacted = &memory->compacted;
+    v->memory = memory;
 }
 
 // Test one block against a leaf.  Triangles that cover the block come first: often nothing is
@@ -100,15 +98,17 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     // Several blocks of one element hit much the same triangles.  Compaction does not pay in a
     // packet so wide that it may hit most triangles of its leaves.
     int compact = p->rays->group == 1 && blocks > 1;
-    const Tree compacted = compacted_tree(tree, v->compacted);
+    Tree compacted = *tree;
+    compacted.leaves = v->memory->compacted.leaves;
+    compacted.leaf_ids = v->memory->compacted.ids;
     while (stack.size) {
         const float far = farthest_open(p, v);
-        LeafList list = {v->candidates, 0};
+        LeafList list = {&v->memory->candidates, 0};
         gather_leaves(tree, &volume, far, &stack, &list);
         const Tree *leaves = compact ? &compacted : tree;
         if (compact) {
             const int all = list.count;
-            list = compact_triangles(tree, p, far, &list, v->compacted);
+            list = compact_triangles(tree, p, far, &list, &v->memory->compacted);
             compact = list.count < MOST_COMPACTED * all;
         }
         for (int block = 0; block < blocks; ++block) {

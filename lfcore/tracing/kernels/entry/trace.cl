@@ -53,7 +53,8 @@ inline void see_packet(const Packet *packet, Pipeline *p)
 {
     start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
-    if (SHADOWS) enter_packet(packet, &p->shadows);
+    p->shadows.packet = packet;
+    p->cache.element = -1;
 }
 
 // Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).
@@ -83,7 +84,8 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
 {
     Coverage *seen = p->visibility.block + block;
     if (SINK == HITS) {
-        write_hits(packet, block, seen, &sink->hits);
+        write_depths(packet, block, seen, sink->hits.depth);
+        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->hits.triangle);
         return;
     }
     global float *colours = SINK == FRAMES ? block_colours(&sink->cells, packet, block)

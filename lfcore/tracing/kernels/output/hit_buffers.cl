@@ -33,12 +33,6 @@ inline void write_depths(const Packet *p, int block, Coverage *c, global float *
     write_rays(p, block, (global const uint *)c->z, (global uint *)depth);
 }
 
-inline void write_hits(const Packet *p, int block, Coverage *c, const HitBuffers *to)
-{
-    write_depths(p, block, c, to->depth);
-    write_rays(p, block, (global const uint *)c->ids, (global uint *)to->triangle);
-}
-
 // Follow the rays of a packet that is no bundle: the columns of one element are their numbers.
 // `origins`, `directions`, `weights`: (R, 3).  Depth is the parameter of the ray as given.
 inline void hit_given_rays(const Tree *tree, const Packet *p, global const float *origins,

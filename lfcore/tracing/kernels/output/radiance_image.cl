@@ -16,7 +16,8 @@ typedef struct {
 // A row of a block, of which all is inside the inner grid, as 16 times r g b.
 inline void write_row(global const float *c, int mode, global float *to)
 {
-    const float16 r = vload16(0, c), g = vload16(0, c + BLOCK_RAYS), b = vload16(0, c + 2 * BLOCK_RAYS);
+    const float16 r = vload16(0, c), g = vload16(0, c + BLOCK_RAYS);
+    const float16 b = vload16(0, c + 2 * BLOCK_RAYS);
     const uint16 rg0 = (uint16)(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5);
     const uint16 b0 = (uint16)(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15);
     const uint16 rg1 = (uint16)(21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);

@@ -7,12 +7,6 @@
 #pragma once
 #include "samples.cl"
 
-inline void read_microfacets(global const MaterialRecord *material, Material *m)
-{
-    m->metallic = material->metallic;
-    m->roughness = material->roughness;
-    m->normal_scale = material->normal_scale;
-}
 inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
 
 // The reflectance of dielectrics at normal incidence: an index of refraction of 1.5.

@@ -112,13 +112,6 @@ inline void shade_background(const Scene *scene, const Bundle *r, global float *
     }
 }
 
-// Directions of unit length to the viewer.
-inline Vec viewer_row(const Bundle *r, Row row)
-{
-    const Vec d = direction_row(r, row);
-    return scale3(d, -inverse_sqrt(dot3(d, d)));
-}
-
 // The shading keys of a block, each once; returns how many.
 inline int list_keys(const Block *b, private int *keys)
 {
@@ -142,7 +135,9 @@ inline Material read_material(const Scene *s, int key)
     m.emission = vload3(0, material->emission);
     m.specular_cutoff = material->specular_cutoff;
     if (TEXTURED) read_maps(s, material, key % MIP_LEVELS, m.maps);
-    if (PHYSICAL) read_microfacets(material, &m);
+    m.metallic = material->metallic;
+    m.roughness = material->roughness;
+    m.normal_scale = material->normal_scale;
     return m;
 }
 
@@ -159,8 +154,10 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         if (!row_any(mine)) continue;
         s.point = load3(b->samples->point, at);
         s.normal = load3(b->samples->of[NORMAL], at);
-        if (PHYSICAL || is_glossy(&material))
-            s.to_viewer = viewer_row(&b->rays, row_at(at, b->rays.half_extent));
+        if (PHYSICAL || is_glossy(&material)) {
+            const Vec d = direction_row(&b->rays, row_at(at, b->rays.half_extent));
+            s.to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
+        }
         if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);
         s.albedo = albedo_row(scene, &patch, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);

@@ -95,14 +95,6 @@ inline Vec sample_patch(const TexelPatch *p, vf u, vf v)
 // Blocks of more regions read their textures ray by ray: patches would not pay.
 #define PATCHED_REGIONS 8
 
-// The range of texture coordinates over a region of a block of one element.
-inline float4 coordinate_range(global const PlaneEquations *p, Rectangle at)
-{
-    const float2 u = quotient_range(p->slot[COORDINATES], p->weights, at);
-    const float2 v = quotient_range(p->slot[COORDINATES + 1], p->weights, at);
-    return (float4)(u.x, v.x, u.y, v.y);
-}
-
 // Read the texels under what a block of few regions sees of a material.
 inline void read_patch(const Scene *scene, const Block *b, int key, const Material *m,
                       TexelPatch *patch)
@@ -116,9 +108,10 @@ inline void read_patch(const Scene *scene, const Block *b, int key, const Materi
         const Rectangle at = region_rectangle(b->regions.of + k, b->rays.half_extent);
         if (p->key != key) continue;
         if (!is_one_sided(p->denominator, at)) return;
-        const float4 own = coordinate_range(p, at);
-        range.lo = min(range.lo, own.lo);
-        range.hi = max(range.hi, own.hi);
+        const float2 u = quotient_range(p->slot[COORDINATES], p->weights, at);
+        const float2 v = quotient_range(p->slot[COORDINATES + 1], p->weights, at);
+        range.lo = min(range.lo, (float2)(u.x, v.x));
+        range.hi = max(range.hi, (float2)(u.y, v.y));
     }
     make_patch(scene->texels, base, range, patch);
 }

@@ -94,22 +94,7 @@ inline vf widened_constant(const LightSpace *space, vf a, vf b, vf g, vf c, int 
     return fma(most, (vf)(LIGHT_SPACE_ERROR), c);
 }
 
-// u, v, d of the hit points in s->active, and the box around them.
-inline Box project_block(const Shadows *s, const LightSpaceRays *l, private float *seen)
-{
-    Ranges ranges;
-    clear_ranges(&ranges);
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Vec row = project_row(&l->rays, &l->space, s->origins, at);
-        VSTORE(row.x, seen + at);
-        VSTORE(row.y, seen + BLOCK_RAYS + at);
-        VSTORE(row.z, seen + 2 * BLOCK_RAYS + at);
-        add_to_ranges(&ranges, row, VLOAD(s->active + at));
-    }
-    return box_of(&ranges);
-}
-
-// The cell along u or v of a picture of SORT_CELLS x SORT_CELLS over the hit points, its bits apart.
+// The cell along u or v of SORT_CELLS x SORT_CELLS over the hit points, its bits apart.
 #define SORT_CELLS 16
 inline vi cell_bits(vf x, float lo, float hi)
 {
@@ -177,7 +162,16 @@ inline void bound_stripes(LightSpaceRays *l)
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     private float seen[3 * BLOCK_RAYS];
-    const Box hits = project_block(s, l, seen);
+    Ranges ranges;
+    clear_ranges(&ranges);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const Vec row = project_row(&l->rays, &l->space, s->origins, at);
+        VSTORE(row.x, seen + at);
+        VSTORE(row.y, seen + BLOCK_RAYS + at);
+        VSTORE(row.z, seen + 2 * BLOCK_RAYS + at);
+        add_to_ranges(&ranges, row, VLOAD(s->active + at));
+    }
+    const Box hits = box_of(&ranges);
     set_range(&hits, &l->space);
     const float nearest = NEAREST_SHARE * largest_component(l->rays.half_extent);
     if (l->rays.is_point && !(hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f)) return 0;
@@ -237,7 +231,8 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
                 private const float (*function)[LANES] = f->of[k];
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
-                    const vf x = function[axis][lane];  // its sign selects, as no branch could foresee
+                    // Its sign selects, as no branch could foresee.
+                    const vf x = function[axis][lane];
                     largest = fma(x, select(high[axis], low[axis], AS_VI(x) >> 31), largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
@@ -302,8 +297,8 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
     if (!row_any(lit)) l->lit ^= 1u << stripe;
 }
 
-// Take from l->active the rays behind LANES triangles of a leaf; false when none is left.
-inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
+// Take from l->active the rays behind LANES triangles of a leaf.
+inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
@@ -311,24 +306,13 @@ inline int cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     const vi may = ~(shaft_misses(&l->rays.shaft, corners) |
                      are_of_light(l->rays.light_triangles, ids));
     const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
-    if (!keep) return 1;
+    if (!keep) return;
     private int reaching[STRIPES];
     reach_stripes(&l->stripes, &edges, keep, l->lit, reaching);
     for (uint left = l->lit; left; left &= left - 1) {
         const uint stripe = lowest(left);
         if (reaching[stripe]) cast_stripe(s, &edges, reaching[stripe], ids, stripe, l);
     }
-    return l->lit != 0;
-}
-
-// Take from l->active the rays that something hides from the light.
-inline void walk_light_space(const Shadows *s, LightSpaceRays *l)
-{
-    Stack stack;
-    start_walk(&stack);
-    for (int leaf; (leaf = next_hiding(s->tree, &l->rays, &stack)) >= 0;)
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES)
-            if (!cast_leaf(s, leaf, lane, l)) return;
 }
 
 // Take from s->active the rays that something hides from the light; false if the light has no
@@ -340,7 +324,10 @@ inline int cast_light_space(const Shadows *s, const Block *b, const ShadowRays *
     l.space = make_light_space(rays);
     l.samples = b->samples;
     if (!project_hits(s, &l)) return 0;
-    walk_light_space(s, &l);
+    Stack stack;
+    start_walk(&stack);
+    for (int leaf; l.lit && (leaf = next_hiding(s->tree, rays, &stack)) >= 0;)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) cast_leaf(s, leaf, lane, &l);
     for (int at = 0; at < l.count; ++at) s->active[l.ray[at]] = l.active[at];
     return 1;
 }

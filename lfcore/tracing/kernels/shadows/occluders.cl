@@ -14,17 +14,10 @@ inline Plane flip_plane(Plane f, vi sign)
     return (Plane){turn_vectors(f.n, sign), flip_sign(f.c, sign)};
 }
 
-// |a| . b, b not negative.
-inline vf absolute_dot(Vec a, Vec b)
-{
-    return fma(fabs(a.x), b.x, fma(fabs(a.y), b.y, fabs(a.z) * b.z));
-}
-
-// That share, of normal n times the corner v and points of magnitude `size`.
+// SHADOW_MARGIN of n . P, of the corner v and points P of magnitude `size`.
 inline vf shadow_margin(Vec n, Vec v, float3 size)
 {
-    const Vec sum = {fabs(v.x) + size.x, fabs(v.y) + size.y, fabs(v.z) + size.z};
-    return SHADOW_MARGIN * absolute_dot(n, sum);
+    return SHADOW_MARGIN * dot3(absolute3(n), plus3(absolute3(v), spread3(size)));
 }
 
 // The corners of LANES triangles, relative to a place.

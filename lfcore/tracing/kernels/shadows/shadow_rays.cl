@@ -73,6 +73,5 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
 inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
     const Volume volume = {SHAFT, &r->shaft};
-    const int child = next_leaf(tree, &volume, FAR, stack);
-    return child == ROOT ? -1 : -1 - tree->children[child];
+    return next_leaf_number(tree, &volume, FAR, stack);
 }

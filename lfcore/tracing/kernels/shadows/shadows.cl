@@ -1,7 +1,88 @@
 // Shadows: which rays of a block see each light that casts them.
 #pragma once
-#include "region_shadows.cl"
-#include "block_shadows.cl"
+#include "light_space.cl"
+#include "occluder_cache.cl"
+#include "single_rays.cl"
+
+// Whether regions are few.  Holes are looked into ray by ray.
+#define FEW_REGIONS 6
+inline int few_regions(const Block *b)
+{
+    return OUTER == 1 && !SINGLE_RAYS && !CUT_OUTS && b->regions.count <= FEW_REGIONS;
+}
+
+inline int faces_light(const Block *b, global const Region *r, global const LightRecord *light)
+{
+    vi facing = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        facing |= region_row(r, at) & facing_row(b->samples, light, at);
+    return row_any(facing);
+}
+
+// Find the rays of each region that see light `number`; false if the cache does not keep what may
+// stand before one of them.
+inline int light_regions(Shadows *s, const Block *b, int number, global int *lit)
+{
+    clear_lit(lit);
+    for (int k = 0; k < b->regions.count; ++k) {
+        global const Region *r = b->regions.of + k;
+        CacheEntry *entry = entry_of(s, r->triangle, number);
+        if (entry->triangle != r->triangle || entry->light != number) {
+            if (!faces_light(b, r, shadow_light(s->scene, number))) continue;
+            make_entry(s, r->triangle, number, entry);
+        }
+        if (entry->count == NOT_KEPT) return 0;
+        if (entry->count == ALL_DARK) continue;
+        ShadowMask m = no_shadow(r, b->rays.half_extent, block_offset(s->packet, b->number));
+        if (cast_entry(s->cache, entry, &m)) add_lit(&m, lit);
+    }
+    return 1;
+}
+
+// Hit points are taken by spans of depth, each to this multiple of where it begins.
+#define SPAN 1.1f
+// Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->active, and
+// bound them.  A block that sees a near thing before a far one would otherwise span all that lies
+// between; the span starts at the nearest of what is left.  Returns false when nothing is left.
+inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
+{
+    const Bundle *r = &b->rays;
+    global const float *z = s->origins + 2 * BLOCK_RAYS;
+    vf nearest = FAR;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wanted + at));
+    const float from = row_min(nearest);
+    if (from >= FAR) return 0;
+    const float step = max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy)));
+    const float footprint = INNER * step + (OUTER - 1) * fabs(fma(from, r->b, r->a));
+    const float until = fma(from, SPAN, 2.0f * footprint);
+    Ranges ranges;
+    clear_ranges(&ranges);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi want = VLOAD(wanted + at), within = want & LE(VLOAD(z + at), (vf)(until));
+        VSTORE(within, s->active + at);
+        VSTORE(want & ~within, wanted + at);
+        add_to_ranges(&ranges, load3(s->origins, at), within);
+    }
+    *box = box_of(&ranges);
+    return 1;
+}
+
+// Find the rays of a block that see a light.
+inline void light_block(const Shadows *s, const Block *b, global const LightRecord *light,
+                        global int *lit)
+{
+    global int *wanted = s->active + BLOCK_RAYS;
+    clear_lit(lit);
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        VSTORE(facing_row(b->samples, light, at), wanted + at);
+    for (Box box; next_span(s, b, wanted, &box);) {
+        const ShadowRays rays = make_shadow_rays(light, &box);
+        if (SINGLE_RAYS || !cast_light_space(s, b, &rays)) cast_single_rays(s, b, light);
+        for (int at = 0; at < BLOCK_RAYS; at += LANES)
+            lit[at / BLOCK] |= row_bits(VLOAD(s->active + at)) << at % BLOCK;
+    }
+}
 
 // A worker's memory: see Shadows and OccluderCache.
 typedef struct {
@@ -16,12 +97,6 @@ inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMem
 {
     *s = (Shadows){tree, scene, 0, memory->active, 0, cache, &memory->element_planes};
     cache->pool = memory->pool;
-}
-
-inline void enter_packet(const Packet *packet, Shadows *s)
-{
-    s->packet = packet;
-    s->cache->element = -1;
 }
 
 // Find which of a block's rays see each light.

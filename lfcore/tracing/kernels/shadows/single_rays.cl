@@ -39,12 +39,10 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
     const Volume volume = {RAY, r};
     Stack stack;
     start_walk(&stack);
-    for (;;) {
-        const int child = next_leaf(tree, &volume, far, &stack);
-        if (child == ROOT) return -1;
-        const int leaf = -1 - tree->children[child];
-        if (leaf_blocks(tree, r, leaf, far, own, light)) return leaf;
-    }
+    int leaf;
+    do leaf = next_leaf_number(tree, &volume, far, &stack);
+    while (leaf >= 0 && !leaf_blocks(tree, r, leaf, far, own, light));
+    return leaf;
 }
 
 // Take from s->active the rays of a block that cannot see a light.

@@ -73,21 +73,6 @@ typedef struct {
     WideAffine light[LIGHT_WORDS + !BAKED];
 } WidePlanes;
 
-// The affine function one + x (change along the columns) + y (change along the rows).
-inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
-{
-    WideAffine f;
-    f.of[ONE] = one;
-    f.of[X] = x * step_x;
-    f.of[Y] = y * step_y;
-    if (OUTER > 1) {
-        f.of[U] = x * outer;
-        f.of[V] = y * outer;
-        f.of[BILINEAR] = 0.0f;
-    }
-    return f;
-}
-
 // An edge function of the weights, of corners sheared to the centre ray.
 inline WideAffine weight_function(Vec p, Vec q, const Bundle *r)
 {

@@ -183,6 +183,13 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
     return ROOT;
 }
 
+// Likewise, as the leaf's number; -1 once none is left.
+inline int next_leaf_number(const Tree *tree, const Volume *volume, float far, Stack *stack)
+{
+    const int child = next_leaf(tree, volume, far, stack);
+    return child == ROOT ? -1 : -1 - tree->children[child];
+}
+
 // List leaves until the list is full or none is left, which an empty stack tells.
 inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
                           LeafList *list)
