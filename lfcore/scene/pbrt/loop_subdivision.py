@@ -29,7 +29,7 @@ def loop_subdivide(
     return limit, faces, _normals(limit, faces)
 
 
-def _edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unique edges (E, 2), the edge of each face side (F, 3), and which edges are boundary."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2), 1)
     edges, inverse, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
@@ -58,7 +58,7 @@ def _beta(valence: np.ndarray) -> np.ndarray:
 
 def _subdivide(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = len(points)
-    edges, side_edge, open_edge = _edges(faces, count)
+    edges, side_edge, open_edge = _edges(faces)
     ring = _neighbours(edges, count)
     along, on_boundary = _boundary(edges, open_edge, count)
     valence = np.diff(ring.indptr)[:, None]
@@ -79,7 +79,7 @@ def _subdivide(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def _limit(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     count = len(points)
-    edges, _, open_edge = _edges(faces, count)
+    edges, _, open_edge = _edges(faces)
     ring = _neighbours(edges, count)
     along, on_boundary = _boundary(edges, open_edge, count)
     valence = np.diff(ring.indptr)[:, None]

@@ -31,7 +31,7 @@ def build(seed: int, *, triangles: int = 10000) -> Parts:
     parts = transform_all(bicycle(seed), place)
     parts += transform_all(_basket_load(seed), chain(translate(0.52, 0.80, 0), place))
     parts += _ground(seed) + _house(seed) + _lamp_post() + _foreground(rng, seed)
-    parts += _window_box(rng, seed)
+    parts += _window_box(rng)
     leaf = _ivy_leaf(seed)
     ivy = triangles - count(parts)
     parts += fill_to(ivy, leaf, lambda number: _ivy(rng, number, leaf))
@@ -250,7 +250,7 @@ def _foreground(rng: Rng, seed: int) -> Parts:
     return parts
 
 
-def _window_box(rng: Rng, seed: int) -> Parts:
+def _window_box(rng: Rng) -> Parts:
     wood = painted("window box", "#7b5433")
     leaf = painted("box leaf", "#3f7a35")
     parts = [box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14))]

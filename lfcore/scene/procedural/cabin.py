@@ -31,13 +31,13 @@ def build(seed: int, *, triangles: int = 15000) -> Parts:
     """Exactly ``triangles`` of them; grass takes up what the rest leaves."""
     rng = np.random.default_rng(seed)
     look = _surfaces(seed)
-    parts = _land(seed, look) + _sky(seed)
+    parts = _land(look) + _sky(seed)
     place = chain(rotate("y", -24), translate(0.3, height(0.3, -4.6), -4.6))
     parts += transform_all(loghouse(seed), place)
     parts += _trees(rng, look) + _fence(rng, look)
     parts += transform_all(_log_pile(rng, look), translate(-0.85, height(-0.85, 2.5), 2.5))
     parts += transform_all(_chopping_block(look), translate(0.45, height(0.45, 2.3), 2.3))
-    parts += _mushrooms(rng, look) + _stones(rng, look)
+    parts += _mushrooms(look) + _stones(look)
     tuft = foliage.tuft(rng, 7, look["grass blade"], height=0.17, radius=0.06)
     parts += fill_to(triangles - count(parts), tuft, lambda n: _meadow(rng, n, tuft))
     return merge(parts)
@@ -83,7 +83,7 @@ def _surfaces(seed: int) -> Look:
     }
 
 
-def _land(seed: int, look: Look) -> Parts:
+def _land(look: Look) -> Parts:
     x, z = np.linspace(-1, 1, 17), np.linspace(0, 1, 19)
     depth = 5.5 - 30.0 * z**1.6
     points = np.zeros((19, 17, 3))
@@ -208,7 +208,7 @@ def _split(look: Look) -> Parts:
     return [side, *ends]
 
 
-def _mushrooms(rng: Rng, look: Look) -> Parts:
+def _mushrooms(look: Look) -> Parts:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
         place = chain(scale(size), translate(x, height(x, z), z))
@@ -226,7 +226,7 @@ def _mushrooms(rng: Rng, look: Look) -> Parts:
     return parts
 
 
-def _stones(rng: Rng, look: Look) -> Parts:
+def _stones(look: Look) -> Parts:
     parts = []
     stones = [(-1.75, 2.6, 0.17), (1.55, 2.3, 0.14), (2.05, 3.0, 0.20)]
     for x, z, size in [*stones, (-0.2, 2.7, 0.09), (0.15, 0.6, 0.13)]:
