@@ -60,17 +60,18 @@ def bake_light(
     if not Needs.of(bare).cut_outs:  # else texels say what rays hit
         bare = replace(bare, uvs=bare.uvs[:0])
     around = Surroundings(scene, Tracer(bare, bvh, device))
-    seen, distance = _seen_faces(scene, around, 16 * options.cells)
-    grids = Grids(scene, _sides(scene, distance, options.cells))
+    seen, spots, distance = _seen_faces(scene, around, 32 * options.cells)
+    sides, wanted = _sides(scene, distance, options.cells)
+    grids = Grids(scene, sides, around.lens)
     baker = Baker(grids, around, options)
     report = progress or (lambda done, of: None)
-    baker.find(seen)
+    baker.find(seen, spots)
     report(1, 4)
     baker.bounce()
     report(2, 4)
     baker.converge()
     report(3, 4)
-    finished = Refinement(baker, seen).light()
+    finished = Refinement(baker, seen, wanted).light()
     report(4, 4)
     return replace(finished, error=baker.error, rays=around.rays)
 
@@ -86,18 +87,17 @@ def _check_albedo(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Faces that the camera sees, within twice its field, and each triangle's least distance; by
-    ``count`` rays per side."""
+def _seen_faces(
+    scene: Scene, around: Surroundings, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Faces that the camera sees, within twice its field, the mean barycentric weights (F, 3) of
+    where it does, and each triangle's least distance; by ``count`` rays per side."""
     camera = scene.camera
     axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * camera.field_width
     x, y = (grid.ravel() for grid in np.meshgrid(axis, axis))
     distance = np.full(scene.triangle_count, np.inf)
-    faces = []
-    lens = camera.lens_radius_m * np.array(
-        [[0, 0], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]]
-    )
-    for number, at in enumerate(lens):
+    hits = []
+    for number, at in enumerate(around.lens):
         some = slice(None) if not number else slice(number - 1, None, 4)
         towards = np.stack([x[some], y[some], np.ones_like(x[some])], -1).astype(np.float32)
         # Every lens point sees what is in focus in the same direction.
@@ -105,23 +105,30 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
         origin[:, :2] = at
         if math.isfinite(camera.focus_m):
             towards[:, :2] -= np.float32(at / camera.focus_m)
-        hit, _, far = around.cast(origin, towards)
+        hit, weights, far = around.cast(origin, towards)
         on = hit >= 0
-        faces.append(np.unique(hit[on]))
+        hits.append((hit[on], weights[on]))
         np.minimum.at(distance, hit[on] // 2, far[on])
-    return np.unique(np.concatenate(faces)), distance
+    hit, weights = (np.concatenate(parts) for parts in zip(*hits, strict=True))
+    faces, of = np.unique(hit, return_inverse=True)
+    sums = np.stack([np.bincount(of, column, len(faces)) for column in weights.T], -1)
+    return faces, sums / sums.sum(1, keepdims=True), distance
 
 
-def _sides(scene: Scene, distance: np.ndarray, cells: int) -> np.ndarray:
-    """(T,) cells along an edge: a power of 2, as many as the picture needs to begin with."""
+def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) cells along an edge: a power of 2, as many as the picture needs to begin with; and as
+    many as it needs in the mean, of triangles that it shows."""
     corners = scene.triangles.astype(np.float64)
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.sqrt((across**2).sum(-1)) / 2
     seen = np.isfinite(distance)
     cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
     wanted = np.log2(np.maximum(edge / cell, 1))
-    return np.minimum(1 << np.floor(wanted + 0.25).astype(np.int64), _LARGEST_SIDE)
+    sides = np.minimum(1 << np.floor(wanted + 0.25).astype(np.int64), _LARGEST_SIDE)
+    return sides, np.where(seen, np.sqrt(2 * area) / cell, 0)
 
 
 class Baker:
@@ -131,7 +138,7 @@ class Baker:
     ----------
     source : (P, 3) what the light at points, times their colour, sends on in the last bounce.
     sums : (2, P, 3) sums of two halves of the rays; ``counts`` (P,) rays of each half.
-    open : (S,) of points of seen faces, whether they are outside of things.
+    open : (S,) of points of seen faces, whether they are outside of things and not covered.
     """
 
     def __init__(self, grids: Grids, around: Surroundings, options: BakeOptions):
@@ -141,11 +148,13 @@ class Baker:
         self.source, self.error = np.zeros((0, 3), np.float32), 0.0
         self._hits: list[tuple] = []
 
-    def find(self, seen: np.ndarray) -> None:
-        """Gather at seen faces, and at those that rays from there hit."""
+    def find(self, seen: np.ndarray, spots: np.ndarray) -> None:
+        """Gather at faces, seen at ``spots`` (F, 3), and at those that rays from there hit."""
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
         fresh, count = self.grids.add(seen), _FEWEST
+        hidden = self.around.covered(self.grids.points, self.grids.points.cells)
+        hidden &= ~self.grids.move(seen, spots, hidden)
         self.lamps = Lamps(self.around, self.grids.points)
         points = max(fresh.stop, 1)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
@@ -154,6 +163,7 @@ class Baker:
         for turn in range(_ROUNDS):
             found = self._look(fresh, count)
             if not turn:
+                self.open &= ~hidden
                 self.open |= not self.open.any()
                 self.grids.replace(~self.open)
             if not self.options.bounces or not len(found):

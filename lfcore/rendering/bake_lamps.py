@@ -113,13 +113,13 @@ class Lamps:
             return light
         some = samples(seeds.astype(np.uint64) ^ _OTHER, first // 2, count // 2)
         of = np.repeat(np.arange(len(points)), count // 2)
-        start = self.around.starts(points)[of]
         which, places = self._on_faces(*(of_points.ravel() for of_points in some))
-        towards = places - start
+        towards = places - points.places[of]
         towards = (towards / np.sqrt(dot(towards, towards))[:, None]).astype(np.float32)
         sent = np.flatnonzero(_cosines(points, of, towards) > 0)
         of, towards = of[sent], towards[sent]
-        faces, weights, distance = self.around.cast(start[sent], towards)
+        starts = self.around.starts(points, of, towards)
+        faces, weights, distance = self.around.cast(starts, towards)
         found = np.flatnonzero(faces == self._faces[which[sent]])
         seen = self.around.glow(faces[found], weights[found], towards[found])
         self._weight(seen, points, of[found], towards[found], faces[found], distance[found])
@@ -149,11 +149,8 @@ class Lamps:
 
 
 def _cosines(points: Points, of: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """pi times the density of :func:`directions` of points ``of``, which mirrors some."""
-    normals, flat = points.normals[of], points.flat[of]
-    cosine, up = dot(normals, towards), dot(flat, towards)
-    mirrored = cosine - 2 * up * dot(normals, flat)
-    return np.where(up > 0, np.maximum(cosine, 0) + np.maximum(mirrored, 0), 0)
+    """pi times the density of :func:`directions` of points ``of``."""
+    return np.maximum(dot(points.normals[of], towards), 0)
 
 
 def _emitted(around: Surroundings) -> np.ndarray:

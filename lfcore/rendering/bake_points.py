@@ -20,6 +20,7 @@ _PLACE, _NORMAL = 2.0**-22, 2.0**-8
 _INSET = 0.02
 # Opposite normals are as unlike as places this share of the scene's size apart.
 _ALIKE = 0.1
+_BESIDE = 1 / 64
 
 
 @cache
@@ -62,17 +63,26 @@ class Points:
         )
 
 
-def corner_normals(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 3, 3) unit float64 shading normals in front, and (T, 3) the triangles' own."""
+def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 2, 3, 3) unit float64 shading normals in front and behind, and (T, 3) the triangles' own,
+    in front.  Of faces towards points of the lens (n, 2) they are turned to it, as by kernels;
+    others to their side."""
     p, q, r = scene.triangles.astype(np.float64).swapaxes(0, 1)
-    flat = np.cross(q - p, r - p)
-    flat /= np.sqrt((flat * flat).sum(1, keepdims=True))
-    if not len(scene.normals):
-        return np.repeat(flat[:, None], 3, axis=1), flat
-    normals = scene.normals.astype(np.float64)
-    # Seen from a side, the shading normal is turned to it.
-    away = ((normals * flat[:, None]).sum(-1) < 0).all(1)
-    return np.where(away[:, None, None], -normals, normals), flat
+    flat = _unit(np.cross(q - p, r - p))
+    front = np.repeat(flat[:, None], 3, axis=1)
+    if len(scene.normals):
+        front = scene.normals.astype(np.float64)
+        away = ((front * flat[:, None]).sum(-1) < 0).all(1)
+        front = np.where(away[:, None, None], -front, front)
+    both = np.stack([front, -front], 1)
+    towards, away = np.zeros((len(flat), 2), bool), np.ones((len(flat), 2), bool)
+    for at in lens:
+        ways = scene.triangles - np.append(at, 0)
+        up = (flat * ways[:, 0]).sum(-1) < 0
+        towards |= np.stack([up, ~up], 1)
+        off = (front * ways).sum(-1)
+        away &= np.stack([(off > 0).all(1), (off < 0).all(1)], 1)
+    return np.where((towards & away)[..., None, None], -both, both), flat
 
 
 class Grids:
@@ -82,20 +92,20 @@ class Grids:
     ----------
     sides : (T,) cells along an edge.
     first : (2 T,) where a face's grid begins in ``index``; -1 without one.
-    index : (G,) the point of each grid point.
+    index : (G,) the point of each grid point; ``moved`` (G,), whether another took its place.
     instead : (2 T,) of faces without a grid, a point that has about their light.
     points : the points.
     """
 
-    def __init__(self, scene: Scene, sides: np.ndarray):
+    def __init__(self, scene: Scene, sides: np.ndarray, lens: np.ndarray):
         self.scene, self.sides = scene, sides
         self.first = np.full(2 * len(sides), -1, np.int64)
         self.instead = np.zeros(2 * len(sides), np.int64)
-        self.index = np.zeros(0, np.int64)
+        self.index, self.moved = np.zeros(0, np.int64), np.zeros(0, bool)
         self._hashes = np.zeros(0, np.uint64)
         empty = np.zeros((0, 3), np.float32)
         self.points = Points(empty, empty, empty, np.zeros(0))
-        self._normals, self._flat = corner_normals(scene)
+        self._normals, self._flat = corner_normals(scene, lens)
         corners = scene.triangles.reshape(-1, 3).astype(np.float64)
         self._low = corners.min(0)
         self._size = float(np.ptp(corners, axis=0).max())
@@ -122,6 +132,7 @@ class Grids:
         joined = Points.joined(made)
         self.points, self._hashes = joined.of(first[order]), every[first[order]]
         self.index = np.concatenate([self.index, number[where[before:]]])
+        self.moved = np.pad(self.moved, (0, len(self.index) - len(self.moved)))
         return slice(before, len(self.points))
 
     def at(self, faces: np.ndarray, places: np.ndarray, side: int) -> tuple[Points, np.ndarray]:
@@ -132,8 +143,8 @@ class Grids:
         triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
         corners = self.scene.triangles[triangle].astype(np.float64)
         exact = _mixed(weights, corners) / side
-        normals = _mixed(weights, self._normals[triangle]) * sign[:, None, None]
-        normals /= np.sqrt((normals * normals).sum(-1, keepdims=True))
+        normals = _mixed(weights, self._normals[triangle, faces % 2])
+        normals = _unit(normals)
         flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
         share = _INSET / side
         inset = exact + share * (corners.mean(1, keepdims=True) - exact)
@@ -158,29 +169,61 @@ class Grids:
         at = np.maximum(first, 0) + grid_point(i, j, side)
         return np.where(first < 0, self.instead[faces], self.index[np.where(first < 0, 0, at)])
 
+    def move(self, faces: np.ndarray, spots: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Move points ``which`` (P,) of faces of one cell to spots (F, 3) there; returns which."""
+        is_one = self.sides[faces // 2] == 1
+        index = self.index[self.first[faces[is_one], None] + np.arange(3)]
+        of, corner = np.nonzero(which[index])
+        at, spot, face = index[of, corner], spots[is_one][of, None], faces[is_one][of]
+        corners, normals = self.scene.triangles[face // 2], self._normals[face // 2, face % 2]
+        self.points.places[at] = _mixed(spot, corners.astype(np.float64))[:, 0]
+        self.points.normals[at] = _unit(_mixed(spot, normals)[:, 0])
+        self.points.flat[at] = self._flat[face // 2] * (1 - 2 * (face % 2))[:, None]
+        return np.isin(np.arange(len(which)), at)
+
     def replace(self, which: np.ndarray) -> None:
         """Let others take the place of points ``which`` (P,): the nearest that look alike."""
         if which.any() and not which.all():
             other = np.arange(len(which))
             others, some = np.flatnonzero(~which), self.points.of(which)
             other[which] = others[self._alike(self.points.of(others), some.places, some.normals)]
+            self.moved = which[self.index]
             self.index = other[self.index]
 
     def stand_in(self) -> None:
         """Find points for faces without grids: the nearest that look alike."""
-        lacking = np.flatnonzero(self.first < 0)
-        flat = self._flat[lacking // 2] * (1 - 2 * (lacking % 2))[:, None]
-        middles = self.scene.triangles[lacking // 2].mean(1)
-        used = np.unique(self.index)
-        self.instead[lacking] = used[self._alike(self.points.of(used), middles, flat)]
+        lacking, used = np.flatnonzero(self.first < 0), np.unique(self.index)
+        self.instead[lacking] = used[self._alike(self.points.of(used), *self._middles(lacking))]
 
-    def _alike(self, points: Points, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Those of ``points`` that are nearest to places and normals (P, 3)."""
+    def beside(self, faces: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """``points`` (F, n) of faces, or those of ``which`` that are next to them."""
+        places, normals = self._middles(faces)
+        found = self._alike(self.points.of(which), places, normals, _BESIDE)
+        near = found < len(which)
+        points[near] = which[found[near], None]
+        return points
+
+    def _middles(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(F, 3) places and shading normals."""
+        triangle = faces // 2
+        normals = self._normals[triangle, faces % 2].mean(1)
+        return self.scene.triangles[triangle].mean(1), normals
+
+    def _alike(
+        self, points: Points, places: np.ndarray, normals: np.ndarray, within: float = np.inf
+    ) -> np.ndarray:
+        """Those of ``points`` that are nearest to places and normals (P, 3), ``within`` a share of
+        the scene's size; their number where there is none."""
         from scipy.spatial import cKDTree  # slow to import
 
         scale = np.float64(1 / self._size)
         tree = cKDTree(np.concatenate([points.places * scale, _ALIKE * points.normals], 1))
-        return tree.query(np.concatenate([places * scale, _ALIKE * normals], 1))[1]
+        sought = np.concatenate([places * scale, _ALIKE * normals], 1)
+        return tree.query(sought, distance_upper_bound=within)[1]
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.sqrt((vectors * vectors).sum(-1, keepdims=True))
 
 
 def _mixed(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:

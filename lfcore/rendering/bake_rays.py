@@ -23,6 +23,8 @@ _R2 = tuple(round(2**32 / 1.32471795724474602596**power) for power in (1, 2))
 _TEXELS = 64
 """Side of the textures that reflected light is coloured by, at most."""
 _DIELECTRIC = 0.04
+_LENS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
+_ALONG, _ASLANT = np.float32(1e-5), 4.0
 
 
 @cache
@@ -45,10 +47,7 @@ def samples(seeds: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.n
 
 
 def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(P, n, 3) float32 directions, as dense as the cosine to the normal, of samples (P, n).
-
-    Those below the triangle itself, which a bent normal allows, are mirrored above it.
-    """
+    """(P, n, 3) float32 directions, as dense as the cosine to the normal, of samples (P, n)."""
     share = a.astype(np.float32)
     cosine, sine = _circle()[:, (b * _TURNS).astype(np.int64)]
     radius, up = np.sqrt(share), np.sqrt(1 - share)
@@ -58,7 +57,7 @@ def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     one = -1 / (sign + n[..., 2])
     two = n[..., 0] * n[..., 1] * one
     x, y = radius * cosine, radius * sine
-    made = np.stack(
+    return np.stack(
         [
             x * (1 + sign * n[..., 0] ** 2 * one) + y * two + up * n[..., 0],
             x * (sign * two) + y * (sign + n[..., 1] ** 2 * one) + up * n[..., 1],
@@ -66,9 +65,6 @@ def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         ],
         -1,
     )
-    flat = points.flat[:, None]
-    below = np.minimum(dot(made, flat), 0)
-    return made - 2 * below[..., None] * flat
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -91,9 +87,11 @@ class Surroundings:
         self.sky = suns(scene.sky)[0] if len(scene.sky) else None
         p, q, r = scene.triangles.swapaxes(0, 1)
         self._flat = np.cross(q - p, r - p)
+        self._unit = self._flat / np.sqrt(dot(self._flat, self._flat))[:, None]
         self._lift = np.float32(2e-6 * np.abs(scene.triangles).max(initial=0))
         self._small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0
+        self.lens = scene.camera.lens_radius_m * np.array(_LENS)
         # Their points are lights already.
         self._lamps = np.zeros(scene.triangle_count, bool)
         for light in scene.lights:
@@ -124,13 +122,32 @@ class Surroundings:
         self, points: Points, towards: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As :meth:`cast` of rays (P, n, 3) from points."""
-        origins = np.repeat(self.starts(points), towards.shape[1], axis=0)
-        return self.cast(origins, towards.reshape(-1, 3))
+        of = np.repeat(np.arange(len(points)), towards.shape[1])
+        towards = towards.reshape(-1, 3)
+        return self.cast(self.starts(points, of, towards), towards)
 
-    def starts(self, points: Points) -> np.ndarray:
-        """(P, 3) float32 where rays of points start, above the surface."""
-        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))
-        return points.places + lift[:, None] * points.flat
+    def starts(self, points: Points, of: np.ndarray | slice, towards: np.ndarray) -> np.ndarray:
+        """(R, 3) float32 where rays of points ``of`` start: off the triangle, on the side they go
+        to, which is the other one where a bent normal lets them."""
+        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))[of]
+        flat = points.flat[of]
+        lift = np.where(dot(flat, towards) < -_ALONG, -lift, lift)
+        return points.places[of] + lift[:, None] * flat
+
+    def covered(self, points: Points, within: np.ndarray) -> np.ndarray:
+        """(P,) whether a surface ``within`` (P,) metres hides points from all of the lens: they are
+        behind or below what touches theirs, and their light is not that beside it."""
+        hidden = np.arange(len(points))
+        for at in self.lens:
+            some = points.of(hidden)
+            towards = np.append(at, 0).astype(np.float32) - some.places
+            length = np.sqrt(dot(towards, towards))
+            faces, _, far = self.cast(self.starts(some, slice(None), towards), towards)
+            far, limit = np.where(faces < 0, 0, far * length), within[hidden]
+            cosine = dot(self._unit[faces // 2], towards) / length
+            near = (far < _ASLANT * limit) & (far * abs(cosine) < limit)
+            hidden = hidden[(faces >= 0) & near]
+        return np.isin(np.arange(len(points)), hidden)
 
     def cast(
         self, origins: np.ndarray, towards: np.ndarray
@@ -202,7 +219,6 @@ class Surroundings:
         distance = np.sqrt(dot(towards, towards))
         unit = towards / distance[:, None]
         strength = np.maximum(dot(unit, points.normals), 0)
-        strength[dot(unit, points.flat) <= 0] = 0
         if light.kind == POINT and light.reference_distance_m:
             strength *= (np.float32(light.reference_distance_m) / distance) ** 2
         if any(light.normal):
@@ -213,7 +229,7 @@ class Surroundings:
             strength *= np.maximum(cosine, 0)
         lit = np.flatnonzero(strength > 0)
         if light.casts_shadows and len(lit):
-            start = self.starts(points.of(lit))
+            start = self.starts(points, lit, unit[lit])
             triangle, far, _ = self.tracer.closest_hit(start, towards[lit])
             self.rays += len(lit)
             own = (triangle >= light.own[0]) & (triangle < light.own[1])

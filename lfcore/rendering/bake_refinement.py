@@ -12,8 +12,8 @@ from lfcore.scene.baked import BakedLight
 if TYPE_CHECKING:
     from lfcore.rendering.bake import Baker
 
-LEVELS = 4
-"""Times that a grid's cells are halved, at most."""
+FINER = 8
+"""Cells are halved until an edge has so many times as many as the picture needs to begin with."""
 _SURPRISE, _CONTRAST = 0.06, 2.0
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
@@ -31,11 +31,13 @@ class Refinement:
     ----------
     baker : what gathers light, converged.
     seen : faces that are refined.
+    wanted : (T,) cells along an edge, in the mean, that the picture needs to begin with.
     """
 
-    def __init__(self, baker: Baker, seen: np.ndarray):
+    def __init__(self, baker: Baker, seen: np.ndarray, wanted: np.ndarray):
         self.baker, self.grids = baker, baker.grids
-        self._seen, self._light = seen, baker.smoothed()
+        self._seen, self._wanted = seen, wanted
+        self._light = baker.smoothed().astype(np.float32)
         bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
         self._allowed = max(_SURPRISE, baker.options.error)
@@ -52,51 +54,69 @@ class Refinement:
         kept.append((1, hidden, self._constant(hidden)))
         for side in np.unique(sides).tolist():
             triangles = np.flatnonzero(is_seen.reshape(-1, 2).any(1) & (sides == side))
-            values = self._values(triangles, side)
+            values, covered = self._values(triangles, side)
             self._room -= values.size // 3
-            kept += self._halve(triangles, side, values, is_seen)
+            kept += self._halve(triangles, side, values, covered, is_seen)
         return self._assembled(kept)
 
     def _constant(self, triangles: np.ndarray) -> np.ndarray:
         """(T, 2, 3, 3) values of 1-cell grids at corners, or those that stand in for them."""
         faces = 2 * triangles[:, None] + np.arange(2)
         weights = np.repeat(np.eye(3)[None], faces.size, axis=0).reshape(-1, 3)
-        points = self.grids.nearest(np.repeat(faces.ravel(), 3), weights)
+        points = self.grids.nearest(np.repeat(faces.ravel(), 3), weights).reshape(-1, 3)
+        # Some that the camera sees are too small for its rays to find.
+        points = self.grids.beside(faces.ravel(), np.flatnonzero(self.baker.open), points)
         return self._light[points].reshape(len(triangles), 2, 3, 3)
 
-    def _values(self, triangles: np.ndarray, side: int) -> np.ndarray:
-        """(T, 2, n, 3) values of grids of a side."""
+    def _values(self, triangles: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+        """(T, 2, n, 3) values of grids of a side; (T, 2, n) whether others' took their place."""
         faces = 2 * triangles[:, None] + np.arange(2)
         first = self.grids.first[faces][..., None]
         at = np.where(first < 0, 0, first + np.arange(len(lattice(side))))
         points = np.where(first < 0, self.grids.instead[faces][..., None], self.grids.index[at])
-        return self._light[points]
+        return self._light[points], self.grids.moved[at] & (first >= 0)
 
     def _halve(
-        self, triangles: np.ndarray, side: int, values: np.ndarray, is_seen: np.ndarray
+        self,
+        triangles: np.ndarray,
+        side: int,
+        values: np.ndarray,
+        covered: np.ndarray,
+        is_seen: np.ndarray,
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        kept = []
-        for _ in range(LEVELS):
-            finer, rough = _between(values, side, self._floor, _CONTRAST * self._allowed)
+        kept, begun = [], side
+        while True:
+            finer, hidden, rough = _between(
+                values, covered, side, self._floor, _CONTRAST * self._allowed
+            )
+            wanted = self._wanted[triangles, None, None]
+            if side == begun:
+                rough |= (wanted > side / 2) & _is_new(side)
             faces = 2 * triangles[:, None] + np.arange(2)
-            rough &= is_seen[faces][..., None]
+            rough &= is_seen[faces][..., None] & (side < FINER * wanted)
             todo = rough.any((1, 2))
             cost = int(todo.sum()) * finer.shape[1] * finer.shape[2]
             if not todo.any() or 2 * side > _MOST_SIDE or cost > self._room:
                 break
             kept.append((side, triangles[~todo], values[~todo]))
             self._room -= cost
-            triangles, values, rough = triangles[todo], finer[todo], rough[todo]
+            triangles, values, covered = triangles[todo], finer[todo], hidden[todo]
             side *= 2
-            surprised = self._gather(faces[todo], side, values, rough)
+            surprised = self._gather(faces[todo], side, values, covered, rough[todo], side // begun)
             kept.append((side, triangles[~surprised], values[~surprised]))
-            triangles, values = triangles[surprised], values[surprised]
+            triangles, values, covered = triangles[surprised], values[surprised], covered[surprised]
             if not len(triangles):
                 return kept
         return [*kept, (side, triangles, values)]
 
     def _gather(
-        self, faces: np.ndarray, side: int, values: np.ndarray, rough: np.ndarray
+        self,
+        faces: np.ndarray,
+        side: int,
+        values: np.ndarray,
+        covered: np.ndarray,
+        rough: np.ndarray,
+        scale: int,
     ) -> np.ndarray:
         """Replace rough values by gathered ones; (T,) whether they differ from the mean."""
         at, places = np.nonzero(rough), lattice(side)
@@ -108,7 +128,13 @@ class Refinement:
         before = values[at][first]
         seeds = self._next_seed + np.arange(len(first))
         self._next_seed += len(first)
-        sums, is_open = self.baker.gather(points, near, seeds, 0, _FEW)
+        sums = np.zeros((2, len(first), 3), np.float32)
+        is_open = ~self.baker.around.covered(points, points.cells * scale)
+        some = np.flatnonzero(is_open)
+        sums[:, some], is_open[some] = self.baker.gather(
+            points.of(some), near[some], seeds[some], 0, _FEW
+        )
+        covered[at] = ~is_open[inverse]
         found, noise = self._judged(sums, _FEW, near)
         most = self._allowed * np.maximum(found.mean(-1), self._floor)
         off = (found - before).mean(-1) ** 2
@@ -149,19 +175,26 @@ class Refinement:
 
 
 def _between(
-    values: np.ndarray, side: int, floor: float, most: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Values of grids of twice the cells, linear between those of a side; and (T, 2, n) whether the
-    neighbours of a new point differ by more than a share."""
+    values: np.ndarray, covered: np.ndarray, side: int, floor: float, most: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of grids of twice the cells, linear between those of a side that are not covered;
+    (T, 2, n) whether points are; and whether the neighbours of a new point differ by more than a
+    share, or in this."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.
     step = np.stack([odd[:, 0], np.where(odd[:, 0] == 1, -odd[:, 1], odd[:, 1])], 1)
     ends = [(places + sign * step) // 2 for sign in (-1, 1)]
-    a, b = (
-        values[:, :, grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64)]
-        for end in ends
-    )
+    at = [grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64) for end in ends]
+    (a, b), (hidden, other) = ([of[:, :, k] for k in at] for of in (values, covered))
     x, y = a.mean(-1), b.mean(-1)
     rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
-    return (a + b) / 2, rough
+    rough |= (hidden | other) & _is_new(side)
+    a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
+    return (a + b) / 2, hidden & other, rough
+
+
+def _is_new(side: int) -> np.ndarray:
+    """(n,) of points of grids of twice the cells, whether a side has none there."""
+    odd = lattice(2 * side) % 2 == 1
+    return odd[:, 0] | odd[:, 1]
