@@ -37,7 +37,7 @@ _OF_HIDDEN = 16
 _ROUNDS, _DARK = 4, 0.25
 _LARGEST_SIDE = 256
 _HIT_BYTES = 18
-_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 2, 25.0, 0.95
+_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 4, 25.0, 0.95
 """How much more noise rays may leave at first than is asked for; steps of averaging neighbours,
 where the square of what they differ by is not so many times their noise, take it."""
 
@@ -153,7 +153,7 @@ class Baker:
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
         fresh, count = self.grids.add(seen), _FEWEST
-        hidden = self.around.covered(self.grids.points, self.grids.points.cells)
+        hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
         self.lamps = Lamps(self.around, self.grids.points)
         points = max(fresh.stop, 1)

@@ -24,7 +24,9 @@ _TEXELS = 64
 """Side of the textures that reflected light is coloured by, at most."""
 _DIELECTRIC = 0.04
 _LENS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
-_ALONG, _ASLANT = np.float32(1e-5), 4.0
+_ALONG = np.float32(1e-5)
+_NEAR, _ASLANT = 1 / 512, 4.0
+"""Nearby is a share of the scene's size, across the surface, and so many times it along a ray."""
 
 
 @cache
@@ -88,6 +90,7 @@ class Surroundings:
         p, q, r = scene.triangles.swapaxes(0, 1)
         self._flat = np.cross(q - p, r - p)
         self._unit = self._flat / np.sqrt(dot(self._flat, self._flat))[:, None]
+        self._near = _NEAR * np.ptp(scene.triangles.reshape(-1, 3), axis=0).max(initial=0)
         self._lift = np.float32(2e-6 * np.abs(scene.triangles).max(initial=0))
         self._small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0
@@ -134,10 +137,10 @@ class Surroundings:
         lift = np.where(dot(flat, towards) < -_ALONG, -lift, lift)
         return points.places[of] + lift[:, None] * flat
 
-    def covered(self, points: Points, within: np.ndarray) -> np.ndarray:
-        """(P,) whether a surface ``within`` (P,) metres hides points from all of the lens: they are
-        behind or below what touches theirs, and their light is not that beside it."""
-        hidden = np.arange(len(points))
+    def covered(self, points: Points) -> np.ndarray:
+        """(P,) whether a surface nearby hides points from all of the lens: they are behind or below
+        what touches theirs, and their light is not that beside it."""
+        hidden, within = np.arange(len(points)), np.minimum(points.cells, self._near)
         for at in self.lens:
             some = points.of(hidden)
             towards = np.append(at, 0).astype(np.float32) - some.places

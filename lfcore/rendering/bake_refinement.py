@@ -102,7 +102,7 @@ class Refinement:
             self._room -= cost
             triangles, values, covered = triangles[todo], finer[todo], hidden[todo]
             side *= 2
-            surprised = self._gather(faces[todo], side, values, covered, rough[todo], side // begun)
+            surprised = self._gather(faces[todo], side, values, covered, rough[todo])
             kept.append((side, triangles[~surprised], values[~surprised]))
             triangles, values, covered = triangles[surprised], values[surprised], covered[surprised]
             if not len(triangles):
@@ -116,7 +116,6 @@ class Refinement:
         values: np.ndarray,
         covered: np.ndarray,
         rough: np.ndarray,
-        scale: int,
     ) -> np.ndarray:
         """Replace rough values by gathered ones; (T,) whether they differ from the mean."""
         at, places = np.nonzero(rough), lattice(side)
@@ -129,7 +128,7 @@ class Refinement:
         seeds = self._next_seed + np.arange(len(first))
         self._next_seed += len(first)
         sums = np.zeros((2, len(first), 3), np.float32)
-        is_open = ~self.baker.around.covered(points, points.cells * scale)
+        is_open = ~self.baker.around.covered(points)
         some = np.flatnonzero(is_open)
         sums[:, some], is_open[some] = self.baker.gather(
             points.of(some), near[some], seeds[some], 0, _FEW
@@ -145,10 +144,12 @@ class Refinement:
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
             off = (found - before).mean(-1) ** 2
-        # The mean is kept as far as noise can be what points nearby differ by.
+        # The mean is kept as far as noise can be what this point and those nearby differ by.
         table = self.baker.guide.of[near]
         all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
-        share = np.where(is_open, np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0), 0)
+        share = is_open.astype(np.float64)
+        for differ in (off, all_off):
+            share *= np.maximum(1 - noise / np.maximum(differ, 1e-30), 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
         large = is_open & (off > most**2 + 9 * noise)
         surprised = np.zeros(len(values), bool)
