@@ -12,7 +12,7 @@ from lfcore.scene.model import Scene
 MOST_STOPS = 16
 """Sums of planes and stored light fields hold up to 2^16 times white."""
 LEAST_ROUGHNESS, DIELECTRIC = 0.05, 0.04
-"""As the kernels have them (tracing/kernels/shading/microfacet.cl)."""
+"""As the kernels have them (tracing/kernels/shading/gloss.cl)."""
 MOST_DISTANCES = 1 << 26
 """Distances of lights from triangles that are measured at most; with more, lights count as near."""
 

@@ -30,14 +30,21 @@ inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hi
     }
 }
 
-// The first triangle that a ray meets, if that is nearer than hit->t.
-inline void closest_hit(const Tree *tree, const Ray *r, Hit *hit)
+#define MISS ((Hit){INFINITY, -1, (float3)(NAN)})
+
+// The first triangle that a ray meets; `t` is the parameter of the ray as given.
+inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
-    const Volume volume = {RAY, r};
+    int exponent;
+    const Ray r = scaled_ray(origin, direction, &exponent);
+    const Volume volume = {RAY, &r};
+    Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);
-    for (int leaf; (leaf = next_leaf_number(tree, &volume, hit->t * RAY_SLACK, &stack)) >= 0;)
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) hit_leaf(tree, r, leaf, lane, hit);
+    for (int leaf; (leaf = next_leaf_number(tree, &volume, hit.t * RAY_SLACK, &stack)) >= 0;)
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) hit_leaf(tree, &r, leaf, lane, &hit);
+    hit.t = ldexp(hit.t, -exponent);
+    return hit.id < 0 ? MISS : hit;
 }
 
 // Follow a block's rays one by one, where they have so little in common that to set up triangles
@@ -47,15 +54,10 @@ inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         const int i = at % BLOCK, j = at / BLOCK;
         const float x = i - r->half_extent, y = j - r->half_extent;
-        Hit hit = {FAR, -1, (float3)(0.0f)};
-        int exponent = 0;
-        if (i < inside.x && j < inside.y) {
-            const float3 origin = (float3)(fma(x, r->sx, r->ox), fma(y, r->sy, r->oy), 0.0f);
-            const float3 along = (float3)(fma(x, r->tx, r->dx), fma(y, r->ty, r->dy), 1.0f);
-            const Ray ray = scaled_ray(origin, along, &exponent);
-            closest_hit(tree, &ray, &hit);
-        }
-        c->z[at] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
+        const float3 origin = (float3)(fma(x, r->sx, r->ox), fma(y, r->sy, r->oy), 0.0f);
+        const float3 along = (float3)(fma(x, r->tx, r->dx), fma(y, r->ty, r->dy), 1.0f);
+        const Hit hit = i < inside.x && j < inside.y ? closest_hit(tree, origin, along) : MISS;
+        c->z[at] = hit.t;
         c->ids[at] = hit.id;
     }
     c->covering_triangle = BUFFERED;

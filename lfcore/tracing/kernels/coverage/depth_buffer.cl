@@ -127,15 +127,12 @@ typedef struct {
     float base[FUNCTIONS][BLOCK], along[FUNCTIONS][BLOCK], across[FUNCTIONS][BLOCK];
 } TriangleRows;
 
-// Returns the rows in which no edge excludes every ray, rounding allowed for.
-inline uint make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
+inline void make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
 {
-    uint rows = 0;
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(t->rows[lane] >> first & ((1 << LANES) - 1))) continue;
         // The places of rows along y are those of columns along x.
         const Row at = row_at(first, half_extent);
-        vi meets = -1;
         for (int k = 0; k < FUNCTIONS; ++k) {
             const Affine g = affine_of(t->functions + k, lane);
             const vf base = AT_OFFSETS(at.x, at.u, g.of[ONE], g.of[Y], g.of[V]);
@@ -147,29 +144,20 @@ inline uint make_rows(const Triangles *t, uint lane, float half_extent, Triangle
             VSTORE(base, f->base[k] + first);
             VSTORE(along, f->along[k] + first);
             if (OUTER > 1) VSTORE(across, f->across[k] + first);
-            if (k >= NUMERATOR) continue;
-            vf most = fabs(along) * half_extent;
-            if (OUTER > 1) most = fma(fabs(across), (vf)(OUTER_HALF), most);
-            const vf slack = FRUSTUM_SLACK * (most + fabs(base));
-            meets &= GE(base + most + slack, (vf)(0.0f));
         }
-        rows |= row_bits(meets) << first;
     }
-    return rows;
 }
 
 // Merge one of LANES triangles into the depth buffer; returns whether anything changed.
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
                         const CutOuts *cut_outs, const Coverage *to)
 {
-    uint rows = t->rows[lane];
     const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
     const int holes = has_holes(cut_outs, id);
     TriangleRows f;
-    const uint open = make_rows(t, lane, rays->half_extent, &f);
-    if (!edge_on) rows &= open;
+    make_rows(t, lane, rays->half_extent, &f);
     int changed = 0;
-    for (; rows; rows &= rows - 1) {
+    for (uint rows = t->rows[lane]; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(t->columns[lane] >> column & ((1 << LANES) - 1))) continue;

@@ -42,14 +42,10 @@ inline void hit_given_rays(const Tree *tree, const Packet *p, global const float
     const int end = min(p->at.x + p->rays->packet_side, p->rays->columns);
     for (int ray = p->at.x; ray < end; ++ray) {
         const float3 o = vload3(ray, origins), d = vload3(ray, directions);
-        Hit hit = {FAR, -1, (float3)(NAN)};
-        int exponent = 0;
-        if (all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f)) {
-            const Ray r = scaled_ray(o, d, &exponent);
-            closest_hit(tree, &r, &hit);
-        }
+        const int has_way = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
+        const Hit hit = has_way ? closest_hit(tree, o, d) : MISS;
         to->triangle[ray] = hit.id;
-        to->depth[ray] = hit.id < 0 ? INFINITY : ldexp(hit.t, -exponent);
+        to->depth[ray] = hit.t;
         vstore3(hit.weights, ray, weights);
     }
 }

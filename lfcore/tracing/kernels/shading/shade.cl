@@ -1,8 +1,7 @@
 // Colours of a block's rays, row by row: ambient, emission, and the reflection of each visible
 // light, diffuse with a highlight unless a material is of metal and roughness.
 #pragma once
-#include "highlight.cl"
-#include "microfacet.cl"
+#include "gloss.cl"
 #include "texel_patch.cl"
 #if SKY
 #include "sky_gloss.cl"

@@ -1,6 +1,6 @@
 // What surfaces of metal and roughness reflect of the sky: see lfcore/scene/sky_gloss.py.
 #pragma once
-#include "microfacet.cl"
+#include "gloss.cl"
 
 // A map of the sky's gloss in a direction.
 inline float4 gloss_between(global const float *gloss, int map, float3 d)

@@ -23,7 +23,7 @@
 #define BOUND_SLACK (1.0f + GAMMA(6.0f))
 // Of a ray's entry into a box.
 #define RAY_SLACK (1.0f + GAMMA(7.0f))
-// Of frusta against boxes, and of rows of edge functions.
+// Of frusta against boxes.
 #define FRUSTUM_SLACK GAMMA(7.0f)
 // Of hit points on a triangle, in proportion to the terms of n . P over n . D.
 #define HIT_SLACK GAMMA(14.0f)
