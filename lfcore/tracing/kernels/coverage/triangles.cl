@@ -268,7 +268,6 @@ inline vi place_triangles(const Bundle *r, global const Leaf *leaf, float z_far,
     return keep & place_edges(r, of_packet, p);
 }
 
-// Set up the LANES triangles of a leaf.
 inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
 {
     Placed p;

@@ -17,7 +17,6 @@ typedef struct {
     CompactedLeaves compacted;
 } VisibilityMemory;
 
-// The packet's blocks.
 typedef struct {
     Coverage block[MOST_BLOCKS];
     global VisibilityMemory *memory;
@@ -54,7 +53,6 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
     if (changed) find_farthest(c);
 }
 
-// Test one block against the candidates.
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)
 {
     const Frustum frustum = make_frustum(bundle, bundle);
@@ -81,7 +79,6 @@ inline float farthest_open(const Packet *p, const Visibility *v)
     return far;
 }
 
-// Find what every block of the packet sees.
 inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
     const int blocks = p->rays->blocks;

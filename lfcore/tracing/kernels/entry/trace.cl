@@ -48,7 +48,6 @@ inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
     if (SHADOWS) start_shadows(tree, scene, &memory->shadows, &p->cache, &p->shadows);
 }
 
-// Find what a whole packet sees.
 inline void see_packet(const Packet *packet, Pipeline *p)
 {
     start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
@@ -100,9 +99,10 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
 // (planes, ring) of 0.
 KERNEL void trace_packets(PARAMETERS)
 {
-    const Tree tree = MAKE_TREE;
-    const Scene scene = MAKE_SCENE;
-    const Rays rays = MAKE_RAYS;
+    const Tree tree = {boxes, children, leaves, leaf_ids, {cut_out_of, cut_outs, alpha}};
+    const Scene scene = {corners, attributes, material_ids, materials, lights, levels, texels,
+                         grids, light, sky, &scene_numbers};
+    const Rays rays = make_rays(elements, groups, &ray_numbers);
     const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
     const ulong strip_rows = (ulong)plane_numbers.ring * plane_numbers.planes;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);

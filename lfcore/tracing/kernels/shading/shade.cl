@@ -140,7 +140,6 @@ inline Material read_material(const Scene *s, int key)
     return m;
 }
 
-// Shade the rays of a block that have one key.
 inline void shade_key(const Scene *scene, const Block *b, int key, global float *colours)
 {
     const Material material = read_material(scene, key);

@@ -24,12 +24,6 @@ typedef struct {
     const SceneArguments *numbers;
 } Scene;
 
-// Of a kernel's parameters.
-#define MAKE_SCENE                                                                             \
-    {.corners = corners, .attributes = attributes, .material_ids = material_ids,               \
-     .materials = materials, .lights = lights, .levels = levels, .texels = texels,             \
-     .grids = grids, .light = light, .sky = sky, .numbers = &scene_numbers}
-
 inline float3 corner(const Scene *s, int triangle, int k)
 {
     return vload3(k, s->corners + triangle * 9);
@@ -162,7 +156,6 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
                                    ATTRIBUTES);
 }
 
-// Set up triangles for a block.
 inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
                           global PlaneEquations *out)
 {

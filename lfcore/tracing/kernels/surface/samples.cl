@@ -176,7 +176,6 @@ inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
     }
 }
 
-// Sample the rays of a block.
 inline void sample_block(const Scene *scene, float pixel, const Block *b)
 {
     global Samples *out = b->samples;

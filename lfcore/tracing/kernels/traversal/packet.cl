@@ -55,9 +55,6 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
     return r;
 }
 
-// Of a kernel's parameters.
-#define MAKE_RAYS make_rays(elements, groups, &ray_numbers)
-
 typedef struct {
     const Rays *rays;
     int group;                  // which of the groups of elements
@@ -76,7 +73,6 @@ inline int2 block_inside(const Packet *p, int block)
     return clamp(grid - block_position(p, block), 0, INNER);
 }
 
-// First column and row of a cell in the inner grid.
 inline int2 cell_position(const Packet *p, int cell) { return p->at + p->rays->cell[cell].at; }
 
 inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1; }
@@ -183,7 +179,6 @@ inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
     return 1;
 }
 
-// The frustum of all rays of the packet.
 inline Frustum packet_frustum(const Packet *p)
 {
     const Rays *r = p->rays;

@@ -20,11 +20,6 @@ typedef struct {
     CutOuts cut_outs;            // those of the triangles that have holes
 } Tree;
 
-// Of a kernel's parameters.
-#define MAKE_TREE                                                                             \
-    {.boxes = boxes, .children = children, .leaves = leaves, .leaf_ids = leaf_ids,            \
-     .cut_outs = {.of = cut_out_of, .records = cut_outs, .alpha = alpha}}
-
 // Records of 16 boxes or triangles from `lane` on: element 0 of each array is that lane.
 inline global const Boxes *boxes_from(global const Boxes *boxes, int lane)
 {
