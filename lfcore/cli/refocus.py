@@ -79,6 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         plane_options.report(planes)
     plane_options.say_doubts(planes, field)
     pictures = make_pictures(arguments, field, planes)
+    field.close()  # decoders hold more memory than pictures
     plane_options.save(arguments.output, planes, pictures, form(arguments), field)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import atexit
 import functools
 import logging
+import mmap
 import os
 import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,13 +92,18 @@ class Device:
     def empty(self, nbytes: int) -> cl.Buffer:
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(int(nbytes), 64))
 
-    def zeros(self, nbytes: int) -> cl.Buffer:
-        """A buffer of zero bytes for kernels that write to it."""
+    def zeros(self, nbytes: int, *, sparse: bool = False) -> cl.Buffer:
+        """A buffer of zero bytes for kernels that write to it, or to little of it (``sparse``)."""
         if self.is_cpu:
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+            if sparse:  # small pages: what no kernel writes to takes no memory
+                memory = mmap.mmap(-1, max(int(nbytes), 64), access=mmap.ACCESS_COPY)
+                with suppress(AttributeError, OSError):  # not on every system
+                    memory.madvise(mmap.MADV_NOHUGEPAGE)
+                return cl.Buffer(self.context, flags, hostbuf=np.frombuffer(memory, np.uint8))
             # The system's zeros, in pages as large as it has: a driver's are touched twice.
             raw = np.zeros(max(int(nbytes), 64) + PAGE, np.uint8)
             host = raw[-raw.ctypes.data % PAGE :][: len(raw) - PAGE]
-            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
             return cl.Buffer(self.context, flags, hostbuf=host)
         buffer = self.empty(nbytes)
         cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint64), 0, buffer.size // 8 * 8)

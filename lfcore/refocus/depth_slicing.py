@@ -22,6 +22,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
@@ -37,6 +38,9 @@ together where they are in focus, whichever is less: measured there."""
 COARSE_PX = 1.25
 """The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
 STRIPS_A_THREAD = 2
+SUMS_BYTES = 1 << 32
+"""Sums of the planes that are formed at a time.  About a quarter is written to, for a pixel has few
+of the layers; what is not written to takes no memory of a CPU."""
 MOST_RAYS_A_PIXEL = 1 << 20
 """Sums are 63 bits, a ray 2^40; light above white takes bits that rays leave, or its last ones."""
 
@@ -49,6 +53,12 @@ def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     """Rays as of :meth:`DepthSlicer.add`, for several slicers."""
     ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
     return _shown(device, light), _shown(device, depth), ranges
+
+
+def planes_at_a_time(device: Device, size: Size) -> int:
+    """How many pictures of that size are formed at a time."""
+    most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
+    return max(1, most // DepthSlicer.sums_bytes(1, size))
 
 
 def _shown(device: Device, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
@@ -128,7 +138,7 @@ class DepthSlicer:
         self._strips = -(-self.size.height // self._rows)
         self._planes = self.device.buffer(self._plane_records())
         size = self.sums_bytes(len(planes), self.size, len(bounds_px), self._rows)
-        self._sums = self.device.zeros(size)
+        self._sums = self.device.zeros(size, sparse=True)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
@@ -246,19 +256,19 @@ class DepthSlicer:
         """
         device = self.device
         room = np.stack([self._room(*each) for each in zip(self.planes, self._cells, strict=True)])
-        pictures = np.empty((*room.shape, 3), np.float32)
-        target = device.empty(pictures.nbytes)
+        pictures = page_aligned((*room.shape, 3))
+        target = target_buffer(device, pictures)
         self._compose(
             device.queue,
             (self._strips, len(self.planes)),
             (1, 1),
             self._sums,
-            device.buffer(room),
+            _shown(device, room),
             np.int32(self._rows),
             *map(np.int32, self.size),
             target,
         )
-        cl.enqueue_copy(device.queue, pictures, target)
+        collect(device, target, pictures)
         for picture, plane, cells in zip(pictures, self.planes, self._cells, strict=True):
             if plane.normalise == "lens":
                 picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2

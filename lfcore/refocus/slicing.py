@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
@@ -194,7 +196,9 @@ def _form_segment(
     former = PlaneFormer(field.require_slab(), part.tile, planes, device)
     chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     watch, first = Stopwatch(), 0
-    for frames in watch.each("decode", field.frames(index, chunk=chunk, reuse=True)):
+    room = page_aligned((min(chunk, part.frames), field.layout.frame_bytes), np.uint8)
+    decoded = field.frames(index, chunk=chunk, rooms=itertools.repeat(room))
+    for frames in watch.each("decode", decoded):
         with watch.part("form"):
             former.add(frames, first)
         first += len(frames)

@@ -10,18 +10,16 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
-from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.refocus.stored_views import add_frames, frame_chunks
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 Progress = Callable[[int, int], None] | None
-VIEWS_RAYS = 1 << 22
+VIEWS_RAYS = 1 << 20
 """Rays of views that are sliced at a time."""
 HELD_RAYS = 1 << 27
 """Most rays that are held at a time, as a file of macropixels needs: 2 GiB."""
-SUMS_BYTES = 1 << 30
-"""Sums of the pictures that are formed from one pass over the file."""
 
 
 def slice_stored(
@@ -54,7 +52,7 @@ def slice_stored(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
             file=field.path, key="size", remedy="Ask for fewer pixels",
         )  # fmt: skip
-    room = max(1, SUMS_BYTES // each)
+    room = planes_at_a_time(device, size)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
@@ -131,10 +129,13 @@ def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
     for elements, pictures in _elements(field):
         if field.layout.kind == "views":
             to = place[elements[:, 1] * slab.views + elements[:, 0]]
-            depth[to[to >= 0]] = codes.depth(pictures[to >= 0])
+            for at, picture in zip(to.tolist(), pictures, strict=True):
+                if at >= 0:
+                    depth[at] = codes.depth(picture)
         else:
             u, v = elements.T
-            depth[:, v, u] = codes.depth(pictures.reshape(len(elements), -1)[:, views]).T
+            rays = np.stack(pictures).reshape(len(elements), -1)
+            depth[:, v, u] = codes.depth(rays[:, views]).T
     return depth
 
 
@@ -161,20 +162,24 @@ class _Taker:
             found = [next(self._codes) for _ in samples]
             if [place for place, _ in found] != [tuple(sample) for sample in samples.tolist()]:
                 raise AssertionError("the streams of colours and depths are in unlike order")
-            self._shown = np.stack([codes for _, codes in found])
+            codes = [codes for _, codes in found]
+            self._shown = np.stack(codes) if len(codes) > 1 else codes[0][None]
         index = samples[:, 1] * self._field.layout.views + samples[:, 0]
         self._slicer.add_stored(index, views, self._shown[:, top : top + rows], top)
 
 
 def _codes_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """((i, j), (H, W) codes) of every view that can be read, in the order of frames."""
+    """((i, j), (H, W) codes) of every view that can be read, in the order of frames.
+
+    Codes are valid as long as those of :func:`frame_chunks`.
+    """
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):
             yield tuple(place), picture
 
 
-def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """((E, 2) outer coordinates, (E, rows, columns) codes) of some frames at a time."""
+def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+    """((E, 2) outer coordinates, E (rows, columns) codes) of some frames at a time."""
     video = field.require_depth_video()
     layout, readable = video.layout, {part.index for part in field.segments}
     columns, rows = layout.inner
@@ -188,4 +193,4 @@ def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         shown = [
             plane[at - first, y : y + rows, x : x + columns] for at, x, y in places[here].tolist()
         ]
-        yield elements[here], np.stack(shown)
+        yield elements[here], shown

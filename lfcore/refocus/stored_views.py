@@ -17,7 +17,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
 from lfcore.tracing.header import header
 
-CHUNK_BYTES = 64 << 20
+CHUNK_BYTES = 32 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 
@@ -151,27 +151,19 @@ def add_frames(
 def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:
     """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels.
 
-    Frames are valid until the next but one are asked for: tiles of macropixels take turns in two
-    pieces of memory, which a driver uses as they are, and whose pages come from the system once.
+    Frames are valid until the next but one are asked for: they take turns in two pieces of memory,
+    which a driver uses as they are, and whose pages come from the system once.
     """
-    step = max(1, CHUNK_BYTES // field.layout.frame_bytes)
-    most = max(part.frames for part in field.segments)
-    turns = itertools.cycle(range(2))
-    memory: dict[int, np.ndarray] = {}
+    chunk = max((part.frames for part in field.segments), default=1)
+    if field.layout.kind == "views":
+        chunk = min(chunk, max(1, CHUNK_BYTES // field.layout.frame_bytes))
+    shape = chunk, field.layout.frame_bytes
+    rooms = itertools.cycle([page_aligned(shape, np.uint8) for _ in range(2)])
     for part in field.segments:
-        if field.layout.kind == "views":
-            first = 0
-            for frames in field.frames(part.index, chunk=step):
-                yield part.tile, first, frames
-                first += len(frames)
-        else:
-            turn, first = next(turns), 0
-            if turn not in memory:
-                memory[turn] = page_aligned((most, field.layout.frame_bytes), np.uint8)
-            for some in field.frames(part.index, chunk=step, reuse=True):
-                memory[turn][first : first + len(some)] = some
-                first += len(some)
-            yield part.tile, 0, memory[turn][: part.frames]
+        first = 0
+        for frames in field.frames(part.index, chunk=chunk, rooms=rooms):
+            yield part.tile, first, frames
+            first += len(frames)
 
 
 def ahead(items: Iterator) -> Iterator:

@@ -16,14 +16,12 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
-from lfcore.refocus.depth_slicing import DepthSlicer
+from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera
 from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 21
 """Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next."""
-SUMS_BYTES = 1 << 30
-"""Sums of the planes that are formed at a time; for more planes, rays are traced again."""
 FOOTPRINT = 2.0
 """The width that textures are filtered over, over the distance between the rays of all views
 together in focus: measured, docs/notebook/true-picture.md."""
@@ -69,7 +67,7 @@ def pictures_by_depth(
         return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
-    room = max(1, SUMS_BYTES // DepthSlicer.sums_bytes(1, size))
+    room = planes_at_a_time(tracer.device, size)  # for more, rays are traced again
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):

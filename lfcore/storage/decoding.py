@@ -62,17 +62,15 @@ class FrameRun:
         chunk: int,
         count: DecodeCount,
         *,
-        reuse: bool = False,
+        rooms: Iterator[np.ndarray] | None = None,
     ) -> Iterator[np.ndarray]:
         """Frames start ... stop - 1 of the run as arrays (up to ``chunk``, frame_bytes) uint8.
 
-        With ``reuse`` they share memory: each is valid until the next one is asked for.
+        ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
         ``packets`` begin with a key frame at or before ``start``.  Raises
         :class:`StorageError` when a frame is missing, or is not of this size and format.
         """
         wanted, filled = start, 0
-        room = self._space(min(chunk, stop - start))
-        out, planes = room
         for frame in self._frames(context, packets):
             count.frames += 1
             index = self._index(frame)
@@ -80,24 +78,23 @@ class FrameRun:
                 continue
             if index != wanted:
                 break
+            if not filled:
+                size = min(chunk, stop - wanted)
+                out = next(rooms)[:size] if rooms else self._room(size)
+                planes = self.form.views(out, self.width, self.height)
             copy_out(frame, self.form, planes, filled)
             wanted, filled = wanted + 1, filled + 1
             if filled == len(out):
                 yield out
                 if wanted == stop:
                     return
-                if not reuse:
-                    room = self._space(min(chunk, stop - wanted))
-                (out, planes), filled = room, 0
-                out = out[: stop - wanted]
+                filled = 0
         raise StorageError(
             f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
         )
 
-    def _space(self, frames: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Room for that many frames, and its planes."""
-        out = aligned_frames(frames, self.form.frame_bytes(self.width, self.height))
-        return out, self.form.views(out, self.width, self.height)
+    def _room(self, frames: int) -> np.ndarray:
+        return aligned_frames(frames, self.form.frame_bytes(self.width, self.height))
 
     def _frames(
         self, context: av.VideoCodecContext, packets: Iterable[av.Packet]

@@ -221,11 +221,9 @@ class SegmentReader:
         )
 
     def frames(
-        self, start: int = 0, stop: int | None = None, *, chunk: int = 64, reuse: bool = False
+        self, start: int = 0, stop: int | None = None, *, chunk: int = 64
     ) -> Iterator[np.ndarray]:
         """Frames start ... stop - 1 as arrays (up to ``chunk``, frame_bytes) uint8.
-
-        With ``reuse`` each is valid until the next one is asked for.
 
         Decoding begins at the last key frame at or before ``start``; ``self.count.frames`` adds
         up what was decoded.
@@ -246,7 +244,7 @@ class SegmentReader:
             ticks = ticks_per_frame(stream.time_base)
             run = FrameRun(self.path, 0, ticks, self.form, self.width, self.height)
             context = stream.codec_context
-            yield from run.decode(context, packets, start, stop, chunk, self.count, reuse=reuse)
+            yield from run.decode(context, packets, start, stop, chunk, self.count)
 
 
 def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:

@@ -180,7 +180,7 @@ class StoredVideo:
         stop: int | None = None,
         *,
         chunk: int = 64,
-        reuse: bool = False,
+        rooms: Iterator[np.ndarray] | None = None,
     ) -> Iterator[np.ndarray]:
         """Decode frames of a segment, from the last key frame at or before the first.
 
@@ -192,8 +192,9 @@ class StoredVideo:
             The first frame, and the one after the last.
         chunk : int
             The most frames of an array.
-        reuse : bool
-            Let each array be overwritten by the next.
+        rooms : iterator of ndarray, optional
+            (``chunk`` or more, frame_bytes) uint8 arrays to fill, one after another.  Default:
+            fresh ones.
 
         Yields
         ------
@@ -225,7 +226,7 @@ class StoredVideo:
                 layout.frame_height,
             )  # fmt: skip
             checked = self._as_checked(part, packets, ticks)
-            yield from run.decode(context, checked, start, stop, chunk, self.count, reuse=reuse)
+            yield from run.decode(context, checked, start, stop, chunk, self.count, rooms=rooms)
 
     def _as_checked(self, part: Segment, packets: Iterable[Any], ticks: int) -> Iterator[Any]:
         """The packets, as long as each is what :meth:`check_segment` read under its number.

@@ -381,12 +381,13 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
     const float4 light = (float4)((float3)(ONE * LIGHT), ONE);
     for (int y = 0; y < s.rows; ++y) {
         for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
-            global long4 *row = s.sums + layer * size + y * pitch;
+            // The sums of all rows so far take the place of the first: pages that are only read take no memory.
+            global long4 *whole = s.sums + layer * size;
+            global const long4 *row = whole + y * pitch;
             long4 along = 0;
             for (int x = 0; x < width; ++x) {
                 along += row[x];
-                row[x] = along;
-                if (y) row[x] += row[x - (long)pitch];
+                whole[x] = y ? whole[x] + along : along;
             }
         }
         for (int x = 0; x < width; ++x) {
@@ -394,8 +395,8 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
             float left = room[at], filled = 0.0f;
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
-                const ulong from = layer * size + y * pitch + x;
-                const float4 found = convert_float4(s.sums[from]) / light;
+                const int outermost = layer == 0 || layer == LAYERS - 1;
+                const float4 found = convert_float4(s.sums[layer * size + (outermost ? 0 : y * pitch) + x]) / light;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
                 colour += found.xyz * (used / found.w);
