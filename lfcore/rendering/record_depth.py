@@ -29,7 +29,7 @@ from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import frames_from_rgb
+from lfcore.storage.ycbcr import bands, frames_from_rgb
 from lfcore.tracing.tracer import Tracer
 
 MACROPIXEL_RAYS = 1 << 26
@@ -171,12 +171,14 @@ def frames_by_depth(
     layout = store.layout
     grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
     deep = replace(tile, layout=grey)
-    wide, high = np.subtract(layout.slot, layout.inner)
     for elements, light, depth in _traced(tracer, slab, store, tile, progress):
-        shown = np.pad(layout.encoded(light), ((0, 0), (0, high), (0, wide), (0, 0)), mode="edge")
-        depths = _in_frames(deep, elements, codes.of_depth(depth))
+        shown = _in_frames(tile, elements, light)
+        coded = np.empty(depth.shape, codes.format.dtype)
+        for rows in bands(depth[:, 0].size, depth.shape[1]):
+            coded[:, rows] = codes.of_depth(depth[:, rows])
+        depths = _in_frames(deep, elements, coded)
         yield (
-            frames_from_rgb(_in_frames(tile, elements, shown), layout.pixel_format),
+            frames_from_rgb(shown, layout.pixel_format, encode=layout.encoded),
             depths.reshape(len(depths), -1).view(np.uint8),
         )
 
@@ -218,11 +220,20 @@ def _traced(
 
 
 def _in_frames(tile: Tile, elements: np.ndarray, pictures: np.ndarray) -> np.ndarray:
-    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0."""
+    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0.
+
+    An element smaller than its slot repeats its last row and column.
+    """
     layout = tile.layout
     at, x, y = tile.placement(elements).T[..., None, None]
     first, (wide, high) = at.min(), layout.slot
     shape = (at.max() + 1 - first, layout.frame_height, layout.frame_width, *pictures.shape[3:])
+    if pictures.shape == shape:
+        return pictures
+    around = np.subtract(layout.slot, layout.inner)[::-1]
+    fill = [(0, 0), *((0, more) for more in around), *[(0, 0)] * (pictures.ndim - 3)]
     frames = np.zeros(shape, pictures.dtype)
-    frames[at - first, y + np.arange(high)[:, None], x + np.arange(wide)] = pictures
+    frames[at - first, y + np.arange(high)[:, None], x + np.arange(wide)] = np.pad(
+        pictures, fill, mode="edge"
+    )
     return frames

@@ -8,6 +8,8 @@ mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from lfcore.colour import floating
@@ -16,6 +18,7 @@ from lfcore.storage.pixels import PixelFormat, pixel_format
 RED, BLUE = 0.2126, 0.0722
 """BT.709 luma weights of red and blue; green has the rest."""
 GREEN = 1.0 - RED - BLUE
+BAND_PIXELS = 1 << 18
 
 
 def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
@@ -57,12 +60,18 @@ def _rgb_of(
 
 
 def frames_from_rgb(
-    rgb: np.ndarray, format_name: str, width: int | None = None, height: int | None = None
+    rgb: np.ndarray,
+    format_name: str,
+    width: int | None = None,
+    height: int | None = None,
+    *,
+    encode: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3).
 
-    ``rgb`` is uint8, or float32 / float64 in [0, 1].  Where ``width`` and ``height`` are larger
-    than the pictures, their last column and row are repeated, which costs an encoder nothing.
+    ``rgb`` is uint8, or float32 / float64 in [0, 1], or what ``encode`` makes so.  Where ``width``
+    and ``height`` are larger than the pictures, their last column and row are repeated, which costs
+    an encoder nothing.
     Raises :class:`StorageError` for an unknown format or a size it cannot hold.
     """
     form = pixel_format(format_name)
@@ -72,11 +81,32 @@ def frames_from_rgb(
         rgb = np.pad(rgb, ((0, 0), (0, height - high), (0, width - wide), (0, 0)), mode="edge")
     out = np.empty((count, form.frame_bytes(width, height)), np.uint8)
     planes = form.views(out, width, height)
+    for rows in bands(count * width, height):
+        some = rgb[:, rows]
+        small = slice(rows.start // form.subsampling, rows.stop // form.subsampling)
+        _fill(
+            [plane[:, part] for plane, part in zip(planes, (rows, small, small), strict=True)],
+            encode(some) if encode else some,
+            form,
+        )
+    return out
+
+
+def bands(width: int, height: int) -> Iterator[slice]:
+    """Rows of pictures, an even number at a time: what is computed of so few fits a cache, and its
+    memory is used again for the next."""
+    step = max(2, BAND_PIXELS // width // 2 * 2)
+    for top in range(0, height, step):
+        yield slice(top, min(top + step, height))
+
+
+def _fill(planes: list[np.ndarray], rgb: np.ndarray, form: PixelFormat) -> None:
+    """Write encoded ``rgb`` (F, h, w, 3) to planes (F, h, w)."""
     if form.rgb:
         codes = rgb if rgb.dtype == np.uint8 else np.rint(np.clip(rgb, 0, 1) * 255)
         for plane, channel in zip(planes, (1, 2, 0), strict=True):
             plane[...] = codes[..., channel]
-        return out
+        return
     if rgb.dtype == np.uint8:
         rgb = rgb.astype(np.float32) * np.float32(1 / 255)
     codes = rgb_to_ycbcr(rgb, form.bits)
@@ -84,9 +114,9 @@ def frames_from_rgb(
     for index in (1, 2):
         chroma = codes[..., index]
         if form.subsampling == 2:
+            count, height, width = chroma.shape
             chroma = chroma.reshape(count, height // 2, 2, width // 2, 2).mean((2, 4))
         planes[index][...] = np.rint(chroma)
-    return out
 
 
 def rgb_from_frames(frames: np.ndarray, format_name: str, width: int, height: int) -> np.ndarray:
