@@ -85,18 +85,20 @@ class Refinement:
         is_seen: np.ndarray,
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
         kept, begun = [], side
-        while True:
+        while 2 * side <= _MOST_SIDE:
+            coarse = self._wanted[triangles] <= side / FINER
+            kept.append((side, triangles[coarse], values[coarse]))
+            triangles, values, covered = triangles[~coarse], values[~coarse], covered[~coarse]
             finer, hidden, rough = _between(
                 values, covered, side, self._floor, _CONTRAST * self._allowed
             )
-            wanted = self._wanted[triangles, None, None]
             if side == begun:
-                rough |= (wanted > side / 2) & _is_new(side)
+                rough |= (self._wanted[triangles, None, None] > side / 2) & _is_new(side)
             faces = 2 * triangles[:, None] + np.arange(2)
-            rough &= is_seen[faces][..., None] & (side < FINER * wanted)
+            rough &= is_seen[faces][..., None]
             todo = rough.any((1, 2))
             cost = int(todo.sum()) * finer.shape[1] * finer.shape[2]
-            if not todo.any() or 2 * side > _MOST_SIDE or cost > self._room:
+            if not todo.any() or cost > self._room:
                 break
             kept.append((side, triangles[~todo], values[~todo]))
             self._room -= cost
