@@ -146,12 +146,10 @@ class Refinement:
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
             off = (found - before).mean(-1) ** 2
-        # The mean is kept as far as noise can be what this point and those nearby differ by.
+        # The mean is kept as far as noise can be what points nearby differ by.
         table = self.baker.guide.of[near]
         all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
-        share = is_open.astype(np.float64)
-        for differ in (off, all_off):
-            share *= np.maximum(1 - noise / np.maximum(differ, 1e-30), 0)
+        share = np.where(is_open, np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0), 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
         large = is_open & (off > most**2 + 9 * noise)
         surprised = np.zeros(len(values), bool)
