@@ -26,7 +26,7 @@ ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
     "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
                     "RadianceImage"},
-    "shadows": {"start_shadows", "find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
+    "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
     "rays one by one": {"follow_rays", "ray_overlaps", "shaft_overlaps", "Ray", "Shaft"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},

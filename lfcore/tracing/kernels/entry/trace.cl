@@ -45,7 +45,9 @@ inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
     p->block.planes = memory->planes;
     p->block.samples = &memory->samples;
     p->block.lit = (global int *)(memory + 1);
-    if (SHADOWS) start_shadows(tree, scene, &memory->shadows, &p->cache, &p->shadows);
+    global ShadowMemory *shadows = &memory->shadows;
+    p->shadows = (Shadows){tree, scene, 0, shadows->active, 0, &p->cache, &shadows->element_planes};
+    p->cache.pool = shadows->pool;
 }
 
 inline void see_packet(const Packet *packet, Pipeline *p)

@@ -34,24 +34,17 @@ inline vf encode_srgb(vf x)
 #define NARROWEST 0.05f
 typedef struct { float4 c[4]; } CubicEncoding;  // coefficients of red, green and blue, and nothing
 
-// Least and most of each colour; false where colours vary more than RANGE, are clamped or very
-// dark.
-inline int colour_range(global const float *colours, float4 *from, float4 *to)
+// False where colours vary more than RANGE, are clamped or very dark.
+inline int make_cubic(global const float *colours, CubicEncoding *e)
 {
     Ranges ranges;
     clear_ranges(&ranges);
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
         add_to_ranges(&ranges, load3(colours, at), (vi)(-1));
     const Box box = box_of(&ranges);
-    *from = (float4)(vload3(0, box.lo), 1.0f);
-    *to = (float4)(vload3(0, box.hi), 1.0f);
-    return all(from->xyz > LINEAR_END && to->xyz <= RANGE * from->xyz && to->xyz < 1.0f);
-}
-
-inline int make_cubic(global const float *colours, CubicEncoding *e)
-{
-    float4 from, to;
-    if (PEAK > 0 || !colour_range(colours, &from, &to)) return 0;
+    const float4 from = (float4)(vload3(0, box.lo), 1.0f), to = (float4)(vload3(0, box.hi), 1.0f);
+    if (PEAK > 0 || !all(from.xyz > LINEAR_END && to.xyz <= RANGE * from.xyz && to.xyz < 1.0f))
+        return 0;
     const float4 middle = 0.5f * (from + to);
     const float4 half_width = max(0.5f * (to - from), NARROWEST * middle);
     private float nodes[16];

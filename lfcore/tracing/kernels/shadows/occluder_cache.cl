@@ -214,13 +214,6 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     c->used += (entry->count + LANES - 1) / LANES;
 }
 
-// Where the entry of a triangle in light `number` stands, if it is there.
-inline CacheEntry *entry_of(Shadows *s, int triangle, int number)
-{
-    const uint key = (uint)triangle * (uint)s->scene->numbers->shadow_lights + number;
-    return s->cache->entry + key % ENTRIES;
-}
-
 // Darken what lies behind an entry's occluders; false once no ray is lit.
 inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
 {

@@ -28,22 +28,6 @@ inline ShadowMask no_shadow(global const Region *r, float half_extent, float2 of
     return m;
 }
 
-inline int any_lit(const ShadowMask *m)
-{
-    vi lit = 0;
-    for (int k = 0; k < ROW_GROUPS; ++k) lit |= m->lit[k];
-    return row_any(lit);
-}
-
-// Add the rays to those of the block that a light reaches.
-inline void add_lit(const ShadowMask *m, global int *lit)
-{
-    for (int k = 0; k < ROW_GROUPS; ++k) {
-        global int *to = lit + k * LANES;
-        VSTORE(VLOAD(to) | m->lit[k], to);
-    }
-}
-
 // The zero of each of LANES affine functions in a row of rays: column = row * SLOPE + AT.  Rows are
 // counted as the functions count them, columns from the block's first.  A function is not negative
 // in the columns from zero - BEFORE to zero + AFTER; one of the two is ANYWHERE.  A function and
@@ -103,5 +87,7 @@ inline int cast_occluders(const WideAffine *e, vi may, ShadowMask *m)
     private float lines[4][LINE_ROWS][LANES];
     for (int k = 0; k < 4; ++k) store_line(e[k], m->first.x, lines[k]);
     for (uint keep = row_bits(may); keep; keep &= keep - 1) mask_out(lines, lowest(keep), m);
-    return any_lit(m);
+    vi lit = 0;
+    for (int k = 0; k < ROW_GROUPS; ++k) lit |= m->lit[k];
+    return row_any(lit);
 }

@@ -23,10 +23,11 @@ inline int faces_light(const Block *b, global const Region *r, global const Ligh
 // stand before one of them.
 inline int light_regions(Shadows *s, const Block *b, int number, global int *lit)
 {
+    const uint lights = s->scene->numbers->shadow_lights;
     clear_lit(lit);
     for (int k = 0; k < b->regions.count; ++k) {
         global const Region *r = b->regions.of + k;
-        CacheEntry *entry = entry_of(s, r->triangle, number);
+        CacheEntry *entry = s->cache->entry + ((uint)r->triangle * lights + number) % ENTRIES;
         if (entry->triangle != r->triangle || entry->light != number) {
             if (!faces_light(b, r, shadow_light(s->scene, number))) continue;
             make_entry(s, r->triangle, number, entry);
@@ -34,7 +35,9 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
         if (entry->count == NOT_KEPT) return 0;
         if (entry->count == ALL_DARK) continue;
         ShadowMask m = no_shadow(r, b->rays.half_extent, block_offset(s->packet, b->number));
-        if (cast_entry(s->cache, entry, &m)) add_lit(&m, lit);
+        if (!cast_entry(s->cache, entry, &m)) continue;
+        for (int row = 0; row < BLOCK; row += LANES)
+            VSTORE(VLOAD(lit + row) | m.lit[row / LANES], lit + row);
     }
     return 1;
 }
@@ -91,13 +94,6 @@ typedef struct {
     PlaneEquations element_planes;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
-
-inline void start_shadows(const Tree *tree, const Scene *scene, global ShadowMemory *memory,
-                          OccluderCache *cache, Shadows *s)
-{
-    *s = (Shadows){tree, scene, 0, memory->active, 0, cache, &memory->element_planes};
-    cache->pool = memory->pool;
-}
 
 // Find which of a block's rays see each light.
 inline void find_lit(Shadows *s, const Block *b, global float *lifted)
