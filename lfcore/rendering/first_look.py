@@ -29,14 +29,14 @@ BANDS_PX = 1.0, 8.0
 """Diameters of blur that part the bands, in pixels."""
 STRAIGHT = 17
 """The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
-SHARE = np.array([0.135, 0.083, 0.0069, 1.0])
+SHARE = np.array([0.053, 0.0231, 0.0051, 1.51])
 """The share of the differences that one view with one ray per pixel lacks: per band, and of
 straight edges in focus."""
-BY_VIEWS = np.array([1.70, 2.11, 1.71, 1.63])
+BY_VIEWS = np.array([2.17, 1.45, 1.45, 1.89])
 """The power of the views per side by which the share falls."""
-BY_SUBPIXELS = np.array([3.08, 1.15, 1.01, 1.46])
+BY_SUBPIXELS = np.array([3.09, 1.86, 1.24, 1.96])
 """The power of a view's rays per pixel and side."""
-SURE_DB = 1.15
+SURE_DB = 1.8
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""
