@@ -197,6 +197,9 @@ def figure(table: pd.DataFrame, path: Path) -> None:
     axis.axhline(40, color="0.6", lw=0.8, ls="--")
     axis.set(xscale="log", xlabel="core seconds of the bake, for an error of",
              ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
+    axis.xaxis.set_minor_formatter("")
+    marks = [2, 5, 10, 20, 50, 100]
+    axis.set_xticks(marks, [str(mark) for mark in marks])
     axis.legend()
     save_figure(path, drawn)
 
