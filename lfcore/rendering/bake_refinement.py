@@ -18,8 +18,9 @@ _SURPRISE, _CONTRAST = 0.06, 2.0
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
 more have a point between them."""
-_FEW, _RAYS = 32, 128
-"""Rays of such a point, and of those that surprise."""
+_FEW, _RAYS, _NOISE = 32, 128, 0.1
+"""Rays of such a point; of one that surprises, or whose noise is above a share of the square of
+its allowed difference; and this share."""
 _MOST_SIDE = 1024
 _VALUE_BYTES = 64
 
@@ -139,22 +140,28 @@ class Refinement:
         found, noise = self._judged(sums, _FEW, near)
         most = self._allowed * np.maximum(found.mean(-1), self._floor)
         off = (found - before).mean(-1) ** 2
-        unsure = np.flatnonzero(is_open & (off > np.maximum(most**2, 4 * noise)))
+        share = self._share(off, noise, near)
+        unsure = (off > np.maximum(most**2, 4 * noise)) | (share**2 * noise > _NOISE * most**2)
+        unsure = np.flatnonzero(is_open & unsure)
         if len(unsure):
             some = near[unsure]
             more = points.of(unsure), some, seeds[unsure]
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
             off = (found - before).mean(-1) ** 2
-        # The mean is kept as far as noise can be what points nearby differ by.
-        table = self.baker.guide.of[near]
-        all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
-        share = np.where(is_open, np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0), 0)
+            share = self._share(off, noise, near)
+        share = np.where(is_open, share, 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
         large = is_open & (off > most**2 + 9 * noise)
         surprised = np.zeros(len(values), bool)
         surprised[at[0][large[inverse]]] = True
         return surprised
+
+    def _share(self, off: np.ndarray, noise: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """(P,) of differences to the mean, the share that is kept: not noise of points nearby."""
+        table = self.baker.guide.of[near]
+        all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
+        return np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0)
 
     def _judged(
         self, sums: np.ndarray, rays: int, near: np.ndarray
