@@ -263,7 +263,7 @@ def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
 
 
 def by_opencv(data: bytes) -> np.ndarray | None:
-    """(H, W, 3) RGB of a picture file's bytes, in the file's own type; None if it is none."""
+    """(H, W, 3) RGB of a picture file's bytes, in the file's own type; None for other bytes."""
     import cv2
 
     try:

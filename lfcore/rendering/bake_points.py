@@ -196,7 +196,7 @@ class Grids:
         self.instead[lacking] = used[self._alike(self.points.of(used), *self._middles(lacking))]
 
     def beside(self, faces: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """``points`` (F, n) of faces, or those of ``which`` that are next to them."""
+        """Points (F, n) of faces: of ``which`` where one is next to a face, else of ``points``."""
         places, normals = self._middles(faces)
         found = self._alike(self.points.of(which), places, normals, _BESIDE)
         near = found < len(which)
@@ -212,8 +212,8 @@ class Grids:
     def _alike(
         self, points: Points, places: np.ndarray, normals: np.ndarray, within: float = np.inf
     ) -> np.ndarray:
-        """Those of ``points`` that are nearest to places and normals (P, 3), ``within`` a share of
-        the scene's size; their number where there is none."""
+        """The index (P,) of the point that is nearest to places and normals (P, 3), ``within`` a
+        share of the scene's size; ``len(points)`` where no point is."""
         from scipy.spatial import cKDTree  # slow to import
 
         scale = np.float64(1 / self._size)

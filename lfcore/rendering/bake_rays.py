@@ -26,7 +26,8 @@ _DIELECTRIC = 0.04
 _LENS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
 _ALONG = np.float32(1e-5)
 _NEAR, _ASLANT = 1 / 512, 4.0
-"""Nearby is a share of the scene's size, across the surface, and so many times it along a ray."""
+"""The distance that counts as nearby, as a share of the scene's size: across the surface; along a
+ray it is longer by the second number."""
 
 
 @cache
@@ -130,16 +131,16 @@ class Surroundings:
         return self.cast(self.starts(points, of, towards), towards)
 
     def starts(self, points: Points, of: np.ndarray | slice, towards: np.ndarray) -> np.ndarray:
-        """(R, 3) float32 where rays of points ``of`` start: off the triangle, on the side they go
-        to, which is the other one where a bent normal lets them."""
+        """(R, 3) float32 starts of rays of points ``of``: off the triangle, on the side to which
+        the ray goes.  A bent normal lets rays go to the back, too."""
         lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))[of]
         flat = points.flat[of]
         lift = np.where(dot(flat, towards) < -_ALONG, -lift, lift)
         return points.places[of] + lift[:, None] * flat
 
     def covered(self, points: Points) -> np.ndarray:
-        """(P,) whether a surface nearby hides points from all of the lens: they are behind or below
-        what touches theirs, and their light is not that beside it."""
+        """(P,) whether a surface nearby hides a point from the whole lens.  Such a point is behind
+        or below an object that touches its surface, and has not the light beside that object."""
         hidden, within = np.arange(len(points)), np.minimum(points.cells, self._near)
         for at in self.lens:
             some = points.of(hidden)

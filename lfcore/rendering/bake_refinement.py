@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lfcore.rendering.bake import Baker
 
 FINER = 8
-"""Cells are halved until an edge has so many times as many as the picture needs to begin with."""
+"""Cells are halved until an edge has this many times the cells that the picture needs at first."""
 _SURPRISE, _CONTRAST = 0.06, 2.0
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times

@@ -14,29 +14,29 @@
 // The least divisor of a length: above the least normal float, 1.2e-38.
 #define LEAST_LENGTH 1.0e-37f
 
-// Of an edge function at a ray, with u and v and without.
+// The error of an edge function at a ray, with u and v and without.
 #define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))
-// Of corners in a packet and in its blocks.
+// The error of corners in a packet and in its blocks.
 #define CORNER_ERROR GAMMA(4.0f)
 #define PACKET_ERROR GAMMA(5.0f)
-// Of half extents and spreads, sums of at most five magnitudes.
+// The error of half extents and spreads, sums of at most five magnitudes.
 #define BOUND_SLACK (1.0f + GAMMA(6.0f))
-// Of a ray's entry into a box.
+// The error of a ray's entry into a box.
 #define RAY_SLACK (1.0f + GAMMA(7.0f))
-// Of frusta against boxes.
+// The error of frusta against boxes.
 #define FRUSTUM_SLACK GAMMA(7.0f)
-// Of hit points on a triangle, in proportion to the terms of n . P over n . D.
+// The error of hit points on a triangle, in proportion to the terms of n . P over n . D.
 #define HIT_SLACK GAMMA(14.0f)
-// Of the columns and rows of a packet in which its blocks find a triangle.
+// The error of the columns and rows of a packet in which its blocks find a triangle.
 #define COLUMN_SLACK GAMMA(12.0f)
-// Of the least of an affine function over rays.
+// The error of the least of an affine function over rays.
 #define SIDE_SLACK GAMMA(6.0f)
-// Of lines of shafts, at occluders up to 64 times as far from the origin as the hit points.
+// The error of lines of shafts, at occluders up to 64 times as far from the origin as hit points.
 #define SHAFT_SLACK GAMMA(36.0f)
-// Of functions of occluders in light space.
+// The error of functions of occluders in light space.
 #define LIGHT_SPACE_ERROR GAMMA(11.0f)
-// Of depths at a block's corners against those at its rays, where numerators and denominators
-// differ by a factor of two at the most.
+// The error of depths at a block's corners against those at its rays, where numerators and
+// denominators differ by a factor of two at the most.
 #define DEPTH_SLACK GAMMA(10.0f)
 // Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it: a
 // millionth.  Half of it darkens rays beside a neighbouring triangle, four times it loses contact
