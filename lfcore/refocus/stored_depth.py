@@ -171,7 +171,7 @@ class _Taker:
 def _codes_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
     """((i, j), (H, W) codes) of every view that can be read, in the order of frames.
 
-    Codes are valid as long as those of :func:`frame_chunks`.
+    Codes are overwritten as those of :func:`frame_chunks` are.
     """
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):

@@ -185,9 +185,9 @@ class Refinement:
 def _between(
     values: np.ndarray, covered: np.ndarray, side: int, floor: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values of grids of twice the cells, linear between those of a side that are not covered;
-    (T, 2, n) whether points are; and whether the neighbours of a new point differ by more than a
-    share, or in this."""
+    """(T, 2, n, 3) values of grids of twice the cells, linear between points that are not covered;
+    (T, 2, n) whether a point is covered; and whether a new point is rough: its neighbours differ
+    by more than a share, or one of them is covered."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.

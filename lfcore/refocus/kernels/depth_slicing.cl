@@ -381,7 +381,8 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
     const float4 light = (float4)((float3)(ONE * LIGHT), ONE);
     for (int y = 0; y < s.rows; ++y) {
         for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
-            // The sums of all rows so far take the place of the first: pages that are only read take no memory.
+            // Sums of all rows so far are kept in the first row: pages that are only read take no
+            // memory.
             global long4 *whole = s.sums + layer * size;
             global const long4 *row = whole + y * pitch;
             long4 along = 0;
@@ -396,7 +397,8 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
                 const int outermost = layer == 0 || layer == LAYERS - 1;
-                const float4 found = convert_float4(s.sums[layer * size + (outermost ? 0 : y * pitch) + x]) / light;
+                const ulong from = layer * size + (outermost ? 0 : y * pitch) + x;
+                const float4 found = convert_float4(s.sums[from]) / light;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
                 colour += found.xyz * (used / found.w);

@@ -17,10 +17,8 @@
 //
 // P x Q = (P + Q) x (Q - P) / 2.  The difference of two corners that are near each other is exact,
 // so the error of the right side scales with the edge, and that of P x Q with the distance to the
-// origin.  Swapping P and Q negates it to the last bit all the same.  Twice P x Q, of LANES edges
-// and of one:
+// origin.  Swapping P and Q negates it to the last bit all the same.  Twice P x Q of LANES edges:
 inline Vec edge_normals(Vec p, Vec q) { return cross3(plus3(p, q), minus3(q, p)); }
-inline float3 edge_normal(float3 p, float3 q) { return cross_product(p + q, q - p); }
 
 // Corners of LANES triangles in the frame of the block's centre ray.
 typedef struct { Triple x, y, z; } Corners;

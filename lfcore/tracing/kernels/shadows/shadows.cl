@@ -46,7 +46,7 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
 #define SPAN 1.1f
 // Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->active, and
 // bound them.  A block that sees a near thing before a far one would otherwise span all that lies
-// between; the span starts at the nearest of what is left.  Returns false when nothing is left.
+// between.  A span starts at the nearest wanted hit point.  Returns false when no ray is wanted.
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
 {
     const Bundle *r = &b->rays;

@@ -14,7 +14,7 @@
 // The least divisor of a length: above the least normal float, 1.2e-38.
 #define LEAST_LENGTH 1.0e-37f
 
-// The error of an edge function at a ray, with u and v and without.
+// The error of an edge function at a ray: with u and v, and without them.
 #define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))
 // The error of corners in a packet and in its blocks.
 #define CORNER_ERROR GAMMA(4.0f)
