@@ -14,6 +14,7 @@ from lfcore.errors import OpticsError
 from lfcore.optics.focus import (
     DepthRange,
     check_place,
+    check_words,
     ends_of,
     exclude_twice,
     f_number_of_blur,
@@ -162,7 +163,10 @@ class FieldPlanes(LightFieldFile):
                     remedy="Give a place where something is seen",
                 )  # fmt: skip
             return float(depth[row, column])
-        return None if focus_m is None else focus_distance(focus_m, self._seen)
+        if focus_m is None:
+            return None
+        is_word = isinstance(check_words(focus_m), str)
+        return focus_distance(focus_m, self._seen if is_word else None)  # it may be decoded
 
     @cached_property
     def _middle_depth(self) -> np.ndarray:
@@ -189,11 +193,13 @@ class FieldPlanes(LightFieldFile):
 
     @cached_property
     def _seen(self) -> DepthRange | None:
-        """The ends of the depth that the middle view shows, as for a scene; of a file without
-        depth, or of a mesh on a floor, the ends that it states."""
-        if self.metadata.depth is not None and "seen_m" not in self.content:
+        """The ends of the depth that the picture shows: those that the file states, as of a scene;
+        else of its middle view, which is decoded; without depth, of all that is seen."""
+        stated = self.content.get("ends_m") or self.content.get("seen_m")
+        if stated is None and self.metadata.depth is not None:
             return ends_of(self._middle_depth[np.isfinite(self._middle_depth)])
-        return DepthRange(*self.seen_range) if self.seen_range else None
+        stated = stated or self.depth_range
+        return DepthRange(*stated) if stated else None
 
     def distance_of(self, disparity_px: float) -> float:
         """Convert a disparity to a distance.

@@ -70,7 +70,7 @@ def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 
 def depth_content(tracer: Tracer, slab: Slab) -> dict:
     """The ends of depth as a file's ``content`` has them."""
-    found = {"depth_m": depth_range(tracer, slab)}
+    found = {"depth_m": depth_range(tracer, slab), "ends_m": tracer.scene.depth_range}
     if tracer.scene.floor_material >= 0:
         found["seen_m"] = seen_range(tracer, slab)
     return {name: list(ends) for name, ends in found.items() if ends}

@@ -215,9 +215,10 @@ class Metadata:
             raise StorageError("must have a segment for each of the colours'", key="depth")
 
     def _check_content(self) -> None:
-        depth = self.content.get("depth_m") if isinstance(self.content, dict) else ()
-        if depth is not None and not (len(depth) == 2 and 0 < depth[0] <= depth[1] < math.inf):
-            raise StorageError(f"{depth} is no range of depths", key="content")
+        for key in ("depth_m", "seen_m", "ends_m"):
+            ends = self.content.get(key) if isinstance(self.content, dict) else ()
+            if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
+                raise StorageError(f"{ends} is no range of depths", key="content")
 
 
 def _check_types(data: dict[str, Any]) -> None:

@@ -65,10 +65,16 @@ def test_a_recorded_focus_may_be_a_word(scene, tmp_path):
     assert (camera.focus_m, camera.f_number) == (plane.focus_m, plane.f_number)
 
 
-def test_a_file_with_depth_has_the_scenes_ends(scene, field):
+def test_a_file_states_the_scenes_ends_and_an_older_one_is_decoded_for_them(scene, field):
+    older = lfcore.LightField.open(field.path)
+    del older.content["ends_m"]
     for word in ("near", "middle", "far", "25%"):
-        assert field.plane(word).focus_m == pytest.approx(scene.plane(word).focus_m, rel=0.05)
-    assert field.plane("inf").focus_m == math.inf
+        wanted = scene.plane(word).focus_m
+        assert field.plane(word).focus_m == wanted
+        assert older.plane(word).focus_m == pytest.approx(wanted, rel=0.05)
+    unread = lfcore.LightField.open(field.path)
+    assert unread.plane("inf").focus_m == math.inf and unread.plane(2).focus_m == 2.0
+    assert unread.plane("near", blur="1%") and not unread.require_depth_video().count.frames
     pictures = [field.refocus(word) for word in ("near", "far")]
     assert np.abs(pictures[0] - pictures[1]).max() > 0.05
 
@@ -92,12 +98,15 @@ def test_words_in_a_file_of_plain_views(scene, tmp_path):
     field = lfcore.record(
         scene, tmp_path / "a.mkv", views=4, pixels=32, encoding=lfcore.Encoding(depth=False)
     )
-    near, far = field.depth_range
+    near, far = scene.depth_range
     assert field.plane("near").focus_m == near and field.plane("far").focus_m == far
     with pytest.raises(lfcore.OpticsError, match="depth"):
         field.plane(focus_at=(0.5, 0.5))
     field = lfcore.LightField.open(field.path)
-    del field.content["depth_m"]
+    del field.content["ends_m"]
+    assert field.plane("near").focus_m == field.depth_range[0]
+    field = lfcore.LightField.open(field.path)
+    del field.content["ends_m"], field.content["depth_m"]
     with pytest.raises(lfcore.OpticsError, match=r"focus_m: .*Give metres"):
         field.plane("near")
 
