@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> None:
     if quality:
         _report_quality(field)
     length = os.path.getsize(arguments.output)
-    wrote(arguments.output, f": {len(field.segments)} segments, {length:,} bytes")
+    wrote(arguments.output, f": {length:,} bytes")
 
 
 def _report_quality(field: lfcore.LightField) -> None:

@@ -63,7 +63,7 @@ def make_pictures(
     arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
     """(P, height, width, 3) of the planes, with a line of progress."""
-    with progress(f"refocusing {len(planes)} planes", "frames") as report:
+    with progress("refocusing", "frames") as report:
         return field.refocus_many(
             planes, method=arguments.method, filter=arguments.filter, pixels=arguments.pixels,
             device=arguments.device, progress=report,

@@ -113,7 +113,7 @@ def _make_in_blocks(
 
     if arguments.filter not in (None, "nearest") or arguments.pixels or arguments.salvage:
         refuse("--method", "blocks excludes --filter, --pixels and --salvage", "Leave them out")
-    with progress(f"refocusing {len(planes)} planes", "frames") as report:
+    with progress("refocusing", "frames") as report:
         return focal_stack(field, planes, device=arguments.device, progress=report)
 
 
