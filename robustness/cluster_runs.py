@@ -80,11 +80,16 @@ def _seconds(start: str, end: str) -> float:
         return 0.0
 
 
-def snakemake(
-    slurm: LocalSlurm, folder: Path, *words: str, beside: Callable[[], None] = lambda: None
-) -> tuple[int, str]:
-    """Status and words of a run through SLURM; ``beside`` is called now and then meanwhile."""
+def run(
+    slurm: LocalSlurm,
+    folder: Path,
+    name: str,
+    words: tuple[str, ...],
+    beside: Callable[[], None] = lambda: None,
+) -> Run:
+    """A run of the workflow through SLURM; ``beside`` is called now and then meanwhile."""
     folder.mkdir(exist_ok=True)
+    before, begun = {one["number"] for one in slurm.jobs()}, time.monotonic()
     command = [sys.executable, "-m", "snakemake", *PROFILE, "--directory", str(folder), *words]
     with (folder / "terminal").open("w+") as terminal:
         process = subprocess.Popen(
@@ -99,24 +104,12 @@ def snakemake(
                 process.terminate()
                 process.wait()
         terminal.seek(0)
-        return process.returncode, terminal.read()
-
-
-def run(
-    slurm: LocalSlurm,
-    folder: Path,
-    name: str,
-    words: tuple[str, ...],
-    beside: Callable[[], None] = lambda: None,
-) -> Run:
-    before = {one["number"] for one in slurm.jobs()}
-    begun = time.monotonic()
-    status, said = snakemake(slurm, folder, *words, beside=beside)
+        said = terminal.read()
     seconds = time.monotonic() - begun
     mine = [one for one in slurm.jobs() if one["number"] not in before]
     table = re.search(r"^total +(\d+)$", said, re.MULTILINE)
     jobs = int(table[1]) if table else 0
-    return Run(name, status, said, seconds, jobs, mine, digests(folder))
+    return Run(name, process.returncode, said, seconds, jobs, mine, digests(folder))
 
 
 def digests(folder: Path) -> dict[str, str]:

@@ -1,22 +1,125 @@
 """``python -m robustness.faults``: kills, full disks, missing folders; a table of each."""
 
 import argparse
+import os
+import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
-from robustness import disks, folders, kills
-from robustness.outcome import OK, REFUSED
+import pandas as pd
+
+from robustness import disks, kills
+from robustness.outcome import LONGEST_MESSAGE, OK, REFUSED, ROOT, Outcome
+
+SIZE = ("--pixels", "16", "--views", "2")
+
+
+@dataclass(frozen=True)
+class Surrounding:
+    """``works``: the picture must be the undisturbed one; else one line, and a status of 1.
+
+    ``environment`` replaces variables (None: removes); ``redirect`` is of the shell.
+    """
+
+    name: str
+    works: bool = True
+    environment: dict = field(default_factory=dict)
+    output: str = "p.ppm"
+    redirect: str = ""
+
+
+def surroundings(folder: Path) -> list[Surrounding]:
+    """``folder`` is one that can be written."""
+    plain, empty = folder / "plain-file", folder / "empty-cache"
+    plain.write_text("")
+    empty.mkdir(exist_ok=True)
+    return [
+        Surrounding("home is /dev/null", environment={"HOME": "/dev/null"}),
+        Surrounding("home does not exist", environment={"HOME": "/nowhere/at/all"}),
+        Surrounding("home cannot be written", environment={"HOME": "/proc"}),
+        Surrounding("no home is named", environment={"HOME": None}),
+        Surrounding("cache is empty", environment={"XDG_CACHE_HOME": str(empty)}),
+        Surrounding("cache is a file", environment={"XDG_CACHE_HOME": str(plain)}),
+        Surrounding("cache cannot be written", environment={"XDG_CACHE_HOME": "/proc/sys"}),
+        Surrounding(
+            "no home, no cache, no temporary folder",
+            environment={"HOME": "/dev/null", "XDG_CACHE_HOME": "/proc", "TMPDIR": "/nowhere"},
+        ),
+        Surrounding("ASCII terminal", environment={"LC_ALL": "C", "PYTHONIOENCODING": "ascii"}),
+        Surrounding("standard input is closed", redirect="<&-"),
+        Surrounding("standard output is closed", redirect=">&-"),
+        Surrounding("standard error is closed", redirect="2>&-"),
+        Surrounding("standard output is full", redirect=">/dev/full"),
+        Surrounding("the output's folder is new", output="new/folder/p.ppm"),
+        Surrounding("the output is a folder", works=False, output="."),
+        Surrounding("the output is below a file", works=False, output="plain-file/p.ppm"),
+        Surrounding("the output cannot be written", works=False, output="/proc/p.ppm"),
+        Surrounding("threads: abc", works=False, environment={"LFCORE_THREADS": "abc"}),
+        Surrounding("threads: -1", works=False, environment={"LFCORE_THREADS": "-1"}),
+        Surrounding("an unknown device", works=False, environment={"LFCORE_DEVICE": "no such"}),
+    ]
+
+
+def try_all(folder: Path, only: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
+    """(name, what is wrong: empty when nothing is) of each surrounding, or of those of a name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    undisturbed = _render(Surrounding("undisturbed"), folder)
+    right = (folder / "p.ppm").read_bytes()
+    if undisturbed.returncode:
+        raise RuntimeError(f"fails undisturbed: {undisturbed.stderr}")
+    for surrounding in surroundings(folder):
+        if only and surrounding.name not in only:
+            continue
+        picture = folder / surrounding.output
+        if picture.is_file():
+            picture.unlink()
+        done = _render(surrounding, folder)
+        said = done.stderr.decode(errors="replace") + done.stdout.decode(errors="replace")
+        yield surrounding.name, _judged(surrounding, done.returncode, said, picture, right)
+
+
+def _judged(surrounding: Surrounding, status: int, said: str, picture: Path, right: bytes) -> str:
+    if "Traceback" in said:
+        return f"a traceback: {said[-800:]}"
+    if surrounding.works:
+        if status:
+            return f"status {status}: {said[-400:]}"
+        return "" if picture.read_bytes() == right else "another picture"
+    if status != 1:
+        return f"status {status}: {said[-400:]}"
+    line = said.strip().rpartition("\n")[2]
+    return "" if 0 < len(line) <= LONGEST_MESSAGE else f"no message: {said[-400:]}"
+
+
+def _render(surrounding: Surrounding, folder: Path) -> subprocess.CompletedProcess:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | surrounding.environment
+    command = [sys.executable, "-m", "lfcore.cli", "render", str(ROOT / "scenes/sphere")]
+    command += ["-o", surrounding.output, *SIZE]
+    if surrounding.redirect:
+        command = ["sh", "-c", f'exec "$@" {surrounding.redirect}', "sh", *command]
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={name: value for name, value in environment.items() if value is not None},
+        capture_output=True,
+        timeout=600,
+    )
+
 
 # Too small for anything, for a scene, for its tree, for a store.
 WORKFLOW_PAGES = (1, 300, 480, 530)
 
 
-def kill_all(home: Path, count: int) -> str:
-    """Kill ``count`` runs in all; (table, findings) as text."""
+Findings = list[str]
+
+
+def kill_all(home: Path, count: int) -> tuple[pd.DataFrame, Findings]:
+    """Kill ``count`` runs in all; a row per run and way, and for all together."""
     killed = [kills.Killed(job, home / job.name) for job in kills.jobs()]
     tallies = {(one.job.name, way): kills.Tally() for one in killed for way in one.job.ways}
     draw, done = Random(1), 0
@@ -26,60 +129,51 @@ def kill_all(home: Path, count: int) -> str:
         one.disturb(draw, way, tallies[one.job.name, way])
         done = sum(tally.kills for tally in tallies.values())
         print(f"{done} of {count} kills", file=sys.stderr)
-    lines = [
-        "| run | ended by | kills | went on by itself | identical | slowest end | findings |",
-        "|---|---" + 5 * "|--:" + "|",
-    ]
-    for (name, way), tally in tallies.items():
-        slowest = f"{tally.slowest:.1f} s" if tally.slowest else ""
-        numbers = f"{tally.kills} | {tally.went_on} | {tally.identical} | {slowest}"
-        lines.append(f"| {name} | {way} | {numbers} | {len(tally.findings)} |")
-    keys = ("kills", "went_on", "identical")
-    total = [sum(getattr(tally, key) for tally in tallies.values()) for key in keys]
-    found = [finding for tally in tallies.values() for finding in tally.findings]
-    lines.append(f"| all | | {total[0]} | {total[1]} | {total[2]} | | {len(found)} |")
-    return _text(lines, found)
+    table = pd.DataFrame([
+        {"run": name, "ended by": way, "kills": tally.kills, "went on by itself": tally.went_on,
+         "identical": tally.identical, "slowest end": f"{tally.slowest:.1f} s",
+         "findings": len(tally.findings)}
+        for (name, way), tally in tallies.items()
+    ])  # fmt: skip
+    table.loc[len(table)] = table.sum(numeric_only=True).to_dict() | {"run": "all"}
+    return table.fillna(""), [finding for tally in tallies.values() for finding in tally.findings]
 
 
-def _text(lines: list[str], findings: list[str]) -> str:
-    return "\n".join([*lines, "", *(f"FINDING {finding}" for finding in findings)])
-
-
-def fill_all(home: Path) -> str:
-    """Each kind of file on disks from too small to large enough; as :func:`kill_all`."""
+def fill_all(home: Path) -> tuple[pd.DataFrame, Findings]:
+    """Each kind of file on disks from too small to large enough; then the workflow."""
     home.mkdir(parents=True)
     if reason := disks.can_mount(home):
-        return f"SKIPPED full disks: no file system can be mounted here ({reason})\n"
-    lines = ["| file | disks | refused | written | findings |", "|---" + 4 * "|--:" + "|"]
-    found = []
-    for writer in disks.writers(home):
-        outcomes = disks.fill(writer, home)
+        return pd.DataFrame({"SKIPPED full disks: no file system can be mounted": [reason]}), []
+    rows, findings = [], []
+
+    def add(name: str, outcomes: list[tuple[int, Outcome]]) -> Counter:
         counts = Counter(outcome.kind for _, outcome in outcomes)
         wrong = [
-            f"{writer.name}, {pages} pages: {outcome.kind} {outcome.signature}: {outcome.text}"
-            for pages, outcome in outcomes
-            if outcome.is_finding
+            f"{name}, disk of {pages} pages: {one.kind} {one.signature}: {one.text}"
+            for pages, one in outcomes
+            if one.is_finding
         ]
-        found += wrong
-        numbers = (len(outcomes), counts[REFUSED], counts[OK], len(wrong))
-        lines.append(f"| {writer.name} | " + " | ".join(map(str, numbers)) + " |")
+        findings.extend(wrong)
+        rows.append({"file": name, "disks": len(outcomes), "refused": counts[REFUSED],
+                     "written": counts[OK], "findings": len(wrong)})  # fmt: skip
+        return counts
+
+    for writer in disks.writers(home):
+        counts = add(writer.name, disks.fill(writer, home))
         if not counts[OK] or not counts[REFUSED]:
-            found.append(f"{writer.name}: the disks were all too small, or all large enough")
+            findings.append(f"{writer.name}: the disks were all too small, or all large enough")
     (job,) = (job for job in kills.jobs() if job.name == "workflow")
-    outcomes = disks.fill_workflow(kills.Killed(job, home / "workflow"), WORKFLOW_PAGES)
-    wrong = [f"{o.signature}, disk of {n} pages: {o.text}" for n, o in outcomes if o.is_finding]
-    lines.append(
-        f"| workflow, then more room | {len(outcomes)} | {len(outcomes)} | | {len(wrong)} |"
-    )
-    return _text(lines, found + wrong)
+    run = kills.Killed(job, home / "workflow")
+    add("workflow, then more room", disks.fill_workflow(run, WORKFLOW_PAGES))
+    return pd.DataFrame(rows), findings
 
 
-def miss_all(home: Path) -> str:
-    """Missing folders and closed streams; as :func:`kill_all`."""
-    results = list(folders.try_all(home))
-    lines = ["| surrounding | |", "|---|---|"]
-    lines += [f"| {name} | {'wrong' if wrong else 'as it must'} |" for name, wrong in results]
-    return _text(lines, [f"{name}: {wrong}" for name, wrong in results if wrong])
+def miss_all(home: Path) -> tuple[pd.DataFrame, Findings]:
+    """Missing folders and closed streams."""
+    results = list(try_all(home))
+    table = pd.DataFrame(results, columns=["surrounding", ""])
+    table[""] = ["wrong" if wrong else "as it must" for _, wrong in results]
+    return table, [f"{name}: {wrong}" for name, wrong in results if wrong]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -93,9 +187,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             lambda: miss_all(home / "folders"),
             lambda: kill_all(home, count),
         ):
-            text = part()
-            bad |= "\nFINDING" in text
-            print(text, flush=True)
+            table, findings = part()
+            bad |= bool(findings)
+            print(table.to_markdown(index=False), "", sep="\n")
+            print(*(f"FINDING {finding}" for finding in findings), sep="\n", flush=True)
     return int(bad)
 
 

@@ -1,20 +1,66 @@
 """``python -m robustness.fuzz``: hostile inputs for some time, and a table of their outcomes."""
 
 import argparse
+import hashlib
+import math
 import os
+import re
 import resource
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robustness import corpus
+import pandas as pd
+
 from robustness.children import run_all
 from robustness.outcome import OK, REFUSED, Outcome
 from robustness.targets import Target, all_targets, seeds_folder
+
+CORPUS = Path(__file__).with_name("corpus")
+
+
+def kept(target: str) -> list[Path]:
+    folder = CORPUS / _slug(target)
+    return sorted(path for path in folder.glob("*") if path.is_file()) if folder.is_dir() else []
+
+
+def keep(target: str, data: bytes, signature: str) -> Path:
+    """Write an input to the corpus; its name says what was wrong."""
+    folder = CORPUS / _slug(target)
+    folder.mkdir(parents=True, exist_ok=True)
+    digest = hashlib.sha256(data).hexdigest()[:8]
+    path = folder / f"{_slug(signature)[:60]}-{digest}"
+    path.write_bytes(data)
+    return path
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+
+
+def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
+    """A shorter input with the same finding: we leave out pieces as long as the finding stays.
+
+    Delta debugging without its complements: Zeller, Hildebrandt, "Simplifying and Isolating
+    Failure-Inducing Input", IEEE TSE 2002.
+    """
+    size = len(data) // 2
+    while size >= 1 and tries > 0:
+        at = 0
+        while at < len(data) and tries > 0:
+            shorter = data[:at] + data[at + size :]
+            tries -= 1
+            if still(shorter).signature == signature:
+                data = shorter
+            else:
+                at += size
+        size //= 2
+    return data
+
 
 MINIMISE_TRIES = 120
 MEMORY_DISK = Path("/dev/shm")
@@ -74,7 +120,7 @@ class Bench:
             self.tally.add(outcome, data)
 
     def replay(self) -> None:
-        self.account([path.read_bytes() for path in corpus.kept(self.target.name)])
+        self.account([path.read_bytes() for path in kept(self.target.name)])
         self.account(self.seeds, are_seeds=self.target.takes_seeds)
 
     def keep(self) -> list[Path]:
@@ -84,8 +130,8 @@ class Bench:
             return files
         for signature, (outcome, data, _) in self.tally.findings.items():
             tries = 0 if outcome.kind in ("hang", "time") else MINIMISE_TRIES
-            data = corpus.smaller(data, lambda d: self.run([d])[0], signature, tries)
-            files.append(corpus.keep(self.target.name, data, f"{outcome.kind} {signature}"))
+            data = smaller(data, lambda d: self.run([d])[0], signature, tries)
+            files.append(keep(self.target.name, data, f"{outcome.kind} {signature}"))
         return files
 
 
@@ -108,25 +154,17 @@ def fuzz(
     return benches
 
 
-def table(benches: Sequence[Bench]) -> str:
-    """A Markdown table: target, inputs, ok, refused, findings, inputs per second."""
-    lines = [
-        "| target | inputs | ok | refused | findings | inputs/s |",
-        "|---|--:|--:|--:|--:|--:|",
-    ]
-    total, seconds = Counter[str](), 0.0
-    for bench in benches:
-        tally = bench.tally
-        lines.append(_row(bench.target.name, tally.counts, tally.seconds))
-        total, seconds = total + tally.counts, seconds + tally.seconds
-    return "\n".join([*lines, _row("all", total, seconds)])
-
-
-def _row(name: str, counts: Counter, seconds: float) -> str:
-    inputs = counts.total()
-    rate = inputs / seconds if seconds else 0
-    numbers = (inputs, counts[OK], counts[REFUSED], counts["finding"])
-    return f"| {name} | " + " | ".join(f"{n:,}" for n in numbers) + f" | {rate:,.0f} |"
+def table(benches: Sequence[Bench]) -> pd.DataFrame:
+    """Inputs, outcomes and inputs per second of each target, and of all."""
+    rows = pd.DataFrame(
+        {bench.target.name: bench.tally.counts | {"seconds": bench.tally.seconds}
+         for bench in benches}
+    ).T.reindex(columns=[OK, REFUSED, "finding", "seconds"], fill_value=0).fillna(0)  # fmt: skip
+    rows.loc["all"] = rows.sum()
+    counts = rows[[OK, REFUSED, "finding"]].astype(int)
+    rate = counts.sum(axis=1) / rows.seconds.replace(0, math.inf)
+    counts.insert(0, "inputs", counts.sum(axis=1))
+    return counts.assign(**{"inputs/s": rate.round().astype(int)})
 
 
 def report(benches: Sequence[Bench]) -> str:
@@ -163,7 +201,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             chosen, Path(name), seed=arguments.seed, seconds=arguments.seconds,
             most=arguments.inputs, each=arguments.each,
         )  # fmt: skip
-        print(table(benches), flush=True)
+        print(table(benches).to_markdown(), flush=True)
         if found := report(benches):
             print(found, flush=True)
         if arguments.keep:

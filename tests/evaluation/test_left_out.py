@@ -7,9 +7,15 @@ import sys
 import numpy as np
 import pytest
 
-from lfcore.evaluation.left_out import comparisons
-from lfcore.evaluation.left_out.comparisons import COLUMNS, LeftOutError, check_identical, same
-from lfcore.evaluation.left_out.features import FEATURES, full_needs
+from lfcore.evaluation.left_out import (
+    COLUMNS,
+    FEATURES,
+    LeftOutError,
+    check_identical,
+    full_needs,
+    left_out,
+    same,
+)
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.opencl.device import open_device
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
@@ -59,7 +65,7 @@ def test_the_full_program_is_fuller(feature):
 def test_pictures_are_identical_without_what_is_left_out(plain):
     device = open_device(threads=1)
     bvh = build_bvh(plain.triangles)
-    made = comparisons.left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
+    made = left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
     assert all(set(row) == set(COLUMNS) for row in made)
     found = {row["feature"]: row for row in made}
     assert set(found) == {f.field for f in FEATURES} - {"directional_lights"} | {

@@ -8,7 +8,6 @@ import pytest
 
 from lfcore import DeviceError, SceneError, StorageError, Tracer
 from lfcore.evaluation.stability import (
-    extents,
     lenses,
     measurement,
     naive,
@@ -144,8 +143,8 @@ def test_rays_of_any_direction_hold_for_needles_and_scales():
             return self.any_closest(*rays)
 
     general = General(rays=300)
-    rows = [*primitives.needles(general), *extents.tiny_triangles(general)]
-    rows += extents.scaled_scene(general)
+    rows = [*primitives.needles(general), *primitives.tiny_triangles(general)]
+    rows += primitives.scaled_scene(general)
     assert [row for row in rows if row.verdict == "fail"] == []
 
 
@@ -160,7 +159,7 @@ def test_the_tracer_holds(case, tracer):
 
 
 def test_scenes_beyond_the_range_of_float32_are_refused(tracer):
-    rows = list(extents.scaled_scene(tracer))
+    rows = list(primitives.scaled_scene(tracer))
     assert {row.value for row in rows if row.verdict == "pass"} == {
         10.0**k for k in (12, 9, 6, 3, -3, -6, -9, -10)
     }
@@ -182,6 +181,6 @@ def test_a_loader_that_rounds_before_it_subtracts_fails(monkeypatch):
         return moved(dataclasses.replace(near, triangles=np.float32(near.triangles)), matrix)
 
     monkeypatch.setattr(assemble.SurfaceMesh, "transformed", rounded)
-    rows = list(extents.far_from_the_origin(dataclasses.replace(ORACLE, rays=200)))
+    rows = list(primitives.far_from_the_origin(dataclasses.replace(ORACLE, rays=200)))
     assert [row.verdict for row in rows][:1] == ["pass"]
     assert {row.verdict for row in rows if row.value >= 1e3} == {"fail"}

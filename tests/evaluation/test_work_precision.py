@@ -6,13 +6,19 @@ import pytest
 from matplotlib.figure import Figure
 
 from lfcore import DeviceError, Lattice, OpticsError, SensorPlane, Slab, StorageError
-from lfcore.evaluation.diagrams import DIRECTIONS, DISTANCES_PT, PointLabel, label_points, pareto
 from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision import figure, files, in_memory, on_the_fly, points
-from lfcore.evaluation.work_precision.peers import peer_rows
+from lfcore.evaluation.work_precision import figure, in_memory, on_the_fly, points, study
+from lfcore.evaluation.work_precision.figure import (
+    DIRECTIONS,
+    DISTANCES_PT,
+    PointLabel,
+    label_points,
+    pareto,
+)
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
+from lfcore.evaluation.work_precision.study import peer_rows
 from lfcore.refocus.resampling import coverage
 from lfcore.rendering.direct import trace_planes
 
@@ -86,8 +92,8 @@ def test_a_wanted_quality_is_reached(chart, reference):
 @kernels
 def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference):
     scene, device, count = chart.scene, chart.device, Lattice(4, 2)
-    few = files.recorded_row(scene, reference, Lattice(4, 1), device)
-    row = files.recorded_row(scene, reference, count, device)
+    few = study.recorded_row(scene, reference, Lattice(4, 1), device)
+    row = study.recorded_row(scene, reference, count, device)
     assert row["bytes"] > few["bytes"] and row["psnr_true_db"] > few["psnr_true_db"]
     assert row["seconds"] > 0 and row["record_seconds"] > 0
     codecs = [
@@ -95,7 +101,7 @@ def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference)
         {"name": "AV1", "codec": "libsvtav1", "preset": "12", "pixel_format": "yuv420p",
          "crf_offset": 10},
     ]  # fmt: skip
-    rows = pd.DataFrame(files.codec_rows(scene, reference, count, codecs, [12, 40], device))
+    rows = pd.DataFrame(study.codec_rows(scene, reference, count, codecs, [12, 40], device))
     assert rows.setting.tolist() == ["CRF 12", "CRF 40", "CRF 22", "CRF 50"]
     fine, coarse = rows.iloc[0], rows.iloc[1]
     assert fine.bytes > coarse.bytes and fine.psnr_true_db > coarse.psnr_true_db + 3
@@ -107,7 +113,7 @@ def test_a_grid_of_the_workflow_has_the_seconds_of_its_jobs(grey):
         {"encode_seconds": 2.0, "join_seconds": 1.0, "video_bytes": 99},
         {"seconds": 7.0, "threads": 2},
     )
-    row = files.grid_row(grey, 16, grey.pictures + np.float32(0.1), jobs)
+    row = study.grid_row(grey, 16, grey.pictures + np.float32(0.1), jobs)
     assert (row["record_seconds"], row["seconds"], row["bytes"]) == (6.0, 14.0, 99)
 
 

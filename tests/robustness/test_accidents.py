@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from robustness import disks, folders, kills
+from robustness import disks, faults, kills
 from robustness.disks import Writer
 
 pytestmark = pytest.mark.slow
@@ -95,5 +95,5 @@ def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
 
 def test_surroundings_that_are_not_as_they_should(tmp_path):
     names = ("standard error is closed", "the output is below a file", "threads: abc")
-    results = dict(folders.try_all(tmp_path / "folder", names))
+    results = dict(faults.try_all(tmp_path / "folder", names))
     assert results == dict.fromkeys(names, "")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robustness import cluster_faults
+from robustness import cluster
 from robustness.cluster_runs import Run, digests
 from robustness.local_slurm import local_slurm, missing
 
@@ -60,12 +60,12 @@ def test_a_run_is_held_to_the_undisturbed_one():
 
 def test_what_is_tried_again_must_ask_for_more():
     more = JOB | {"number": "5", "limit": "20:00", "memory": "6000M", "state": "COMPLETED"}
-    assert not list(cluster_faults.more_was_asked(a_run(submissions=[JOB, more]), [JOB]))
+    assert not list(cluster.more_was_asked(a_run(submissions=[JOB, more]), [JOB]))
     for less in ({"memory": "3000M"}, {"limit": "10:00"}, {"number": "2"}, {"comment": "rule_x"}):
         done = a_run(submissions=[JOB, more | less])
-        assert list(cluster_faults.more_was_asked(done, [JOB]))
-    assert cluster_faults.minutes("1-02:00:30") == 1440 + 120 + 0.5
-    assert cluster_faults.memory_mib("1.5G") == 1536
+        assert list(cluster.more_was_asked(done, [JOB]))
+    assert cluster.minutes("1-02:00:30") == 1440 + 120 + 0.5
+    assert cluster.memory_mib("1.5G") == 1536
 
 
 def test_tables_are_compared_without_their_seconds(tmp_path):

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from lfcore.errors import LfcoreError
-from robustness import corpus
 from robustness.children import Limits, run_all
-from robustness.fuzz import fuzz, table
+from robustness.fuzz import fuzz, smaller, table
 from robustness.outcome import Outcome, SilentlyWrong, judge_message, outcome_of
 from robustness.targets import Target
 
@@ -89,7 +88,8 @@ def test_a_mistake_of_the_judge_is_none_of_the_input(tmp_path):
 def test_the_table_counts_what_came(planted, tmp_path):
     (bench,) = fuzz([planted], tmp_path, seed=1, seconds=0, most=0)
     assert bench.tally.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 2}
-    assert f"| planted | {len(PLANTED)} | 1 | 1 | {len(PLANTED) - 2} |" in table([bench])
+    counts = [len(PLANTED), 1, 1, len(PLANTED) - 2]
+    assert table([bench]).loc["planted"].tolist()[:4] == counts
 
 
 def test_an_input_is_a_function_of_the_seed_and_its_number():
@@ -118,4 +118,4 @@ def test_a_finding_is_made_shorter():
         )
 
     data = b"hay" * 50 + b"needle" + b"hay" * 50 + b"pin"
-    assert corpus.smaller(data, still, "both", tries=500) == b"needlepin"
+    assert smaller(data, still, "both", tries=500) == b"needlepin"

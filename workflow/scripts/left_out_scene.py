@@ -1,6 +1,6 @@
 """What one scene leaves out, against the program with it."""
 
-from lfcore.evaluation.left_out.comparisons import check_identical, left_out
+from lfcore.evaluation.left_out import check_identical, left_out
 from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
 from lfcore.workflow.batch import open_scene

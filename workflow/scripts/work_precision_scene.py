@@ -1,7 +1,7 @@
 """Error against run time: the points of one scene."""
 
 from lfcore.evaluation.true_picture import load_reference
-from lfcore.evaluation.work_precision import files, study
+from lfcore.evaluation.work_precision import study
 from lfcore.files import read_json, write_json
 from lfcore.optics.plane_pictures import load_stack
 from lfcore.workflow.batch import open_tracer
@@ -14,10 +14,10 @@ with job(snakemake.log[0], snakemake.threads):
     grids = []
     for at, views in enumerate(params.views):
         traced = read_json(given.trace[at])
-        grids.append(files.traced_grid(wide, views, load_stack(given.on_the_fly[at])[0], traced))
+        grids.append(study.traced_grid(wide, views, load_stack(given.on_the_fly[at])[0], traced))
         if "from_video" in given.keys():
             jobs = traced, read_json(given.store[at]), read_json(given.retrieve[at])
-            grids.append(files.grid_row(wide, views, load_stack(given.from_video[at])[0], jobs))
+            grids.append(study.grid_row(wide, views, load_stack(given.from_video[at])[0], jobs))
     rows = study.scene_rows(
         tracer, wide, stopped, grids, params.study, progress=log_progress("parts")
     )

@@ -3,15 +3,16 @@
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean
-from lfcore.evaluation.stability import extents, lenses, light, primitives, shadows
+from lfcore.evaluation.stability import lenses, light, primitives, shadows
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
 
 CASES: tuple[Case, ...] = (
     primitives.edge_rays, primitives.vertex_rays, primitives.any_vertex_rays,
-    extents.triangle_sizes, extents.lens_samples, extents.far_from_the_origin, extents.long_rays,
-    extents.tiny_triangles, extents.large_triangles, extents.scaled_scene, extents.far_sphere,
+    primitives.triangle_sizes, primitives.lens_samples, primitives.far_from_the_origin,
+    primitives.long_rays, primitives.tiny_triangles, primitives.large_triangles,
+    primitives.scaled_scene, primitives.far_sphere,
     primitives.needles, primitives.nearly_coplanar, primitives.grazing,
     primitives.axes, primitives.any_axes, primitives.flat_boxes,
     shadows.self_shadow, shadows.far_self_shadow, shadows.thin_gap, shadows.thin_gap_far,

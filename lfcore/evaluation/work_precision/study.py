@@ -1,15 +1,194 @@
-"""All points of one scene."""
+"""All points of one scene: traced, stored, and by Mitsuba 3 and POV-Ray.
 
-from collections.abc import Iterable, Iterator, Mapping
+The cost of a light field file is that of recording, reading and forming all planes.
 
-from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision.files import codec_rows, recorded_row
+The peers' seconds are those for a quality, each against its own true picture: their shading is not
+ours (no ambient light in Mitsuba, no Blinn-Phong), so a common truth would show that difference and
+not the error of their sampling.  They trace every picture separately, with independent samples over
+pixel and lens: squared error falls with the number of samples.  A small picture with few samples
+therefore predicts the cost of a large picture with many.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import lfcore
+from lfcore.evaluation import renderers
+from lfcore.evaluation.renderers import Rendered
+from lfcore.evaluation.true_picture import Reference, inner_psnr
 from lfcore.evaluation.work_precision.in_memory import memory_rows
-from lfcore.evaluation.work_precision.on_the_fly import by_depth_rows, nearest_rows, quality_rows
-from lfcore.evaluation.work_precision.peers import peer_rows
+from lfcore.evaluation.work_precision.on_the_fly import (
+    BY_DEPTH,
+    NEAREST,
+    by_depth_rows,
+    nearest_rows,
+    quality_rows,
+)
+from lfcore.evaluation.work_precision.points import (
+    COLUMNS,
+    FROM_FILE,
+    ON_THE_FLY,
+    core_clock,
+    point,
+    timed_point,
+)
+from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lattice import Lattice
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels, Size
 from lfcore.progress import Progress, silent
+from lfcore.rendering.prepared import hierarchy_of
+from lfcore.scene.model import Scene
+from lfcore.storage.codecs import Encoding
+from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
+
+
+def recorded_row(
+    scene: Scene,
+    reference: Reference,
+    lattice: Lattice,
+    device: Device,
+    *,
+    method: str = BY_DEPTH,
+    setting: str = "",
+    encoding: Encoding | None = None,
+) -> dict:
+    """A row of the rays ``lattice`` with their depths, recorded to a file and read again.
+
+    ``setting``, the name of the point, is ``lattice`` by default.
+    """
+    hierarchy_of(scene)  # the clock counts rays and frames, not the tree
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "lightfield.mkv"
+
+        def record() -> None:
+            lfcore.record(
+                scene, file, views=lattice, pixels=reference.size, encoding=encoding,
+                device=device,
+            ).close()  # fmt: skip
+
+        def read() -> np.ndarray:
+            with lfcore.LightField.open(file) as field:
+                return field.refocus_many(reference.planes, device=device)
+
+        _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
+        return timed_point(
+            reference, read, device, panel=FROM_FILE, method=method,
+            setting=setting or str(lattice), rays=lattice.rays(reference.size),
+            record_seconds=seconds, bytes=file.stat().st_size,
+        )  # fmt: skip
+
+
+def codec_rows(
+    scene: Scene,
+    reference: Reference,
+    lattice: Lattice,
+    codecs: Sequence[Mapping],
+    crfs: Sequence[float],
+    device: Device,
+) -> Iterator[dict]:
+    """Rows of the same rays by codec and CRF; ``crf_offset`` of a codec is added to its CRF."""
+    for codec in codecs:
+        own = ("codec", "preset", "pixel_format")
+        settings = {key: codec[key] for key in own if codec.get(key) is not None}
+        for crf in crfs:
+            crf = float(crf + codec.get("crf_offset", 0))
+            yield recorded_row(
+                scene, reference, lattice, device, method=f"{lattice}, {codec['name']}",
+                setting=f"CRF {crf:g}", encoding=Encoding(crf=crf, **settings),
+            )  # fmt: skip
+
+
+def traced_grid(reference: Reference, views: int, pictures: np.ndarray, traced: Mapping) -> dict:
+    """The row of the workflow's own pictures of N = ``views``, formed while tracing.
+
+    ``traced`` is the record of the tracing.
+    """
+    return point(
+        reference, pictures, panel=ON_THE_FLY, method=NEAREST, setting=f"{views} x 1",
+        rays=traced["rays"], seconds=traced["seconds"],
+    )  # fmt: skip
+
+
+def grid_row(
+    reference: Reference, views: int, pictures: np.ndarray, jobs: Sequence[Mapping]
+) -> dict:
+    """The row of the workflow's own light field of N = ``views`` without depth.
+
+    ``pictures`` are formed from the file; ``jobs`` are the records of tracing, storing and
+    retrieving it.
+    """
+    traced, stored, retrieved = jobs
+    return point(
+        reference, pictures, panel=FROM_FILE, method=NEAREST, setting=f"{views} x 1",
+        rays=traced["rays"], seconds=retrieved["seconds"] * retrieved["threads"],
+        record_seconds=traced["seconds"] + stored["encode_seconds"] + stored["join_seconds"],
+        bytes=stored["video_bytes"],
+    )  # fmt: skip
+
+
+PEERS = {"Mitsuba 3": renderers.mitsuba, "POV-Ray": renderers.povray}
+PIXELS = 24
+"""The side of the pictures that are rendered; time is proportional to the number of pixels."""
+SAMPLES, TRUE_SAMPLES = 4, 16
+"""Samples per side of a pixel: the truth has 16 times as many, so its error is 12 dB lower."""
+
+
+def peer_rows(
+    scene: Scene,
+    planes: Sequence[SensorPlane],
+    pixels: Pixels,
+    targets_db: Sequence[float],
+    *,
+    peers: dict[str, Callable[..., Rendered]] = PEERS,
+) -> Iterator[dict]:
+    """A row per renderer and target: predicted samples and seconds for all planes together.
+
+    ``expected_db`` is the target.  A renderer that is not installed, or cannot show the scene, has
+    one row whose ``note`` says why.
+    """
+    area = math.prod(Size.of(pixels))
+    dark = replace(scene, ambient=(0.0, 0.0, 0.0))
+    for method, renderer in peers.items():
+        context = {"panel": ON_THE_FLY, "f_number": planes[0].f_number, "method": method}
+        sampled, note = _sampled(renderer, dark, planes)
+        if note:
+            yield dict.fromkeys(COLUMNS) | context | {"note": note}
+            continue
+        for target in targets_db:
+            samples = [
+                math.ceil(SAMPLES**2 * 10 ** ((target - psnr_db) / 10)) for psnr_db, _ in sampled
+            ]
+            per_sample = [seconds * area for _, seconds in sampled]
+            yield dict.fromkeys(COLUMNS) | context | {
+                "setting": f"{target:g} dB", "rays_per_pixel": sum(samples),
+                "rays": sum(samples) * area, "expected_db": target,
+                "seconds": float(np.dot(samples, per_sample)),
+            }  # fmt: skip
+
+
+def _sampled(
+    renderer: Callable[..., Rendered], scene: Scene, planes: Sequence[SensorPlane]
+) -> tuple[list[tuple[float, float]], str]:
+    """For each plane the PSNR in dB of a few samples, and the seconds per pixel and sample; or
+    nothing, and the reason."""
+    found = []
+    for plane in planes:
+        few, true = (renderer(scene, plane, PIXELS, side) for side in (SAMPLES, TRUE_SAMPLES))
+        for one in (few, true):
+            if one.picture is None:
+                return [], one.note
+        # The measured difference includes the truth's own error, of 16 times as many samples.
+        apart = inner_psnr(*(np.asarray(one.picture, float) for one in (few, true)))
+        own = apart + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)
+        found.append((own, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
+    return found, ""
 
 
 def scene_rows(
