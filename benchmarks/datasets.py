@@ -27,10 +27,9 @@ from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, views
-from lfcore.datasets.batch import make_batch
+from lfcore.datasets.batch import StoredItem, make_batch, stored_items
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import sample
-from lfcore.datasets.stored import StoredItem, stored_items
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.lattice import Lattice

@@ -6,7 +6,7 @@ import nbformat
 import pytest
 
 import lfcore
-from docs.site import command_line, notebooks
+from docs.site import command_line, extension
 from docs.site.extension import ELSEWHERE
 from docs.site.pages import PAGES, ROOT, Block, Page, PageError, run
 from lfcore.cli import COMMANDS
@@ -55,7 +55,7 @@ def test_every_public_name_is_on_the_page():
 def test_a_notebook_has_the_pages_code(name, tmp_path):
     page = Page.read(name)
     assert "<!-- notebook -->" in page.text
-    made = nbformat.read(notebooks.write(page, tmp_path), 4)
+    made = nbformat.read(extension.write_notebook(page, tmp_path), 4)
     nbformat.validate(made)
     cells = [cell.source for cell in made.cells if cell.cell_type == "code"]
     for block in page.blocks:

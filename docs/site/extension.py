@@ -1,6 +1,6 @@
 """The manual's own extension of Sphinx: pages are run, and their output is put in.
 
-The files that a page makes are in build/docs/pages/NAME.
+The files that a page makes are in build/docs/pages/NAME, notebooks of tutorials among them.
 """
 
 import html
@@ -8,8 +8,45 @@ import re
 import shutil
 from pathlib import Path
 
-from docs.site import notebooks
-from docs.site.pages import PAGES, PICTURE, ROOT, VIEWER, Page, run
+import nbformat
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+from docs.site.pages import LANGUAGES, PAGES, PICTURE, ROOT, VIEWER, Page, run
+
+CODE = re.compile(rf"^```({'|'.join(LANGUAGES)})\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMENT = re.compile(r"^<!-- .*? -->$", re.MULTILINE)
+SHOW = {
+    PICTURE: r'```python\nfrom IPython.display import Image\n\nImage("\1")\n```',
+    VIEWER: r'```python\nfrom IPython.display import IFrame\n\nIFrame("\1", "100%", 640)\n```',
+}
+
+
+def notebook(page: Page) -> nbformat.NotebookNode:
+    """The page as cells: text, commands for the shell, Python, and the pictures, shown."""
+    text = page.text
+    for what, code in SHOW.items():
+        text = what.sub(code, text)
+    words, *rest = CODE.split(COMMENT.sub("", text))
+    cells = [new_markdown_cell(words.strip())]
+    for language, code, words in zip(rest[::3], rest[1::3], rest[2::3], strict=True):
+        cells.append(new_code_cell(("%%bash\n" if language == "bash" else "") + code.strip()))
+        if words.strip():
+            cells.append(new_markdown_cell(words.strip()))
+    for number, cell in enumerate(cells):
+        cell["id"] = f"{page.name}-{number}"  # the same notebook each time it is made
+    kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    return new_notebook(cells=cells, metadata=kernel)
+
+
+def write_notebook(page: Page, folder: Path) -> Path:
+    """Write NAME.ipynb into the folder."""
+    made = notebook(page)
+    nbformat.validate(made)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{page.name}.ipynb"
+    path.write_text(nbformat.writes(made), encoding="utf-8")
+    return path
+
 
 MADE = ROOT / "build" / "docs" / "pages"
 NOTEBOOK = re.compile(r"^<!-- notebook -->$", re.MULTILINE)
@@ -54,7 +91,7 @@ def finished(name: str, depth: int) -> str:
     text = PICTURE.sub(lambda found: _figure(place, *found.groups()), text)
     text = VIEWER.sub(lambda found: _frame(name, depth, *found.groups()), text)
     if NOTEBOOK.search(text):
-        file = notebooks.write(page, MADE.parent / "notebooks")
+        file = write_notebook(page, MADE.parent / "notebooks")
         link = f"{up}{file.relative_to(ROOT).as_posix()}"
         text = NOTEBOOK.sub(f"This page as a notebook: {{download}}`{file.name} <{link}>`.", text)
     return text

@@ -1,6 +1,7 @@
 """A job's scenes: each a tar file as soon as it is made, all together one shard of WebDataset's.
 
-A killed job finds its scenes again by the digest of what they are made from.
+A killed job finds its scenes again by the digest of what they are made from.  Items are read from
+shards field by field.
 """
 
 from __future__ import annotations
@@ -9,17 +10,26 @@ import io
 import json
 import shutil
 import tarfile
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
+
+import numpy as np
 
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import Item, make_item, place_of
 from lfcore.errors import OpticsError, SceneError, StorageError
+from lfcore.exchange.pictures import read_pfm
+from lfcore.exr import read_exr
 from lfcore.files import cannot_write, make_folder, whole_file, write_json
 from lfcore.opencl.device import Device
+from lfcore.pictures import read_codes
 
 PARTS = ("scene", "files")
 """The parts of an item's core seconds; the rest is rays and pictures."""
@@ -121,3 +131,44 @@ def unpack(description: Description, shards: Iterable[str | Path], folder: Path)
                 file.write_bytes(data)
             except OSError as error:
                 raise cannot_write(file, error) from None
+
+
+@dataclass(frozen=True)
+class StoredItem:
+    """The files of one item by their field."""
+
+    index: int
+    files: dict[str, bytes] = field(repr=False)
+
+    @cached_property
+    def record(self) -> dict[str, Any]:
+        return json.loads(self.files["json"])
+
+    def pictures(self) -> list[str]:
+        """The fields that are pictures, in order."""
+        return [name for name in self.files if name.endswith((".tif", ".png"))]
+
+    def codes(self, name: str) -> np.ndarray:
+        """(H, W, 3) uint8."""
+        return self._read(name, read_codes)
+
+    def floats(self, name: str) -> np.ndarray:
+        """(H, W) float32 of an EXR, the first channel, or of a PFM."""
+        if name.endswith(".pfm"):
+            return self._read(name, read_pfm)
+        return self._read(name, lambda file: read_exr(file)[0][..., 0].astype(np.float32))
+
+    def _read(self, name: str, read: Callable[[Path], np.ndarray]) -> np.ndarray:
+        with tempfile.NamedTemporaryFile(suffix=Path(name).suffix) as file:
+            file.write(self.files[name])
+            file.flush()
+            return read(Path(file.name))
+
+
+def stored_items(shards: Iterable[str | Path], indices: Iterable[int]) -> Iterator[StoredItem]:
+    """Some items, one at a time."""
+    wanted = set(indices)
+    for shard in shards:
+        for index, group in groupby(members(shard), lambda one: int(one[0].partition(".")[0])):
+            if index in wanted:
+                yield StoredItem(index, {name.partition(".")[2]: data for name, data in group})

@@ -1,9 +1,12 @@
-"""Trials of a data set: depth by simple methods, and the usual imitation of a lens."""
+"""Trials of a data set: depth by simple methods, and the usual imitation of a lens.
+
+They show what the data are for, and what the usual way of making focal stacks gets wrong.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -12,13 +15,138 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from lfcore.datasets import baselines
+from lfcore.colour import srgb_decode, srgb_encode
+from lfcore.datasets.batch import StoredItem
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import blur_px
-from lfcore.datasets.stored import StoredItem
 from lfcore.evaluation.page import Section
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
+
+WINDOW = 9
+"""The side of the window that a focus measure is summed over, pixels."""
+LAYERS = 16
+"""The layers of inverse depth that are blurred one by one."""
+EDGE_PX = 1.0
+"""The step of the blur, pixels, from which on a step of depth is an occlusion edge."""
+
+
+def focus_measure(picture: np.ndarray) -> np.ndarray:
+    """(H, W) sum-modified Laplacian of a picture (H, W, 3) of sRGB-encoded values.
+
+    Source: Pertuz, Puig, Garcia, "Analysis of focus measure operators for shape-from-focus",
+    Pattern Recognition 2013, LAP2.
+    """
+    grey = cv2.cvtColor(np.ascontiguousarray(picture, np.float32), cv2.COLOR_RGB2GRAY)
+    kernel = np.array([[-1, 2, -1]], np.float32)
+    across, down = (np.abs(cv2.filter2D(grey, -1, k)) for k in (kernel, kernel.T))
+    return cv2.boxFilter(across + down, -1, (WINDOW, WINDOW))
+
+
+def depth_from_focus(stack: np.ndarray, focus_m: Sequence[float]) -> np.ndarray:
+    """(H, W) inverse depth, 1/m, of the sharpest of (P, H, W, 3) pictures.
+
+    A parabola through the logarithm of three measures refines it (Nayar and Nakagawa, 1994, with a
+    Gaussian), in dioptres.
+    """
+    measures = np.log(np.stack([focus_measure(picture) for picture in stack]) + 1e-6)
+    inverse, best = 1 / np.asarray(focus_m), measures.argmax(0)
+    middle = best.clip(1, len(stack) - 2)
+    (x0, y0), (x1, y1), (x2, y2) = (
+        (inverse[k], np.take_along_axis(measures, k[None], 0)[0])
+        for k in (middle - 1, middle, middle + 1)
+    )
+    # Newton's form; its slope is 0 at the top.
+    first, second = (y1 - y0) / (x1 - x0), (y2 - y1) / (x2 - x1)
+    bend = (second - first) / (x2 - x0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        top = (x0 + x1) / 2 - first / (2 * bend)
+    inside = (best == middle) & (bend < 0)
+    return np.where(inside, top.clip(np.minimum(x0, x2), np.maximum(x0, x2)), inverse[best])
+
+
+def plane_sweep(views: Mapping[tuple[int, int], np.ndarray], disparities: np.ndarray) -> np.ndarray:
+    """(H, W) disparity, pixels per view, at which views agree best with the middle one.
+
+    ``views`` are (H, W) grey by columns and rows from the middle, (0, 0); a point moves against
+    them (:func:`lfcore.rendering.depth.disparity`).  ``disparities`` are tried, evenly, and a
+    parabola through three costs refines the best.
+
+    Source: Collins, "A space-sweep approach to true multi-image matching", CVPR 1996.
+    """
+    middle, costs = views[0, 0], []
+    height, width = middle.shape
+    for tried in disparities.tolist():
+        cost = np.zeros_like(middle)
+        for (right, down), view in views.items():
+            move = np.array([[1, 0, -tried * right], [0, 1, -tried * down]])
+            moved = cv2.warpAffine(
+                view, move, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            cost += np.abs(moved - middle)
+        costs.append(cv2.boxFilter(cost, -1, (WINDOW, WINDOW)))
+    every = np.stack(costs)
+    best = every.argmin(0).clip(1, len(every) - 2)
+    low, at, high = (np.take_along_axis(every, best[None] + k, 0)[0] for k in (-1, 0, 1))
+    bend = np.maximum(low - 2 * at + high, 1e-9)
+    step = disparities[1] - disparities[0]
+    return disparities[best] + step * ((low - high) / (2 * bend)).clip(-1, 1)
+
+
+def blurred_by_layers(sharp: np.ndarray, blur_px: np.ndarray) -> np.ndarray:
+    """(H, W, 3) linear light: the usual imitation of a lens.
+
+    The sharp picture (H, W, 3), linear light, is cut into layers by ``blur_px``, the signed
+    diameter of blur; each is blurred by a Gaussian of the variance of that disc and laid over what
+    is behind it.
+    """
+    edges = np.linspace(blur_px.min() - 1e-6, blur_px.max() + 1e-6, LAYERS + 1)
+    layer = np.digitize(blur_px, edges) - 1
+    out = np.zeros_like(sharp)
+    weight = np.zeros((*sharp.shape[:2], 1), np.float32)
+    for number in range(LAYERS - 1, -1, -1):  # the largest is the farthest
+        mask = (layer == number).astype(np.float32)
+        if not mask.any():
+            continue
+        sigma = float(np.abs(blur_px[layer == number]).mean()) / 4  # of a disc: diameter / 4
+        part = np.dstack([sharp * mask[..., None], mask])
+        if sigma > 0.1:
+            part = cv2.GaussianBlur(part, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+        cover = part[..., 3:]
+        out, weight = out * (1 - cover) + part[..., :3], weight * (1 - cover) + cover
+    return out / np.maximum(weight, 1e-6)
+
+
+def occlusion_edges(blur_px: np.ndarray) -> np.ndarray:
+    """(H, W) bool: pixels within reach of the blur of a step of depth."""
+    kernel = np.ones((3, 3), np.uint8)
+    step = cv2.dilate(blur_px, kernel) - cv2.erode(blur_px, kernel)
+    reach = 2 * round(float(np.abs(blur_px).max()) / 2) + 3
+    return cv2.dilate((step > EDGE_PX).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+
+
+def psnr_db(found: np.ndarray, expected: np.ndarray, where: np.ndarray) -> float:
+    """PSNR of linear light as sRGB, over some of the pixels; NaN over none."""
+    if not where.any():
+        return float("nan")
+    error = srgb_encode(found[where].astype(np.float64)) - srgb_encode(
+        expected[where].astype(np.float64)
+    )
+    return float(-10 * np.log10(max(np.square(error).mean(), 1e-12)))
+
+
+def texture_of(sharp: np.ndarray) -> np.ndarray:
+    """(H, W): local standard deviation of uint8 codes, 0 to 255."""
+    grey = cv2.cvtColor(sharp, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    mean, square = (cv2.boxFilter(g, -1, (WINDOW, WINDOW)) for g in (grey, grey * grey))
+    return np.sqrt(np.maximum(square - mean * mean, 0))
+
+
+def linear(codes: np.ndarray) -> np.ndarray:
+    """Linear light, float32, of uint8 codes."""
+    return srgb_decode(codes).astype(np.float32)
+
 
 BLURS_PX = (0, 0.5, 1, 2, 4, 8)
 DISPARITIES_PX = (0, 0.25, 0.5, 1, 2, 4)
@@ -83,7 +211,7 @@ class DepthFromFocus(Trial):
 
     def add(self, item: StoredItem) -> None:
         stack, depth, camera, focus = _stack(item)
-        found = baselines.depth_from_focus(stack / np.float32(255), focus)
+        found = depth_from_focus(stack / np.float32(255), focus)
         inverse, planes = 1 / depth.astype(np.float64), 1 / np.array(focus)
         plane, true_plane = (
             np.abs(planes[:, None, None] - one).argmin(0) for one in (found, inverse)
@@ -91,7 +219,7 @@ class DepthFromFocus(Trial):
         blur = np.min([np.abs(blur_px(camera, self.of.pixels, depth, f)) for f in focus], 0) / 2
         self.rows.append(pd.DataFrame({
             "blur radius, px": blur.ravel(), "error": np.abs(found - inverse).ravel(),
-            "texture": baselines.texture_of(item.codes("sharp.tif")).ravel(),
+            "texture": texture_of(item.codes("sharp.tif")).ravel(),
             "good": (plane == true_plane).ravel(),
         }))  # fmt: skip
 
@@ -121,11 +249,11 @@ class PlaneSweep(Trial):
                 grey = cv2.cvtColor(codes, cv2.COLOR_RGB2GRAY).astype(np.float32)
                 views[i - middle, j - middle] = grey
                 if k == middle:
-                    texture = baselines.texture_of(codes)
+                    texture = texture_of(codes)
         true = item.floats("gt_disp_lowres.pfm")
         low, high = item.record["disparity_px"]
         tried = np.linspace(low, high, SWEPT)
-        error = np.abs(baselines.plane_sweep(views, tried) - true)
+        error = np.abs(plane_sweep(views, tried) - true)
         self.rows.append(pd.DataFrame({
             "disparity, px": np.abs(true).ravel(), "texture": texture.ravel(),
             "error": error.ravel(), "good": (error < BAD_PX).ravel(),
@@ -151,13 +279,13 @@ class Layers(Trial):
 
     def add(self, item: StoredItem) -> None:
         stack, depth, camera, focus = _stack(item)
-        sharp = baselines.linear(item.codes("sharp.tif"))
+        sharp = linear(item.codes("sharp.tif"))
         for codes, distance in zip(stack, focus, strict=True):
             blur = blur_px(camera, self.of.pixels, depth, distance)
-            made, true = baselines.blurred_by_layers(sharp, blur), baselines.linear(codes)
-            edges = baselines.occlusion_edges(blur)
+            made, true = blurred_by_layers(sharp, blur), linear(codes)
+            edges = occlusion_edges(blur)
             parts = {"all": np.ones_like(edges), "edges": edges, "elsewhere": ~edges}
-            row = {f"{k}, dB": baselines.psnr_db(made, true, v) for k, v in parts.items()}
+            row = {f"{k}, dB": psnr_db(made, true, v) for k, v in parts.items()}
             self.rows.append(pd.DataFrame([{"focus, m": distance} | row]))
             if row["edges, dB"] < self.worst_db:
                 self.worst_db = row["edges, dB"]

@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.exchange import folder, pictures, posed
 from lfcore.exchange.grid import ExchangeError, Geometry, Order, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.nerfstudio import TO_WORLD, load_json
-from lfcore.exchange.parallel import parallel_views
+from lfcore.exchange.posed import parallel_views
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture

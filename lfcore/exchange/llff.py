@@ -16,7 +16,7 @@ import numpy as np
 
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions, unreadable
-from lfcore.exchange.parallel import parallel_views
+from lfcore.exchange.posed import parallel_views
 from lfcore.exchange.source import Source
 from lfcore.pictures import write_picture
 

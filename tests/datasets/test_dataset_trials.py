@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from lfcore.datasets import baselines
+from lfcore.datasets import trials
 from lfcore.datasets.batch import make_batch
-from lfcore.datasets.card import RECORDS, tables
+from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
-from lfcore.datasets.report import write_report
 
 
 @pytest.fixture
@@ -23,7 +22,7 @@ def test_plane_sweep_finds_the_disparity(noise, disparity):
         (i, j): shift(smooth, (-disparity * j, -disparity * i), order=3, mode="nearest")
         for i, j in ((-1, 0), (0, 0), (1, 0), (0, -1), (0, 1))
     }
-    found = baselines.plane_sweep(views, np.linspace(-2, 2, 41))
+    found = trials.plane_sweep(views, np.linspace(-2, 2, 41))
     assert np.abs(found - disparity)[8:-8, 8:-8].max() < 0.05
 
 
@@ -34,16 +33,16 @@ def test_the_sharpest_plane_is_found_between_pictures(noise):
     stack = np.stack([
         np.repeat(gaussian_filter(sharp, abs(1 / f - true))[..., None], 3, 2) for f in focus
     ])  # fmt: skip
-    found = baselines.depth_from_focus(stack, focus)[12:-12, 12:-12]
+    found = trials.depth_from_focus(stack, focus)[12:-12, 12:-12]
     assert np.abs(np.median(found) - true) < 0.2
 
 
 def test_layers_of_one_depth_are_one_blur(noise):
     sharp = np.repeat(noise[..., None], 3, 2)
-    blurred = baselines.blurred_by_layers(sharp, np.full((64, 64), 8.0))
+    blurred = trials.blurred_by_layers(sharp, np.full((64, 64), 8.0))
     assert np.abs(blurred - gaussian_filter(sharp, (2, 2, 0), mode="nearest")).max() < 0.01
     step = np.where(np.arange(64) < 32, 0.0, 8.0) * np.ones((64, 1))
-    edges = baselines.occlusion_edges(step)
+    edges = trials.occlusion_edges(step)
     assert edges[:, 28:36].all() and not edges[:, :20].any()
 
 

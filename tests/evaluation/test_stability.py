@@ -9,10 +9,10 @@ import pytest
 from lfcore import DeviceError, SceneError, StorageError, Tracer
 from lfcore.evaluation.stability import (
     lenses,
+    light,
     measurement,
     naive,
     primitives,
-    shadows,
     shapes,
     tested_tracer,
 )
@@ -129,7 +129,7 @@ def test_naive_methods_fail_where_the_cases_say():
     vertex = list(primitives.vertex_rays(ORACLE))
     assert max(row.naive_error for row in vertex) > 0.01
     assert max(row.naive_error for row in primitives.axes(ORACLE)) > 0.1
-    for case in (shadows.thin_gap, shadows.thin_gap_far):
+    for case in (light.thin_gap, light.thin_gap_far):
         assert max(row.naive_error for row in case(ORACLE)) > 0.1
     focus = {row.value: row.naive_error for row in lenses.focus_to_infinity(ORACLE)}
     assert focus[1.0] < 4 and focus[1e20] == NO_ANSWER

@@ -13,7 +13,7 @@ from stored_fields import write_field
 
 from lfcore import Encoding, FrameLayout, OpticsError, SensorPlane, Slab, StorageError
 from lfcore.evaluation.metrics import psnr, ssim
-from lfcore.evaluation.storage import layouts, rate_distortion, retrieval
+from lfcore.evaluation.storage import rate_distortion, retrieval
 from lfcore.evaluation.storage.figures import (
     layouts_figure,
     rate_distortion_figure,
@@ -112,9 +112,9 @@ def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample)
 
 @given(views=st.integers(4, 512), pixels=st.integers(16, 128))
 def test_every_layout_is_shown_once_and_the_default_is_among_them(views, pixels):
-    found = list(layouts.layouts(views, pixels, [1, 2, 4, 8]))
+    found = list(rate_distortion.layouts(views, pixels, [1, 2, 4, 8]))
     assert len(set(found)) == len(found)
-    assert sum(layouts.is_default(layout, pixels) for layout in found) == 1
+    assert sum(rate_distortion.is_default(layout, pixels) for layout in found) == 1
     assert {layout.order for layout in found if layout.kind == "views"} == {
         "raster", "serpentine", "hilbert"
     }  # fmt: skip
@@ -168,8 +168,8 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path, drawn, shows):
 
 @pytest.mark.kernels
 def test_layouts_of_a_scene(chart, tmp_path, drawn, shows):
-    rows = layouts.layout_rows(chart, 32, views=[16], rays=1, packs=[1, 2])
-    table = table_of(rows, layouts.COLUMNS)
+    rows = rate_distortion.layout_rows(chart, 32, views=[16], rays=1, packs=[1, 2])
+    table = table_of(rows, rate_distortion.LAYOUT_COLUMNS)
     assert len(table) == 3 + 3 + 2 and table.is_default.sum() == 1
     assert (table.raw_bytes_float32 == 12 * 256 * 256).all() and (table.psnr_frames_db > 20).all()
     layouts_figure(tmp_path / "layouts.png", table)

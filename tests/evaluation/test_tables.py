@@ -7,12 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lfcore.evaluation.scene_records import Resolution, scene_records
 from lfcore.evaluation.table_files import human_bytes, readable, write_csv, write_markdown
 from lfcore.evaluation.tables import (
+    Resolution,
     TableError,
     make_table,
     read_records,
+    scene_records,
     sizes,
     thesis_figures,
 )

@@ -1,7 +1,7 @@
 """A study on camera arrays: its sheets of pictures, and what was measured."""
 
 from lfcore.evaluation.assignment.book import book
-from lfcore.evaluation.assignment.studies import sampling, see_through, time
+from lfcore.evaluation.assignment.reconstruction import sampling, see_through, time
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device

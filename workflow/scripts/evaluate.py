@@ -1,6 +1,6 @@
 """Rows of the thesis's tables for one scene: pictures against pictures, seconds, sizes."""
 
-from lfcore.evaluation.scene_records import Resolution, scene_records
+from lfcore.evaluation.tables import Resolution, scene_records
 from lfcore.files import write_json
 from lfcore.workflow.job import job
 

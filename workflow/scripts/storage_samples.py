@@ -1,7 +1,6 @@
 """Samples of one scene's light fields, stored in every layout or at every rate."""
 
-from lfcore.evaluation.storage.layouts import layout_rows
-from lfcore.evaluation.storage.rate_distortion import rate_rows
+from lfcore.evaluation.storage.rate_distortion import layout_rows, rate_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean
-from lfcore.evaluation.stability import lenses, light, primitives, shadows
+from lfcore.evaluation.stability import lenses, light, primitives
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
@@ -15,7 +15,7 @@ CASES: tuple[Case, ...] = (
     primitives.scaled_scene, primitives.far_sphere,
     primitives.needles, primitives.nearly_coplanar, primitives.grazing,
     primitives.axes, primitives.any_axes, primitives.flat_boxes,
-    shadows.self_shadow, shadows.far_self_shadow, shadows.thin_gap, shadows.thin_gap_far,
+    light.self_shadow, light.far_self_shadow, light.thin_gap, light.thin_gap_far,
     lenses.near_the_focal_length, lenses.focus_to_infinity,
     lenses.apertures, lenses.refocus_shifts, lenses.accumulation,
     light.bright_texel, light.closed_room, light.albedo, light.slit, light.scaled_light,

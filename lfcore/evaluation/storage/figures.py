@@ -27,7 +27,7 @@ ERROR_GAIN = 8
 def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
     """Bits per ray against PSNR of the refocused pictures: a row per N, a column per scene.
 
-    ``table`` is that of :mod:`lfcore.evaluation.storage.layouts`.
+    ``table`` is that of :mod:`lfcore.evaluation.storage.rate_distortion`.
     """
     packs = "macropixels, " + table.pack.astype(str) + " x " + table.pack.astype(str)
     table = table.assign(name=packs.where(table.layout != "views", "views"))
