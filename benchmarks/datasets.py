@@ -22,7 +22,7 @@ import pandas as pd
 
 from benchmarks.measured.rows import say
 from benchmarks.peers.cycles_lens import CyclesLens, matt
-from benchmarks.peers.mitsuba_lens import Samples
+from benchmarks.peers.method import Samples
 from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode

@@ -28,7 +28,7 @@ import pandas as pd
 from benchmarks.measured.rows import say
 from benchmarks.measured.scenes import SCENES
 from benchmarks.peers.cycles_lens import matt
-from benchmarks.peers.mitsuba_lens import Samples
+from benchmarks.peers.method import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath
 from benchmarks.publish import Result, of_this_run, read_result
 from docs.examples.sky import sky

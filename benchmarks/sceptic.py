@@ -26,8 +26,8 @@ import pandas as pd
 from benchmarks.measured.rows import say
 from benchmarks.measured.scenes import SCENES
 from benchmarks.peers.cycles_lens import CyclesLens, matt
-from benchmarks.peers.method import SkippedError
-from benchmarks.peers.mitsuba_lens import MitsubaLens, Samples
+from benchmarks.peers.method import Samples, SkippedError
+from benchmarks.peers.mitsuba_lens import MitsubaLens
 from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure

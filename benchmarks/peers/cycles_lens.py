@@ -10,17 +10,14 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import SkippedError, check_installed
-from benchmarks.peers.mitsuba_lens import Samples, check_plain
+from benchmarks.peers.method import Renderer, Samples, check_installed
+from benchmarks.peers.mitsuba_lens import check_plain
 from lfcore.exr import read_exr_picture
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
@@ -37,8 +34,8 @@ def matt(scene: Scene) -> Scene:
     return replace(scene, materials=plain)
 
 
-class CyclesLens:
-    """Pictures of a matt scene by Cycles, in a process of its own.
+class CyclesLens(Renderer):
+    """Pictures of a matt scene by Cycles.
 
     Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
     """
@@ -46,19 +43,7 @@ class CyclesLens:
     def __init__(self, scene: Scene, threads: int):
         check_installed("bpy")
         check_plain(scene)
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, (scene, threads))
-        try:
-            self.version = self._pool.submit(_version).result()
-        except (BrokenProcessPool, ImportError) as error:
-            self.close()
-            raise SkippedError(f"the package bpy does not run ({error})") from None
-
-    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
-        """((pixels, pixels, 3) float32 linear light, core seconds)."""
-        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
-
-    def close(self) -> None:
-        self._pool.shutdown()
+        super().__init__(_open, (scene, threads), _picture, "the package bpy")
 
 
 def _open(scene: Scene, threads: int) -> None:
@@ -83,10 +68,6 @@ def _open(scene: Scene, threads: int) -> None:
     blender.camera = bpy.data.objects.new("camera", camera)
     blender.collection.objects.link(blender.camera)
     _here.update(bpy=bpy, folder=tempfile.TemporaryDirectory(prefix="cycles-"))
-
-
-def _version() -> str:
-    return _here["bpy"].app.version_string
 
 
 def _world(bpy, blender, scene: Scene) -> None:

@@ -1,11 +1,15 @@
-"""A measured method, and one run of it."""
+"""A measured method and one run of it, and renderers in processes of their own."""
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from multiprocessing import get_context
 
 from lfcore import timing
+from lfcore.optics.camera import Camera
 
 
 class SkippedError(Exception):
@@ -50,3 +54,39 @@ def clocked(work: Callable[[], object], rays: int) -> Run:
     """Run ``work`` in this process under both clocks."""
     (_, cpu), wall = timing.clocked(lambda: timing.clocked(work, clock=time.process_time))
     return Run(wall, cpu, rays)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A renderer's settings: samples per pixel, Mitsuba's sampler, and the denoiser's input if any.
+
+    ``denoise`` is ``""``, ``"picture"``, or ``"auxiliary"`` with albedo and normals.
+    """
+
+    per_pixel: int
+    sampler: str = "multijitter"
+    denoise: str = ""
+
+
+class Renderer:
+    """A scene in another renderer, in a process of its own, that ``prepare(*arguments)`` loads.
+
+    ``render(camera, pixels, samples, seed)`` makes a picture there.  Raises :class:`SkippedError`
+    where the process does not begin, with what it ``needs``.
+    """
+
+    def __init__(self, prepare: Callable, arguments: tuple, render: Callable, needs: str):
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), prepare, arguments)
+        self._render = render
+        try:
+            self._pool.submit(int).result()
+        except BrokenProcessPool as error:
+            self.close()
+            raise SkippedError(f"does not run, see above ({error}); it needs {needs}") from None
+
+    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
+        """((pixels, pixels, 3) float32 linear light, core seconds)."""
+        return self._pool.submit(self._render, camera, pixels, samples, seed).result()
+
+    def close(self) -> None:
+        self._pool.shutdown()

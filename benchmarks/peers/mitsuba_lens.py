@@ -7,44 +7,24 @@ filtered by a footprint.  Shading is that of `lfcore.oracle.shading`, as a small
 
 from __future__ import annotations
 
-import os
-import time
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import SkippedError, check_installed
-from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
+from benchmarks.peers.method import Renderer, Samples, SkippedError, check_installed
+from benchmarks.peers.mitsuba_picture import NEEDS, chosen_llvm, render, start
 from lfcore.colour import srgb_decode
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
 from lfcore.scene.mitsuba import thin_lens
 from lfcore.scene.model import Scene
 
-PASS_RAYS = 1 << 24
-"""The most rays of a pass; more take Mitsuba tens of bytes each and are no faster."""
 LEAST_ROUGHNESS = 0.05
 _here: dict[str, Any] = {}
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Mitsuba's settings: samples per pixel, its sampler, and the denoiser's input if there is one.
-
-    ``denoise`` is ``""``, ``"picture"``, or ``"auxiliary"`` with albedo and normals.
-    """
-
-    per_pixel: int
-    sampler: str = "multijitter"
-    denoise: str = ""
-
-
-class MitsubaLens:
-    """Pictures of a scene by Mitsuba, in a process of its own.
+class MitsubaLens(Renderer):
+    """Pictures of a scene by Mitsuba.
 
     Raises :class:`SkippedError` for a missing package, or a scene that the integrator cannot shade.
     """
@@ -52,24 +32,7 @@ class MitsubaLens:
     def __init__(self, scene: Scene, threads: int):
         check_installed("mitsuba", "mitsuba_oidn")
         check_plain(scene)
-        llvm = os.environ.get(LLVM) or newest_llvm()
-        context = get_context("spawn")
-        self._pool = ProcessPoolExecutor(1, context, _open, (scene, threads, llvm))
-        try:
-            self.version = self._pool.submit(_version).result()
-        except (BrokenProcessPool, ImportError, RuntimeError) as error:
-            self.close()
-            raise SkippedError(
-                f"Mitsuba or its denoiser does not run ({error}); it needs LLVM 16 or later, not "
-                f"{llvm}"
-            ) from None
-
-    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
-        """((pixels, pixels, 3) float32 linear light, core seconds)."""
-        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
-
-    def close(self) -> None:
-        self._pool.shutdown()
+        super().__init__(_open, (scene, threads, chosen_llvm()), _picture, NEEDS)
 
 
 def check_plain(scene: Scene) -> None:
@@ -89,24 +52,9 @@ def check_plain(scene: Scene) -> None:
 
 
 def _open(scene: Scene, threads: int, llvm: str | None) -> None:
-    if llvm:
-        os.environ[LLVM] = llvm
-    import mitsuba
-
-    mitsuba.set_variant("llvm_ad_rgb")
-    import drjit
-
-    drjit.set_thread_count(threads)
+    mitsuba = start(threads, llvm)
     mitsuba.register_integrator("shading", lambda properties: _integrator(scene)(properties))
-    _here["mitsuba"] = mitsuba
-    _here["geometry"] = _geometry(mitsuba, scene)
-    _here["loaded"] = {}
-
-
-def _version() -> str:
-    import mitsuba_oidn  # noqa: F401
-
-    return _here["mitsuba"].__version__
+    _here.update(mitsuba=mitsuba, geometry=_geometry(mitsuba, scene), loaded={})
 
 
 def _geometry(mitsuba, scene: Scene):
@@ -137,27 +85,7 @@ def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
         loaded[key] = mitsuba.load_dict(
             {"type": "scene", "sensor": sensor, "integrator": integrator, "all": _here["geometry"]}
         )
-    begun = time.process_time()
-    passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
-    spp = samples.per_pixel // passes
-    picture = np.mean([
-        np.array(mitsuba.render(loaded[key], spp=spp, seed=passes * seed + number))
-        for number in range(passes)
-    ], axis=0)  # fmt: skip
-    if samples.denoise:
-        picture = _denoised(picture)
-    return np.asarray(picture[..., :3], np.float32), time.process_time() - begun
-
-
-def _denoised(picture: np.ndarray) -> np.ndarray:
-    import mitsuba_oidn
-
-    picture = np.ascontiguousarray(picture, np.float32)
-    if picture.shape[2] == 3:
-        return mitsuba_oidn.denoise(picture, hdr=True)
-    parts = (np.ascontiguousarray(picture[..., k : k + 3]) for k in (0, 3, 6))
-    colour, albedo, normal = parts
-    return mitsuba_oidn.denoise(colour, albedo=albedo, normal=normal, hdr=True)
+    return render(mitsuba, loaded[key], pixels, samples, seed)
 
 
 def _integrator(scene: Scene):

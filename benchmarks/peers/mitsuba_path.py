@@ -7,46 +7,31 @@ Lamps shine on the side where corners run counter-clockwise.
 
 from __future__ import annotations
 
-import os
-import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import check_installed
-from benchmarks.peers.mitsuba_lens import Samples
-from benchmarks.peers.mitsuba_picture import LLVM, newest_llvm
+from benchmarks.peers.method import Renderer, Samples, check_installed
+from benchmarks.peers.mitsuba_picture import NEEDS, chosen_llvm, render, start
 from lfcore.optics.camera import Camera
 from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
 
 SKY_HEIGHT = 512
-PASS_RAYS = 1 << 23
 _here: dict[str, Any] = {}
 
 
-class MitsubaPath:
-    """Pictures of a scene by Mitsuba, in a process of its own.
+class MitsubaPath(Renderer):
+    """Pictures of a scene by Mitsuba.
 
     Raises :class:`SkippedError` for a missing package.
     """
 
     def __init__(self, scene: Scene, bounces: int, threads: int):
         check_installed("mitsuba", "mitsuba_oidn")
-        llvm = os.environ.get(LLVM) or newest_llvm()
-        arguments = scene, bounces, threads, llvm
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
-
-    def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
-        """((pixels, pixels, 3) float32 linear light, core seconds)."""
-        return self._pool.submit(_picture, camera, pixels, samples, seed).result()
-
-    def close(self) -> None:
-        self._pool.shutdown()
+        super().__init__(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
 
 
 class _Lit(Description):
@@ -73,14 +58,7 @@ class _Lit(Description):
 
 
 def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:
-    if llvm:
-        os.environ[LLVM] = llvm
-    import mitsuba
-
-    mitsuba.set_variant("llvm_ad_rgb")
-    import drjit
-
-    drjit.set_thread_count(threads)
+    mitsuba = start(threads, llvm)
     describe = _Lit(mitsuba, scene)
     integrator = {"type": "path", "max_depth": bounces + 2, "rr_depth": 64}
     described = describe.all({}) | {"integrator": integrator}
@@ -99,22 +77,6 @@ def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
     mitsuba = _here["mitsuba"]
     sensor = thin_lens(mitsuba, camera, pixels)
     sensor["sampler"] = {"type": samples.sampler}
-    with_more = samples.denoise == "auxiliary"
-    integrator = _here["integrators"]["auxiliary" if with_more else ""]
-    sensor = mitsuba.load_dict(sensor)
-    begun = time.process_time()
-    passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
-    picture = np.mean([
-        np.array(mitsuba.render(
-            _here["scene"], sensor=sensor, integrator=integrator,
-            spp=samples.per_pixel // passes, seed=passes * seed + number,
-        ))
-        for number in range(passes)
-    ], axis=0)  # fmt: skip
-    if samples.denoise:
-        import mitsuba_oidn
-
-        parts = [np.ascontiguousarray(picture[..., k : k + 3], np.float32) for k in (0, 3, 6)]
-        more = {"albedo": parts[1], "normal": parts[2]} if with_more else {}
-        picture = mitsuba_oidn.denoise(parts[0], **more, hdr=True)
-    return np.asarray(picture[..., :3], np.float32), time.process_time() - begun
+    integrator = _here["integrators"]["auxiliary" if samples.denoise == "auxiliary" else ""]
+    how = {"sensor": mitsuba.load_dict(sensor), "integrator": integrator}
+    return render(mitsuba, _here["scene"], pixels, samples, seed, **how)

@@ -17,10 +17,11 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
-from benchmarks.peers.method import Method, Run, SkippedError, check_installed
+from benchmarks.peers.method import Method, Run, Samples, SkippedError, check_installed
 from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked
@@ -28,12 +29,18 @@ from lfcore.timing import clocked
 NAME = "mitsuba llvm_ad_rgb"
 SAMPLES = 32
 LLVM = "DRJIT_LIBLLVM_PATH"
+NEEDS = "mitsuba-oidn and LLVM 16 or later"
+PASS_RAYS = 1 << 23
+"""The most rays of a pass; more take Mitsuba tens of bytes each and are no faster."""
 
 _here: dict = {}
 
 
-def newest_llvm() -> str | None:
-    """The newest of the system's LLVM libraries: 15 cannot select some 16-wide instructions."""
+def chosen_llvm() -> str | None:
+    """The library of LLVM that is asked for, or the system's newest: 15 cannot select some 16-wide
+    instructions."""
+    if LLVM in os.environ:
+        return os.environ[LLVM]
     found = {}
     for path in Path("/usr/lib").glob("*/libLLVM*.so*"):
         digits = [part for part in path.name.replace("-", ".").split(".") if part.isdigit()]
@@ -42,7 +49,8 @@ def newest_llvm() -> str | None:
     return found[max(found)] if found else None
 
 
-def _open(scene: Scene, threads: int, llvm: str | None) -> None:
+def start(threads: int, llvm: str | None) -> ModuleType:
+    """Mitsuba in this process."""
     if llvm:
         os.environ[LLVM] = llvm
     import mitsuba
@@ -51,6 +59,34 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
     import drjit
 
     drjit.set_thread_count(threads)
+    return mitsuba
+
+
+def render(
+    mitsuba: ModuleType, scene: object, pixels: int, samples: Samples, seed: int, **how: object
+) -> tuple[np.ndarray, float]:
+    """((pixels, pixels, 3) float32 linear light, core seconds): in passes, denoised if asked.
+
+    Channels after the first three are albedo and normals.
+    """
+    begun = time.process_time()
+    passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
+    spp = samples.per_pixel // passes
+    picture = np.mean([
+        np.array(mitsuba.render(scene, spp=spp, seed=passes * seed + number, **how))
+        for number in range(passes)
+    ], axis=0)  # fmt: skip
+    parts = [np.ascontiguousarray(picture[..., k : k + 3], np.float32) for k in (0, 3, 6)]
+    if samples.denoise:
+        import mitsuba_oidn
+
+        more = {"albedo": parts[1], "normal": parts[2]} if samples.denoise == "auxiliary" else {}
+        parts[0] = mitsuba_oidn.denoise(parts[0], **more, hdr=True)
+    return np.asarray(parts[0], np.float32), time.process_time() - begun
+
+
+def _open(scene: Scene, threads: int, llvm: str | None) -> None:
+    mitsuba = start(threads, llvm)
     _here["describe"] = Description(mitsuba, scene, leave_out_ambient=True)
 
 
@@ -73,7 +109,7 @@ class MitsubaPicture:
 
     def __init__(self, scene: Scene, threads: int):
         check_installed("mitsuba")
-        self.llvm, self._threads = os.environ.get(LLVM) or newest_llvm(), threads
+        self.llvm, self._threads = chosen_llvm(), threads
         arguments = scene, threads, self.llvm
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
 
