@@ -8,19 +8,16 @@ host memory that is reused, or new.
 """
 
 import argparse
-import os
 from pathlib import Path
 
-from benchmarks.measured.rows import in_turn, print_table, rates, say, write_csv
-from benchmarks.measured.scenes import SCENES
+from benchmarks.measured.rows import in_turn, rates, report, say
+from benchmarks.measured.sample import SCENES
 from benchmarks.peers.method import Method, SkippedError, clocked
 from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.rendering.array import trace_array
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
-from lfcore.timing import machine
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
 
 
@@ -40,11 +37,11 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
     """Rows of tracing one scene's array."""
-    scene = build_scene(SCENES / name)
+    say(f"{name}: tracing {options.cameras}^2 cameras of {options.tile}^2 pixels")
+    tracer = open_tracer(build_scene(SCENES / name), device)
     bounds, fov_deg = ARRAYS[name]["bounds_m"], ARRAYS[name]["fov_deg"]
     size = (options.cameras,) * 2, (options.tile,) * 2
     array = CameraArray.on_grid(size[0], bounds, fov_deg, size[1])
-    tracer = Tracer(scene, build_bvh(scene.triangles), device)
     made: dict = {}
 
     def ours():
@@ -66,7 +63,7 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
         try:
             from benchmarks.peers.mitsuba_array import MitsubaArray
 
-            peer = MitsubaArray(scene, device.threads)
+            peer = MitsubaArray(tracer.scene, device.threads)
             methods.append(peer.method(array))
         except SkippedError as reason:
             say(f"SKIPPED mitsuba on {name}: {reason}")
@@ -90,16 +87,12 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
 
 
 def main() -> None:
-    options, here, rows = parse(), machine(), []
-    say(", ".join(f"{key} {value}" for key, value in here.items()))
-    say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
-    device = open_device()
-    for name in options.scenes:
-        say(f"{name}: tracing {options.cameras}^2 cameras of {options.tile}^2 pixels")
-        rows += traced(options, name, device)
-    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in rows]
-    write_csv(options.out, rows)
-    print_table(rows, leave_out=("note", "processor", "cores", "sampled_rays", "repeats"))
+    options, device = parse(), open_device()
+
+    def measure() -> list[dict]:
+        return [row for name in options.scenes for row in traced(options, name, device)]
+
+    report(options.out, measure)
 
 
 if __name__ == "__main__":

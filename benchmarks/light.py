@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.measured.rows import say
-from benchmarks.measured.scenes import SCENES
+from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import matt
 from benchmarks.peers.method import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath

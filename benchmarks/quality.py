@@ -20,7 +20,7 @@ import pandas as pd
 
 import lfcore
 from benchmarks.measured.rows import say
-from benchmarks.measured.scenes import SCENES
+from benchmarks.measured.sample import SCENES
 from benchmarks.publish import Result, of_this_run
 from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture import inner_psnr

@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.measured.rows import say
-from benchmarks.measured.scenes import SCENES
+from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import CyclesLens, matt
 from benchmarks.peers.method import Samples, SkippedError
 from benchmarks.peers.mitsuba_lens import MitsubaLens

@@ -1,7 +1,8 @@
 """Methods measured in turn, and their rows."""
 
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 
 from benchmarks.peers.method import Method, Run
 from lfcore.files import write_text
+from lfcore.timing import machine
 
 
 def say(text: str) -> None:
@@ -52,6 +54,17 @@ def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:
     """``rows`` as aligned columns on standard output."""
     table = _table(rows).drop(columns=list(leave_out), errors="ignore")
     print(table.to_string(index=False), flush=True)
+
+
+def report(path: Path, measure: Callable[[], list[dict]]) -> None:
+    """Measure, and write and print the rows, each with the machine's processor."""
+    here = machine()
+    say(", ".join(f"{key} {value}" for key, value in here.items()))
+    say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
+    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in measure()]
+    write_csv(path, rows)
+    beside = ("note", "processor", "cores", "threads", "sampled_rays", "repeats")
+    print_table(rows, leave_out=beside)
 
 
 def _table(rows: Sequence[dict]) -> pd.DataFrame:

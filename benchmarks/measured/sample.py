@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout, Tile
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 CELLS = 8
 SEED = 2024
 
