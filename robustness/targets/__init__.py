@@ -17,9 +17,7 @@ WARM = (
     "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
 """Modules that readers and commands import late; the parent imports them before it forks."""
-MODULES = (
-    "scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands", "tracing",
-)  # fmt: skip
+MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Scene descriptions: scene.yaml, pbrt, the npz between two jobs."""
+"""Scene descriptions: scene.yaml, pbrt, the npz between two jobs; accepted ones are traced, too."""
 
 import os
 import shutil
@@ -13,11 +13,12 @@ from lfcore.scene.build import build_scene
 from lfcore.scene.description import schema
 from lfcore.scene.files import load_scene, save_scene
 from robustness import extremes
+from robustness.children import Limits
 from robustness.mutate import damage_bytes, damage_text, mixed
 from robustness.outcome import ROOT, SEEDS, SilentlyWrong
 from robustness.sound import check_scene
 from robustness.targets import Target, of_file
-from robustness.trees import damage_yaml
+from robustness.trees import damage_yaml, extreme_yaml
 
 PLAIN, BUILT, FITTED, OBJ, MTL, PLY, PBRT_SPHERE = (
     (SEEDS / name).read_text()
@@ -25,6 +26,7 @@ PLAIN, BUILT, FITTED, OBJ, MTL, PLY, PBRT_SPHERE = (
                  "sphere.pbrt")
 )  # fmt: skip
 SHORT = "objects: [{file: mesh.obj}]\n"
+PIXELS, VIEWS, MOST_TRIANGLES = 8, 2, 20_000
 MORE = 'Material "metal"\nTranslate 0 1 0\nShape "cylinder" "float radius" .5\n'
 
 
@@ -45,6 +47,10 @@ def write_sides(folder: Path) -> None:
 def yaml_seeds(folder: Path) -> list[bytes]:
     schema()  # read once, for all children
     return [text.encode() for text in (PLAIN, BUILT, SHORT, FITTED)]
+
+
+def traced_seeds(folder: Path) -> list[bytes]:
+    return [PLAIN.encode(), SHORT.encode()]
 
 
 def pbrt_seeds(folder: Path) -> list[bytes]:
@@ -104,12 +110,38 @@ def saved_seeds(folder: Path) -> list[bytes]:
     return seeds
 
 
+def check_traced(file: Path) -> None:
+    """No crash of the device, and a picture of finite light."""
+    from lfcore.opencl.device import open_device
+    from lfcore.optics.planes import SensorPlane
+    from lfcore.rendering.direct import trace_picture
+    from lfcore.tracing.bvh import build_bvh
+    from lfcore.tracing.tracer import Tracer
+
+    scene = build_scene(file)
+    if scene.triangle_count > MOST_TRIANGLES:
+        return
+    tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
+    camera = scene.camera
+    plane = SensorPlane(camera.focus_m, camera.f_number)
+    picture = trace_picture(tracer, camera, PIXELS, plane, views=VIEWS)
+    if picture.shape != (PIXELS, PIXELS, 3):
+        raise SilentlyWrong(f"a picture {picture.shape}")
+    if not np.isfinite(picture).all() or picture.min() < 0:
+        raise SilentlyWrong("a picture that is not finite or darker than black")
+
+
 def targets() -> list[Target]:
     text = mixed((0.6, damage_yaml), (0.4, damage_text))
     yaml, pbrt = (of_file(f"input.{kind}", check_built, named=False) for kind in ("yaml", "pbrt"))
+    numbers = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
+    traced = of_file("input.yaml", check_traced, named=False)
+    # Programs are built in a child, and drivers map much: no limit of the address space.
+    limits = Limits(cpu=60, wall=300, memory=None)
     saved = of_file("input.npz", lambda file: check_scene(load_scene(file)))
     return [
         Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
         Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),
         Target("scene.npz", saved_seeds, damage_bytes, saved, weight=0.5),
+        Target("trace", traced_seeds, numbers, traced, write_sides, limits, weight=1.5, batch=400),
     ]
