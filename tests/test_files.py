@@ -2,15 +2,26 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
+from plain_scenes import scene, wall
 
+from lfcore import Camera, CameraArray, Encoding, LfcoreError, SensorPlane, Slab, write_picture
 from lfcore.errors import StorageError
+from lfcore.evaluation.true_picture import Reference, load_reference, save_reference
 from lfcore.files import draft_folder, whole_file, write_json, write_text
-from lfcore.pictures import write_pictures
+from lfcore.optics.plane_pictures import load_stack, save_stack
+from lfcore.optics.plane_sums import PlaneSums
+from lfcore.pictures import read_codes, write_pictures
+from lfcore.scene.files import load_scene, save_scene
+from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.tiled_exr import read_array, write_array
+from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
 
 BIG = np.random.default_rng(0).random((96, 96, 3)).astype(np.float32)
 
@@ -65,3 +76,50 @@ def test_a_draft_has_the_rights_of_any_new_file(tmp_path):
     finally:
         os.umask(old)
     assert (tmp_path / "f").stat().st_mode & 0o777 == 0o640
+
+
+NOISE = np.random.default_rng(3).random((96, 96, 3)).astype(np.float32)
+ARRAY = CameraArray.on_grid((2, 2), (0, 1, 0, 1), 45.0, (48, 48))
+PLANES = [SensorPlane(2.0, 2.0)]
+SUMS = PlaneSums.zeros(Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), PLANES)
+TRUTH = Reference(PLANES, NOISE[None], np.ones(1), np.zeros((1, 96, 96), np.float32))
+
+
+def write_segment(path):
+    with SegmentWriter(path, Encoding("ffv1", "gbrp"), 96, 96) as writer:
+        writer.write(np.zeros((4, 3 * 96 * 96), np.uint8))
+
+
+# What writes a file to a path, and what reads it.
+KINDS = {
+    "scene.npz": (partial(save_scene, scene=scene(wall(2.0))), load_scene),
+    "bvh.npz": (partial(save_bvh, bvh=build_bvh(wall(2.0))), load_bvh),
+    "stack.npz": (lambda path: save_stack(path, NOISE[None], PLANES), load_stack),
+    "truth.npz": (lambda path: save_reference(path, TRUTH), load_reference),
+    "sums.npz": (SUMS.save, lambda path: PlaneSums.load(path, SUMS.slab, PLANES)),
+    "array.exr": (lambda path: write_array(path, NOISE, ARRAY), read_array),
+    "segment.mp4": (write_segment, SegmentReader),
+    # Of which OpenCV alone would fill up the rest without a word.
+    **{f"a{suffix}": (lambda path: write_picture(path, NOISE), read_codes)
+       for suffix in (".png", ".jpg", ".tif", ".webp")},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_only_whole_files_are_read(tmp_path, name):
+    (write, read), path = KINDS[name], tmp_path / name
+    with pytest.raises(LfcoreError, match=re.escape(name)):
+        read(path)
+    write(path)
+    read(path)
+    whole = path.read_bytes()
+    spoilt = [whole[: int(part * len(whole))] for part in (0, 0.01, 0.3, 0.7, 0.97)]
+    if name.endswith(".npz"):
+        flipped = bytearray(whole)
+        flipped[len(whole) // 2] ^= 0xFF
+        np.savez(path, other=np.zeros(3))
+        spoilt += [bytes(flipped), path.read_bytes()]
+    for data in spoilt:
+        path.write_bytes(data)
+        with pytest.raises(LfcoreError, match=re.escape(name)):
+            read(path)

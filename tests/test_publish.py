@@ -1,9 +1,76 @@
 """Published numbers: documents are what their result files make of them."""
 
+import csv
+import shutil
+import subprocess
+
+import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import publish
+from benchmarks import against, publish, sceptic
+from benchmarks.peers.method import SkippedError
+from benchmarks.peers.mitsuba_lens import check_plain
+from lfcore.errors import LfcoreError
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.prepared import open_tracer
+from tests.plain_scenes import scene, wall
+
+
+@pytest.fixture
+def revision():
+    """This commit's name; a tree without its history has none."""
+    git = ["git", "-C", str(against.ROOT), "rev-parse", "HEAD"]
+    found = shutil.which("git") and subprocess.run(git, capture_output=True, text=True)
+    if not found or found.returncode:
+        pytest.skip("no git, or no history: there is no other commit to compare with")
+    return found.stdout.strip()
+
+
+def worktrees():
+    """The folders that git counts as checkouts of this repository."""
+    git = ["git", "-C", str(against.ROOT), "worktree", "list", "--porcelain"]
+    listed = subprocess.run(git, capture_output=True, text=True, check=True).stdout
+    return {line for line in listed.splitlines() if line.startswith("worktree ")}
+
+
+def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, capsys):
+    out, before = tmp_path / "against.csv", worktrees()
+    small = ["--views", "4", "--pixels", "32", "--mrays", "0.01", "--rounds", "1"]
+    words = ["against", revision, "--scenes", "bike", *small, "--out", str(out)]
+    monkeypatch.setattr("sys.argv", words)
+    against.main()
+    rows = list(csv.DictReader(out.open()))
+    assert [(row["work"], row["scene"]) for row in rows] == [
+        (work, "bike") for work in against.WORK
+    ]
+    assert worktrees() == before  # the other checkout is gone
+    assert "hits, bike, N = 4" in capsys.readouterr().err
+
+
+def test_an_unknown_commit_is_named():
+    with pytest.raises(LfcoreError, match="git has no 'no-such-commit'"):
+        with against.checkout("no-such-commit"):
+            pass
+
+
+class Slow:
+    """A program whose runs take as long as it is told."""
+
+    def __init__(self, *seconds: float):
+        self.seconds = list(seconds)
+
+    def ask(self, case):
+        return self.seconds.pop(0)
+
+
+def test_the_ratio_is_of_the_best_quarter_without_the_first_run():
+    programs = [Slow(9, 3, 1, 5, 4), Slow(9, 2, 8, 6, 7)]
+    words = ["abc", "--scenes", "bike", "--views", "4", "--work", "hits", "--rounds", "4"]
+    options = against.parse([*words, "--out", "x.csv"])
+    (row,) = against.rows(programs, "core-avx2", options)
+    assert row == {"work": "hits", "held_to": "core-avx2", "scene": "bike", "N = 4": "0.50"}
+
 
 PROVENANCE = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
 PLACE = "<!-- published: some: N; s where N in 2 3 4 and more in 0 -->"
@@ -91,3 +158,30 @@ def test_peers_stand_beside_the_better_of_their_ways(tmp_path):
         (row,) = publish.peers(tmp_path / "t.csv").to_dict("records")
         assert (row["Embree 3"], row["times Embree"]) == ("30", "3")
         assert [row.get(name) for name in names] == ["25", "5"][: len(names)]
+
+
+def test_a_scene_that_a_peer_cannot_shade_is_left_out_by_name():
+    cut = scene(wall(3.0), colours=np.ones((len(wall(3.0)), 3, 3), np.float32))
+    with pytest.raises(SkippedError, match="colours at corners"):
+        check_plain(cut)
+
+
+@pytest.mark.kernels
+def test_rows_have_what_each_setting_made(tmp_path):
+    """Seconds are of the best of the runs, dB of each plane; a figure and crops are made of it."""
+    shown = scene(wall(3.0))
+    tracer = open_tracer(shown)
+    planes = [SensorPlane(focus, shown.camera.f_number) for focus in (2.0, 3.0, 5.0)]
+    points = list(sceptic.ours(tracer, planes, 64, 4))
+    assert {point.rays for point in points if np.isfinite(point.rays)} == {1, 4}
+    fixed = [point for point in points if np.isfinite(point.rays)]
+    truths, kept = fixed[-1].make()[0], {}
+    rows = list(sceptic.rows_of(shown, fixed, truths, 64, 1, kept))
+    assert [row["setting"] for row in rows] == [point.setting for point in fixed]
+    assert all(float(row["core s"]) > 0 for row in rows)
+    assert float(rows[-1]["middle dB"]) > 60
+    kept[shown.name, 64, "true", ""] = truths[1]
+    table = sceptic.pd.DataFrame(rows)
+    sceptic.figure(table, tmp_path / "figure.png")
+    sceptic.crops(table, kept, tmp_path)
+    assert len(list(tmp_path.glob("*.png"))) == 2

@@ -1,18 +1,26 @@
 """Measurements on camera arrays: the direct thin lens against explicit rays, slopes, tables."""
 
+import math
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lfcore import CameraArray, LfcoreError, OpticsError
-from lfcore.evaluation.assignment.arrays import errors, overview, square_field
+from lfcore.errors import SceneError
+from lfcore.evaluation.assignment.arrays import array_of, errors, overview, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
+from lfcore.evaluation.stability.tested_tracer import bare_scene
+from lfcore.optics.lens_system import LensSystem
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.view import lightfield_view
 
 # A bright and a dark half of a wall at z = 4, a red bar before it at z = 2; ambient light alone.
 SCENE = """
@@ -125,3 +133,38 @@ def test_an_overview_averages():
     np.testing.assert_array_equal(overview(image, 40), image)
     with pytest.raises(LfcoreError, match="picture_px"):
         overview(image, 0)
+
+
+GRID = {"bounds_m": [-1, 1, -2, 2], "fov_deg": 40}
+LENS = Path(__file__).parents[2] / "scenes" / "lenses" / "double_gauss.dat"
+
+
+def scene(**changes):
+    return bare_scene(np.zeros((0, 3, 3)), **changes)
+
+
+def test_a_scene_without_an_array_takes_the_grid():
+    array = array_of(scene(), GRID, 4, 32)
+    assert array.cameras == (4, 4) and array.tile == (32, 32) and array.fov_deg == 40
+    assert (array.columns_m[0], array.rows_m[0]) == (-1, -2)
+
+
+def test_a_scene_s_own_array_goes_first():
+    own = scene(view=lightfield_view((60, 40), 50.0, (6, 4)))
+    for grid in (None, GRID):
+        assert array_of(own, grid, 16, None) == own.view.array
+    assert array_of(own, None, 16, 32) == replace(own.view.array, tile=(32, 32))
+
+
+def test_no_array_at_all():
+    with pytest.raises(SceneError, match=r"has no camera array.*assignment\.arrays"):
+        array_of(scene(), None, 16, 64)
+
+
+def test_a_lens_stopped_down_has_a_larger_f_number():
+    lens = LensSystem.read(LENS).focused(math.inf)
+    stop = 2 * float(lens.aperture_m[lens.radius_m == 0][0])
+    half, quarter = (lens.stopped_down(stop / part).working_f_number for part in (2, 4))
+    assert quarter == pytest.approx(2 * half, rel=0.05)
+    # Wide open other surfaces cut the cone, so that closing by one stop closes less.
+    assert lens.working_f_number < half < 2 * lens.working_f_number

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_damage import remux, signed
-from test_format_document import read
+from test_light_field import read
 
 from lfcore import Camera, Encoding, FrameLayout, Metadata, Slab, StorageError
 from lfcore.storage.container import DepthSegments, join_segments
