@@ -157,8 +157,7 @@ def fuzz(
 def table(benches: Sequence[Bench]) -> pd.DataFrame:
     """Inputs, outcomes and inputs per second of each target, and of all."""
     rows = pd.DataFrame(
-        {bench.target.name: bench.tally.counts | {"seconds": bench.tally.seconds}
-         for bench in benches}
+        {one.target.name: {**one.tally.counts, "seconds": one.tally.seconds} for one in benches}
     ).T.reindex(columns=[OK, REFUSED, "finding", "seconds"], fill_value=0).fillna(0)  # fmt: skip
     rows.loc["all"] = rows.sum()
     counts = rows[[OK, REFUSED, "finding"]].astype(int)

@@ -89,18 +89,16 @@ class Killed:
         return [str(file) for file in hidden if not file.name.startswith(".snakemake")]
 
     def start(self) -> subprocess.Popen:
+        package = self.folder if (self.folder / "lfcore").is_dir() else ROOT
         return subprocess.Popen(
             self.job.command,
             cwd=self.folder,
-            env=os.environ | {"PYTHONPATH": str(self._package())},
+            env=os.environ | {"PYTHONPATH": str(package)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-
-    def _package(self) -> Path:
-        return self.folder if (self.folder / "lfcore").is_dir() else ROOT
 
     def run(self) -> tuple[int, str]:
         """The plain command: (status, what it said); a status of 99 when it does not end."""

@@ -88,7 +88,8 @@ def finished(name: str, depth: int) -> str:
     for block, printed in reversed(list(zip(page.blocks, run(page, folder), strict=True))):
         text = text[: block.end] + _after(printed) + text[block.end :]
     place = f"{up}{folder.relative_to(ROOT).as_posix()}"
-    text = PICTURE.sub(lambda found: _figure(place, *found.groups()), text)
+    figure = rf"\n```{{figure}} {place}/\1\n:alt: \2\n:figclass: made\n\n\2\n```\n"
+    text = PICTURE.sub(figure, text)
     text = VIEWER.sub(lambda found: _frame(name, depth, *found.groups()), text)
     if NOTEBOOK.search(text):
         file = write_notebook(page, MADE.parent / "notebooks")
@@ -101,10 +102,6 @@ def _after(printed: str) -> str:
     # Of a line of progress, the last state.
     printed = re.sub(r"^.*\r", "", printed.strip("\n"), flags=re.MULTILINE)
     return f"\n\n```{{code-block}} text\n:class: printed\n\n{printed}\n```\n" if printed else ""
-
-
-def _figure(place: str, file: str, words: str) -> str:
-    return f"\n```{{figure}} {place}/{file}\n:alt: {words}\n:figclass: made\n\n{words}\n```\n"
 
 
 def _frame(name: str, depth: int, file: str, words: str) -> str:

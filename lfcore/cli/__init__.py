@@ -17,9 +17,9 @@ from lfcore.cli.interrupt import ending, interruptible, leave_at_once
 from lfcore.errors import LfcoreError, one_line
 
 COMMANDS = {
-    "record": ("record", "a light field file from a scene"),
+    "record": ("render", "a light field file from a scene"),
     "render": ("render", "pictures straight from a scene, without storing a light field"),
-    "refocus": ("refocus", "pictures at any focus and aperture from a light field file"),
+    "refocus": ("stack", "pictures at any focus and aperture from a light field file"),
     "stack": ("stack", "focal and aperture stacks: pictures, contact sheet, MP4"),
     "view": ("view", "a light field file in the browser; one view or macropixel of it"),
     "info": ("inspect", "facts about a light field file; check it"),

@@ -54,25 +54,12 @@ class Feature:
         return not getattr(needs, self.field)
 
 
-def _without_lights(scene: Scene) -> Scene:
-    """So dim that it needs no more than white."""
-    return replace(scene, lights=[], clip=False)
-
-
 def _black_light(scene: Scene) -> Scene:
     """A sky needs baked light, too."""
     if scene.light:
         return scene
     grids = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
     return replace(scene, light=BakedLight(grids, np.zeros((3, 3), np.float32)))
-
-
-def _black_sky(scene: Scene) -> Scene:
-    return replace(_black_light(scene), sky=np.zeros((8, 8, 3), np.float32))
-
-
-def _white_corners(scene: Scene) -> Scene:
-    return replace(scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))
 
 
 def _flat_normals(scene: Scene) -> Scene:
@@ -91,10 +78,6 @@ def _in_the_dark(scene: Scene) -> Scene:
     return replace(scene, ambient=(0.0,) * 3, background=(0.0,) * 3)
 
 
-def _without_shadows(scene: Scene) -> Scene:
-    return replace(scene, lights=[replace(light, casts_shadows=False) for light in scene.lights])
-
-
 def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
     light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (NO_LIGHT,) * 3, casts_shadows=shadows)
     return lambda scene: replace(scene, lights=[*scene.lights, light])
@@ -105,14 +88,16 @@ FEATURES = (
             _unused_texture),
     # With holes, a block's rays are shadowed one by one, not by regions, which rounds otherwise.
     Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles (no shadows)",
-            part=_without_shadows),
+            part=lambda scene: replace(
+                scene, lights=[replace(light, casts_shadows=False) for light in scene.lights])),
     Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),
     Feature("curved", ("CURVED",), "shadow rays that start beside the hit points",
             _flat_normals),
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
-            _white_corners),
+            lambda scene: replace(
+                scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))),
     Feature("specular", (), "highlights: half vector and power"),
     Feature("emission", (), "emission of materials"),
     Feature("ambient", (), "ambient light"),
@@ -131,8 +116,11 @@ FEATURES = (
     Feature("baked", ("BAKED",), "baked light (without background and ambient light)",
             _black_light, _in_the_dark),
     Feature("sky", ("SKY",), "the sky and baked light (without background and ambient light)",
-            _black_sky, _in_the_dark),
-    Feature("stops", (), "sums of light above white (ambient light)", part=_without_lights),
+            lambda scene: replace(_black_light(scene), sky=np.zeros((8, 8, 3), np.float32)),
+            _in_the_dark),
+    # So dim that it needs no more than white.
+    Feature("stops", (), "sums of light above white (ambient light)",
+            part=lambda scene: replace(scene, lights=[], clip=False)),
 )  # fmt: skip
 
 

@@ -89,7 +89,8 @@ def _named_by(file: Path, scanner: Scanner) -> list[tuple[str, Scanner | None]]:
     try:
         names: list[tuple[str, Scanner | None]] = [(name, None) for name in scanner(file)]
         if scanner is _pbrt:
-            names = [(name, _pbrt) for name in _included(file)] + names
+            included = _INCLUDE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
+            names = [(_text(name), _pbrt) for name in included] + names
         return names
     except (OSError, ValueError, SceneError):
         return []
@@ -103,11 +104,8 @@ def _existing(folder: Path, name: str) -> Path | None:
 
 
 def _scanner_of(file: Path) -> Scanner:
-    return _SCANNERS.get(file.name.lower().removesuffix(".gz").rpartition(".")[2], _nothing)
-
-
-def _nothing(file: Path) -> Iterable[str]:
-    return ()
+    suffix = file.name.lower().removesuffix(".gz").rpartition(".")[2]
+    return _SCANNERS.get(suffix, lambda file: ())
 
 
 def _description(file: Path) -> Iterator[str]:
@@ -140,21 +138,8 @@ def _pbrt(file: Path) -> Iterator[str]:
     yield from map(_text, dict.fromkeys(_QUOTED.findall(data)))
 
 
-def _included(file: Path) -> Iterator[str]:
-    yield from map(_text, _INCLUDE.findall(reading.read_bytes(file, reading.LARGEST_TEXT)))
-
-
 def _text(name: bytes) -> str:
     return name.decode("utf-8", errors="surrogateescape")
-
-
-def _obj(file: Path) -> Iterator[str]:
-    data = reading.read_bytes(file, reading.LARGEST_MESH)
-    yield from _tails(_MATERIAL_FILE.findall(data))
-
-
-def _mtl(file: Path) -> Iterator[str]:
-    yield from _tails(_TEXTURE_LINE.findall(reading.read_bytes(file, reading.LARGEST_TEXT)))
 
 
 def _tails(lines: Iterable[bytes]) -> Iterator[str]:
@@ -170,10 +155,6 @@ def _ply(file: Path) -> Iterator[str]:
         head = stream.read(_PLY_HEADER_BYTES)
     for name in _PLY_TEXTURE.findall(head):
         yield _text(name).strip()
-
-
-def _gltf(file: Path) -> Iterator[str]:
-    yield from _uris(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT)))
 
 
 def _glb(file: Path) -> Iterator[str]:
@@ -198,9 +179,13 @@ _SCANNERS: dict[str, Callable[[Path], Iterable[str]]] = {
     "yaml": _description,
     "yml": _description,
     "pbrt": _pbrt,
-    "obj": _obj,
-    "mtl": _mtl,
+    "obj": lambda file: _tails(
+        _MATERIAL_FILE.findall(reading.read_bytes(file, reading.LARGEST_MESH))
+    ),
+    "mtl": lambda file: _tails(
+        _TEXTURE_LINE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
+    ),
     "ply": _ply,
-    "gltf": _gltf,
+    "gltf": lambda file: _uris(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT))),
     "glb": _glb,
 }

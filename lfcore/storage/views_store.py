@@ -62,7 +62,9 @@ def store_views(
     StorageError
         A view or the file fails; no file is left.
     """
-    recorded: Slab | dict = geometry if isinstance(geometry, Slab) else _described(geometry, white)
+    recorded: Slab | dict = (
+        geometry if isinstance(geometry, Slab) else {**geometry.to_json(), "white": white}
+    )
     held, (views, pixels) = _held(geometry)
     layout = FrameLayout(
         "views", views, pixels, pixel_format=encoding.stored_format, picture=held.pixels[2:],
@@ -85,10 +87,6 @@ def store_views(
             path, segments, tiles, layout, geometry=recorded, spec=encoding, content=content,
             scene={"name": name, "digest": digest or hashed.hexdigest()},
         )  # fmt: skip
-
-
-def _described(array: CameraArray, white: float) -> dict:
-    return {**array.to_json(), "white": white}
 
 
 def _held(geometry: Slab | CameraArray) -> tuple[Extent, tuple[int, int]]:

@@ -38,15 +38,10 @@ def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
     return out
 
 
-def ycbcr_to_rgb(codes: np.ndarray, bits: int = 8, dtype: type = np.float32) -> np.ndarray:
-    """sRGB-encoded RGB (..., 3), clipped to [0, 1], of codes (..., 3); float32 or float64."""
-    return _rgb_of(codes[..., 0], codes[..., 1], codes[..., 2], bits, dtype)
-
-
-def _rgb_of(
+def ycbcr_to_rgb(
     luma: np.ndarray, blue: np.ndarray, red: np.ndarray, bits: int, dtype: type = np.float32
 ) -> np.ndarray:
-    """The same of three arrays of codes."""
+    """sRGB-encoded RGB (..., 3), clipped to [0, 1], of arrays of codes; float32 or float64."""
     scale = float(1 << (bits - 8))
     luma = (luma.astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
     cb = (blue.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
@@ -136,7 +131,7 @@ def rgb_from_planes(planes: list[np.ndarray], form: PixelFormat) -> np.ndarray:
         return np.stack([red, green, blue], -1).astype(np.float32) * np.float32(1 / 255)
     luma, *chroma = planes
     blue, red = (_upsampled(plane, form) for plane in chroma)
-    return _rgb_of(luma, blue, red, form.bits)
+    return ycbcr_to_rgb(luma, blue, red, form.bits)
 
 
 def _upsampled(chroma: np.ndarray, form: PixelFormat) -> np.ndarray:

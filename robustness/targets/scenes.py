@@ -49,10 +49,6 @@ def yaml_seeds(folder: Path) -> list[bytes]:
     return [text.encode() for text in (PLAIN, BUILT, SHORT, FITTED)]
 
 
-def traced_seeds(folder: Path) -> list[bytes]:
-    return [PLAIN.encode(), SHORT.encode()]
-
-
 def pbrt_seeds(folder: Path) -> list[bytes]:
     public = (ROOT / "tests/scene/public_style/scene.pbrt").read_bytes()
     public = public.replace(b"geometry/quad.ply", b"x.ply").replace(b"geometry/", b"")
@@ -134,6 +130,7 @@ def check_traced(file: Path) -> None:
 def targets() -> list[Target]:
     text = mixed((0.6, damage_yaml), (0.4, damage_text))
     yaml, pbrt = (of_file(f"input.{kind}", check_built, named=False) for kind in ("yaml", "pbrt"))
+    traced_seeds = lambda folder: [PLAIN.encode(), SHORT.encode()]  # noqa: E731
     numbers = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
     traced = of_file("input.yaml", check_traced, named=False)
     # Programs are built in a child, and drivers map much: no limit of the address space.
@@ -143,5 +140,5 @@ def targets() -> list[Target]:
         Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
         Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),
         Target("scene.npz", saved_seeds, damage_bytes, saved, weight=0.5),
-        Target("trace", traced_seeds, numbers, traced, write_sides, limits, weight=1.5, batch=400),
+        Target("trace", traced_seeds, numbers, traced, write_sides, limits, 1.5, batch=400),
     ]

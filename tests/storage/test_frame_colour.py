@@ -25,7 +25,7 @@ def test_ycbcr_against_the_formula(red, green, blue, bits):
         codes = rgb_to_ycbcr(rgb, bits)
         assert codes.dtype == dtype
         np.testing.assert_allclose(codes, expected, atol=tolerance)
-        back = ycbcr_to_rgb(codes, bits, dtype)
+        back = ycbcr_to_rgb(*np.moveaxis(codes, -1, 0), bits, dtype)
         np.testing.assert_allclose(back, rgb, atol=1e-5)
 
 

@@ -9,14 +9,6 @@ CORNERS = ["lens top left", "top right", "bottom left", "bottom right", "middle"
 DIMMING = {"lens": "dimmed", "aperture": "normalised"}
 
 
-def focus_label(plane):
-    return f"focus {plane.focus_m:.3g} m, f/{plane.f_number:.2g}"
-
-
-def aperture_label(plane):
-    return f"f/{plane.f_number:.2g}, {DIMMING[plane.normalise]}"
-
-
 def recipes(path, by_depth, thesis, truth, views):
     """The thesis's recipe, slicing by depth and the true picture, a row each."""
     true = load_reference(truth)
@@ -39,9 +31,10 @@ with job(snakemake.log[0], snakemake.threads):
         pictures, planes = load_stack(given[name])
         columns = 5
         if name == "focal_stack":
-            labels = [focus_label(plane) for plane in planes]
+            labels = [f"focus {one.focus_m:.3g} m, f/{one.f_number:.2g}" for one in planes]
         elif name == "aperture_stack":
-            labels, columns = [aperture_label(plane) for plane in planes], len(planes) // 2
+            columns = len(planes) // 2
+            labels = [f"f/{one.f_number:.2g}, {DIMMING[one.normalise]}" for one in planes]
         else:
             labels = CORNERS
         contact_sheet(sheet, pictures, labels, columns=columns)

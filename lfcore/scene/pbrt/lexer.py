@@ -71,13 +71,9 @@ def read_text(path: Path, asked_from: Place | None = None) -> str:
     except SceneError as error:
         if asked_from is None:
             raise
-        raise at_place(error, path, asked_from) from None
+        problem = f"{str(path)!r}: {error.problem}"
+        raise syntax_error(problem, asked_from, error.remedy) from None
     return raw.decode("utf-8", errors="surrogateescape")
-
-
-def at_place(error: SceneError, path: Path, place: Place) -> SceneError:
-    """The error about a file as one at the place that names it."""
-    return syntax_error(f"{str(path)!r}: {error.problem}", place, error.remedy)
 
 
 def tokenize(text: str, file: Path) -> Iterator[Token]:

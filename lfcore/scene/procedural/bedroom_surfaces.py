@@ -13,10 +13,8 @@ from lfcore.scene.surface_mesh import Surface
 
 
 def surfaces(seed: int) -> Look:
-    return furniture.bedroom_wood(seed + 100) | _cloths(seed) | _things(seed)
+    """Woods, cloths and things."""
 
-
-def _cloths(seed: int) -> Look:
     def cloth(name: str, colour: ArrayLike, number: int, **more: Any) -> Surface:
         return textured(name, textures.weave(seed + number, colour, **more))
 
@@ -24,7 +22,7 @@ def _cloths(seed: int) -> Look:
     tones = (white, blue, white, blue, white, red)
     stripes = textures.stripes(seed + 4, tones, (4, 1, 2, 1, 4, 2))
     curtain = textures.stripes(seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08)
-    return {
+    return furniture.bedroom_wood(seed + 100) | {
         "linen": cloth("linen", (238, 232, 220), 1),
         "blush": cloth("blush cotton", (214, 152, 138), 2),
         "mustard": cloth("mustard cotton", (212, 158, 52), 3),
@@ -34,11 +32,6 @@ def _cloths(seed: int) -> Look:
         "velvet": painted("velvet", "#3f6570", 0.05, 8.0),
         "velvet 2": painted("ochre velvet", "#b8863b", 0.05, 8.0),
         "curtain": textured("curtain", curtain),
-    }
-
-
-def _things(seed: int) -> Look:
-    return {
         "rug": textured("rug", rug_pattern(seed + 8)),
         "fringe": painted("fringe", "#e2d6bc"),
         "fleece": painted("fleece", "#e9e2d4"),

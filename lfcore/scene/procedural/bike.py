@@ -101,18 +101,15 @@ def _house(seed: int) -> Parts:
         sheet = rectangle(
             (left, low, WALL_Z), (right - left, 0, 0), (0, high - low, 0), brick, repeat=0.9
         )
-        parts.append(_continuous(sheet, 0.9))
+        # Texture coordinates from the position, so that courses run on across pieces.
+        uvs = sheet.triangles[..., :2] * 0.9
+        parts.append(SurfaceMesh(sheet.triangles, sheet.surface, None, uvs))
     for left, right in ((-5, 0.95), (1.85, 5)):
         size = (right - left, 0.35 - PAVEMENT_Y, 0.06)
         centre = ((left + right) / 2, (0.35 + PAVEMENT_Y) / 2, WALL_Z + 0.01)
         parts.append(box(size, stone, centre=centre))
     parts += _window(seed, stone) + _door(seed, stone)
     return parts
-
-
-def _continuous(part: SurfaceMesh, repeat: float) -> SurfaceMesh:
-    """Texture coordinates from the position, so that courses run on across pieces."""
-    return SurfaceMesh(part.triangles, part.surface, None, part.triangles[..., :2] * repeat)
 
 
 def _window(seed: int, stone: Surface) -> Parts:
