@@ -77,9 +77,11 @@ def equivalence(
     slab = Slab(tracer.scene.camera, views, pixels)
     for plane in planes:
         plane.check(slab)
+    one = partial(trace_picture, tracer, slab.camera, slab.pixels, views=reference_views)
+    slicing = partial(trace_planes, tracer, slab, planes)
     steps = [
-        lambda: [_reference(tracer, slab, planes, reference_views)],
-        lambda: [_slicing(tracer, slab, planes)],
+        lambda: [_traced("traced directly", "none", lambda: np.stack([*map(one, planes)]))],
+        lambda: [_traced("slicing the slab", "nearest", slicing)],
         lambda: _views(tracer, slab, planes),
         lambda: _plenoptic(tracer, slab, planes),
     ]
@@ -95,16 +97,9 @@ def equivalence(
     return Equivalence(rows, made)
 
 
-def _reference(tracer: Tracer, slab: Slab, planes: Planes, views: int) -> Made:
-    one = partial(trace_picture, tracer, slab.camera, slab.pixels, views=views)
-    pictures, seconds = clocked_warm(lambda: list(map(one, planes)), programs_made)
-    return Made("traced directly", "none", np.stack(pictures), seconds, 0.0)
-
-
-def _slicing(tracer: Tracer, slab: Slab, planes: Planes) -> Made:
-    work = partial(trace_planes, tracer, slab, planes)
+def _traced(method: str, filter: str, work: Callable[[], np.ndarray]) -> Made:
     pictures, seconds = clocked_warm(work, programs_made)
-    return Made("slicing the slab", "nearest", pictures, seconds, 0.0)
+    return Made(method, filter, pictures, seconds, 0.0)
 
 
 def _views(tracer: Tracer, slab: Slab, planes: Planes) -> Iterator[Made]:

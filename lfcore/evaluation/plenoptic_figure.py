@@ -1,7 +1,6 @@
 """The plenoptic photograph, in focus and out of focus, and pictures from it (figure 4.6)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -23,29 +22,22 @@ INSET = 2
 """The distance of the two views from the left and right end of the lens, in samples."""
 
 
-@dataclass(frozen=True)
-class Photograph:
-    """``pixels`` (M N, M N, 3) uint8 sRGB, as ``camera`` records them."""
-
-    camera: PlenopticCamera
-    pixels: np.ndarray
-
-
 def take(
     tracer: Tracer, focus_m: float, lenses: int, samples: int, *, progress: Progress | None = None
-) -> Photograph:
-    """The scene's camera with a microlens array, focused at ``focus_m`` with the same field.
+) -> tuple[PlenopticCamera, np.ndarray]:
+    """The scene's camera with a microlens array, focused at ``focus_m`` with the same field, and
+    the photograph (M N, M N, 3), uint8 sRGB.
 
     ``progress`` is called with (microlenses done, of all).  Raises :class:`OpticsError` for counts
     that make no camera, or a focus inside the focal length.
     """
     own = tracer.scene.camera
     camera = PlenopticCamera(focused_camera(own, SensorPlane.of(own, focus_m)), lenses, samples)
-    return Photograph(camera, photograph(tracer, camera, progress=progress))
+    return camera, photograph(tracer, camera, progress=progress)
 
 
 def panels(
-    tracer: Tracer, picture: Photograph, focus_m: Sequence[float]
+    tracer: Tracer, camera: PlenopticCamera, pixels: np.ndarray, focus_m: Sequence[float]
 ) -> tuple[list[np.ndarray], list[str]]:
     """Pictures (linear light) and labels of one row of the sheet.
 
@@ -53,7 +45,6 @@ def panels(
     microlenses, views from the left and right of the lens, and the photograph refocused at each
     of ``focus_m``, through the round lens.
     """
-    camera, pixels = picture.camera, picture.pixels
     samples, middle = camera.samples, camera.samples // 2
     recorded = f"focus {camera.camera.focus_m:.3g} m"
     shown = [reduced(pixels, samples), detail(pixels, samples)]

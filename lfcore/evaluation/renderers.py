@@ -81,7 +81,7 @@ def compare(
     rows, all_rendered = [], []
     scene, done = tracer.scene, itertools.count(1)
     methods = (
-        *(functools.partial(ours, tracer) for ours in (_ours, _ours_spread)),
+        *(functools.partial(_ours, tracer, places) for places in (1, PLACES)),
         *(functools.partial(other, scene) for other in (povray, mitsuba)),
     )
     for focus in focus_m:
@@ -122,16 +122,13 @@ def _timed(work: Callable[[], np.ndarray], method: str, rays: int, note: str) ->
     return Rendered(method, picture, rays, seconds, note)
 
 
-def _ours(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    camera = tracer.scene.camera
-    work = functools.partial(trace_picture, tracer, camera, pixels, plane, views=views)
-    return _timed(work, "lfcore", views**2, "one place per pixel, a grid over the lens")
-
-
-def _ours_spread(tracer: Tracer, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    work = functools.partial(spread_picture, tracer, plane, pixels, views, PLACES)
-    method = f"lfcore, {PLACES} x {PLACES} places per pixel"
-    return _timed(work, method, (PLACES * views) ** 2, "the same grid at each place")
+def _ours(tracer: Tracer, places: int, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    work = functools.partial(spread_picture, tracer, plane, pixels, views, places)
+    method, note = "lfcore", "one place per pixel, a grid over the lens"
+    if places > 1:
+        method += f", {places} x {places} places per pixel"
+        note = "the same grid at each place"
+    return _timed(work, method, (places * views) ** 2, note)
 
 
 def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:

@@ -68,23 +68,22 @@ def pictures(chart):
 
 def spread(picture):
     """How much the pixels of a microlens differ, over the upper half, where the far plane is."""
-    cells = picture.pixels[: len(picture.pixels) // 2].astype(float)
+    cells = picture[: len(picture) // 2].astype(float)
     cells = cells.reshape(-1, 8, 64, 8, 3)
     return cells.std(axis=(1, 3)).mean()
 
 
 @pytest.mark.kernels
 def test_a_microlens_in_focus_is_of_one_colour(pictures):
-    in_focus, out_of_focus = pictures
-    assert in_focus.pixels.shape == (512, 512, 3)
+    (camera, in_focus), (other, out_of_focus) = pictures
+    assert in_focus.shape == (512, 512, 3)
     # What differs in focus are the nearer plane's edge and 8-bit codes.
     assert spread(in_focus) < 0.25 * spread(out_of_focus)
-    fields = [picture.camera.camera.field_width for picture in pictures]
-    assert fields[0] == pytest.approx(fields[1])
+    assert camera.camera.field_width == pytest.approx(other.camera.field_width)
 
 
 def test_reduced_and_detail(pictures):
-    pixels = pictures[1].pixels
+    pixels = pictures[1][1]
     cell = srgb_decode(pixels[8:16, 40:48]).mean((0, 1))
     assert np.allclose(reduced(pixels, 8)[1, 5], cell, atol=1e-6)
     shown = detail(pixels, 8)
@@ -93,15 +92,15 @@ def test_reduced_and_detail(pictures):
 
 
 def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
-    shown, labels = panels(chart, pictures[1], (1.0, 2.0))
+    shown, labels = panels(chart, *pictures[1], (1.0, 2.0))
     assert len(shown) == len(labels) == 6
     # Refocused, the text of the far plane comes back.
     sharp, blurred = (np.abs(np.diff(p[:32].mean(-1), axis=1)).mean() for p in (shown[5], shown[0]))
     assert sharp > 1.3 * blurred
     plenoptic_sheet(tmp_path / "sheet.png", [(shown, labels)])
     assert Image.open(tmp_path / "sheet.png").width > 6 * 384
-    write_picture(tmp_path / "photo.png", pictures[1].pixels)
-    assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1].pixels)
+    write_picture(tmp_path / "photo.png", pictures[1][1])
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1][1])
 
 
 @pytest.mark.kernels

@@ -19,6 +19,7 @@ from lfcore.evaluation.work_precision.figure import (
 )
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
 from lfcore.evaluation.work_precision.study import peer_rows
+from lfcore.refocus.focal_stack import focal_stack_views
 from lfcore.refocus.resampling import coverage
 from lfcore.rendering.direct import trace_planes
 
@@ -126,7 +127,8 @@ def test_all_methods_in_memory_make_the_same_picture(chart, reference):
     sliced = trace_planes(chart, slab, planes)[0][inside]
     made = {name: method(field, planes)()[0] for name, method in in_memory.METHODS.items()}
     np.testing.assert_allclose(made["shift-sum, nearest"][inside], sliced, atol=1e-5)
-    made |= {"stack": in_memory._stack(field, planes, 0.05)()[0]}
+    stack = in_memory._by_views(focal_stack_views, field, planes, tolerance_px=0.05)
+    made |= {"stack": stack()[0]}
     made |= {"Monte Carlo": in_memory._monte_carlo(field, planes, 256)()[0]}
     assert {
         name for name, one in made.items() if np.abs(one[inside] - sliced).mean() > 0.05

@@ -13,7 +13,7 @@ with job(snakemake.log[0], snakemake.threads):
     rows = []
     # The far plane in focus; then no plane.
     for file, focus_m in zip(output.photographs, (max(focus), scene.camera.focus_m), strict=True):
-        picture = take(tracer, focus_m, **params.camera, progress=log_progress("microlenses"))
-        write_picture(file, picture.pixels)
-        rows.append(panels(tracer, picture, (min(focus), max(focus))))
+        taken = take(tracer, focus_m, **params.camera, progress=log_progress("microlenses"))
+        write_picture(file, taken[1])
+        rows.append(panels(tracer, *taken, (min(focus), max(focus))))
     plenoptic_sheet(output.sheet, rows)

@@ -1,6 +1,5 @@
 """Pictures from views in memory, by every method of refocusing them."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,9 +14,10 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
 from lfcore.refocus.array.device_field import DeviceField
-from lfcore.refocus.array.focal_surface import PlaneSurface
+from lfcore.refocus.array.focal_surface import FocalSurface, parallel
 from lfcore.refocus.array.isaksen import isaksen
 from lfcore.refocus.array.monte_carlo import monte_carlo
+from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.refocus.focal_stack import focal_stack_views
 from lfcore.refocus.resampling import FILTERS
@@ -55,7 +55,10 @@ def memory_rows(
         works = {name: (f"N = {n}", method(field, planes)) for name, method in METHODS.items()}
         if n == max(views):
             works |= {
-                f"fast stack, N = {n}: {each:g} px": (f"{each:g} px", _stack(field, planes, each))
+                f"fast stack, N = {n}: {each:g} px": (
+                    f"{each:g} px",
+                    _by_views(focal_stack_views, field, planes, tolerance_px=each),
+                )
                 for each in TOLERANCES_PX
             }
             works |= {
@@ -90,16 +93,8 @@ def _shown(work: Work, shown: tuple) -> np.ndarray:
     return work()[shown]
 
 
-def _shift_sum(field: Views, planes: Planes, *, filter: str) -> Work:
-    return lambda: shift_sum_views(
-        field.slab, field.light, planes, filter=filter, device=field.tracer.device
-    )
-
-
-def _stack(field: Views, planes: Planes, tolerance_px: float) -> Work:
-    return lambda: focal_stack_views(
-        field.slab, field.light, planes, tolerance_px=tolerance_px, device=field.tracer.device
-    )
+def _by_views(form: Callable, field: Views, planes: Planes, **how: object) -> Work:
+    return partial(form, field.slab, field.light, planes, device=field.tracer.device, **how)
 
 
 def _plenoptic(field: Views, planes: Planes) -> Work:
@@ -113,48 +108,34 @@ def _plenoptic(field: Views, planes: Planes) -> Work:
     return work
 
 
-class _Array:
-    """The views as a camera array's picture, seen by a camera at the middle of their lens."""
+def _by_array(form: Callable, field: Views, planes: Planes) -> Work:
+    """``form`` of the views as an array's picture, a camera at the middle of their lens, and a
+    focal plane, for each plane."""
+    array, focal_length_m = CameraArray.from_slab(field.slab), field.slab.camera.focal_length_m
+    views = DeviceField(field.tracer.device, array.mosaic(field.light), array)
 
-    def __init__(self, field: Views, planes: Planes):
-        slab, light = field.slab, field.light
-        side = slab.views * slab.pixels
-        self.fov = 2 * math.degrees(math.atan(slab.pixel_pitch * slab.pixels / 2))
-        self.size, half = (slab.pixels, slab.pixels), slab.lens_pitch_m / 2
-        self.focal_length_m, self.planes = slab.camera.focal_length_m, planes
-        lens = tuple(slab.lens_positions().tolist())
-        array = CameraArray(
-            lens, lens, self.fov, self.size, margin_m=(half, half), delta=slab.camera.delta
-        )
-        image = np.ascontiguousarray(light.transpose(0, 2, 1, 3, 4)).reshape(side, side, 3)
-        self.field = DeviceField(field.tracer.device, image, array)
-
-    def pictures(self, form: Callable) -> np.ndarray:
-        """``form`` of the array, a camera and a focal plane, for each plane."""
+    def work() -> np.ndarray:
         made = []
-        for plane in self.planes:
-            radius = self.focal_length_m / (2 * plane.f_number)
-            camera = VirtualCamera(np.zeros(3), np.eye(3), self.fov, self.size, radius)
-            distance = np.array([0, 0, plane.focus_m])
-            surface = PlaneSurface(distance, np.array([0, 0, 1.0]))
-            made.append(form(self.field, camera, surface).image.astype(float))
+        for plane in planes:
+            radius = focal_length_m / (2 * plane.f_number)
+            camera = VirtualCamera(np.zeros(3), np.eye(3), array.fov_deg, array.tile, radius)
+            made.append(form(views, camera, parallel(plane.focus_m)).image.astype(float))
         return np.stack(made)
 
+    return work
 
-def _isaksen(field: Views, planes: Planes) -> Work:
-    array = _Array(field, planes)
-    cone = lambda views, camera, surface: isaksen(views, camera, surface, camera.lens_radius_m)  # noqa: E731
-    return lambda: array.pictures(cone)
+
+def _isaksen(views: DeviceField, camera: VirtualCamera, surface: FocalSurface) -> Synthesis:
+    return isaksen(views, camera, surface, camera.lens_radius_m)
 
 
 def _monte_carlo(field: Views, planes: Planes, samples: int) -> Work:
-    array = _Array(field, planes)
-    return lambda: array.pictures(partial(monte_carlo, samples_per_pixel=samples, seed=0))
+    return _by_array(partial(monte_carlo, samples_per_pixel=samples, seed=0), field, planes)
 
 
 METHODS: dict[str, Callable[[Views, Planes], Work]] = {
-    **{f"shift-sum, {name}": partial(_shift_sum, filter=name) for name in FILTERS},
+    **{f"shift-sum, {name}": partial(_by_views, shift_sum_views, filter=name) for name in FILTERS},
     "plenoptic camera": _plenoptic,
-    "Isaksen": _isaksen,
+    "Isaksen": partial(_by_array, _isaksen),
 }
 """The methods whose setting is N."""
