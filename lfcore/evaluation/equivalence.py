@@ -77,10 +77,10 @@ def equivalence(
     slab = Slab(tracer.scene.camera, views, pixels)
     for plane in planes:
         plane.check(slab)
-    one = partial(trace_picture, tracer, slab.camera, slab.pixels, views=reference_views)
+    trace = partial(trace_picture, tracer, slab.camera, slab.pixels, views=reference_views)
     slicing = partial(trace_planes, tracer, slab, planes)
     steps = [
-        lambda: [_traced("traced directly", "none", lambda: np.stack([*map(one, planes)]))],
+        lambda: [_traced("traced directly", "none", lambda: np.stack([*map(trace, planes)]))],
         lambda: [_traced("slicing the slab", "nearest", slicing)],
         lambda: _views(tracer, slab, planes),
         lambda: _plenoptic(tracer, slab, planes),

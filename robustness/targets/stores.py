@@ -98,6 +98,10 @@ def depths_of(field: LightFieldFile, part: Segment) -> bytes:
     return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
 
 
+def store_seeds(name: str, folder: Path) -> list[bytes]:
+    return [whole_store(name, folder)[0]]
+
+
 def judge_store(name: str, data: bytes, folder: Path) -> Outcome:
     """A damaged file gives right pixels or none, and verify() finds every difference."""
     original, right = whole_store(name, seeds_folder(folder))
@@ -221,8 +225,7 @@ def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 def targets() -> list[Target]:
     # Not portable: the whole file is whatever this machine's encoder makes of the pixels.
     stores = [
-        Target(f"store {name}", lambda folder, name=name: [whole_store(name, folder)[0]],
-               damage_store,
+        Target(f"store {name}", partial(store_seeds, name), damage_store,
                partial(judge_store, name), portable=False)
         for name in CODECS
     ]  # fmt: skip
