@@ -155,7 +155,7 @@ def rate_rows(
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
     What is stored by default at each N is among them, as the curve "default".  Samples are as in
-    :func:`lfcore.evaluation.storage.layouts.layout_rows`; ``crfs`` are on H.264's scale.
+    :func:`layout_rows`; ``crfs`` are on H.264's scale.
     """
     size = Size.of(pixels)
     planes, points, rows = own_planes(tracer.scene), specs(crfs, curves), []
