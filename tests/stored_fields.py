@@ -8,8 +8,10 @@ import numpy as np
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
+from lfcore.storage.decoding import DecodeCount, FrameRun, ticks_per_frame
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.storage.segment import SegmentWriter
+from lfcore.storage.pixels import pixel_format
+from lfcore.storage.segment import SegmentWriter, open_video, read_segment
 from lfcore.storage.ycbcr import frames_from_rgb
 
 LOSSLESS = Encoding("ffv1", "gbrp", preset=None, tune=None)
@@ -50,3 +52,14 @@ def write_field(
     scene_of = {"name": scene, "digest": "0123"}
     join_segments(path, segments, tiles, layout, geometry=slab, scene=scene_of, spec=spec, **more)
     return tiles, segments
+
+
+def segment_frames(path: Path, *, grey: bool = False) -> np.ndarray:
+    """(F, frame_bytes) uint8: all frames of a segment."""
+    about, _ = read_segment(path, grey=grey)
+    with open_video(path) as file:
+        video, form = file.streams.video[0], pixel_format(about.pixel_format)
+        run = FrameRun(path, 0, ticks_per_frame(video.time_base), form, about.width, about.height)
+        packets = (packet for packet in file.demux(video) if packet.size)
+        count = about.frames
+        return next(run.decode(video.codec_context, packets, 0, count, count, DecodeCount()))

@@ -19,7 +19,7 @@ from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.pictures import read_codes, write_pictures
 from lfcore.scene.files import load_scene, save_scene
-from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.segment import SegmentWriter, read_segment
 from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
 
@@ -98,7 +98,7 @@ KINDS = {
     "truth.npz": (lambda path: save_reference(path, TRUTH), load_reference),
     "sums.npz": (SUMS.save, lambda path: PlaneSums.load(path, SUMS.slab, PLANES)),
     "array.exr": (lambda path: write_array(path, NOISE, ARRAY), read_array),
-    "segment.mp4": (write_segment, SegmentReader),
+    "segment.mp4": (write_segment, read_segment),
     # Of which OpenCV alone would fill up the rest without a word.
     **{f"a{suffix}": (lambda path: write_picture(path, NOISE), read_codes)
        for suffix in (".png", ".jpg", ".tif", ".webp")},

@@ -31,7 +31,13 @@ from lfcore.storage.ebml import scan
 from lfcore.storage.index import SegmentIndex
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import TAG, Metadata
-from lfcore.storage.segment import SegmentInfo, SegmentReader, named_errors, open_video
+from lfcore.storage.segment import (
+    SegmentInfo,
+    global_header,
+    named_errors,
+    open_video,
+    read_segment,
+)
 
 BATCH_TAG = "SEGMENTS"
 EBML = b"\x1a\x45\xdf\xa3"
@@ -47,16 +53,12 @@ class Batch:
     infos: tuple[SegmentInfo, ...]
     header: bytes
 
-    def open(self) -> av.container.InputContainer:
-        """The file, opened afresh; to be closed by the caller."""
-        return open_video(self.path)
-
     def segments(self) -> Iterator[Iterator[av.Packet]]:
         """The packets of each segment, to be read in turn and to the end.
 
         Raises :class:`StorageError` where they are others than the index says.
         """
-        with self.open() as container:
+        with open_video(self.path) as container:
             video = container.streams.video[0]
             packets = (packet for packet in container.demux(video) if packet.size)
             for info in self.infos:
@@ -95,9 +97,8 @@ def read_batch(path: str | Path, *, grey: bool = False) -> Batch:
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
     if not several:
-        reader = SegmentReader(path, grey=grey)
-        with reader.open() as container:
-            return Batch(path, (reader.info(),), _header(container))
+        info, header = read_segment(path, grey=grey)
+        return Batch(path, (info,), header)
     faults = scan(path, clusters=False).faults
     with open_video(path) as container:
         infos = _infos(container.metadata.get(BATCH_TAG, ""))
@@ -107,7 +108,7 @@ def read_batch(path: str | Path, *, grey: bool = False) -> Batch:
                 file=path,
                 remedy="Encode its tiles again",
             )
-        return Batch(path, infos, _header(container))
+        return Batch(path, infos, global_header(container))
 
 
 def batch_tag(infos: Sequence[SegmentInfo]) -> dict[str, str]:
@@ -123,11 +124,6 @@ def _infos(text: str) -> tuple[SegmentInfo, ...]:
         return tuple(SegmentInfo(*row) for row in rows) if right else ()
     except (ValueError, TypeError, RecursionError):
         return ()
-
-
-def _header(container: av.container.InputContainer) -> bytes:
-    """The codec's global header: parameter sets that are common to all segments."""
-    return container.streams.video[0].codec_context.extradata or b""
 
 
 FRAME_MS = 1000 // FRAME_RATE
@@ -331,7 +327,7 @@ def _mux(
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     written = []
     for stream in streams:
-        with stream.batches[0].open() as template:
+        with open_video(stream.batches[0].path) as template:
             # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
             made = output.add_stream_from_template(template.streams.video[0], opaque=True)
         made.time_base = Fraction(1, 1000)

@@ -6,10 +6,9 @@ container.
 
 from __future__ import annotations
 
-import sys
 import zlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -23,13 +22,7 @@ from av.error import FFmpegError
 from lfcore.errors import StorageError
 from lfcore.files import cannot_write, whole_file
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.decoding import (
-    FRAME_RATE,
-    DecodeCount,
-    FrameRun,
-    frame_number,
-    ticks_per_frame,
-)
+from lfcore.storage.decoding import FRAME_RATE, frame_number, ticks_per_frame
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.planar import PACKED_RGB, PlanarFeed, stored_format
 from lfcore.storage.remote import RemoteFile
@@ -63,11 +56,10 @@ class SegmentWriter:
         self._form = pixel_format(spec.stored_format)
         # libx264 copies its input before it returns, so one buffer serves all frames.
         self._feed = PlanarFeed(self._form, width, height, reuse=spec.codec == "libx264")
-        self._scope = whole_file(self.path)
 
     def __enter__(self) -> SegmentWriter:
-        file = self._scope.__enter__()
-        try:
+        with ExitStack() as scope:
+            file = scope.enter_context(whole_file(self.path))
             with self._named_errors():
                 self._output = av.open(file, "w", format="mp4")
                 stream = self._output.add_stream(
@@ -76,9 +68,7 @@ class SegmentWriter:
                 self._stream = cast(av.VideoStream, stream)
                 self._configure(self._stream.codec_context)
                 self._output.start_encoding()
-        except BaseException:
-            self._scope.__exit__(*sys.exc_info())
-            raise
+            self._scope = scope.pop_all()
         return self
 
     def _configure(self, context: av.VideoCodecContext) -> None:
@@ -129,13 +119,10 @@ class SegmentWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            try:
-                self._finish()
-            except BaseException:
-                self._scope.__exit__(*sys.exc_info())
-                raise
-        self._scope.__exit__(kind, error, trace)
+        with self._scope:
+            if error:
+                raise error
+            self._finish()
 
 
 @contextmanager
@@ -167,84 +154,41 @@ class SegmentInfo:
     """By how many frames the order of decoding runs ahead of the order of showing."""
 
 
-class SegmentReader:
-    """Read the frames of a segment file.
+def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]:
+    """What a segment file holds, without decoding it, and the codec's global header.
 
     ``grey``: it is of one plane of codes.
 
     Raises :class:`StorageError`, naming the file, when it is missing, cut short or no segment.
     """
-
-    def __init__(self, path: str | Path, *, grey: bool = False):
-        self.path = Path(path)
-        self.count = DecodeCount()
-        if not _is_whole(self.path):
-            raise StorageError(
-                "is cut short or no segment", file=self.path, remedy="Encode this tile again"
-            )
-        with self.open() as container:
-            context = container.streams.video[0].codec_context
-            if context.pix_fmt is None:
-                raise StorageError(
-                    "is damaged: its first frame cannot be decoded",
-                    file=self.path,
-                    remedy="Encode this tile again",
-                )
-            self.form = pixel_format(stored_format(context.pix_fmt, grey=grey) or "")
-            self.codec = context.codec.canonical_name
-            self.width, self.height = context.width, context.height
-
-    def open(self) -> av.container.InputContainer:
-        """The file, opened afresh; to be closed by the caller."""
-        return open_video(self.path)
-
-    def packets(self) -> Iterator[av.Packet]:
-        """The packets in file order."""
-        with self.open() as container:
-            for packet in container.demux(container.streams.video[0]):
-                if packet.size:
-                    yield packet
-
-    def info(self) -> SegmentInfo:
-        """Count, size and check sum of the packets, without decoding them."""
-        frames = size = crc = reorder = ticks = 0
-        for packet in self.packets():
-            ticks = ticks or ticks_per_frame(packet.time_base)
+    again = "Encode this tile again"
+    if not _is_whole(path):
+        raise StorageError("is cut short or no segment", file=path, remedy=again)
+    with open_video(path) as container:
+        video = container.streams.video[0]
+        context, ticks = video.codec_context, ticks_per_frame(video.time_base)
+        if context.pix_fmt is None:
+            said = "is damaged: its first frame cannot be decoded"
+            raise StorageError(said, file=path, remedy=again)
+        form = pixel_format(stored_format(context.pix_fmt, grey=grey) or "")
+        frames = size = crc = reorder = 0
+        for packet in container.demux(video):
+            if not packet.size:
+                continue
             number = frame_number(packet.pts, ticks)
             if number is None or (frames == 0 and not packet.is_keyframe):
-                raise StorageError("does not begin with a key frame", file=self.path)
+                raise StorageError("does not begin with a key frame", file=path)
             reorder = max(reorder, frames - number)
             crc = zlib.crc32(packet, crc)
             frames, size = frames + 1, size + packet.size
-        return SegmentInfo(
-            self.codec, self.form.name, self.width, self.height, frames, size, crc, reorder
-        )
+        codec, picture = context.codec.canonical_name, (context.width, context.height)
+        info = SegmentInfo(codec, form.name, *picture, frames, size, crc, reorder)
+        return info, global_header(container)
 
-    def frames(
-        self, start: int = 0, stop: int | None = None, *, chunk: int = 64
-    ) -> Iterator[np.ndarray]:
-        """Frames start ... stop - 1 as arrays (up to ``chunk``, frame_bytes) uint8.
 
-        Decoding begins at the last key frame at or before ``start``; ``self.count.frames`` adds
-        up what was decoded.
-        """
-        with self.open() as container:
-            stream = container.streams.video[0]
-            stop = stream.frames if stop is None else stop
-            if not 0 <= start <= stop <= stream.frames:
-                raise StorageError(
-                    f"frames {start} to {stop} were asked for of {stream.frames}", file=self.path
-                )
-            if start == stop:
-                return
-            stream.codec_context.thread_count = 1
-            if start:
-                container.seek(start * ticks_per_frame(stream.time_base), stream=stream)
-            packets = (packet for packet in container.demux(stream) if packet.size)
-            ticks = ticks_per_frame(stream.time_base)
-            run = FrameRun(self.path, 0, ticks, self.form, self.width, self.height)
-            context = stream.codec_context
-            yield from run.decode(context, packets, start, stop, chunk, self.count)
+def global_header(container: av.container.InputContainer) -> bytes:
+    """The codec's parameter sets, which are common to all segments."""
+    return container.streams.video[0].codec_context.extradata or b""
 
 
 def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:

@@ -12,7 +12,6 @@ from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer, frame_chunks
 from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.segment import SegmentReader
 from lfcore.tracing.tile import tile_corners
 
 pytestmark = pytest.mark.kernels
@@ -148,8 +147,8 @@ def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     slab, spec = Slab(CAMERA, 512, 3), chosen_encoding(512)
     layout = FrameLayout("macropixels", 512, 3, pixel_format=spec.pixel_format)
     tile, path = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv"
-    _, (segment,) = write_field(path, slab, layout, waves, spec=spec, tiles=[tile])
-    decoded = np.concatenate(list(SegmentReader(segment).frames()))
+    write_field(path, slab, layout, waves, spec=spec, tiles=[tile])
+    decoded = np.concatenate(list(LightFieldFile.open(path).frames(0)))
     rays = light_of(decoded, tile, open_device())
     for plane, found in zip(PLANES, form_planes(path, PLANES).sums.sums, strict=True):
         np.testing.assert_array_equal(found, sums_one_by_one(slab, plane, rays, tile))

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stored_fields import segment_frames
 
 from lfcore import Encoding, FrameLayout, LightField, StorageError
 from lfcore.colour import display_values
 from lfcore.storage.codecs import SMALLEST_FRAME
 from lfcore.storage.container import join_segments, write_batch
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.storage.segment import SegmentReader, SegmentWriter
+from lfcore.storage.segment import SegmentWriter, open_video
 
 SCENE = {"name": "waves", "digest": "0123"}
 PRESETS = {"libx264": "veryfast", "libx265": "superfast", "libsvtav1": "12", "ffv1": None}
@@ -52,11 +55,24 @@ def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
         light_field.segments, stored.segments, stored.frames, strict=True
     ):
         joined = np.concatenate(list(light_field.frames(part.index, chunk=5)))
-        alone = np.concatenate(list(SegmentReader(path).frames()))
-        assert (joined == alone).all()
+        assert (joined == segment_frames(path)).all()
         assert codec != "ffv1" or (joined == frames).all()
-        packets = b"".join(bytes(packet) for packet in SegmentReader(path).packets())
+        with open_video(path) as file:
+            packets = b"".join(bytes(packet) for packet in file.demux(video=0))
         assert (part.bytes, part.crc32) == (len(packets), zlib.crc32(packets))
+
+
+@given(start=st.integers(0, 36), length=st.integers(0, 36), chunk=st.integers(1, 9))
+@settings(max_examples=25)
+def test_any_start_equals_sequential(stored, start, length, chunk):
+    stop = min(36, start + length)
+    light_field = LightFieldFile.open(stored.path)
+    parts = list(light_field.frames(1, start, stop, chunk=chunk))
+    assert all(len(part) <= chunk for part in parts)
+    whole = segment_frames(stored.segments[1])[start:stop]
+    assert (np.concatenate([whole[:0], *parts]) == whole).all()
+    if length:
+        assert light_field.count.frames <= stop - start + 5 + 1
 
 
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
