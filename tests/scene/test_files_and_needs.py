@@ -1,14 +1,27 @@
-"""A scene on disk and what it needs."""
+"""A scene on disk, what it needs, and scenes for other programs."""
 
 import dataclasses
+import importlib.util
+import math
+import re
+import shutil
 
 import numpy as np
 import pytest
+from PIL import Image
+from plain_scenes import CHART
 
-from lfcore import Camera, Light, Material, Scene, SceneError
+from lfcore import Camera, Light, Material, Motion, Scene, SceneError, SensorPlane, open_device
+from lfcore.colour import srgb_encode
+from lfcore.evaluation.metrics import psnr
+from lfcore.evaluation.renderers import mitsuba, povray, spread_picture
+from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, POINT
+from lfcore.scene.build import build_scene
 from lfcore.scene.files import load_scene, read_header, save_scene
+from lfcore.scene.mitsuba import Description
 from lfcore.scene.needs import Needs
+from lfcore.scene.povray import write_mesh, write_view
 
 
 @pytest.fixture
@@ -90,3 +103,104 @@ def test_needs_shrink_with_the_scene(scene):
     needs = Needs.of(bare)
     assert not any(dataclasses.astuple(needs)), needs
     assert not Needs.of(dataclasses.replace(scene, lights=[])).specular
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return build_scene(CHART)
+
+
+def written(folder, scene):
+    write_mesh(folder, scene)
+    file = write_view(folder, scene, scene.camera, samples=50)
+    return file.read_text() + (folder / "mesh.inc").read_text()
+
+
+def test_the_mesh_and_lens_are_the_scene_s(chart, tmp_path):
+    text = written(tmp_path, chart)
+    block = re.search(r"vertex_vectors \{ (\d+),\n(.*?)\n\}", text, re.S)
+    vertices = np.array(re.findall(r"<(.*?),(.*?),(.*?)>", block[2]), np.float64)
+    assert int(block[1]) == len(vertices) == 3 * chart.triangle_count
+    expected = chart.triangles.reshape(-1, 3) * [1, -1, 1]
+    assert np.allclose(vertices, expected, rtol=1e-6, atol=1e-6)
+    assert len(re.findall(r"^<\d+,\d+,\d+>,\d+", text, re.M)) == chart.triangle_count
+    angle = float(re.search(r"angle ([\d.]+)", text)[1])
+    assert math.tan(math.radians(angle / 2)) == pytest.approx(chart.camera.field_width / 2)
+    assert f"focal_point <0,0,{chart.camera.focus_m}>" in text
+    assert "blur_samples 50" in text
+
+
+def test_lights_and_materials(chart, tmp_path):
+    scene = dataclasses.replace(
+        chart,
+        materials=[Material("lamp", (0.5, 0.4, 0.2), (0.3, 0.3, 0.3), 50.0, (0.1, 0.2, 0.0))]
+        * len(chart.materials),
+        lights=[
+            Light(DIRECTIONAL, (0, -1, 0), (1, 1, 1), casts_shadows=False),
+            Light(POINT, (1, 2, 3), (1, 2, 3), reference_distance_m=2.0),
+        ],
+    )
+    text = written(tmp_path, scene)
+    assert re.search(r"light_source \{ <0,10000,0> rgb <1,1,1> parallel .* shadowless \}", text)
+    found = re.search(r"<1,-2,3> rgb <(\S+),\S+,\S+> fade_power 2 fade_distance (\S+) \}", text)
+    # At the reference distance the light is its colour: 2 / (1 + (d / f)^2) times what is written.
+    assert float(found[1]) * 2 / (1 + (2.0 / float(found[2])) ** 2) == pytest.approx(1, rel=1e-5)
+    assert "specular 0.3 roughness 0.02" in text
+    assert "emission rgb <0.2,0.5,0>" in text
+
+
+def test_textures_carry_the_diffuse_colour(chart, tmp_path):
+    texture = np.full((4, 4, 3), 255, np.uint8)
+    half = dataclasses.replace(
+        chart,
+        textures=[texture],
+        materials=[Material("half", (0.5, 1.0, 0.0), texture=0)] * len(chart.materials),
+    )
+    assert "uv_mapping image_map" in written(tmp_path, half)
+    assert np.asarray(Image.open(tmp_path / "0.png"))[0, 0].tolist() == [188, 255, 0]
+
+
+def test_what_is_not_exported_is_refused(chart, tmp_path):
+    coloured = dataclasses.replace(chart, colours=np.ones_like(chart.triangles))
+    glowing = [Material("glow", (0, 0, 0), emission=(1, 0, 0))] * len(chart.materials)
+    far = dataclasses.replace(chart.camera, focus_m=math.inf)
+    facing = Light(POINT, (0, 0, 0), (1, 1, 1), normal=(0.0, 0.0, 1.0))
+    panel = dataclasses.replace(chart, lights=[facing])
+    moving = dataclasses.replace(chart, motions=(Motion(0, 2, np.eye(4), np.eye(4)),))
+    for scene, words in (
+        (coloured, "corners"),
+        (dataclasses.replace(chart, materials=glowing), "emission"),
+        (dataclasses.replace(chart, camera=far), "infinity"),
+        (moving, "motion"),
+        (panel, "area lights"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            written(tmp_path, scene)
+    for scene, words in ((coloured, "corners"), (moving, "motion"), (panel, "area lights")):
+        with pytest.raises(SceneError, match=words):
+            Description(None, scene)
+    lit = dataclasses.replace(chart, lights=[Light(POINT, (0, 0, 0), (1, 1, 1))])
+    with pytest.raises(SceneError, match="ambient"):
+        Description(None, lit)
+
+
+@pytest.mark.parametrize(
+    ("render", "installed"),
+    [
+        pytest.param(povray, shutil.which("povray"), id="povray"),
+        pytest.param(mitsuba, importlib.util.find_spec("mitsuba"), id="mitsuba"),
+    ],
+)
+def test_other_programs_see_the_same_picture(chart, render, installed):
+    tracer = open_tracer(chart, open_device(threads=1))
+    plane = SensorPlane(1.0, chart.camera.f_number)
+    made = render(chart, plane, 48, 12)
+    if not installed:
+        assert made.picture is None and "not installed" in made.note
+        pytest.skip(made.note)
+    truth = spread_picture(tracer, plane, 48, 16, 4)
+    ours, theirs = (255 * srgb_encode(np.clip(p, 0, 1)) for p in (made.picture, truth))
+    # A lens twice or half as wide, or a picture half a pixel aside, is below 30 dB.
+    assert psnr(ours, theirs, peak=255) > 33
+    assert made.picture.mean() == pytest.approx(truth.mean(), rel=0.01)
+    assert made.seconds > 0 and made.rays == 144

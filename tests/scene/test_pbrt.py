@@ -2,7 +2,9 @@
 
 import gzip
 import math
+import shutil
 import struct
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,9 +12,13 @@ import pytest
 import trimesh
 
 import lfcore
+from lfcore.cli import main
 from lfcore.errors import SceneError
-from lfcore.scene.appearance import DIRECTIONAL, POINT
+from lfcore.exr import read_exr_picture
+from lfcore.oracle.shading import arriving
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.baked import BakeOptions
+from lfcore.scene.emitters import POINTS, emitter_points
 from lfcore.scene.motion import scene_at
 from lfcore.scene.pbrt import build_pbrt_scene
 from lfcore.scene.sky import radiance
@@ -531,3 +537,139 @@ def test_motion_that_is_not_rigid_is_noted(read):
     world = f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}"
     scene = read(world)
     assert not scene.motions and "not rigid" in scene.summary()
+
+
+CORNERS = np.array([[-0.5, -0.5, 0], [-0.5, 0.5, 0], [0.5, 0.5, 0], [0.5, -0.5, 0]])
+SQUARE = CORNERS[[[0, 1, 2], [0, 2, 3]]]  # of side 1, facing -z
+BALL = trimesh.creation.icosphere(4, radius=0.5).triangles
+PLACES = np.stack(np.meshgrid(np.linspace(-4, 4, 17), np.linspace(-4, 4, 17)), -1).reshape(-1, 2)
+FLOOR = np.concatenate([PLACES, np.zeros((len(PLACES), 1))], axis=1)
+
+
+def of_points(triangles, count=POINTS):
+    """(P,) irradiance of the floor over radiance, as the oracle adds lights up."""
+    points = emitter_points(triangles, count)
+    total = np.zeros(len(FLOOR))
+    for place, normal, area in zip(*vars(points).values(), strict=True):
+        light = Light(POINT, tuple(place), (area,) * 3, 1.0, normal=tuple(normal))
+        towards, strength = arriving(light, FLOOR)
+        total += np.maximum(towards[:, 2], 0) * strength[:, 0]
+    return total
+
+
+@pytest.mark.parametrize("count, number", [(1, 1), (4, 4), (5, 4), (6, 6), (12, 12), (40, 12)])
+def test_points_of_a_sphere_are_a_regular_solid(count, number):
+    points = emitter_points(BALL + (3, 4, 5), count)
+    assert len(points.areas) == number
+    assert not points.normals.any()
+    assert points.areas.sum() == pytest.approx(np.pi / 4, rel=1e-9)
+    np.testing.assert_allclose(points.positions.mean(0), (3, 4, 5), atol=1e-9)
+
+
+def test_other_surfaces_keep_their_area_and_have_normals():
+    half = BALL[BALL[..., 2].mean(1) > 0]
+    for triangles in (trimesh.creation.box().triangles, BALL[:, ::-1], BALL * (1, 1, 2), half):
+        edges = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        area = np.linalg.norm(np.cross(*edges), axis=1).sum() / 2
+        points = emitter_points(triangles)
+        assert points.areas.sum() == pytest.approx(area, rel=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(points.normals, axis=1), 1, atol=1e-12)
+
+
+def test_stated_error_of_other_surfaces():
+    """20% from a diameter on, 5% with 48 points: a long ellipsoid, summed over its triangles."""
+    triangles = BALL * (2, 1, 1) + (0, 0, 2)
+    double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    ways = triangles.mean(1) - FLOOR[:, None]
+    facing = np.maximum(-(ways * double / 2).sum(-1), 0)
+    truth = (facing * ways[..., 2] / (ways**2).sum(-1) ** 2).sum(1)
+    for count, limit in ((POINTS, 0.2), (48, 0.05)):
+        assert np.abs(of_points(triangles, count) / truth - 1).max() < limit
+
+
+def test_two_sides_and_surfaces_without_area():
+    both = emitter_points(SQUARE, two_sided=True)
+    assert both.areas.sum() == pytest.approx(2)
+    assert both.normals.sum(0) == pytest.approx(0)
+    assert emitter_points(np.zeros((3, 3, 3))) is None
+    assert emitter_points(np.zeros((0, 3, 3))) is None
+
+
+def test_equal_surfaces_have_equal_points():
+    first, second = emitter_points(BALL[:77]), emitter_points(BALL[:77].copy())
+    np.testing.assert_array_equal(first.positions, second.positions)
+
+
+LISTED = {
+    "left out": {
+        'Texture "wrinkles"', 'MakeNamedMedium "fog"', 'MediumInterface "fog"', 'Shape "cone"',
+        'Shape "curve"', 'Shape "paraboloid"', 'LightSource "goniometric"',
+    },
+    "approximated": {
+        'LightSource "infinite"', 'LightSource "spot"', 'AreaLightSource "diffuse"',
+        'Shape "plymesh": "alpha"', 'Material "matte" named "floor"', 'Material "metal"',
+        'Material "mirror"', 'Material "mix" named "blend"', 'Material "glass"',
+        'Material "subsurface"',
+    },
+    "not used": {
+        'Integrator "volpath"', 'Sampler "halton"', 'PixelFilter "gaussian"', 'Accelerator "bvh"',
+        'parameter "filename"', 'parameter "octaves"', 'parameter "I" of LightSource "gonio',
+        'parameter "index"', 'parameter "name"',
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    here = tmp_path_factory.mktemp("public") / "scene"
+    shutil.copytree(Path(__file__).with_name("public_style"), here)
+    (here / "textures").mkdir()
+    grid = np.full((64, 64, 3), 60, np.uint8)
+    grid[::8] = grid[:, ::8] = (0, 200, 255)
+    cv2.imwrite(str(here / "textures" / "grid.png"), grid)
+    return here
+
+
+@pytest.fixture(scope="module")
+def scene(folder):
+    return build_pbrt_scene(folder / "scene.pbrt")
+
+
+def test_everything_else_is_listed_with_file_and_line(scene, folder):
+    lines = (folder / "scene.pbrt").read_text().splitlines()
+    for kind, starts in LISTED.items():
+        notes = [note for note in scene.notes if note.kind == kind]
+        for start in starts:
+            assert any(note.what.startswith(start) for note in notes), (kind, start)
+        for note in notes:
+            assert any(note.what.startswith(start) for start in starts), str(note)
+            assert note.file == folder / "scene.pbrt"
+            word = note.what.removeprefix("parameter ").split('"')[1]
+            assert word in " ".join(lines[note.line - 1 : note.line + 2]), str(note)
+
+
+def test_what_has_a_counterpart_is_there(scene):
+    names = {material.name for material in scene.materials}
+    assert len(names) == len(scene.materials) == 8
+    kinds = [light.kind for light in scene.lights]
+    # A point, a spot and the twelve points of the area light; one distant light.
+    assert (kinds.count(POINT), kinds.count(DIRECTIONAL)) == (14, 1)
+    np.testing.assert_allclose(scene.ambient, [0.3, 0.35, 0.4], rtol=1e-6)
+    assert len(scene.textures) == 2
+    (mixed,) = (k for k, name in enumerate(m.name for m in scene.materials) if "blend" in name)
+    quads = scene.material_ids == mixed
+    # Two instances of a quad of two triangles, 0.8 m wide.
+    assert quads.sum() == 4
+    first = scene.triangles[quads][:2].reshape(-1, 3)
+    assert np.ptp(first[:, 0]) == pytest.approx(0.8, abs=1e-5)
+
+
+@pytest.mark.kernels
+def test_it_renders_as_the_file_says(folder, tmp_path):
+    out = tmp_path / "out.exr"
+    assert main(["render", str(folder / "scene.pbrt"), "-o", str(out), "--samples", "2"]) == 0
+    picture = read_exr_picture(out)
+    assert picture.shape == (100, 160, 3) and np.isfinite(picture).all()
+    # Sky on top, the checked floor's contrast at the bottom.
+    np.testing.assert_allclose(picture[0, 0], [0.3, 0.35, 0.4], rtol=1e-3)
+    assert picture[70:].std() > 0.1

@@ -1,4 +1,4 @@
-"""The joined file: bit-exact, self-contained, and any part of it read like the whole."""
+"""The joined file: bit-exact, self-contained, any part like the whole; what defaults keep."""
 
 import runpy
 import zlib
@@ -15,6 +15,7 @@ from lfcore import Encoding, FrameLayout, LightField, StorageError
 from lfcore.colour import display_values
 from lfcore.storage.codecs import SMALLEST_FRAME
 from lfcore.storage.container import join_segments, write_batch
+from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter, open_video
 
@@ -262,3 +263,19 @@ def test_files_of_earlier_programs_open(name, version, size, mean):
     assert about["version"] == version and field.picture_size == size
     assert (field.depth_video is not None) == (name == "depth")
     assert abs(display_values(field.refocus()).mean() - mean) < 0.3
+
+
+def test_impossible_views_are_refused():
+    for call in (default_kind, default_pack, chosen_encoding, macropixel_pack):
+        with pytest.raises(StorageError, match="positive"):
+            call(0)
+
+
+@pytest.mark.parametrize("views, pixels", [(8, 64), (128, 4)])
+def test_a_smooth_light_field_keeps_its_colours(tmp_path, make_store, views, pixels):
+    spec = chosen_encoding(views)
+    layout = FrameLayout(default_kind(views, pixels), views, pixels, pixel_format=spec.pixel_format)
+    stored = make_store(tmp_path, layout, spec)
+    found = LightFieldFile.open(stored.path).rectangle(0, 0, pixels, pixels, codes=True) / 255
+    means = found.mean((2, 3)) - stored.field.mean((0, 1))
+    assert -10 * np.log10(np.mean(means**2)) > 40

@@ -1,4 +1,4 @@
-"""Formats that go one way, parts of grids, orders, and what others write."""
+"""Formats out and in again, and one way; parts of grids, orders, depth; what others write."""
 
 import json
 
@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from noise_fields import KNOWN, all_views, noise, store, taken_back
 from PIL import Image
+from plain_scenes import CHART
 from stored_fields import tile_frames, write_field
 
+from lfcore.api import load_scene, record
 from lfcore.colour import srgb_codes
-from lfcore.exchange import export_lightfield
+from lfcore.exchange import export_lightfield, import_lightfield
 from lfcore.exchange.grid import (
     ExchangeError,
     Geometry,
@@ -20,8 +22,12 @@ from lfcore.exchange.grid import (
     WriteOptions,
 )  # fmt: skip
 from lfcore.exchange.importing import check_order
+from lfcore.exchange.pictures import read_pfm
 from lfcore.exchange.source import Selection, Source
 from lfcore.lightfield import LightField
+from lfcore.rendering.depth import depth_of_views, disparity
+from lfcore.rendering.prepared import open_tracer
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout
 
 
@@ -290,3 +296,121 @@ def test_plenoptic_raw_pictures_with_their_calibration(tmp_path):
     v, u = np.mgrid[15:20, 35:40]
     centre = np.sum(v * cell) / cell.sum(), np.sum(u * cell) / cell.sum()
     np.testing.assert_allclose(centre, (y, x), atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def chart():
+    return load_scene(CHART)
+
+
+@pytest.fixture(scope="module")
+def traced(chart, tmp_path_factory):
+    """5 x 5 views of 32 x 32 pixels of the chart, exact."""
+    path = tmp_path_factory.mktemp("traced") / "chart.mkv"
+    record(chart, path, views=5, pixels=32, encoding=Encoding("ffv1", "gbrp", depth=False))
+    return path
+
+
+def test_hci_has_every_views_depth_and_disparity(chart, traced, tmp_path, device):
+    selection = Selection((3, 3), crop=(4, 2, 20, 24))
+    assert export_lightfield(traced, "hci", tmp_path / "out", selection=selection, scene=chart,
+                             device=device) == []  # fmt: skip
+    field = LightField.open(traced)
+    window = np.s_[2:26, 4:24]
+    samples = np.array([(2 * i, 2 * j) for j in range(3) for i in range(3)])
+    expected = depth_of_views(open_tracer(chart, device), field.slab, samples)
+    for index in range(9):
+        depth = read_pfm(tmp_path / "out" / f"gt_depth_lowres_Cam{index:03d}.pfm")
+        np.testing.assert_array_equal(depth, expected[index][window])
+        moved = read_pfm(tmp_path / "out" / f"gt_disp_lowres_Cam{index:03d}.pfm")
+        np.testing.assert_allclose(
+            moved, 2 * disparity(field.slab, expected[index])[window], rtol=1e-6, atol=1e-6
+        )
+        ids = cv2.imread(str(tmp_path / "out" / f"objectids_highres_Cam{index:03d}.png"), -1)
+        assert ids.dtype == np.uint16
+        assert (ids > 0).all() == np.isfinite(depth).all()
+    np.testing.assert_array_equal(
+        read_pfm(tmp_path / "out" / "gt_depth_lowres.pfm"), expected[4][window]
+    )
+    # OpenCV reads the float maps as they are meant.
+    seen = cv2.imread(str(tmp_path / "out" / "gt_disp_lowres.pfm"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(seen, read_pfm(tmp_path / "out" / "gt_disp_lowres.pfm"))
+    text = (tmp_path / "out" / "parameters.cfg").read_text()
+    values = dict(line.split(" = ") for line in text.splitlines() if " = " in line)
+    finite = [d for d in expected[:, 2:26, 4:24].ravel() if np.isfinite(d)]
+    ends = 2 * disparity(field.slab, np.array([max(finite), min(finite)]))
+    assert [float(values["disp_min"]), float(values["disp_max"])] == pytest.approx(ends.tolist())
+    import_lightfield(tmp_path / "out", tmp_path / "back.mkv", encoding=Encoding("ffv1"))
+    back = LightField.open(tmp_path / "back.mkv")
+    assert back.depth_range == pytest.approx((min(finite), max(finite)), rel=0.2)
+    assert back.metric
+
+
+def test_nerfstudio_has_millimetres(chart, traced, tmp_path):
+    export_lightfield(traced, "nerfstudio", tmp_path / "out", scene=chart)
+    data = json.loads((tmp_path / "out" / "transforms.json").read_text())
+    frame = data["frames"][7]
+    mm = cv2.imread(str(tmp_path / "out" / frame["depth_file_path"]), cv2.IMREAD_UNCHANGED)
+    field = LightField.open(traced)
+    depth = depth_of_views(open_tracer(chart), field.slab, np.array([[2, 1]]))[0]
+    expected = np.where(np.isfinite(depth), np.rint(1e3 * depth), 0)
+    np.testing.assert_array_equal(mm, expected)
+
+
+def test_without_the_scene_it_is_said(traced, tmp_path):
+    for name in ("hci", "nerfstudio"):
+        (note,) = export_lightfield(traced, name, tmp_path / name)
+        assert "--scene" in note
+        assert not list((tmp_path / name).glob("gt_*"))
+
+
+FOLDERS = "hci stanford nerfstudio colmap json jpeg-pleno mosaic eslf mat hdf5".split()
+WHOLE = {"hci", "nerfstudio", "colmap", "json"}
+"""Formats that hold the whole geometry."""
+ONE_PICTURE = {"mosaic", "eslf"}
+
+
+def check_geometry(found, expected, whole):
+    if not whole:
+        assert not found.metric
+        return
+    assert found.metric
+    ours, theirs = found.slab, expected.slab
+    assert ours.lens_pitch_m == pytest.approx(theirs.lens_pitch_m, rel=1e-5)
+    assert ours.pixel_pitch == pytest.approx(theirs.pixel_pitch, rel=1e-5)
+    assert ours.camera.delta == pytest.approx(theirs.camera.delta, rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize("format", FOLDERS)
+@pytest.mark.parametrize("shape", ["square", "wide"])
+def test_folders(format, shape, tmp_path, request):
+    if format == "hdf5":
+        pytest.importorskip("h5py")
+    stored = request.getfixturevalue(shape)
+    export_lightfield(stored.path, format, tmp_path / "out")
+    rows, columns = stored.views.shape[:2]
+    options = ReadOptions((columns, rows)) if format in ONE_PICTURE else None
+    grid, field = taken_back(tmp_path / "out", tmp_path, options=options)
+    assert grid.format == format
+    assert field.picture_size == stored.views.shape[3:1:-1]
+    np.testing.assert_array_equal(all_views(field), stored.views)
+    check_geometry(field, stored.field, format in WHOLE)
+
+
+def test_a_part_of_it(square, tmp_path):
+    selection = Selection((2, 2), 0.008, (3, 2, 8, 6))
+    export_lightfield(square.path, "hci", tmp_path / "out", selection=selection)
+    _, field = taken_back(tmp_path / "out", tmp_path)
+    np.testing.assert_array_equal(all_views(field), square.views[::2, ::2, 2:8, 3:11])
+    assert field.slab.lens_pitch_m == pytest.approx(0.008)
+    assert field.slab.pixel_pitch == pytest.approx(0.02)
+
+
+def test_what_is_asked_for_by_name_completes_the_geometry(square, tmp_path):
+    export_lightfield(square.path, "stanford", tmp_path / "out")
+    options = ReadOptions(geometry=Geometry(delta=0.5), fov_deg=18.180)
+    _, field = taken_back(tmp_path / "out", tmp_path, options=options)
+    assert field.metric
+    assert field.slab.lens_pitch_m == pytest.approx(0.004)
+    assert field.slab.pixel_pitch == pytest.approx(0.02, rel=1e-3)
+    assert field.refocus(focus_m=2.5).shape == (16, 16, 3)
