@@ -1,4 +1,6 @@
-"""``lfcore imgtool``: pictures from camera arrays, with the assignment's own options.
+"""``lfcore imgtool``: camera arrays between tiled EXR and video, and pictures from them.
+
+The assignment's own options are taken.
 
 Both years' command lines work: the Isaksen filter of 2016-2018 (``--filterwidth``,
 ``--focalplanez``) and the Monte Carlo thin lens of 2019-2022 (``--focaldistance``,
@@ -9,25 +11,180 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import lfcore
-from lfcore.cli import imgtool_store as arrays
 from lfcore.cli import values
 from lfcore.cli.command import Command, refuse
+from lfcore.cli.film import save_video
 from lfcore.cli.options import add as add_option
-from lfcore.cli.options import flags
-from lfcore.cli.progress import wrote
+from lfcore.cli.options import add_encoder, flags, given
+from lfcore.cli.progress import progress, wrote
+from lfcore.colour import tonemap
 from lfcore.errors import OpticsError
+from lfcore.optics.array import CameraArray
+from lfcore.pictures import ALL_CODED, check_suffix, write_picture
 
 if TYPE_CHECKING:
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.focal_surface import FocalSurface
     from lfcore.refocus.array.result import Synthesis
     from lfcore.refocus.array.virtual_camera import VirtualCamera
+
+VIDEO = ".mkv"
+
+
+def add_files(command: argparse.ArgumentParser, input: str, output: str) -> None:
+    """The file to read and the file to write, which pbrt's tool has last and ours after ``-o``."""
+    command.add_argument("input", type=Path, help=input)
+    command.add_argument("last", type=Path, nargs="?", metavar="output", help="the same as -o")
+    command.add_argument("-o", "--output", type=Path, help=f"{output} to write")
+
+
+def output(arguments: argparse.Namespace) -> Path:
+    """The file to write; :class:`OpticsError` where there is none, or two."""
+    if (arguments.output is None) == (arguments.last is None):
+        refuse("--output", "needs one file to write", "Give -o FILE")
+    return arguments.output or arguments.last
+
+
+def add_bits(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--bits", type=int, choices=(16, 32), default=32, help="bits per sample of the EXR (32)"
+    )
+
+
+def add_geometry(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument_group("the light field (default: by its header)").add_argument
+    add("--camsperdim", nargs=2, type=values.count(), metavar=("X", "Y"), help="cameras (1 1)")
+    add("--griddim", nargs=4, type=values.number(), metavar=("XMIN", "XMAX", "YMIN", "YMAX"),
+        help="bounding box of the data cameras, metres (0 0 0 0)")  # fmt: skip
+    add("--inputfov", type=values.angle, metavar="DEG", help="field of view of data cameras (90)")
+    add("--spacing", choices=("ends", "cells"),
+        help="outermost cameras on the bounds, or all in the middle of cells (ends)")  # fmt: skip
+
+
+def geometry(
+    arguments: argparse.Namespace, recorded: CameraArray | None, shape: tuple[int, ...]
+) -> CameraArray:
+    """The array from the header, from flags, or both where they agree.
+
+    Raises :class:`OpticsError` for a contradiction, naming the flag.
+    """
+    flags = given(arguments, "camsperdim", "griddim", "inputfov", "spacing")
+    if recorded is not None:
+        _check_agreement(flags, recorded, arguments.input)
+        return recorded
+    (width, height), cameras = shape[1::-1], flags.get("camsperdim", (1, 1))
+    if width % cameras[0] or height % cameras[1]:
+        raise OpticsError(
+            f"{cameras[0]} x {cameras[1]} cameras do not divide {width} x {height} pixels",
+            file=arguments.input, key="--camsperdim",
+            remedy="Give the number of cameras that the light field was made with",
+        )  # fmt: skip
+    return CameraArray.on_grid(
+        cameras, flags.get("griddim", (0.0, 0.0, 0.0, 0.0)), flags.get("inputfov", 90.0),
+        (width // cameras[0], height // cameras[1]), flags.get("spacing", "ends"),
+    )  # fmt: skip
+
+
+def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -> None:
+    low_x, high_x, low_y, high_y = recorded.bounds()
+    facts: dict[str, Any] = {
+        "camsperdim": recorded.cameras, "griddim": (low_x, high_x, -high_y, -low_y),
+        "inputfov": recorded.fov_deg, "spacing": "cells" if any(recorded.margin_m) else "ends",
+    }  # fmt: skip
+    for name, value in flags.items():
+        fact = facts[name]
+        same = value == fact if name == "spacing" else np.allclose(value, fact, 1e-5, 1e-9)
+        if not same:
+            raise OpticsError(
+                f"contradicts the header, which says {fact}", file=file, key=f"--{name}",
+                remedy="Leave the flag out",
+            )  # fmt: skip
+
+
+def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[str, Any]]:
+    """Picture, geometry if there is any, and other metadata, from EXR or video."""
+    if path.suffix.lower() != VIDEO:
+        from lfcore.storage.tiled_exr import read_array
+
+        found = read_array(path)
+        return found.image, found.array, found.extra
+    from lfcore.refocus.array.stored import read_stored
+    from lfcore.storage.lightfield import LightFieldFile
+
+    field = LightFieldFile.open(path)
+    with progress("reading views", "frames") as report:
+        image, array = read_stored(field, progress=report)
+    return image, array, {"scene": field.metadata.scene["name"]}
+
+
+def store(arguments: argparse.Namespace) -> None:
+    """EXR to video."""
+    check_suffix(arguments.input, (".exr",), "input")
+    arguments.output = output(arguments)
+    image, recorded, extra = read_lightfield(arguments.input)
+    array = geometry(arguments, recorded, image.shape)
+    name = str(extra.get("scene", arguments.input.stem))
+    save_video(arguments, image, array, name=name)
+
+
+def tiles(arguments: argparse.Namespace) -> None:
+    """Video to EXR, with the geometry in its header."""
+    from lfcore.storage.tiled_exr import write_array
+
+    path = output(arguments)
+    check_suffix(arguments.input, (VIDEO,), "input")
+    check_suffix(path, (".exr",), "output")
+    image, array, extra = read_lightfield(arguments.input)
+    assert array is not None  # a video always has one
+    write_array(path, image, array, half=arguments.bits == 16, extra=extra)
+    wrote(path, f": {array.cameras[0]} x {array.cameras[1]} tiles of {array.tile}")
+
+
+def convert(arguments: argparse.Namespace) -> None:
+    """Write a linear EXR as an 8-bit sRGB picture.
+
+    Raises :class:`LfcoreError` when either file is at fault.
+    """
+    from lfcore.exr import read_exr_picture
+
+    path = output(arguments)
+    check_suffix(path, ALL_CODED, "output")
+    image = np.nan_to_num(read_exr_picture(arguments.input).astype(np.float64)) * arguments.scale
+    write_picture(path, tonemap(image) if arguments.tonemap else image)
+    wrote(path, f": {image.shape[1]} x {image.shape[0]}")
+
+
+def _convert_options(command: argparse.ArgumentParser) -> None:
+    add_files(command, "EXR to read", "picture")
+    more = command.add_argument
+    more("--tonemap", action="store_true",
+         help="Reinhard's global operator on luminance, scaled by the brightest pixel")  # fmt: skip
+    more("--scale", type=values.number(), default=1.0, metavar="X", help="multiply radiance first")
+
+
+def _store_options(command: argparse.ArgumentParser) -> None:
+    add_files(command, "EXR that holds all data cameras", "light field file (.mkv)")
+    add_geometry(command)
+    add_option(add_encoder(command), "white")
+
+
+def _tiles_options(command: argparse.ArgumentParser) -> None:
+    add_files(command, "light field file (.mkv): array or slab", "EXR with all views side by side")
+    add_bits(command)
+
+
+def _tool(
+    text: str, options: Callable[..., None], run: Callable[[argparse.Namespace], None]
+) -> tuple[Command, str]:
+    return Command(f"{text[0].upper()}{text[1:]}.", "", options, run), text
+
 
 QUADRATURE = "quadrature"
 DESCRIPTION = "Make pictures from a camera array's light field, or convert EXR pictures."
@@ -50,8 +207,8 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def _lightfield_options(command: argparse.ArgumentParser) -> None:
-    arrays.add_files(command, "EXR of all data cameras, or a light field file (.mkv)", "EXR")
-    arrays.add_geometry(command)
+    add_files(command, "EXR of all data cameras, or a light field file (.mkv)", "EXR")
+    add_geometry(command)
     add = command.add_argument
     add("--camerapos", nargs=3, type=values.number(), default=(0.0, 0.0, -0.02),
         metavar=("X", "Y", "Z"), help="virtual camera's position, y up (0 0 -0.02)")  # fmt: skip
@@ -80,7 +237,7 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
         help="realistic lens, a pbrt lens file; keys: stop (the stop's diameter), film (the "
         "film's diagonal, 35)")  # fmt: skip
     add_option(command, "device")
-    arrays.add_bits(command)
+    add_bits(command)
 
 
 def surface(text: str) -> tuple[str, list[float]]:
@@ -125,9 +282,9 @@ def lightfield(arguments: argparse.Namespace) -> None:
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.virtual_camera import VirtualCamera
 
-    output, method = arrays.output(arguments), chosen_method(arguments)
-    image, recorded, _ = arrays.read_lightfield(arguments.input)
-    array = arrays.geometry(arguments, recorded, image.shape)
+    path, method = output(arguments), chosen_method(arguments)
+    image, recorded, _ = read_lightfield(arguments.input)
+    array = geometry(arguments, recorded, image.shape)
     camera = VirtualCamera.from_pbrt(
         arguments.camerapos, arguments.camerarot or (0.0, 0.0, 0.0), arguments.outputfov,
         arguments.outputdim, arguments.lensradius or 0.0,
@@ -139,8 +296,8 @@ def lightfield(arguments: argparse.Namespace) -> None:
             "no pixel sees any data camera", file=arguments.input,
             remedy="Widen --filterwidth, or move --camerapos towards the grid",
         )  # fmt: skip
-    lfcore.write_picture(output, result.image, half=arguments.bits == 16)
-    wrote(output, f": {method}, {camera.size[0]} x {camera.size[1]}, "
+    lfcore.write_picture(path, result.image, half=arguments.bits == 16)
+    wrote(path, f": {method}, {camera.size[0]} x {camera.size[1]}, "
           f"{100 * result.skipped_share:.2f} % of samples outside the array")  # fmt: skip
 
 
@@ -233,7 +390,9 @@ TOOLS = {
         Command(LIGHTFIELD, LIGHTFIELD_EXAMPLES, _lightfield_options, lightfield),
         "synthesise a picture from a light field",
     ),
-    **arrays.TOOLS,
+    "convert": _tool("turn an EXR into a picture to look at", _convert_options, convert),
+    "store": _tool("store a camera array's EXR as a light field file", _store_options, store),
+    "tiles": _tool("write a light field file's views as one tiled EXR", _tiles_options, tiles),
 }
 """The tools by name, each with its line in the list of tools."""
 COMMANDS = {"imgtool": Command(DESCRIPTION, "", options)}

@@ -26,7 +26,7 @@ SHAPES = (
     "ball", "block", "blob", "rod", "cone", "ring", "vase", "tower", "train", "book", "armchair",
     "plant", "table", "lamp", "globe",
 )  # fmt: skip
-"""The procedural builders, by the names that :mod:`lfcore.datasets.shapes` has for them."""
+"""The procedural builders, by the names that :mod:`lfcore.datasets.sample` has for them."""
 LAMPS = ("sun", "point", "spot")
 
 

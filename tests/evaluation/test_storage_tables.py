@@ -19,7 +19,7 @@ from lfcore.evaluation.storage.figures import (
     rate_distortion_figure,
     retrieval_figure,
 )
-from lfcore.evaluation.storage.sample import (
+from lfcore.evaluation.storage.rate_distortion import (
     Frames,
     frame_quality,
     own_planes,
@@ -96,7 +96,7 @@ def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample)
     assert frames.rgb.shape == (256, 16, 16, 3) and frames.used.sum() == 8 * 8
     decoded = frames.codes.copy()
     decoded[:, ::5] += np.arange(256, dtype=np.uint8)[:, None]
-    module, area = "lfcore.evaluation.storage.sample", 16 * 16
+    module, area = "lfcore.evaluation.storage.rate_distortion", 16 * 16
     monkeypatch.setattr(f"{module}.CACHED_PX", 5 * area)
     monkeypatch.setattr(f"{module}.SSIM_PX", 85 * area)
     found = rgb_from_frames(decoded, "yuv420p", 16, 16)

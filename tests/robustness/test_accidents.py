@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from robustness import cluster, disks, faults, kills
-from robustness.cluster_runs import Run, digests
+from robustness.cluster import Run, digests
 from robustness.disks import Writer
 from robustness.local_slurm import local_slurm, missing
 
