@@ -49,6 +49,7 @@ class Bundles:
     columns, rows : size of the inner grid.
     pixel_pitch : tangent between neighbouring pixels, which texture filtering looks at.
     lattice : where the elements lie, if they lie regularly: then one block may span several.
+    band : first row and number of rows of the inner grid that are traced; default all.
     """
 
     elements: np.ndarray
@@ -57,6 +58,15 @@ class Bundles:
     rows: int
     pixel_pitch: float
     lattice: ElementLattice | None = None
+    band: tuple[int, int] | None = None
+
+    @property
+    def first_row(self) -> int:
+        return self.band[0] if self.band else 0
+
+    @property
+    def traced_rows(self) -> int:
+        return self.band[1] if self.band else self.rows
 
     def part(self, which: slice) -> Bundles:
         """The same rays of some of the elements."""

@@ -37,7 +37,8 @@ LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 together where they are in focus, whichever is less: measured there."""
 COARSE_PX = 1.25
 """The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
-STRIPS_A_THREAD = 2
+STRIPS_A_THREAD, STRIP_ROWS = 2, 256
+"""Strips of a picture at least, and rows of one at most: views come some rows at a time."""
 SUMS_BYTES = 1 << 32
 """Sums of the planes that are formed at a time.  About a quarter is written to, for a pixel has few
 of the layers; what is not written to takes no memory of a CPU."""
@@ -134,7 +135,7 @@ class DepthSlicer:
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
-        self._rows = -(-self.size.height // min(strips, self.size.height))
+        self._rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
         self._strips = -(-self.size.height // self._rows)
         self._planes = self.device.buffer(self._plane_records())
         size = self.sums_bytes(len(planes), self.size, len(bounds_px), self._rows)
@@ -191,8 +192,10 @@ class DepthSlicer:
             record[:, 6] = cells.share[part]
         return records
 
-    def add(self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray) -> None:
-        """Add the rays of some of the views, in any order, each view once.
+    def add(
+        self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
+    ) -> None:
+        """Add rays of some of the views, rows from ``first_row`` on, in any order, each ray once.
 
         Parameters
         ----------
@@ -201,13 +204,15 @@ class DepthSlicer:
             ``2 ** stops`` counts as that.
         depth : (K, rows, columns) float32, metres; infinity for a miss.
         """
-        shape = (len(self.views.positions[part]), *self.views.slab.size[::-1])
-        if light.shape != (*shape, 3) or depth.shape != shape:
+        views, rows, columns = depth.shape
+        size, fits = self.views.slab.size, light.shape == (*depth.shape, 3)
+        fits = fits and (views, columns) == (len(self.views.positions[part]), size.width)
+        if not fits or first_row + rows > size.height:
             raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
-        self.add_held(part, held_rays(self.device, light, depth))
+        self._add_rays(part, *held_rays(self.device, light, depth), first_row)
 
     def add_held(self, part: slice | np.ndarray, rays: HeldRays) -> None:
-        """As :meth:`add`, of :func:`held_rays`."""
+        """As :meth:`add`, of :func:`held_rays` of whole views."""
         self._add_rays(part, *rays)
 
     def add_stored(

@@ -17,7 +17,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
 from lfcore.tracing.header import header
 
-CHUNK_BYTES = 32 << 20
+CHUNK_BYTES = 8 << 20
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 

@@ -10,6 +10,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
@@ -18,10 +19,13 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera
+from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 21
 """Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next."""
+BAND_RAYS = 1 << 22
+"""Most rays of a view that are sliced at a time: of more, some rows are."""
 FOOTPRINT = 2.0
 """The width that textures are filtered over, over the distance between the rays of all views
 together in focus: measured, docs/notebook/true-picture.md."""
@@ -143,11 +147,20 @@ def trace_by_depth(
         )
     stops, least_px = tracer.needs.stops, widths.get("least_px")
     slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
-    for part, light, depth in traced_views(tracer, views, pixels, widths.get("footprint_px")):
-        slicer.add(part, light, depth)
+    for part, bundles in _bundles(views, pixels, widths.get("footprint_px")):
+        step = _band_rows(bundles)
+        for first in range(0, bundles.rows, step):
+            band = first, min(step, bundles.rows - first)
+            slicer.add(part, *tracer.radiance_and_depth(replace(bundles, band=band)), first)
         if progress:
             progress(part.stop, len(views.positions))
     return slicer.pictures()
+
+
+def _band_rows(bundles: Bundles) -> int:
+    """Rows of views that are traced at a time: whole packets, so that no ray's bits change."""
+    rays = len(bundles.elements) * bundles.columns
+    return max(1, BAND_RAYS // rays // PACKET_ROWS) * PACKET_ROWS
 
 
 def traced_views(
@@ -164,6 +177,14 @@ def traced_views(
     ``part`` is of all views, or of ``order``, numbers of some or all of them; ``light`` is
     (K, rows, columns, 3) and ``depth`` (K, rows, columns) float32.
     """
+    for part, bundles in _bundles(views, pixels, footprint_px, order):
+        yield part, *tracer.radiance_and_depth(bundles)
+
+
+def _bundles(
+    views: ViewSet, pixels: int, footprint_px: float | None, order: np.ndarray | None = None
+) -> Iterator[tuple[slice, Bundles]]:
+    """The parts of :func:`traced_views` and their rays."""
     slab = views.slab
     pitch = slab.camera.field_width / pixels
     between = slab.camera.field_width / (slab.views * slab.pixels)
@@ -173,5 +194,4 @@ def traced_views(
     count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
-        bundles = views.bundles(order[part], footprint=footprint)
-        yield part, *tracer.radiance_and_depth(bundles)
+        yield part, views.bundles(order[part], footprint=footprint)

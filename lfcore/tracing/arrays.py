@@ -63,7 +63,7 @@ def fill_arrays(
     """
     check_sets(sets, across)
     first, device = sets[0], job.scene.device
-    count, rays = len(first.elements), first.columns * first.rows
+    count, rays = len(first.elements), first.columns * first.traced_rows
     for name, array in arrays.items():
         check_target(array, count * rays * PER_RAY[name], name)
     # A CPU writes the host's own memory: nothing is copied, so nothing need be cut.
@@ -98,7 +98,7 @@ def fill_arrays(
 
 def _groups_per_launch(shape: PacketShape, bundles: Bundles) -> int:
     each = 256 * shape.blocks
-    each *= shape.packets_per_group(bundles.columns, bundles.rows)
+    each *= shape.packets_per_group(bundles.columns, bundles.traced_rows)
     return max(1, LAUNCH_RAYS // each)
 
 
@@ -222,7 +222,7 @@ class ArrayTracer:
 
         ``coordinates`` as for :meth:`bundle_hits`; ``out``, contiguous, is written and returned.
         """
-        shape = len(bundles.elements), bundles.rows, bundles.columns, 3
+        shape = len(bundles.elements), bundles.traced_rows, bundles.columns, 3
         radiance = page_aligned(shape) if out is None else out
         self._fill_image([bundles], coordinates, {"radiance": radiance})
         return radiance
@@ -230,9 +230,10 @@ class ArrayTracer:
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
         """Both of every ray, of one pass: as :meth:`bundle_radiance` and :meth:`bundle_hits`.
 
-        (E, rows, columns, 3) and (E, rows, columns) float32; depth is infinity for a miss.
+        (E, rows, columns, 3) and (E, rows, columns) float32, of the rows that are traced; depth is
+        infinity for a miss.
         """
-        shape = len(bundles.elements), bundles.rows, bundles.columns
+        shape = len(bundles.elements), bundles.traced_rows, bundles.columns
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
         self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
         return radiance, depth
@@ -263,7 +264,7 @@ class ArrayTracer:
         check_sets(sets, across)
         if out is None:
             first, down = sets[0], len(sets[0].elements) // across
-            out = page_aligned((down * first.rows, across * first.columns, 3))
+            out = page_aligned((down * first.traced_rows, across * first.columns, 3))
         self._fill_image(sets, coordinates, {"radiance": out}, across=across, progress=progress)
         return out
 
@@ -317,7 +318,7 @@ class ArrayTracer:
 def _hits(
     job: PacketJob, bundles: Bundles, coordinates: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    shape = len(bundles.elements), bundles.rows, bundles.columns
+    shape = len(bundles.elements), bundles.traced_rows, bundles.columns
     triangle, depth = page_aligned(shape, np.int32), page_aligned(shape)
     fill_arrays(job, [bundles], coordinates, {"triangle": triangle, "depth": depth})
     return triangle, depth

@@ -104,6 +104,8 @@ RAY_ARGUMENTS = np.dtype([
     ("outer", FLOAT, 2),  # a, b: per element of a block
     ("columns", INT),  # size of the inner grid
     ("rows", INT),
+    ("first_row", INT),  # of the rows that are traced, and the one behind the last
+    ("end_row", INT),
     ("packets", INT),
     ("strip_height", INT),  # packets in a strip
     ("pixel_tangent", FLOAT),  # between neighbouring pixels

@@ -12,6 +12,10 @@ from lfcore.optics.bundles import Bundles
 from lfcore.tracing.layouts import BLOCK
 from lfcore.tracing.probes import OUTER, best_outer, leaves_a_ray, probed_elements
 
+MOST_SIDE = 4
+"""The most blocks along a side of a packet."""
+PACKET_ROWS = MOST_SIDE * BLOCK
+
 
 @dataclass(frozen=True)
 class PacketShape:
@@ -34,9 +38,9 @@ class PacketShape:
     def for_inner(cls, size: int, outer: int = 1, single_rays: bool = False) -> PacketShape:
         """The shape for an inner grid of ``size`` x ``size`` rays."""
         if outer > 1:
-            return cls(4, outer, (BLOCK // outer - 1) / 2, outer, single_rays)
-        side = min(4, -(-size // BLOCK))
-        return cls(side, 4 // side, (min(size, BLOCK) - 1) / 2, 1, single_rays)
+            return cls(MOST_SIDE, outer, (BLOCK // outer - 1) / 2, outer, single_rays)
+        side = min(MOST_SIDE, -(-size // BLOCK))
+        return cls(side, MOST_SIDE // side, (min(size, BLOCK) - 1) / 2, 1, single_rays)
 
     @property
     def elements(self) -> int:

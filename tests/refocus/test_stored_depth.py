@@ -21,11 +21,12 @@ from lfcore.optics.ray_cells import views_of
 from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_codes
-from lfcore.refocus import stored_depth
+from lfcore.refocus import depth_slicing, stored_depth
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.views import read_views
-from lfcore.rendering.by_depth import traced_views
+from lfcore.rendering import by_depth
+from lfcore.rendering.by_depth import trace_by_depth, traced_views
 from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
@@ -110,6 +111,15 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(
                 right *= (CAMERA.f_number / plane.f_number) ** 2 * np.pi / 4
             # An edge within float32's rounding of the middle between two steps may go either way.
             assert np.abs(made - right).max() < 2 / (256 * 0.25) / 9 + 2e-3 * right.max()
+
+
+def test_rows_traced_at_a_time_give_the_picture_of_whole_views(tracer, monkeypatch):
+    """To the last bit, in strips of another height, too."""
+    views = views_of(Slab(CAMERA, 2, 150), displaced=True)
+    whole = trace_by_depth(tracer, views, PLANES, 75)
+    monkeypatch.setattr(by_depth, "BAND_RAYS", 1)
+    monkeypatch.setattr(depth_slicing, "STRIP_ROWS", 9)
+    np.testing.assert_array_equal(trace_by_depth(tracer, views, PLANES, 75), whole)
 
 
 def test_any_size_and_a_stack_from_one_file(tmp_path, tracer):

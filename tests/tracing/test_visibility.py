@@ -1,6 +1,7 @@
 """Closest hits: the bundle kernel and the ray kernel against the float64 oracle and Embree."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import slab_hits
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
 # How rays are followed: as the scene asks for, by blocks of some elements, or one by one.
@@ -139,6 +141,18 @@ def test_radiance_and_depth_of_one_pass_are_those_of_two(device, single_rays):
     np.testing.assert_array_equal(radiance, tracer.bundle_radiance(bundles))
     np.testing.assert_array_equal(depth, tracer.bundle_hits(bundles)[1])
     assert np.isfinite(depth).any() and np.isinf(depth).any()
+
+
+@pytest.mark.parametrize("single_rays", [False, True])
+def test_rows_of_bundles_are_traced_as_in_the_whole(device, single_rays):
+    tracer = tracer_of(soup(200, 3), device, single_rays=single_rays)
+    bundles = views(Slab(CAMERA, 3, 150), np.array([[0, 0], [2, 1]]))
+    whole = [*tracer.radiance_and_depth(bundles), tracer.bundle_hits(bundles)[0]]
+    for band in ((0, PACKET_ROWS), (PACKET_ROWS, PACKET_ROWS), (2 * PACKET_ROWS, 22)):
+        rows = replace(bundles, band=band)
+        some = [*tracer.radiance_and_depth(rows), tracer.bundle_hits(rows)[0]]
+        for all_of, these in zip(whole, some, strict=True):
+            np.testing.assert_array_equal(these, all_of[:, band[0] : sum(band)])
 
 
 @pytest.mark.parametrize("tracing", [{"outer": 1}, {"outer": 4}, {"single_rays": True}])

@@ -18,7 +18,7 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
         const int row = at / BLOCK % INNER;
         const int element = block_element(p, block, at % BLOCK / INNER, at / BLOCK / INNER);
         if (element < 0 || row >= inside.y) continue;
-        const ulong line = (ulong)element * rays->rows + where.y + row;
+        const ulong line = result_row(rays, element, where.y + row);
         global uint *out = to + line * rays->columns + where.x;
         for (int k = 0; k < inside.x; k += 4)
             if (k + 4 <= inside.x) vstore4(vload4(0, from + at + k), 0, out + k);

@@ -43,7 +43,7 @@ inline void write_radiance(const Packet *packet, int block, global const float *
     const int across = image->numbers->across, mode = image->numbers->mode;
     const int element = block_element(packet, block, 0, 0);
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
-    const ulong row = (ulong)(element / across) * rays->rows + where.y;
+    const ulong row = result_row(rays, element / across, where.y);
     const ulong column = (ulong)(element % across) * rays->columns + where.x;
     const ulong pitch = 3 * (ulong)across * rays->columns;
     global float *to = image->radiance + row * pitch + 3 * column;

@@ -22,6 +22,7 @@ typedef struct {
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
     float2 outer;                   // a, b: per element of a group
     int columns, rows;              // size of the inner grid
+    int first_row, end_row;         // rows that are traced
     float half_extent;              // of a block, as in Bundle
     float element_half_extent;      // of one element's part of a packet
     int group;                      // elements along a side of a packet
@@ -47,11 +48,11 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
 {
     const int wide = a->side * INNER, all = a->group * a->group;
     Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
-              a->half_extent, 0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
+              a->first_row, a->end_row, a->half_extent, 0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
     r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
     r.cells = make_offsets(all, wide / BLOCK, BLOCK, r.cell);
     r.packets_in_x = (a->columns + wide - 1) / wide;
-    r.packets_per_group = r.packets_in_x * ((a->rows + wide - 1) / wide);
+    r.packets_per_group = r.packets_in_x * ((a->end_row - a->first_row + wide - 1) / wide);
     return r;
 }
 
@@ -66,10 +67,10 @@ typedef struct {
 // First column and row of a block in the inner grid.
 inline int2 block_position(const Packet *p, int block) { return p->at + p->rays->block[block].at; }
 
-// Columns and rows of a block that lie in the inner grid.
+// Columns and rows of a block that lie in the inner grid and are traced.
 inline int2 block_inside(const Packet *p, int block)
 {
-    const int2 grid = (int2)(p->rays->columns, p->rays->rows);
+    const int2 grid = (int2)(p->rays->columns, p->rays->end_row);
     return clamp(grid - block_position(p, block), 0, INNER);
 }
 
@@ -125,6 +126,12 @@ inline float2 block_offset(const Packet *p, int block)
     return convert_float2(r->block[block].at) + r->half_extent - r->element_half_extent;
 }
 
+// Where a row of an element is in the results, which have the traced rows of one after the other.
+inline ulong result_row(const Rays *rays, int element, int row)
+{
+    return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
+}
+
 // The first element of a packet; negative if it has none.
 inline int first_element(const Packet *p)
 {
@@ -141,12 +148,13 @@ inline Packet make_packet(const Rays *rays, int number)
     p.group = number / rays->packets_per_group;
     p.element = rays->groups + p.group * rays->group * rays->group;
     p.at = (int2)(square % rays->packets_in_x, square / rays->packets_in_x) * rays->packet_side;
+    p.at.y += rays->first_row;
     p.blocks = 0;
     const int first = first_element(&p);
     for (int block = 0; block < rays->blocks; ++block) {
         const int2 at = block_position(&p, block);
         const int there = OUTER > 1 ? first >= 0 : block_element(&p, block, 0, 0) >= 0;
-        if (there && at.x < rays->columns && at.y < rays->rows) p.blocks |= 1u << block;
+        if (there && at.x < rays->columns && at.y < rays->end_row) p.blocks |= 1u << block;
     }
     return p;
 }
