@@ -1,4 +1,4 @@
-"""The schema, and one clear message for each kind of bad scene, in words or in numbers."""
+"""From scene files to camera space: what they may say, poses, lights, cameras, what is dropped."""
 
 import copy
 import dataclasses
@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from lfcore import Light, SceneError
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.description import check, complete, schema
+from lfcore.scene.files import load_scene, save_scene
+from lfcore.scene.framing import default_focus_distances
+from lfcore.scene.motion import scene_at
 from lfcore.scene.needs import Needs
+from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
 from lfcore.tracing.surfaces import pack_surfaces
 
 
@@ -167,3 +173,229 @@ def test_the_tracer_refuses_what_was_built_by_hand(write_scene, minimal):
     far = dataclasses.replace(scene, lights=[Light(0, (1e36, 0.0, 0.0), (1.0, 1.0, 1.0))])
     with pytest.raises(SceneError, match=r"lights\[0\]: metres"):
         pack_surfaces(far, Needs.of(far))
+
+
+def test_two_line_scene_is_framed_and_lit(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    camera = scene.camera
+    points = scene.triangles.reshape(-1, 3)
+    assert scene.triangle_count == 4 and not scene.dropped
+    assert np.all(points[:, 2] > 2 * camera.lens_radius_m)
+    assert points[:, 2].min() < camera.focus_m < points[:, 2].max()
+    # Lit from the viewer's side, not from behind the object; one casts shadows, one fills them.
+    key, fill = scene.lights
+    assert key.casts_shadows and not fill.casts_shadows
+    assert key.vector[2] < 0 and fill.vector[2] < 0
+    assert key.vector[0] * fill.vector[0] < 0 and max(fill.colour) < min(key.colour) / 3
+    assert scene.name == write_scene(minimal).parent.name
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_picture_lies_in_the_middle(write_scene, tmp_path, seed):
+    corners = np.random.default_rng(seed).normal(size=(9, 3)) * (1, 3, 2) + (5, 0, -2)
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f 1 2 3", "f 4 5 6", "f 7 8 9"]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    scene = build_scene(tmp_path / "a.obj")
+    seen = scene.triangles.reshape(-1, 3)
+    seen = seen[:, :2] / seen[:, 2:] / (scene.camera.field_width / 2)
+    low, high = seen.min(0), seen.max(0)
+    np.testing.assert_allclose(high, -low, atol=1e-5)
+    assert high.max() == pytest.approx(0.9, abs=1e-5)
+
+
+def test_an_axis_that_is_up(tetrahedron, write_scene, minimal):
+    turned = minimal["objects"][0] | {"transform": [{"rotate": {"axis": "x", "angle_deg": -90}}]}
+    expected = build_scene(write_scene({"objects": [turned]}))
+    np.testing.assert_array_equal(build_scene(tetrahedron, up="z").triangles, expected.triangles)
+    for path, up in ((tetrahedron, "x"), (write_scene(minimal), "z")):
+        with pytest.raises(SceneError, match="up: "):
+            build_scene(path, up=up)
+
+
+def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
+    expected = build_scene(write_scene(minimal)).triangles
+    for path in (tetrahedron, tetrahedron.parent):
+        np.testing.assert_array_equal(build_scene(path).triangles, expected)
+    assert build_scene(tetrahedron).name == "tetrahedron"
+
+
+def test_pose_matrix_equals_look_at(write_scene, minimal):
+    position, target = [1.0, 2.0, 3.0], [0.2, 0.1, -0.4]
+    rotation = look_at(position, target)[:3, :3]
+    to_world = np.eye(4)
+    to_world[:3, :3] = rotation.T @ np.diag([1, -1, -1])
+    to_world[:3, 3] = position
+    minimal["camera"] = {"pose": {"position_m": position, "look_at_m": target}}
+    expected = build_scene(write_scene(minimal)).triangles
+    minimal["camera"] = {"pose": {"matrix": to_world.tolist()}}
+    found = build_scene(write_scene(minimal)).triangles
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_transform_steps_apply_in_order(write_scene, minimal):
+    steps = [
+        {"scale": [1, 2, 3]},
+        {"rotate": {"axis": "y", "angle_deg": 90}},
+        {"translate_m": [0, 0, -5]},
+    ]
+    minimal["objects"][0]["transform"] = steps
+    minimal["camera"] = {"pose": {"position_m": [0, 0, 0], "look_at_m": [0, 0, -1]}}
+    scene = build_scene(write_scene(minimal))
+    matrix = chain(scale(1, 2, 3), rotate("y", 90), translate(0, 0, -5))
+    corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]) @ matrix.T
+    expected = corners[:, :3] * (1, -1, -1)
+    found = np.unique(np.round(scene.triangles.reshape(-1, 3), 5), axis=0)
+    np.testing.assert_allclose(found, np.unique(np.round(expected, 5), axis=0), atol=1e-5)
+
+
+def test_rounding_happens_once_in_camera_space(write_scene, tmp_path):
+    """Detail far from the world origin survives: float64 until the camera is subtracted."""
+    corners = "v 1000000.001 0 0\nv 1000000.002 0 0\nv 1000000.001 0.001 0.5\n"
+    (tmp_path / "far.obj").write_text(f"{corners}f 1 2 3\n")
+    camera = {"pose": {"position_m": [1e6, 0, 1], "look_at_m": [1e6, 0, 0]}}
+    scene = build_scene(write_scene({"camera": camera, "objects": [{"file": "far.obj"}]}))
+    # x stays, y turns over, z becomes the distance from the lens.
+    expected = [[0.001, 0, 1], [0.002, 0, 1], [0.001, -0.001, 0.5]]
+    np.testing.assert_allclose(scene.triangles[0], expected, atol=1e-8)
+
+
+def test_bad_triangles_are_dropped_and_counted(write_scene, tmp_path):
+    (tmp_path / "dirty.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv inf 0 0\nv 1e20 0 0\nv 2 0 0\n"
+        "f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 3 6\nf 1 2 7\nf 1 1 2\n"
+    )
+    scene = build_scene(write_scene({"objects": [{"file": "dirty.obj"}]}))
+    assert scene.dropped == {"not finite": 2, "out of range": 1, "zero area": 2}
+    assert np.isfinite(scene.triangles).all() and np.isfinite(scene.normals).all()
+
+
+def test_lights_follow_the_camera(write_scene, minimal):
+    minimal["camera"] = {"pose": {"position_m": [0, 0, 5], "look_at_m": [0, 0, 0]}}
+    minimal["lights"] = [
+        {"position_m": [1, 2, 3], "colour": [1, 0.5, 0.25], "reference_distance_m": 2},
+        {"towards_light": [0, 4, 0], "colour": "#ffffff", "casts_shadows": False},
+    ]
+    point, sun = build_scene(write_scene(minimal)).lights
+    assert point.kind == POINT and point.vector == pytest.approx((1, -2, 2))
+    assert point.casts_shadows and point.reference_distance_m == 2
+    assert sun.kind == DIRECTIONAL and sun.vector == pytest.approx((0, -1, 0))
+    assert sun.colour == pytest.approx((1, 1, 1)) and not sun.casts_shadows
+    minimal["lights"] = []
+    assert build_scene(write_scene(minimal)).lights == [], "none is not the default"
+
+
+def test_material_overrides(write_scene, minimal):
+    minimal["objects"][0]["material"] = {"diffuse": "#ff0000", "specular": [0.5, 0.5, 0.5]}
+    minimal["objects"].append({**minimal["objects"][0], "material": {"emission": [0, 1, 0]}})
+    scene = build_scene(write_scene(minimal))
+    first, second = scene.materials
+    assert first.diffuse == (1, 0, 0) and first.specular == (0.5, 0.5, 0.5)
+    assert second.emission == (0, 1, 0)
+    assert scene.material_ids.tolist() == [0] * 4 + [1] * 4
+
+
+def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
+    scene = build_scene(write_scene(minimal))
+    distances = np.array(scene.focus_distances_m)
+    depth = scene.triangles[..., 2]
+    assert len(distances) == 5 and np.all(np.diff(distances) > 0)
+    assert depth.min() <= distances[0] and distances[-1] <= depth.max() * (1 + 1e-6)
+    steps = np.diff(1 / distances)
+    np.testing.assert_allclose(steps, steps[0])
+    behind = scene.triangles * (1, 1, -1)
+    assert default_focus_distances(scene.camera, behind) == (scene.camera.focus_m,)
+
+
+PBRT = """\
+Scale -1 1 1
+LookAt 1 2 6  0 0.5 0  0 1 0
+Camera "lightfield" "float fov" [50] "integer camerasperdim" [4 2]
+       "float cameragridbounds" [-0.5 0.5 -0.25 0.3] "float shutterclose" [0.5]
+Film "image" "integer xresolution" [64] "integer yresolution" [32]
+Sampler "stratified" "integer xsamples" [2] "integer ysamples" [3]
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+AttributeBegin
+    Translate 0 1 0
+    ActiveTransform EndTime  Translate 0.5 0 0  Rotate 30 0 0 1  ActiveTransform All
+    Shape "trianglemesh" "integer indices" [0 1 2] "point P" [0 0 0  1 0 0  0 1 0]
+AttributeEnd
+WorldEnd
+"""
+CAMERA = {
+    "pose": {"position_m": [1, 2, 6], "look_at_m": [0, 0.5, 0]},
+    "lightfield": {
+        "fov_deg": 50,
+        "cameras_per_dim": [4, 2],
+        "camera_grid_bounds_m": [-0.5, 0.5, -0.25, 0.3],
+        "film_px": [64, 32],
+        "samples_per_pixel": 6,
+        "shutter": [0.0, 0.5],
+    },
+}
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+MOTION = [{"rotate": {"axis": "z", "angle_deg": 30}}, {"translate_m": [0.5, 0, 0]}]
+
+
+@pytest.fixture
+def pbrt(tmp_path):
+    (tmp_path / "scene.pbrt").write_text(PBRT)
+    return build_pbrt_scene(tmp_path / "scene.pbrt")
+
+
+@pytest.fixture
+def yaml_scene(tmp_path, write_scene):
+    """A function that builds a scene.yaml of one triangle with this camera and motion."""
+    (tmp_path / "triangle.obj").write_text(TRIANGLE)
+
+    def build(camera=CAMERA, motion=MOTION):
+        entry = {"file": "triangle.obj", "transform": [{"translate_m": [0, 1, 0]}]}
+        return build_scene(write_scene({"camera": camera, "objects": [entry | {"motion": motion}]}))
+
+    return build
+
+
+def test_yaml_and_pbrt_mean_the_same(yaml_scene, pbrt):
+    ours = yaml_scene()
+    assert ours.view == pbrt.view
+    assert ours.view.shutter == (0.0, 0.5) and ours.view.samples_per_pixel == 6
+    assert ours.view.array.tile == (16, 16)
+    assert len(ours.motions) == len(pbrt.motions) == 1
+    for time in (0.0, 0.3, 1.0):
+        a, b = (scene_at(scene, time).triangles for scene in (ours, pbrt))
+        np.testing.assert_allclose(a, b, atol=1e-6)
+    assert np.abs(scene_at(ours, 1.0).triangles - ours.triangles).max() > 0.3
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "names"),
+    [
+        ("cameras_per_dim", [3, 2], "camera.lightfield.cameras_per_dim"),
+        ("camera_grid_bounds_m", [0.5, -0.5, 0, 1], "camera.lightfield.camera_grid_bounds_m"),
+        ("shutter", [1.0, 0.0], "camera.lightfield.shutter"),
+        ("fov_deg", 180, "camera.lightfield.fov_deg"),
+        ("spacing", "odd", "camera.lightfield.spacing"),
+        ("fov", 50, "fov_deg"),
+    ],
+)
+def test_mistakes_are_named(yaml_scene, key, value, names):
+    changed = {**CAMERA, "lightfield": {**CAMERA["lightfield"], key: value}}
+    with pytest.raises(SceneError, match=names.replace(".", r"\.")):
+        yaml_scene(changed)
+
+
+def test_motion_must_be_rigid(yaml_scene):
+    with pytest.raises(SceneError, match=r"objects\[0\]\.motion"):
+        yaml_scene(motion=[{"scale": 2.0}])
+
+
+def test_the_scene_file_keeps_view_motions_and_notes(pbrt, tmp_path):
+    save_scene(tmp_path / "scene.npz", pbrt)
+    again = load_scene(tmp_path / "scene.npz")
+    assert again.view == pbrt.view and again.notes == pbrt.notes and pbrt.notes
+    assert again.summary() == pbrt.summary()
+    for kept, motion in zip(again.motions, pbrt.motions, strict=True):
+        for field in dataclasses.fields(motion):
+            np.testing.assert_array_equal(getattr(kept, field.name), getattr(motion, field.name))
+    a, b = (scene_at(scene, 0.7).triangles for scene in (again, pbrt))
+    np.testing.assert_array_equal(a, b)
