@@ -27,8 +27,8 @@ from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, views
-from lfcore.datasets.batch import StoredItem, make_batch, stored_items
 from lfcore.datasets.description import Description
+from lfcore.datasets.items import StoredItem, make_batch, stored_items
 from lfcore.datasets.sample import sample
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles

@@ -35,8 +35,8 @@ from pathlib import Path
 import pandas as pd
 
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.work_precision.on_the_fly import BY_DEPTH, NEAREST, TO_QUALITY
 from lfcore.evaluation.work_precision.points import ON_THE_FLY
+from lfcore.evaluation.work_precision.study import BY_DEPTH, NEAREST, TO_QUALITY
 from lfcore.files import write_text
 from lfcore.scene.reading import read_yaml
 from lfcore.timing import machine

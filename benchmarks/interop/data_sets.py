@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.datasets.batch import make_batch, members, unpack
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
+from lfcore.datasets.items import make_batch, members, unpack
 from lfcore.exchange import hdf5
 from lfcore.exr import read_exr
 from lfcore.opencl.device import open_device

@@ -1,4 +1,5 @@
-"""The base of all commands: parser, ``--json``, opening files and devices, refusing options."""
+"""The base of all commands: parser, ``--json``, options that more than one of them has, opening
+files and devices, refusing options."""
 
 from __future__ import annotations
 
@@ -15,9 +16,125 @@ from typing import Any, NoReturn
 import numpy as np
 
 import lfcore
+from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import DeviceError, OpticsError, one_line
-from lfcore.pictures import write_pictures
+from lfcore.pictures import check_codes, write_pictures
+from lfcore.scene.emitters import POINTS
+from lfcore.storage.codecs import CODECS
+
+Options = argparse._ActionsContainer
+"""A parser, or a group of its options."""
+KINDS: dict[str, dict[str, Any]] = {
+    "salvage": {"action": "store_true", "help": "leave out damaged segments instead of refusing"},
+    "device": {"metavar": "NAME", "help": "part of an OpenCL device's name; see 'lfcore devices'"},
+    "light_points": {"type": values.count(), "default": POINTS, "metavar": "P",
+                     "help": f"points per area light of a pbrt scene ({POINTS})"},
+    "up": {"choices": ("y", "z"), "help": "axis of a mesh that points up (y)"},
+    "view_from": {"dest": "view_from", "metavar": "SIDE",
+                  "help": "see a mesh from front, back, left, right, top, or azimuth,elevation in "
+                  "degrees (24,18)"},
+    "zoom": {"type": values.positive, "metavar": "Z", "help": "narrow the field of view (1)"},
+    "sky": {"type": values.sky, "metavar": "SKY[,KEY=VALUE...]",
+            "help": "light from all around: an .hdr or .exr panorama, or #rrggbb; keys: bounces, "
+            "rotation_deg, strength (the scene's)"},
+    "bare": {"action": "store_true", "help": "leave a mesh without lights without sky and floor"},
+    "views": {"type": values.views, "metavar": "N"},
+    "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
+    "subpixels": {"type": values.positive, "metavar": "Q"},
+    "focus": {"type": values.distance, "metavar": "M"},
+    "quality_db": {"type": values.positive, "metavar": "DB"},
+    "most_rays": {"type": values.positive, "metavar": "R",
+                  "help": "rays per pixel that --quality-db may use (4096)"},
+    "samples": {"type": values.rays, "metavar": "S[:T]",
+                "help": "rays per pixel, and instants of the shutter while objects move, e.g. 64:4 "
+                "(the scene's; up to 16 instants)"},
+    "bits": {"type": int, "choices": (8, 16), "default": 8, "help": "bits per sample of a PNG (8)"},
+    "exposure": {"type": values.exposure, "default": {}, "metavar": "EV[:soft]",
+                 "help": "brighter by so many stops, and highlights roll off instead of being cut "
+                 "at white; -2, 0:soft"},
+    "aperture": {"type": values.aperture, "metavar": "SHAPE",
+                 "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
+    "no_normalise": {"action": "store_const", "const": False, "dest": "normalise",
+                     "help": "dim as the lens stops down"},
+    "crf": {"type": values.number(0, 63),
+            "help": "constant rate factor; lower is better and larger"},
+    "white": {"type": values.positive, "metavar": "L",
+              "help": "camera arrays: radiance of the brightest code (default: the brightest, at "
+              "least 1)"},
+    "baseline": {"type": values.length, "metavar": "L", "help": "between views: 6mm, 0.006m"},
+    "view": {"nargs": 2, "type": values.count(0), "metavar": ("I", "J")},
+}  # fmt: skip
+"""The options by name, as argparse takes them."""
+
+
+def add(group: Options, *names: str, **helps: str) -> None:
+    """Add options to a parser or group by name; those with another help text as keywords."""
+    for name, help in (dict.fromkeys(names) | helps).items():
+        group.add_argument(flag(name), **(KINDS[name] | ({"help": help} if help else {})))
+
+
+def flag(name: str) -> str:
+    """The option of an argument's name."""
+    return "--from" if name == "view_from" else f"--{name.replace('_', '-')}"
+
+
+def add_lightfield(command: Options, help: str = "light field file (.mkv), or its URL") -> None:
+    """The light field file that a command reads, for :func:`open_field`."""
+    command.add_argument("lightfield", help=help)
+    add(command, "salvage")
+
+
+def add_output(command: Options, help: str, *, required: bool = True) -> None:
+    command.add_argument("-o", "--output", type=Path, required=required, metavar="FILE", help=help)
+
+
+def add_scene(command: Options, name: str = "scene", help: str | None = None, **more: Any) -> None:
+    """The scene that a command traces, and the device that traces it."""
+    usual = "scene.yaml, its folder, a mesh or a .pbrt file"
+    command.add_argument(name, type=Path, help=help or usual, **more)
+    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "device")
+
+
+def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
+    """Options of the video in which a light field is stored; returns their group."""
+    how = command.add_argument_group("storage")
+    how.add_argument(
+        "--codec", type=values.codec(*keys), default={}, metavar="NAME[,KEY=VALUE...]",
+        help=f"{', '.join(CODECS)} (lossless); keys: {', '.join(('preset', 'pixel_format', *keys))}"
+        f" (libx264; all else by its number of views)",
+    )  # fmt: skip
+    add(how, "crf")
+    return how
+
+
+def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
+    """The encoding of the options of :func:`add_encoder`."""
+    return lfcore.Encoding(**arguments.codec, **given(arguments, "crf"))
+
+
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """The arguments of these names that were given or have a default."""
+    found = {name: getattr(arguments, name, None) for name in names}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def check_form(arguments: argparse.Namespace, path: Path) -> None:
+    """Raise :class:`LfcoreError` for ``--bits`` and ``--exposure`` that ``path`` does not take."""
+    check_codes(path, arguments.bits, bool(arguments.exposure))
+
+
+def form(arguments: argparse.Namespace) -> dict[str, Any]:
+    """``--bits`` and ``--exposure`` as :func:`lfcore.write_picture` takes them."""
+    return {"bits": arguments.bits, **arguments.exposure}
+
+
+def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """The flags of these names that were given."""
+    found = given(arguments, *names)
+    return [
+        flag(name) for name, value in found.items() if value is not False and value not in ([], {})
+    ]
 
 
 class Parser(argparse.ArgumentParser):

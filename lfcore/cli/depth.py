@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add, add_output, add_scene, flags
+from lfcore.cli.command import (
+    Command,
+    add,
+    add_output,
+    add_scene,
+    flags,
+    open_scene,
+    refuse,
+    write_named,
+)
 from lfcore.cli.progress import progress, wrote
 from lfcore.pictures import CODED, check_suffix
 

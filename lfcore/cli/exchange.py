@@ -5,8 +5,7 @@ from pathlib import Path
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import Command, open_scene
-from lfcore.cli.options import add, add_encoder, add_output, add_scene, encoder
+from lfcore.cli.command import Command, add, add_encoder, add_output, add_scene, encoder, open_scene
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix

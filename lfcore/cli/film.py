@@ -6,8 +6,7 @@ import argparse
 import numpy as np
 
 import lfcore
-from lfcore.cli.command import refuse, write_named
-from lfcore.cli.options import add, encoder, flags, form
+from lfcore.cli.command import add, encoder, flags, form, refuse, write_named
 from lfcore.cli.progress import progress, wrote
 from lfcore.files import make_folder
 from lfcore.pictures import check_suffix

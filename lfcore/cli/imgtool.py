@@ -19,10 +19,9 @@ import numpy as np
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import Command, refuse
+from lfcore.cli.command import Command, add_encoder, flags, given, refuse
+from lfcore.cli.command import add as add_option
 from lfcore.cli.film import save_video
-from lfcore.cli.options import add as add_option
-from lfcore.cli.options import add_encoder, flags, given
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import tonemap
 from lfcore.errors import OpticsError

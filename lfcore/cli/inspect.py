@@ -7,8 +7,7 @@ import platform
 from typing import Any
 
 import lfcore
-from lfcore.cli.command import Command, open_field
-from lfcore.cli.options import add_lightfield
+from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
 from lfcore.optics.size import Size
 from lfcore.storage.codecs import LOSSLESS

@@ -11,8 +11,7 @@ import yaml
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import refuse, write_named
-from lfcore.cli.options import Options, add, given
+from lfcore.cli.command import Options, add, given, refuse, write_named
 from lfcore.cli.progress import note, say
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.planes import SensorPlane

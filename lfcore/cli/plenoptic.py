@@ -9,8 +9,7 @@ import numpy as np
 
 from lfcore.cli import planes as plane_options
 from lfcore.cli import values
-from lfcore.cli.command import Command, open_scene, refuse, write_named
-from lfcore.cli.options import add, add_output, add_scene
+from lfcore.cli.command import Command, add, add_output, add_scene, open_scene, refuse, write_named
 from lfcore.cli.progress import progress, say
 from lfcore.pictures import check_suffix
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import lfcore
 from lfcore.cli import film, values
 from lfcore.cli import planes as plane_options
-from lfcore.cli.command import Command, open_scene, refuse
-from lfcore.cli.options import (
+from lfcore.cli.command import (
+    Command,
     add,
     add_encoder,
     add_output,
@@ -24,6 +24,8 @@ from lfcore.cli.options import (
     flags,
     form,
     given,
+    open_scene,
+    refuse,
 )
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError

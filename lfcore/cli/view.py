@@ -7,8 +7,16 @@ import numpy as np
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import Command, open_field, refuse
-from lfcore.cli.options import add, add_lightfield, add_output, flags, given
+from lfcore.cli.command import (
+    Command,
+    add,
+    add_lightfield,
+    add_output,
+    flags,
+    given,
+    open_field,
+    refuse,
+)
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.pictures import SUFFIXES, check_codes, check_suffix, contact_sheet, write_picture
 

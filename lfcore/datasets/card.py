@@ -17,9 +17,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from lfcore import __version__
-from lfcore.datasets.batch import StoredItem, stored_items
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS
+from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, StoredItem, stored_items
 from lfcore.datasets.trials import trials_of
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.page import Section, write_page

@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets.batch import StoredItem
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import blur_px
+from lfcore.datasets.items import StoredItem, blur_px
 from lfcore.evaluation.page import Section
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import loadmat
 
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import batch, items, views
+from lfcore.datasets import items, views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
 from lfcore.exchange import hci, hdf5
@@ -102,7 +102,7 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
 
 
 def made_by(of, tmp_path, name, device, indices=range(3)):
-    batch.make_batch(
+    items.make_batch(
         of, indices, tmp_path / f"{name}.tar", tmp_path / f"{name}.json", tmp_path / name, device
     )
 
@@ -113,8 +113,8 @@ def test_equal_bytes_by_any_threads_and_batches(tmp_path):
     parts = {}
     for index in range(3):
         made_by(of, tmp_path, f"part{index}", open_device(threads=2), [index])
-        parts |= batch.members(tmp_path / f"part{index}.tar")
-    assert dict(batch.members(tmp_path / "whole.tar")) == parts
+        parts |= items.members(tmp_path / f"part{index}.tar")
+    assert dict(items.members(tmp_path / "whole.tar")) == parts
     assert not (tmp_path / "whole").exists()
 
 
@@ -136,17 +136,17 @@ def test_a_killed_batch_keeps_whole_scenes_and_a_broken_mesh_loses_one(tmp_path,
         done.append(index)
         return make(description, index, device)
 
-    monkeypatch.setattr(batch, "make_item", killed)
+    monkeypatch.setattr(items, "make_item", killed)
     with pytest.raises(KeyboardInterrupt):
         made_by(of, tmp_path, "batch", device, range(6))
     assert not (tmp_path / "batch.tar").exists() and done == [0, 1, 2, 3]
-    monkeypatch.setattr(batch, "make_item", lambda *words: done.append(words[1]) or make(*words))
+    monkeypatch.setattr(items, "make_item", lambda *words: done.append(words[1]) or make(*words))
     made_by(of, tmp_path, "batch", device, range(6))
     assert done == [0, 1, 2, 3, 4, 5]
     records = json.loads((tmp_path / "batch.json").read_text())
     refused = [one for one in records if "refused" in one]
     assert 0 < len(refused) < 6 and all("bad.ply" in one["refused"] for one in refused)
-    held = {name[:6] for name, _ in batch.members(tmp_path / "batch.tar")}
+    held = {name[:6] for name, _ in items.members(tmp_path / "batch.tar")}
     assert len(held) == 6 - len(refused)
 
 

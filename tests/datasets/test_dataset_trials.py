@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import gaussian_filter, shift
 
 from lfcore.datasets import trials
-from lfcore.datasets.batch import make_batch
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
+from lfcore.datasets.items import make_batch
 
 
 @pytest.fixture

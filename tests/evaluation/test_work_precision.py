@@ -9,7 +9,7 @@ from lfcore import DeviceError, Lattice, OpticsError, SensorPlane, Slab, Storage
 from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision import figure, in_memory, on_the_fly, points, study
+from lfcore.evaluation.work_precision import figure, in_memory, points, study
 from lfcore.evaluation.work_precision.figure import (
     DIRECTIONS,
     DISTANCES_PT,
@@ -70,20 +70,20 @@ def test_a_refused_method_is_a_row_and_other_errors_pass(grey):
 
 @kernels
 def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
-    nearest = pd.DataFrame(on_the_fly.nearest_rows(chart, reference, [8, 16]))
-    rows = on_the_fly.by_depth_rows(chart, reference, [Lattice(4, 1), Lattice(4, 2)])
+    nearest = pd.DataFrame(study.nearest_rows(chart, reference, [8, 16]))
+    rows = study.by_depth_rows(chart, reference, [Lattice(4, 1), Lattice(4, 2)])
     depth = pd.DataFrame(rows).set_index(["method", "setting"])
-    together = depth.loc[on_the_fly.BY_DEPTH]
+    together = depth.loc[study.BY_DEPTH]
     assert together.psnr_true_db["4 x 2"] > together.psnr_true_db["4 x 1"]
     assert together.psnr_true_db["4 x 2"] > nearest.psnr_true_db.max() + 3
     assert together.rays["4 x 2"] * 4 == nearest.rays[1]
-    alone = depth.loc[on_the_fly.ONE_BY_ONE]
+    alone = depth.loc[study.ONE_BY_ONE]
     assert (alone.rays == 2 * together.rays).all() and depth.seconds.notna().all()
 
 
 @kernels
 def test_a_wanted_quality_is_reached(chart, reference):
-    *rows, beyond = on_the_fly.quality_rows(chart, reference, [30, 34, 80])
+    *rows, beyond = study.quality_rows(chart, reference, [30, 34, 80])
     assert beyond["seconds"] is None and beyond["note"].startswith("refused: 80 dB takes")
     for row, wanted in zip(rows, (30, 34), strict=True):
         assert row["expected_db"] > wanted - 1e-3 and row["psnr_true_db"] > wanted - 2

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lfcore import Camera, Encoding, SensorPlane, StorageError
 from lfcore.cli import parser
-from lfcore.cli.options import encoder
+from lfcore.cli.command import encoder
 from lfcore.errors import SettingsError
 from lfcore.storage import defaults
 from lfcore.storage.layout import FrameLayout

@@ -3,9 +3,9 @@
 import subprocess
 from pathlib import Path
 
-from lfcore.datasets.batch import unpack
 from lfcore.datasets.card import tables, write_card, write_report
 from lfcore.datasets.description import Description
+from lfcore.datasets.items import unpack
 from lfcore.evaluation.table_files import write_csv
 from lfcore.files import read_json, write_json
 from lfcore.workflow.job import job

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from lfcore.datasets.batch import make_batch
 from lfcore.datasets.description import Description
+from lfcore.datasets.items import make_batch
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress
 
