@@ -57,8 +57,8 @@ PATHS = {
 }
 ERRORS = (0.16, 0.08, 0.04, 0.02, 0.01)
 SHOWN = 0.02
-PINHOLE, SHARP = 1e4, Lattice(2, 4)
-CONVERGED = 1024
+PINHOLE, SHARP = 1e4, Lattice(2, 16)
+CONVERGED = 4096
 """Samples per pixel of Mitsuba's converged pictures."""
 PEER = {
     "Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture"),

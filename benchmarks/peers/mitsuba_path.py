@@ -2,7 +2,7 @@
 
 The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel.  The sky is the
 whole panorama, whose suns are no lights of their own: their shadows are as soft as they are wide.
-Lamps shine on the side where corners run counter-clockwise.
+What glows does so on both sides, by a second sheet behind it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
 
 SKY_HEIGHT = 512
+BEHIND = 1e-5
+"""The distance of a second sheet, as a share of the scene's size."""
 _here: dict[str, Any] = {}
 
 
@@ -40,7 +42,8 @@ class _Lit(Description):
     def __init__(self, mitsuba, scene: Scene):
         towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
         lights = [light for light in scene.lights if light.vector not in towards]
-        super().__init__(mitsuba, replace(scene, lights=lights), leave_out_ambient=True)
+        scene = _with_backs(replace(scene, lights=lights))
+        super().__init__(mitsuba, scene, leave_out_ambient=True)
         self._glows = False
 
     def _glow(self, index: int) -> dict | None:
@@ -55,6 +58,26 @@ class _Lit(Description):
         light = radiance(self._scene.sky, np.stack(d, -1).reshape(-1, 3))
         light = light.reshape(SKY_HEIGHT, 4, 2 * SKY_HEIGHT, 4, 3).mean((1, 3))
         return {"type": "envmap", "bitmap": self.mitsuba.Bitmap(light)}
+
+
+def _with_backs(scene: Scene) -> Scene:
+    """With a second sheet, turned around, behind triangles that emit: Mitsuba's emit in front."""
+    emits = np.array([any(material.emission) for material in scene.materials])
+    which = np.flatnonzero(emits[scene.material_ids])
+    p, q, r = scene.triangles[which].swapaxes(0, 1).astype(np.float64)
+    out = np.cross(q - p, r - p)
+    out *= BEHIND * np.ptp(scene.triangles) / np.linalg.norm(out, axis=1, keepdims=True)
+
+    def doubled(values: np.ndarray, back: np.ndarray) -> np.ndarray:
+        return np.concatenate([values, back[:, ::-1].astype(np.float32)]) if len(values) else values
+
+    return replace(
+        scene,
+        triangles=doubled(scene.triangles, scene.triangles[which] - out[:, None]),
+        normals=doubled(scene.normals, -scene.normals[which[: len(scene.normals)]]),
+        uvs=doubled(scene.uvs, scene.uvs[which[: len(scene.uvs)]]),
+        material_ids=np.concatenate([scene.material_ids, scene.material_ids[which]]),
+    )
 
 
 def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:

@@ -35,8 +35,11 @@ _FEWEST, _MOST = 32, 1024
 """Rays per point."""
 _OF_HIDDEN = 16
 _ROUNDS, _DARK = 4, 0.25
-_LARGEST_SIDE = 256
+_LARGEST_SIDE, _OF_DIRECT = 256, 4
+"""Cells along an edge, at most; those of direct light, whose edges are sharp, per other cell."""
 _HIT_BYTES = 18
+_INSIDE = 0.9
+"""The share of the way to a corner that a surface must leave free."""
 _SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 4, 25.0, 0.95
 """How much more noise rays may leave at first than is asked for; steps of averaging neighbours,
 where the square of what they differ by is not so many times their noise, take it."""
@@ -61,9 +64,9 @@ def bake_light(
         bare = replace(bare, uvs=bare.uvs[:0])
     around = Surroundings(scene, Tracer(bare, bvh, device))
     seen, spots, distance = _seen_faces(scene, around, 32 * options.cells)
-    sides, wanted = _sides(scene, distance, options.cells)
-    grids = Grids(scene, sides, around.lens)
-    baker = Baker(grids, around, options)
+    sides, fine, wanted = _sides(scene, distance, options.cells)
+    grids, lit = (Grids(scene, each, around.lens) for each in (sides, fine))
+    baker = Baker(grids, lit, around, options)
     report = progress or (lambda done, of: None)
     baker.find(seen, spots)
     report(1, 4)
@@ -115,9 +118,9 @@ def _seen_faces(
     return faces, sums / sums.sum(1, keepdims=True), distance
 
 
-def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) cells along an edge: a power of 2, as many as the picture needs to begin with; and as
-    many as it needs in the mean, of triangles that it shows."""
+def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
+    """(T,) cells along an edge: powers of 2, as many as the picture needs to begin with and as
+    many as direct light needs; and as many as it needs in the mean, of triangles that it shows."""
     corners = scene.triangles.astype(np.float64)
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1)
@@ -126,9 +129,9 @@ def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, 
     seen = np.isfinite(distance)
     cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
-    wanted = np.log2(np.maximum(edge / cell, 1))
-    sides = np.minimum(1 << np.floor(wanted + 0.25).astype(np.int64), _LARGEST_SIDE)
-    return sides, np.where(seen, np.sqrt(2 * area) / cell, 0)
+    wanted = [np.log2(np.maximum(many * edge / cell, 1)) + 0.25 for many in (1, _OF_DIRECT)]
+    sides, fine = (np.minimum(1 << power.astype(np.int64), _LARGEST_SIDE) for power in wanted)
+    return sides, fine, np.where(seen, np.sqrt(2 * area) / cell, 0)
 
 
 class Baker:
@@ -136,16 +139,18 @@ class Baker:
 
     Attributes
     ----------
-    source : (P, 3) what the light at points, times their colour, sends on in the last bounce.
+    source : (P, 3) the light at points, without the scene's lights, that they send on last.
+    direct : (P + D, 3) that of the scene's lights, at points and at those of ``fine`` grids.
     sums : (2, P, 3) sums of two halves of the rays; ``counts`` (P,) rays of each half.
     open : (S,) of points of seen faces, whether they are outside of things and not covered.
     """
 
-    def __init__(self, grids: Grids, around: Surroundings, options: BakeOptions):
-        self.grids, self.around, self.options = grids, around, options
+    def __init__(self, grids: Grids, fine: Grids, around: Surroundings, options: BakeOptions):
+        self.grids, self.fine, self.around, self.options = grids, fine, around, options
         self.sums = np.zeros((2, 0, 3), np.float32)
         self.counts, self.open = np.zeros(0, np.int64), np.zeros(0, bool)
-        self.source, self.error = np.zeros((0, 3), np.float32), 0.0
+        self.source = self.direct = np.zeros((0, 3), np.float32)
+        self.error = 0.0
         self._hits: list[tuple] = []
 
     def find(self, seen: np.ndarray, spots: np.ndarray) -> None:
@@ -169,8 +174,25 @@ class Baker:
             if not self.options.bounces or not len(found):
                 break
             fresh, count = self.grids.add(found), min(count, _OF_HIDDEN)
+            self._pull_in(found, fresh.start)
         self._extend()
         self.grids.stand_in()
+
+    def _pull_in(self, faces: np.ndarray, first: int) -> None:
+        """Move points from the ``first`` on that a surface cuts off from the middle of their small
+        face to the middle: beyond that surface is other light."""
+        faces = faces[self.grids.sides[faces // 2] == 1]
+        index = self.grids.index[self.grids.first[faces, None] + np.arange(3)].ravel()
+        corners = self.grids.scene.triangles[faces // 2]
+        middle = np.repeat(corners.mean(1), 3, axis=0)
+        towards = corners.reshape(-1, 3) - middle
+        flat = np.repeat(self.around.flat_of(faces), 3, axis=0)
+        starts = self.around.starts(
+            Points(middle, flat, flat, self.grids.points.cells[index]), slice(None), towards
+        )
+        hit, _, far = self.around.cast(starts, towards)
+        cut = (hit >= 0) & (far < _INSIDE) & (index >= first)
+        self.grids.points.places[index[cut]] = middle[cut]
 
     def _extend(self) -> None:
         more = len(self.grids.points) - len(self.counts)
@@ -207,22 +229,33 @@ class Baker:
 
     def bounce(self) -> None:
         """Let light go from surface to surface."""
-        direct = self.around.direct(self.grids.points)
-        glow, self.source = self.sums.copy(), direct
-        hits = [
-            (part, count, glows, self.grids.nearest(np.maximum(faces, 0), weights), colour)
-            for part, count, glows, faces, weights, colour in self._hits
-        ]
-        self._hits = []
+        gridded = np.flatnonzero(self.grids.first >= 0)
+        self.fine.add(gridded[(self.fine.sides > self.grids.sides)[gridded // 2]])
+        self.direct = np.concatenate(
+            [self.around.direct(grids.points) for grids in (self.grids, self.fine)]
+        )
+        fixed, hits = self.sums.copy(), []
+        for part, count, glows, faces, weights, colour in self._hits:
+            near, lit = self._nearest(np.maximum(faces, 0), weights)
+            if self.options.bounces:
+                first = self.direct[lit] * colour
+                fixed[:, part] += _halves(first, count)
+                glows = (glows + first.mean(1)).astype(np.float16)
+            hits.append((part, count, glows, near, colour))
+        self._hits, self.source = [], np.zeros_like(self.mean())
         for _ in range(self.options.bounces):
-            self.source = direct + self.mean()
-            self.sums = glow.copy()
+            self.source, self.sums = self.mean(), fixed.copy()
             for part, count, _, points, colour in hits:
                 self.sums[:, part] += _halves(self.source[points] * colour, count)
-        if not self.options.bounces:
-            self.source = np.zeros_like(direct)
         seen = slice(0, self._seen_points)
         self.guide = Guide(self.grids.points.of(seen), self._first, self._light_of(hits))
+
+    def _nearest(self, faces: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(R,) of hits, the places of their light in ``source`` and in ``direct``."""
+        near = self.grids.nearest(faces, weights)
+        lit, fine = near.copy(), np.flatnonzero(self.fine.first[faces] >= 0)
+        lit[fine] = len(self.grids.points) + self.fine.nearest(faces[fine], weights[fine])
+        return near, lit
 
     def _light_of(self, hits: list) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
         """Of hits of rays from seen points: the points, samples, and light (P, n)."""
@@ -245,7 +278,8 @@ class Baker:
             if self.options.bounces:
                 on = np.flatnonzero(faces >= 0)
                 colour = self.around.albedo(faces[on], weights[on])
-                light[on] += self.source[self.grids.nearest(faces[on], weights[on])] * colour
+                near_hits, lit = self._nearest(faces[on], weights[on])
+                light[on] += (self.source[near_hits] + self.direct[lit]) * colour
             light *= worth.reshape(-1, 1)
             light += self.lamps.aimed(some, seeds[part], first, count).reshape(-1, 3)
             made[:, part], is_open[part] = _halves(light, count), self._open(faces, count)

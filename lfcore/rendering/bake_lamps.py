@@ -17,11 +17,12 @@ import numpy as np
 from lfcore.rendering.bake_points import Points
 from lfcore.rendering.bake_rays import Surroundings, directions, dot, samples
 
-RAYS_PER_RAY = 0.5
-"""Rays to lamps per ray to all sides."""
+_OFTEN, _SELDOM, _MAIN = 2, 4, 0.25
+"""A ray to lamps for every so many rays to all sides: where lamps give this share of the light,
+and elsewhere."""
 _TESTS, _RAYS, _PLACES = 1 << 12, 4, 16
 _BRIGHT = 2.0
-"""Emission above so many times the mean that points see is a lamp's."""
+"""Emission above so many times the mean light on points is a lamp's."""
 _LEAST = np.float32(1e-30)
 _OTHER = np.uint64(0x6A09E667F3BCC909)
 
@@ -40,22 +41,27 @@ class Lamps:
         self._unit = (normals / np.maximum(double, 1e-300)[:, None]).astype(np.float32)
         self._density = np.zeros(2 * scene.triangle_count, np.float32)
         emitted = _emitted(around)
-        emitted[emitted <= _BRIGHT * self._level(points)] = 0
+        level, of_glow = self._level(points)
+        self._apart = _OFTEN if of_glow > _MAIN * level else _SELDOM
+        emitted[emitted <= _BRIGHT * level] = 0
         power = np.repeat(emitted * self._area, 2)
         self._faces = np.flatnonzero(power > 0)
         if len(self._faces):
             self._set(power[self._faces])
             self._set(power[self._faces] * self._use())
 
-    def _level(self, points: Points) -> float:
-        """The mean light of the sky and of emission on points."""
+    def _level(self, points: Points) -> tuple[float, float]:
+        """The mean light on points: of sky, emission and the scene's lights, and of emission."""
         some = points.of(slice(None, None, len(points) // _TESTS + 1))
         if not len(some) or not self.around.emits.any():
-            return 0.0
+            return 0.0, 0.0
         towards = directions(some, *samples(np.arange(len(some)), 0, _RAYS))
         faces, weights, _ = self.around.hits(some, towards)
-        light = self.around.glow(faces, weights, towards.reshape(-1, 3)).mean(1)
-        return float(np.cumsum(light, dtype=np.float64)[-1] / len(light))
+        light = self.around.glow(faces, weights, towards.reshape(-1, 3)).mean(1) / _RAYS
+        direct = self.around.direct(some).mean(1)
+        parts = light, np.where(faces < 0, 0, light), direct
+        every, of_glow, lights = (float(np.cumsum(of, dtype=np.float64)[-1]) for of in parts)
+        return (every + lights) / len(some), of_glow / len(some)
 
     def _set(self, share: np.ndarray) -> None:
         """Spread rays over the faces by their ``share``."""
@@ -68,7 +74,7 @@ class Lamps:
         a, b = samples(np.zeros(1, np.uint64), 0, _TESTS)
         which, places = self._on_faces(a[0], b[0])
         faces = self._faces[which]
-        up = self._unit[faces // 2] * (1 - 2 * (faces % 2))[:, None].astype(np.float32)
+        up = self.around.flat_of(faces)
         points = Points(places.astype(np.float32), up, up, np.zeros(_TESTS))
         hit = self.around.hits(points, directions(points, *samples(np.arange(_TESTS), 0, 1)))[0]
         useful = (hit >= 0) & ~np.isin(hit // 2, self._faces // 2)
@@ -107,12 +113,12 @@ class Lamps:
         return faces, weights, light
 
     def aimed(self, points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
-        """(P, count, 3) light of rays to lamps that counts, a ray for every other sample."""
+        """(P, count, 3) light of rays to lamps that counts, a ray for each ``_apart`` samples."""
         light = np.zeros((len(points), count, 3), np.float32)
         if not len(self._faces):
             return light
-        some = samples(seeds.astype(np.uint64) ^ _OTHER, first // 2, count // 2)
-        of = np.repeat(np.arange(len(points)), count // 2)
+        some = samples(seeds.astype(np.uint64) ^ _OTHER, first // self._apart, count // self._apart)
+        of = np.repeat(np.arange(len(points)), count // self._apart)
         which, places = self._on_faces(*(of_points.ravel() for of_points in some))
         towards = places - points.places[of]
         towards = (towards / np.sqrt(dot(towards, towards))[:, None]).astype(np.float32)
@@ -123,7 +129,7 @@ class Lamps:
         found = np.flatnonzero(faces == self._faces[which[sent]])
         seen = self.around.glow(faces[found], weights[found], towards[found])
         self._weight(seen, points, of[found], towards[found], faces[found], distance[found])
-        light.reshape(-1, 3)[2 * sent[found]] = seen
+        light.reshape(-1, 3)[self._apart * sent[found]] = seen
         return light
 
     def _weight(
@@ -144,7 +150,7 @@ class Lamps:
         cosine = abs(dot(self._unit[some // 2], towards[hit]))
         density[hit] = self._density[some] * distance[on][hit] ** 2 / np.maximum(cosine, 1e-9)
         cosine = _cosines(points, of[on], towards)
-        both = cosine + RAYS_PER_RAY * np.pi * density
+        both = cosine + np.pi * density / self._apart
         light[on] *= (cosine / np.maximum(both, _LEAST))[:, None]  # a grazing ray has no weight
 
 

@@ -138,6 +138,10 @@ class Surroundings:
         lift = np.where(dot(flat, towards) < -_ALONG, -lift, lift)
         return points.places[of] + lift[:, None] * flat
 
+    def flat_of(self, faces: np.ndarray) -> np.ndarray:
+        """(F, 3) unit normals of the triangles, on the side of faces."""
+        return self._unit[faces // 2] * np.float32([1, -1])[faces % 2, None]
+
     def covered(self, points: Points) -> np.ndarray:
         """(P,) whether a surface nearby hides a point from the whole lens.  Such a point is behind
         or below an object that touches its surface, and has not the light beside that object."""

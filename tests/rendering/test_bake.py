@@ -204,6 +204,14 @@ def test_bounces_of_a_closed_room_are_a_geometric_series():
     assert seen(dark, 16).max() == 0
 
 
+def test_what_goes_through_a_wall_brings_no_light_from_beyond():
+    """A hidden triangle of one cell, with a corner outside of a dark room."""
+    room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
+    spike = np.array([[[-0.1, 0, -2.75], [0.1, 0, -2.75], [0, 0, -3.05]]])
+    scene = lfcore.bake(world(np.concatenate([room, spike]), 1.0, bounces=1, error=0.1))
+    assert scene.light.grids[-1, 2] == 1 and seen(scene, 16).max() == 0
+
+
 def test_a_sun_is_one_light_and_the_rest_is_a_sky():
     sky = np.ones((64, 64, 3), np.float32)
     sky[20, 40] = 1e5
