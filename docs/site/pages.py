@@ -56,10 +56,6 @@ class Block:
     code: str
     end: int
 
-    @property
-    def first_line(self) -> str:
-        return self.code.strip().partition("\n")[0]
-
 
 @dataclass(frozen=True)
 class Page:
@@ -97,7 +93,8 @@ def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
             try:
                 printed.append(_run(block.language, code, names))
             except Exception as error:
-                raise PageError(f"{page.name}: {block.first_line}\n{error}") from error
+                first_line = block.code.strip().partition("\n")[0]
+                raise PageError(f"{page.name}: {first_line}\n{error}") from error
     return printed
 
 

@@ -86,10 +86,6 @@ class Panel:
     per_ray: float | None = None
     of_thesis: bool = True
 
-    @property
-    def thesis_column(self) -> str:
-        return f"thesis_{self.column}"
-
     def values(self, rows: pd.DataFrame, column: str, pixels: Pixels | str) -> np.ndarray:
         """(R,) float64 of a column, divided by the rays of M = ``pixels`` if ``per_ray``."""
         values = pd.to_numeric(rows[column], errors="coerce").to_numpy(np.float64)
@@ -136,7 +132,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
                 ours = panel.values(rows, panel.column, pixels)
                 _curve(axis, rows.N, ours, "o-", f"C{index}", str(scene))
             if whose != "ours":
-                thesis = panel.values(rows, panel.thesis_column, THESIS_PIXELS)
+                thesis = panel.values(rows, f"thesis_{panel.column}", THESIS_PIXELS)
                 label = str(scene) if whose == "thesis" else None
                 _curve(axis, rows.N, thesis, "x--", f"C{index}", label)
         if panel.per_ray is not None:

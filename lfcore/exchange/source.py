@@ -59,10 +59,6 @@ class Selection:
         """uint8 sRGB of linear light."""
         return srgb_codes(exposed(light, self.exposure_ev, self.roll_off))
 
-    @property
-    def exposes(self) -> bool:
-        return bool(self.exposure_ev or self.roll_off)
-
 
 class Truth:
     """Depths and materials of a light field's scene, traced again."""
@@ -183,7 +179,7 @@ class Source:
         for start in range(0, self.rows, step):
             rows = self._j[start : start + step]
             place = first, int(rows[0]), last + 1, int(rows[-1]) + 1
-            light = self.selection.exposes
+            light = bool(self.selection.exposure_ev or self.selection.roll_off)
             part = self.field.views(*place, codes=not light)
             for k, line in enumerate(part[rows - rows[0]]):
                 for column, picture in enumerate(line[self._i - first]):

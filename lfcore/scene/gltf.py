@@ -91,8 +91,10 @@ class Document:
         required = self.tree.get("extensionsRequired")
         unknown = set(map(str, required if isinstance(required, list) else ())) - set(KNOWN)
         # Where KTX2 is optional there is another picture, but exporters forget to require it.
-        if any("source" not in texture and _has(texture, BASIS) for texture in self._textures()):
-            unknown = {BASIS}
+        for texture in self.objects("textures"):
+            alone = "source" not in texture and not _has(texture, "EXT_texture_webp")
+            if alone and _has(texture, BASIS):
+                unknown = {BASIS}
         if unknown:
             name = min(unknown)
             raise SceneError(
@@ -106,10 +108,6 @@ class Document:
         return SceneError(
             f"mesh cannot be read: {problem}", file=self.path, remedy="Export it again"
         )
-
-    def _textures(self) -> list[dict]:
-        """The textures that EXT_texture_webp does not serve."""
-        return [each for each in self.objects("textures") if not _has(each, "EXT_texture_webp")]
 
     def _json_chunk(self) -> bytes:
         start = _HEAD.size + _CHUNK.size

@@ -111,11 +111,6 @@ def read_batch(path: str | Path, *, grey: bool = False) -> Batch:
         return Batch(path, infos, global_header(container))
 
 
-def batch_tag(infos: Sequence[SegmentInfo]) -> dict[str, str]:
-    """The tag of a file that holds these segments."""
-    return {BATCH_TAG: json.dumps([astuple(info) for info in infos], separators=(",", ":"))}
-
-
 def _infos(text: str) -> tuple[SegmentInfo, ...]:
     """What a tag says; empty when it makes no sense."""
     try:
@@ -209,7 +204,8 @@ def write_batch(path: str | Path, segments: Sequence[str | Path]) -> None:
     stream = _Stream([read_batch(segment) for segment in segments])
     for one in stream.batches:
         _check_encoding(one, stream.batches[0])
-    _write(Path(path), [stream], batch_tag(stream.infos))
+    index = json.dumps([astuple(info) for info in stream.infos], separators=(",", ":"))
+    _write(Path(path), [stream], {BATCH_TAG: index})
 
 
 @dataclass(frozen=True)

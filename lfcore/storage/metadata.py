@@ -206,19 +206,16 @@ class Metadata:
             raise StorageError("a part of the grids is stored as views", key="layout")
         if layout.format.grey:
             raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
-        self._check_content()
+        for key in ("depth_m", "seen_m", "ends_m"):
+            ends = self.content.get(key) if isinstance(self.content, dict) else ()
+            if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
+                raise StorageError(f"{ends} is no range of depths", key="content")
         by_views = self.slab if layout.kind == "views" else None
         self.segments.check(by_views.held.views if by_views else None)
         if self.depth and not (self.slab and whole and same):
             raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
             raise StorageError("must have a segment for each of the colours'", key="depth")
-
-    def _check_content(self) -> None:
-        for key in ("depth_m", "seen_m", "ends_m"):
-            ends = self.content.get(key) if isinstance(self.content, dict) else ()
-            if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
-                raise StorageError(f"{ends} is no range of depths", key="content")
 
 
 def _check_types(data: dict[str, Any]) -> None:

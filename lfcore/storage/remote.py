@@ -9,8 +9,8 @@ import io
 import os
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from types import SimpleNamespace
 from typing import Any, cast
 
 from lfcore.errors import LfcoreError, StorageError
@@ -21,11 +21,6 @@ MOST_BLOCKS = (256 << 20) // BLOCK
 """That are kept: a segment is read twice, to be checked and to be decoded."""
 NO_RANGES = "the server hands out no ranges of the file"
 DOWNLOAD = "Download the file, and open the copy"
-
-
-@dataclass(frozen=True)
-class _Size:
-    st_size: int
 
 
 class RemoteFile:
@@ -70,8 +65,8 @@ class RemoteFile:
     def __str__(self) -> str:
         return self.url
 
-    def stat(self) -> _Size:
-        return _Size(self._size)
+    def stat(self) -> SimpleNamespace:
+        return SimpleNamespace(st_size=self._size)
 
     def open(self, mode: str = "rb") -> RemoteReader:
         """The file from its beginning; several may be open at a time."""

@@ -193,12 +193,6 @@ def _corner(depth: float) -> np.ndarray:
     return single([[0, 0, depth], [1, 0, depth], [0, 1, depth]])
 
 
-def _through_a_corner(seed: int) -> Rays:
-    """500 rays into such a triangle at 2 m."""
-    points = np.random.default_rng(seed).uniform(0.05, 0.3, (500, 2))
-    return shapes.rays_at(shapes.at_depth(points, 2.0), (0.01, 0.0))
-
-
 @sweep("15", "separation ulp", (0, 1, 2, 4, 8, 16, 32, 64))
 def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     """Two triangles that part by some ulp of their depth: the nearer must win from 16 on.
@@ -206,7 +200,8 @@ def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
     Error: share of the rays that name the other one, of those that the bound on depth, 16 ulp over
     the condition number, leaves no choice; below that, of rays whose answer is neither.
     """
-    rays = _through_a_corner(16)
+    points = np.random.default_rng(16).uniform(0.05, 0.3, (500, 2))
+    rays = shapes.rays_at(shapes.at_depth(points, 2.0), (0.01, 0.0))
     # An ulp is 2^-23 of numbers from 1 to 2.
     mesh = np.stack([_corner(2 + ulp * 2.0**-22), _corner(2.0)])
     hits = oracle_hits(mesh, rays)

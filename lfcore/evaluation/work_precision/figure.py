@@ -54,15 +54,6 @@ def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
     return better
 
 
-def save_diagrams(
-    path: str | Path, figure: Figure, labels: Iterable[PointLabel], caption: str
-) -> None:
-    """Write the ``caption`` below all diagrams, the labels where there is room, and the figure."""
-    figure.supxlabel(caption, fontsize=8)
-    label_points(figure, labels)
-    save_figure(path, figure)
-
-
 def label_points(figure: Figure, labels: Iterable[PointLabel]) -> list[Annotation]:
     """Write each label as near to its point as there is room; labels without room are left out.
 
@@ -199,7 +190,9 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
         f"{GUIDE_DB:g} dB per tenfold time.\n"
         "Dotted: the true picture judges what is below; hollow points are above."
     )
-    save_diagrams(path, figure, labels, caption)
+    figure.supxlabel(caption, fontsize=8)
+    label_points(figure, labels)
+    save_figure(path, figure)
 
 
 def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> list[PointLabel]:

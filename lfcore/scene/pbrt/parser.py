@@ -85,15 +85,13 @@ class _Parser:
         while tokens.peek.kind != lexer.END:
             directive = self.directive(tokens)
             if directive.name in _INCLUDES:
-                target = self.locate(directive.strings[0], path)
+                # Beside the main file, as pbrt; else beside the file that includes it.
+                target = self.folder / directive.strings[0]
+                if not os.path.exists(target):
+                    target = path.parent / directive.strings[0]
                 yield from self.file(target, [*stack, identity], directive.place)
             else:
                 yield directive
-
-    def locate(self, name: str, includer: Path) -> Path:
-        """Beside the main file, as pbrt; else beside the file that includes it."""
-        beside_main = self.folder / name
-        return beside_main if os.path.exists(beside_main) else includer.parent / name
 
     def directive(self, tokens: _Cursor) -> Directive:
         token = tokens.take()
