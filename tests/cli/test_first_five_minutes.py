@@ -16,7 +16,7 @@ import trimesh
 
 import lfcore
 from docs.site.pages import PAGES, ROOT
-from lfcore.cli import COMMANDS, EPILOG, main, parser
+from lfcore.cli import EPILOG, main, parser
 from lfcore.colour import srgb_encode
 
 pytestmark = pytest.mark.slow
@@ -141,17 +141,13 @@ def shown(text: str) -> list[str]:
 def texts() -> dict[str, str]:
     fences = re.compile(r"^```(?:bash)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
     found = {"lfcore": EPILOG}
-    for name in COMMANDS:
-        found[f"lfcore {name}"] = _help(name)
+    commands = next(one for one in PARSER._actions if hasattr(one, "choices") and one.choices)
+    for name, command in commands.choices.items():
+        found[f"lfcore {name}"] = command.epilog or ""
     for name, path in {"README": "../README.md", **PAGES}.items():
         page = (ROOT / "docs" / path).read_text(encoding="utf-8")
         found[name] = "\n".join(fences.findall(page))
     return {name: text for name, text in found.items() if shown(text)}
-
-
-def _help(name: str) -> str:
-    commands = next(one for one in PARSER._actions if hasattr(one, "choices") and one.choices)
-    return commands.choices[name].epilog or ""
 
 
 def adapted(command: str, model: Model) -> list[str]:

@@ -39,11 +39,6 @@ def run(folder, *words):
     return status, said.getvalue()
 
 
-def parsed(*words):
-    words = ["imgtool", *words]
-    return parser(words).parse_args(words)
-
-
 FLAGS = ["--camsperdim", 4, 3, "--griddim", *GRID, "--inputfov", 50]
 
 
@@ -103,7 +98,8 @@ def test_both_years_command_lines_are_taken_as_they_are(files, line, method):
     """On an EXR without geometry, as pbrt writes it; of the handouts only the grid is smaller."""
     folder, _ = files
     words = [*line.split(), str(folder / "pbrt.exr"), str(folder / "year.exr")]
-    assert imgtool.chosen_method(parsed("lightfield", *words)) == method
+    command = ["imgtool", "lightfield", *words]
+    assert imgtool.chosen_method(parser(command).parse_args(command)) == method
     status, said = run(folder, "lightfield", *words)
     assert status == 0 and method in said and "outside the array" in said
     size = int(line.split()[-1])

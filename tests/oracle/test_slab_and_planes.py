@@ -51,13 +51,9 @@ def test_the_left_of_the_picture_sees_the_left_of_the_scene():
     assert (light[:, :2, ..., 0] < 0.1).all() and (light[:, 4:, ..., 0] > 0.6).all()
 
 
-def some_light(seed=0):
-    return np.random.default_rng(seed).uniform(0, 1, (6, 6, 4, 4, 3))
-
-
 @pytest.mark.parametrize("bilinear", [False, True])
 def test_the_recorded_focus_is_the_mean_over_the_lens(bilinear):
-    light = some_light()
+    light = np.random.default_rng(0).uniform(0, 1, (6, 6, 4, 4, 3))
     picture = form_plane(SLAB, SensorPlane(**WHOLE), light, bilinear=bilinear)
     np.testing.assert_allclose(picture, light.mean((2, 3)))
 

@@ -7,7 +7,6 @@ import os
 
 import pytest
 import trimesh
-from test_gltf import packed
 
 from lfcore.errors import SceneError
 from lfcore.scene import reading
@@ -113,7 +112,10 @@ def test_every_file_that_an_exporter_writes_is_found(tmp_path):
 def test_images_beside_a_glb_and_textures_of_a_ply(write):
     folder = write(m_ply="ply\nformat ascii 1.0\ncomment TextureFile skin.png\n", skin_png="")
     assert names(folder / "m.ply") == ["m.ply", "skin.png"]
-    (folder / "m.glb").write_bytes(packed({"images": [{"uri": "skin.png"}]}, b""))
+    images = {"images": [{"uri": "skin.png"}]}
+    trimesh.creation.box().export(
+        folder / "m.glb", tree_postprocessor=lambda tree: tree.update(images)
+    )
     assert names(folder / "m.glb") == ["m.glb", "skin.png"]
 
 
