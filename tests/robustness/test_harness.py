@@ -1,17 +1,24 @@
-"""The harness itself: defects that are planted are found, each as what it is."""
+"""The harness itself: defects that are planted are found, each as what it is.
+
+And a short form of `make fuzz`: what was found once, the seeds, and some new inputs of each kind.
+"""
 
 import ctypes
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from lfcore.cli import parser
 from lfcore.errors import LfcoreError
 from robustness.children import Limits, run_all
-from robustness.fuzz import fuzz, smaller, table
-from robustness.outcome import Outcome, SilentlyWrong, judge_message, outcome_of
+from robustness.fuzz import CORPUS, fuzz, kept, smaller, table
+from robustness.outcome import ROOT, Outcome, SilentlyWrong, judge_message, outcome_of
 from robustness.targets import Target
+from robustness.targets.commands import COMMANDS
 
 LIMITS = Limits(cpu=0.3, wall=60, memory=256 << 20)
 
@@ -119,3 +126,26 @@ def test_a_finding_is_made_shorter():
 
     data = b"hay" * 50 + b"needle" + b"hay" * 50 + b"pin"
     assert smaller(data, still, "both", tries=500) == b"needlepin"
+
+
+EACH = 15
+
+
+@pytest.mark.slow
+def test_nothing_that_was_found_comes_back_and_nothing_new_in_a_few_hundred_inputs():
+    # A process of its own: children must not inherit this one's OpenCL threads.
+    done = subprocess.run(
+        [sys.executable, "-m", "robustness.fuzz", "--seconds", "0", "--each", str(EACH)],
+        cwd=ROOT, capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    row = next(line for line in done.stdout.splitlines() if line.startswith("| all "))
+    inputs, taken, refused, findings = map(int, row.split("|")[2:6])
+    assert findings == 0 and taken > 0 and refused > 0
+    assert inputs >= sum(len(kept(folder.name)) for folder in CORPUS.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", COMMANDS)
+def test_the_command_lines_that_are_damaged_are_whole(line):
+    parser(line.split()).parse_args(line.split())
