@@ -24,11 +24,10 @@ scene (hierarchy, surfaces, buffers, the C header), the sample rays of the plan,
 chunks, and arrays, which are another sink."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
-    "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays", "HitBuffers",
-                    "RadianceImage"},
+    "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays"},
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
-    "rays one by one": {"follow_rays", "ray_overlaps", "shaft_overlaps", "Ray", "Shaft"},
+    "rays one by one": {"follow_rays", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
     "baked light": {"set_up_light", "baked_row", "sky_row", "reflect_sky"},
@@ -47,7 +46,7 @@ def sources() -> dict[Path, str]:
 
 def functions(text: str) -> list[tuple[str, int, str]]:
     """The name, the number of parameters and the text of each function of a file."""
-    pattern = r"^(?:inline|KERNEL|kernel) [^;{=]*?(\w+)\(([^{;]*?)\)\s*\{(?:.*?\n\}| .*?\}$)"
+    pattern = r"^(?:inline|KERNEL|kernel) [^;{=]*?(\w+)\(([^{;]*?)\)\s*\{(?: [^\n]*\}$|.*?\n\})"
     found = re.finditer(pattern, text, re.MULTILINE | re.DOTALL)
     return [(m[1], m[2].count(",") + 1, m[0]) for m in found]
 

@@ -17,9 +17,9 @@ kernel void edges(global const float *in, global const Leaf *leaf, global float 
 {
     in += CANDIDATE * get_global_id(0);
     const Bundle r = {0, 0, 0, 0, in[6], in[6], in[7], in[7], in[8], in[9], in[10]};
-    vf error;
     const Vec p = spread3(vload3(0, in)), q = spread3(vload3(1, in));
-    const WideAffine wide = edge_functions(p, q, &r, 0, &error);
+    const WideAffine wide = edge_function(&r, p, q);
+    const vf error = edge_error(&r, p, q);
     Affine e = affine_of(&wide, 0);
     e.of[ONE] += FIRST(error);
     const vf value = edge_row(e, (Row){in[11], in[12], in[13], in[14]});
@@ -44,15 +44,15 @@ inline Bundle rays_about(global const float *in, float c, float half_extent)
                     s, s, t, t, 0, 0, half_extent};
 }
 
-// The edge function opposite r at a ray on the diagonal of a block.
-inline float edge_at(const Bundle *r, global const Leaf *leaf, int of_packet, float at, vf *error)
+// An edge function opposite r at a ray on the diagonal of a block.
+inline float edge_at(const Bundle *r, global const Leaf *leaf, float at, vf *packet)
 {
-    const Corners v = shear_corners(r, leaf);
-    const Vec p = corner_of(&v, 0), q = corner_of(&v, 1);
-    const WideAffine wide = edge_functions(p, q, r, of_packet, error);
-    Affine e = affine_of(&wide, 0);
-    if (of_packet) e.of[ONE] += FIRST(*error);
-    const vf value = edge_row(e, (Row){at, at, 0, 0});
+    Vec v[3];
+    load_corners(leaf, 0.0f, v);
+    shear_corners(r, v);
+    const WideAffine wide = edge_function(r, v[0], v[1]);
+    *packet = packet_error(r, v[0], v[1]);
+    const vf value = edge_row(affine_of(&wide, 0), (Row){at, at, 0, 0});
     return FIRST(value);
 }
 
@@ -64,9 +64,17 @@ kernel void packets(global const float *in, global const Leaf *leaf, global floa
     leaf += get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f), one = rays_about(in, in[7], 7.5f);
     vf error, unused;
-    const float wide = edge_at(&all, leaf, 1, in[7] + in[8] - in[6], &error);
-    const float own = edge_at(&one, leaf, 0, in[8], &unused);
+    const float wide = edge_at(&all, leaf, in[7] + in[8] - in[6], &error) + FIRST(error);
+    const float own = edge_at(&one, leaf, in[8], &unused);
     vstore2((float2)(wide - own, FIRST(error)), get_global_id(0), out);
+}
+
+// How a leaf's triangles lie along x among a bundle's rays.
+inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
+{
+    Triangles t;
+    place_extents(r, leaf, FAR, &t);
+    return t.x;
 }
 
 // Likewise: the first corner's x from the packet's centre ray.
@@ -74,9 +82,8 @@ kernel void corners(global const float *in, global const Leaf *leaf, global floa
 {
     in += CANDIDATE * get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f);
-    const Corners v = shear_corners(&all, leaf + get_global_id(0));
-    const Axis x = make_axis(&all, all.sx, all.tx, all.ox, all.dx, v.x, v.z);
-    vstore2((float2)(FIRST(v.x.of[0]), FIRST(x.error)), get_global_id(0), out);
+    const Axis x = axis_of(&all, leaf + get_global_id(0));
+    vstore2((float2)(FIRST(x.at.of[0]), FIRST(x.error)), get_global_id(0), out);
 }
 
 // Likewise, of a block: the first column of an element that may see the triangle, and 0.
@@ -86,12 +93,9 @@ kernel void samples(global const float *in, global const Leaf *leaf, global floa
     Bundle r = rays_about(in, 0, 0.5f * (INNER - 1));
     r.a = in[8];
     r.b = in[9];
-    const Corners v = shear_corners(&r, leaf + get_global_id(0));
-    const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
-    Triple step, inverse;
-    find_steps(&x, &step, &inverse);
+    const Axis x = axis_of(&r, leaf + get_global_id(0));
     vf lo, hi;
-    find_span(&x, inverse, x.error * largest3(inverse), 0, &lo, &hi);
+    find_span(&x, 1.0f, 0, &lo, &hi);
     vstore2((float2)(FIRST(lo), 0.0f), get_global_id(0), out);
 }
 
@@ -101,15 +105,10 @@ kernel void reaches(global const float *in, global const Leaf *leaf, global floa
     in += CANDIDATE * get_global_id(0);
     leaf += get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f), r = rays_about(in, in[7], 7.5f);
-    const Corners v = shear_corners(&r, leaf);
-    const Axis x = make_axis(&r, r.sx, r.tx, r.ox, r.dx, v.x, v.z);
-    Triple step, inverse;
-    find_steps(&x, &step, &inverse);
+    const Axis x = axis_of(&r, leaf);
     vf lo, hi;
-    find_span(&x, inverse, x.error * largest3(inverse), 0, &lo, &hi);
-    const float at = leaf->corner[0][0][0], z = leaf->corner[0][2][0];
-    const float2 ends = columns_at(all.ox, all.dx, all.sx, all.tx, 31.5f, at, z);
-    vstore2((float2)(FIRST(lo), ends.x), get_global_id(0), out);
+    find_span(&x, 1.0f, 0, &lo, &hi);
+    vstore2((float2)(FIRST(lo), columns_at(axis_of(&all, leaf)).x), get_global_id(0), out);
 }
 
 // An affine function, a rectangle and the place of a ray in it: the value there, and the least that
@@ -152,7 +151,8 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
         const TriangleRow first = {1};
         set_up_planes(&scene, &all, &first, planes);
         const Rectangle over = rays_at(&all, v);
-        const Box box = hits_at(&all, v, planes, over);
+        const Receiver receiver = make_receiver(&all, planes);
+        const Box box = hits_at(&all, v, &receiver, over);
         const int even = evenly_weighted(planes->denominator, over);
         const float least = least_over(planes->denominator, over);
         set_up_planes(&scene, &r, &first, planes);
@@ -169,23 +169,23 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
     vstore2((float2)(share, 0.0f), get_global_id(0), out);
 }
 
-// A ray's origin and direction, and the places of a box's sides in its way along x and y: the ratio
-// of the distances that the kernels find.
-kernel void boxes(global const float *in, global Boxes *box, global float *out)
+// A corner of a box, where it is after a time of 1, and the places of an obstacle's sides in its
+// way along x and y: the ratio of the times that the kernels find.
+kernel void sweeps(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
-    box += get_global_id(0);
-    private float near[2][LANES];
-    int exponent;
-    const Ray r = scaled_ray(vload3(0, in), vload3(1, in), &exponent);
+    const float3 corner = vload3(0, in), rate = vload3(1, in) - corner;
+    const Sweep sweep = make_sweep(corner, corner, rate, rate);
+    vf near[2];
     for (int k = 0; k < 2; ++k) {
-        for (int lane = 0; lane < NODE_WIDTH; ++lane) {
-            for (int a = 0; a < 3; ++a) box->low[a][lane] = a == k ? in[6 + k] : -FAR;
-            for (int a = 0; a < 3; ++a) box->high[a][lane] = FAR;
+        Ranges obstacle;
+        for (int a = 0; a < 3; ++a) {
+            obstacle.low[a] = a == k ? in[6 + k] : -FAR;
+            obstacle.high[a] = FAR;
         }
-        ray_overlaps(&r, box, FAR, near[k]);
+        sweep_overlaps(&sweep, &obstacle, FAR, near + k);
     }
-    vstore2((float2)(near[0][0] / near[1][0], RAY_SLACK - 1.0f), get_global_id(0), out);
+    vstore2((float2)(FIRST(near[0]) / FIRST(near[1]), SWEEP_SLACK - 1.0f), get_global_id(0), out);
 }
 
 // The float of a number in the floats' order.
@@ -236,28 +236,6 @@ kernel void columns(global const float *in, global const Leaf *leaf, global floa
     vstore2((float2)(lit[(int)(in[3] - m.first.y)], 0.0f), get_global_id(0), out);
 }
 
-// Two corners of a box of hit points, the direction to a light, and a place that is seen from the
-// box in it, which no line of the shaft excludes: how much of the slack the nearest line has used.
-kernel void shafts(global const float *in, global const Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    const float light[3] = {in[6], in[7], in[8]};
-    Box box;
-    float size = 0.0f, share = -FAR;
-    for (int k = 0; k < 3; ++k) {
-        box.lo[k] = min(in[k], in[3 + k]);
-        box.hi[k] = max(in[k], in[3 + k]);
-        size = max(size, max(fabs(box.lo[k]), fabs(box.hi[k])));
-    }
-    const Shaft shaft = make_shaft(light, 0, &box);
-    for (int line = 0; line < 6; ++line) {
-        const float na = shaft.na[line], nb = shaft.nb[line];
-        const float x = fma(in[9 + line / 2], na, in[9 + (line / 2 + 1) % 3] * nb);
-        share = max(share, (x - shaft.limit[line]) / (SHAFT_SLACK * (fabs(na) + fabs(nb)) * size));
-    }
-    vstore2((float2)(1.0f + share, 0.0f), get_global_id(0), out);
-}
-
 // A block's affine numerator and denominator, and a ray: its depth, and the least of the block.
 kernel void depths(global const float *in, global const Leaf *leaf, global float *out)
 {
@@ -286,6 +264,8 @@ kernel void pictures(global const float *in, global const Leaf *leaf, global flo
     LightSpace space;
     set_range(&hits, &space);
     const float value = fma(at[2], g, fma(at[0], a, fma(at[1], b, c)));
-    const vf most = most_in_range(&space, a, b, g, 1) + widened_constant(&space, a, b, g, c, 1);
+    vf f[PICTURE_TERMS] = {a, b, g, c};
+    f[MOST_C] = f[TERM_C] + picture_error(&space, f, 3);
+    const vf most = most_in_picture(&space, f, 3);
     vstore2((float2)(value, FIRST(most)), get_global_id(0), out);
 }

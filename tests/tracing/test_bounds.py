@@ -195,8 +195,9 @@ def share_of_reaches(run, outer):
         block = c.copy()
         block[:, [0, 2]] += c[:, 7:8] * c[:, 4:6]
         x, z, corners = beside(block, 7.5)
-        size = np.abs(x) + np.abs(o) + 31.5 * np.abs(s) + z * (np.abs(d) + 31.5 * np.abs(t))
-        slack = 12 * 2.0**-24 * size / np.abs(s + z * t)
+        size = np.abs(x - o - z * d) + np.abs(o) + 31.5 * np.abs(s)
+        size += z * (np.abs(d) + 31.5 * np.abs(t))
+        slack = 3 * 4 * 2.0**-24 * size / np.abs(s + z * t)
         low, least = run(c, corners)
         inside = (np.abs(least) < 31.4) & (slack < 1e-2)
         return (1 - (c[:, 7] - 7.5 + low - least) / slack) * inside
@@ -232,11 +233,12 @@ def share_of_hits(run, outer):
     return share
 
 
-def share_of_boxes(run, outer):
+def share_of_sweeps(run, outer):
     def share(candidates):
         c = candidates.astype(np.float64)
         found, slack = run(c)
-        exact = (c[:, 6] - c[:, 0]) / c[:, 3] / ((c[:, 7] - c[:, 1]) / c[:, 4])
+        exact = (c[:, 6] - c[:, 0]) / (c[:, 3] - c[:, 0])
+        exact /= (c[:, 7] - c[:, 1]) / (c[:, 4] - c[:, 1])
         return (found / exact - 1) / slack * (found > 0)
 
     return share
@@ -260,24 +262,6 @@ def share_of_frusta(run, outer):
     return share
 
 
-def share_of_shafts(run, outer):
-    """Of occluders up to 64 times as far away as the hit points are from the origin."""
-
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, :9] = np.sign(c[:, :9]) * between(c[:, :9], 0, 4095) / 4096  # few bits: sums are exact
-        box, towards, low = c[:, :6], c[:, 6:9], c[:, 10:13] < 0
-        corner = np.where(
-            low, np.minimum(box[:, :3], box[:, 3:]), np.maximum(box[:, :3], box[:, 3:])
-        )
-        away = 2.0 ** between(c[:, 13], 0, 6)
-        c[:, 9:12] = corner + away[:, None] * towards
-        near = np.abs(c[:, 9:12]).max(1) < 64 * np.abs(box).max(1)
-        return run(c)[0] * (near & (towards != 0).all(1))
-
-    return share
-
-
 def share_of_depths(run, outer):
     """Of triangles that are nearly edge-on and in focus, so that all rays have one depth."""
 
@@ -297,7 +281,7 @@ def share_of_pictures(run, outer):
     def share(candidates):
         c = candidates.astype(np.float64)
         largest = np.maximum(np.abs(c[:, 4:7]), np.abs(c[:, 7:10]))
-        bound = 11 * 2.0**-24 * ((np.abs(c[:, :3]) * largest).sum(1) + np.abs(c[:, 3]))
+        bound = 7 * 2.0**-24 * ((np.abs(c[:, :3]) * largest).sum(1) + np.abs(c[:, 3]))
         value, most = run(c)
         return 1 - (most - value) / bound
 
@@ -317,9 +301,8 @@ def share_of_pictures(run, outer):
         ("reaches", share_of_reaches, 1),
         ("sides", share_of_sides, 1),
         ("hits", share_of_hits, 1),
-        ("boxes", share_of_boxes, 1),
+        ("sweeps", share_of_sweeps, 1),
         ("frusta", share_of_frusta, 1),
-        ("shafts", share_of_shafts, 1),
         ("depths", share_of_depths, 1),
         ("pictures", share_of_pictures, 1),
     ],

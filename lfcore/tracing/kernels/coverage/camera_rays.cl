@@ -37,11 +37,11 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
     int exponent;
     const Ray r = scaled_ray(origin, direction, &exponent);
-    const Volume volume = {RAY, &r};
+    const Volume volume = {SWEEP, &r.path};
     Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);
-    for (int leaf; (leaf = next_leaf_number(tree, &volume, hit.t * RAY_SLACK, &stack)) >= 0;)
+    for (int leaf; (leaf = next_leaf(tree, &volume, hit.t * SWEEP_SLACK, &stack)) >= 0;)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) hit_leaf(tree, &r, leaf, lane, &hit);
     hit.t = ldexp(hit.t, -exponent);
     return hit.id < 0 ? MISS : hit;

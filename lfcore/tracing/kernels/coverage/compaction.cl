@@ -9,6 +9,43 @@ typedef struct {
     int ids[LIST * NODE_WIDTH];  // (LIST, NODE_WIDTH) their triangles
 } CompactedLeaves;
 
+// One element's part of the packet as if it were one block, and a block's offset from its centre.
+inline Bundle element_bundle(const Packet *p, int block)
+{
+    return bundle_at(p->rays, centre_ray_of(p, block), p->at, p->rays->element_half_extent);
+}
+inline float2 block_offset(const Packet *p, int block)
+{
+    const Rays *r = p->rays;
+    return convert_float2(r->block[block].at) + r->half_extent - r->element_half_extent;
+}
+
+// A bound of what an edge function differs by between a packet and its blocks, whose corners are
+// relative to other centre rays, at rays between the edge's corners.
+inline vf packet_error(const Bundle *r, Vec p, Vec q)
+{
+    const Vec l = absolute3(minus3(q, p));
+    const vf depths = fabs(p.z + q.z) + l.z;
+    const float h = 2.0f * r->half_extent;
+    const float ox = fma(h, fabs(r->sx), fabs(r->ox)), dx = fma(h, fabs(r->tx), fabs(r->dx));
+    const float oy = fma(h, fabs(r->sy), fabs(r->oy)), dy = fma(h, fabs(r->ty), fabs(r->dy));
+    const vf x = fma(l.z, (vf)(h * fabs(r->tx)), l.x), y = fma(l.z, (vf)(h * fabs(r->ty)), l.y);
+    return 2.0f * edge_error(r, p, q) +
+           PACKET_ERROR * (y * fma(depths, (vf)(dx), 2.0f * (ox + x)) +
+                           x * fma(depths, (vf)(dy), 2.0f * (oy + y)));
+}
+
+// Mask of LANES triangles that the packet may hit, as if it were one wide block.
+inline vi packet_overlaps(const Bundle *r, global const Leaf *leaf, float z_far)
+{
+    Triangles t;
+    vf error[3];
+    const vi keep = place_extents(r, leaf, z_far, &t);
+    if (!row_any(keep)) return keep;
+    for (int k = 0; k < 3; ++k) error[k] = packet_error(r, t.v[(k + 1) % 3], t.v[(k + 2) % 3]);
+    return keep & place_edges(r, error, &t);
+}
+
 // Append triangle `number`.  The first triangle of a leaf clears the leaf: all zero, which nothing
 // can hit, in an empty box.
 inline void compact_triangle(global const Leaf *from, int id, int number,
@@ -35,8 +72,8 @@ inline void compact_triangle(global const Leaf *from, int id, int number,
     out->listed.leaf[leaf] = leaf;
 }
 
-// Compact the candidates as if the packet were one wide block.  No ray hits a triangle that is left
-// out: if rounding widens an edge onto a ray, the ray hits the neighbour beyond that edge.
+// Compact the candidates.  No ray hits a triangle that is left out: if rounding widens an edge onto
+// a ray, the ray hits the neighbour beyond that edge.
 inline LeafList compact_triangles(const Tree *tree, const Packet *p, float z_far,
                                   const LeafList *candidates, global CompactedLeaves *out)
 {
@@ -45,10 +82,8 @@ inline LeafList compact_triangles(const Tree *tree, const Packet *p, float z_far
     for (int k = 0; k < candidates->count; ++k)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
             const int leaf = candidates->of->leaf[k];
-            global const Leaf *corners = leaf_corners(tree, leaf, lane);
             global const int *ids = leaf_numbers(tree, leaf, lane);
-            Placed placed;
-            uint bits = row_bits(place_triangles(&all, corners, z_far, 1, &placed));
+            uint bits = row_bits(packet_overlaps(&all, leaf_corners(tree, leaf, lane), z_far));
             for (; bits; bits &= bits - 1, ++number) {
                 const int k = lowest(bits);
                 compact_triangle(leaf_corners(tree, leaf, lane + k), ids[k], number, out);

@@ -53,13 +53,6 @@ inline void find_farthest(Coverage *c)
     c->z_far = min(row_max(far), FAR);
 }
 
-// An affine function without BILINEAR over the inner grid of one of the block's elements.
-inline Affine element_affine(Affine f, float u, float v)
-{
-    if (OUTER > 1) f.of[ONE] = fma(u, f.of[U], fma(v, f.of[V], f.of[ONE]));
-    return f;
-}
-
 // Whether corner values are positive, and none is more than twice another: rounding errors are then
 // in proportion to each.
 inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }
@@ -74,22 +67,16 @@ inline float2 depth_range(Affine numerator, Affine denominator, Rectangle grid)
     return (float2)(least_of(z) * (1.0f - DEPTH_SLACK), most_of(z) * (1.0f + DEPTH_SLACK));
 }
 
-// A triangle that every ray of the block passes through: accept it or reject it at once, if its
-// range of depths and that of the block's hits do not overlap; false if they do.
+// A triangle that every ray of a block of one element passes through: accept it or reject it at
+// once, if its range of depths and that of the block's hits do not overlap; false if they do.
 inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
-    if (c->covering_triangle == BUFFERED) return 0;
+    if (OUTER > 1 || c->covering_triangle == BUFFERED) return 0;
     const Affine numerator = affine_of(t->functions + NUMERATOR, lane);
     const Affine denominator = affine_of(t->functions + DENOMINATOR, lane);
     const Rectangle grid = {0.0f, 0.0f, c->half_extent, c->half_extent};
-    float near = FAR, far = 0.0f;
-    for (int k = 0; k < (OUTER > 1 ? 4 : 1); ++k) {
-        const float u = k & 1 ? OUTER_HALF : -OUTER_HALF, v = k & 2 ? OUTER_HALF : -OUTER_HALF;
-        const float2 z = depth_range(element_affine(numerator, u, v),
-                                     element_affine(denominator, u, v), grid);
-        near = min(near, z.x);
-        far = max(far, z.y);
-    }
+    const float2 z = depth_range(numerator, denominator, grid);
+    const float near = z.x, far = z.y;
     if (!(near > 0.0f)) return 0;
     if (near > c->z_far) return 1;
     if (!(far < c->z_near)) return 0;
@@ -111,14 +98,13 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 }
 
 // Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.
-inline vi overlap(vf *e, int covers, int edge_on, vf *depth)
+inline vi overlap(vf *e, int edge_on, vf *depth)
 {
     if (edge_on) {
         const vi sign = sign_of(e[DENOMINATOR]);
         for (int k = 0; k < FUNCTIONS; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
-    if (covers) return -1;
     return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
@@ -152,8 +138,7 @@ inline void make_rows(const Triangles *t, uint lane, float half_extent, Triangle
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
                         const CutOuts *cut_outs, const Coverage *to)
 {
-    const int covers = t->covers >> lane & 1, edge_on = t->edge_on >> lane & 1;
-    const int holes = has_holes(cut_outs, id);
+    const int edge_on = t->edge_on >> lane & 1, holes = has_holes(cut_outs, id);
     TriangleRows f;
     make_rows(t, lane, rays->half_extent, &f);
     int changed = 0;
@@ -165,7 +150,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             vf e[FUNCTIONS], depth;
             for (int k = 0; k < FUNCTIONS; ++k)
                 e[k] = AT_OFFSETS(at.x, at.u, f.base[k][row], f.along[k][row], f.across[k][row]);
-            vi mask = overlap(e, covers, edge_on, &depth);
+            vi mask = overlap(e, edge_on, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);

@@ -34,22 +34,6 @@ typedef struct {
     Shadows shadows;
 } Pipeline;
 
-inline void start_pipeline(const Tree *tree, const Scene *scene, float pixel,
-                           global Memory *memory, Pipeline *p)
-{
-    p->tree = tree;
-    p->scene = scene;
-    p->pixel = pixel;
-    p->memory = memory;
-    p->block.regions.of = memory->regions;
-    p->block.planes = memory->planes;
-    p->block.samples = &memory->samples;
-    p->block.lit = (global int *)(memory + 1);
-    global ShadowMemory *shadows = &memory->shadows;
-    p->shadows = (Shadows){tree, scene, 0, shadows->active, 0, &p->cache, &shadows->element_planes};
-    p->cache.pool = shadows->pool;
-}
-
 inline void see_packet(const Packet *packet, Pipeline *p)
 {
     start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
@@ -65,36 +49,33 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
     b->number = number;
     b->rays = block_bundle(packet, number);
     find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
-    if (!b->regions.count) {
-        shade_background(p->scene, &b->rays, colours);
-        return;
-    }
     sample_block(p->scene, p->pixel, b);
-    if (SHADOWS) find_lit(&p->shadows, b, p->memory->shadows.lifted);
+    if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.lifted);
     shade_block(p->scene, b, colours);
 }
 
 // What the results of a program's sink go to.
 typedef struct {
-    HitBuffers hits;
-    RadianceImage image;
+    global int *triangle;  // (E, rows, columns)
+    global float *depth;   // (E, rows, columns)
+    const ImageArguments *image;
+    global float *radiance;
     Cells cells;
 } Sink;
 
 inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
 {
     Coverage *seen = p->visibility.block + block;
+    if (sink->depth) write_depths(packet, block, seen, sink->depth);
     if (SINK == HITS) {
-        write_depths(packet, block, seen, sink->hits.depth);
-        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->hits.triangle);
+        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->triangle);
         return;
     }
     global float *colours = SINK == FRAMES ? block_colours(&sink->cells, packet, block)
                                            : sink->cells.colours;
     colour_block(packet, block, p, colours);
     if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
-    if (SINK == IMAGE) write_radiance(packet, block, colours, &sink->image);
-    if (SINK == IMAGE && sink->hits.depth) write_depths(packet, block, seen, sink->hits.depth);
+    if (SINK == IMAGE) write_radiance(packet, block, colours, sink->image, sink->radiance);
 }
 
 // For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
@@ -109,11 +90,16 @@ KERNEL void trace_packets(PARAMETERS)
     const ulong strip_rows = (ulong)plane_numbers.ring * plane_numbers.planes;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
     global Memory *memory = (global Memory *)(scratch + worker * words);
-    Pipeline pipeline;
-    start_pipeline(&tree, &scene, ray_numbers.pixel_tangent, memory, &pipeline);
+    global ShadowMemory *shadows = &memory->shadows;
+    Pipeline pipeline = {
+        &tree, &scene, ray_numbers.pixel_tangent, memory,
+        .block = {.regions = {memory->regions}, .planes = memory->planes,
+                  .samples = &memory->samples, .lit = (global int *)(memory + 1)},
+        .cache = {.pool = shadows->pool},
+        .shadows = {&tree, &scene, 0, shadows->active, 0, &pipeline.cache,
+                    &shadows->element_planes}};
     Sink sink = {
-        {triangle, depth},
-        {&image, radiance},
+        triangle, depth, &image, radiance,
         {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
          {&plane_numbers, plane_records, runs, masks, kinds,
           sums + worker * plane_numbers.planes * area},
@@ -121,7 +107,7 @@ KERNEL void trace_packets(PARAMETERS)
     PacketQueue queue = make_queue(next, &ray_numbers);
     for (Packet packet; next_packet(&rays, &queue, &packet);) {
         if (SINK == GIVEN) {
-            hit_given_rays(&tree, &packet, origins, directions, &sink.hits, weights);
+            hit_given_rays(&tree, &packet, origins, directions, triangle, depth, weights);
             continue;
         }
         if (SINK == FRAMES && PLANES == 1 && !BITS) drop_closed_blocks(&sink.cells.planes, &packet);

@@ -2,12 +2,6 @@
 #pragma once
 #include "visibility.cl"
 
-// (E, rows, columns) each.
-typedef struct {
-    global int *triangle;
-    global float *depth;
-} HitBuffers;
-
 // Write a number of each of a block's rays, those of one element and one row of the inner grid at a
 // time.
 inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)
@@ -36,16 +30,16 @@ inline void write_depths(const Packet *p, int block, Coverage *c, global float *
 // Follow the rays of a packet that is no bundle: the columns of one element are their numbers.
 // `origins`, `directions`, `weights`: (R, 3).  Depth is the parameter of the ray as given.
 inline void hit_given_rays(const Tree *tree, const Packet *p, global const float *origins,
-                           global const float *directions, const HitBuffers *to,
-                           global float *weights)
+                           global const float *directions, global int *triangle,
+                           global float *depth, global float *weights)
 {
     const int end = min(p->at.x + p->rays->packet_side, p->rays->columns);
     for (int ray = p->at.x; ray < end; ++ray) {
         const float3 o = vload3(ray, origins), d = vload3(ray, directions);
         const int has_way = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
         const Hit hit = has_way ? closest_hit(tree, o, d) : MISS;
-        to->triangle[ray] = hit.id;
-        to->depth[ray] = hit.t;
+        triangle[ray] = hit.id;
+        depth[ray] = hit.t;
         vstore3(hit.weights, ray, weights);
     }
 }

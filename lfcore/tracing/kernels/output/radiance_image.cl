@@ -5,12 +5,6 @@
 #pragma once
 #include "packet.cl"
 
-typedef struct {
-    const ImageArguments *numbers;
-    global float *radiance;  // (E / across * rows, across * columns, 3)
-} RadianceImage;
-
-#if LANES > 1
 #define LINE 64   // bytes of a row of a block, and what stores past the caches must be aligned to
 
 // A row of a block, of which all is inside the inner grid, as 16 times r g b.
@@ -33,28 +27,26 @@ inline void write_row(global const float *c, int mode, global float *to)
         else vstore16(parts[k], 0, to);
     }
 }
-#endif
 
-// Write the colours of a block of one element, as far as the block lies in the inner grid.
+// Write the colours of a block of one element, as far as the block lies in the inner grid, to
+// `radiance` (E / across * rows, across * columns, 3).
 inline void write_radiance(const Packet *packet, int block, global const float *colours,
-                           const RadianceImage *image)
+                           const ImageArguments *image, global float *radiance)
 {
     const Rays *rays = packet->rays;
-    const int across = image->numbers->across, mode = image->numbers->mode;
+    const int across = image->across, mode = image->mode;
     const int element = block_element(packet, block, 0, 0);
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
     const ulong row = result_row(rays, element / across, where.y);
     const ulong column = (ulong)(element % across) * rays->columns + where.x;
     const ulong pitch = 3 * (ulong)across * rays->columns;
-    global float *to = image->radiance + row * pitch + 3 * column;
+    global float *to = radiance + row * pitch + 3 * column;
     for (int y = 0; y < inside.y; ++y, to += pitch) {
         global const float *c = colours + y * BLOCK;
-#if LANES > 1
         if (inside.x == BLOCK) {
             write_row(c, mode, to);
             continue;
         }
-#endif
         for (int x = 0; x < inside.x; ++x) {
             const float3 colour = (float3)(c[x], c[x + BLOCK_RAYS], c[x + 2 * BLOCK_RAYS]);
             vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);

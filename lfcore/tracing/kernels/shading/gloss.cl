@@ -14,14 +14,14 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
 {
     const Vec h = plus3(towards, s->to_viewer);
     const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
-    const vi glossy = facing & GE(halfway, (vf)(s->material->specular_cutoff));
+    const vi glossy = facing & GE(halfway, (vf)(s->material->of.specular_cutoff));
     if (!row_any(glossy)) return 0.0f;
     const vf cosine = max(halfway, (vf)(NOTHING_LEFT));
-    const vf power = exp2_fast(s->material->shininess * log2_fast(cosine));
+    const vf power = exp2_fast(s->material->of.shininess * log2_fast(cosine));
     return pick((vf)(0.0f), power, glossy);
 }
 
-inline int is_metallic(const Material *m) { return m->metallic >= 0.0f; }
+inline int is_metallic(const Material *m) { return m->of.metallic >= 0.0f; }
 
 // The reflectance of dielectrics at normal incidence: an index of refraction of 1.5.
 #define DIELECTRIC 0.04f
@@ -49,7 +49,8 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
     const Vec b = scale3(cross3(n, t), across);
     const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
-    Vec turned = fma3(d.x * m->normal_scale, t, fma3(d.y * m->normal_scale, b, scale3(n, d.z)));
+    const float scale = m->of.normal_scale;
+    Vec turned = fma3(d.x * scale, t, fma3(d.y * scale, b, scale3(n, d.z)));
     turned = scale3(turned, inverse_sqrt(max(dot3(turned, turned), (vf)(LEAST_LENGTH))));
     // Without texture coordinates there is no tangent, and normals stay.
     return pick3(n, turned, GT(square, (vf)(NOTHING_LEFT)));
@@ -59,15 +60,15 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
 inline void read_row_maps(const Scene *scene, global const Samples *samples, int at, Surface *s)
 {
     const Material *m = s->material;
-    vf roughness = m->roughness;
-    s->emission = spread3(m->emission);
-    s->metallic = m->metallic;
+    vf roughness = m->of.roughness;
+    s->emission = spread3(vload3(0, m->of.emission));
+    s->metallic = m->of.metallic;
     s->normal = s->geometric = load3(samples->of[NORMAL], at);
     if (m->maps[MAP_NORMAL].height) s->normal = map_normals(scene, m, samples, at, s->geometric);
     if (m->maps[MAP_METAL].height) {
         const Vec c = map_row(scene, m, MAP_METAL, samples, at);
-        s->metallic = c.z * m->metallic;
-        roughness = c.y * m->roughness;
+        s->metallic = c.z * m->of.metallic;
+        roughness = c.y * m->of.roughness;
     }
     if (m->maps[MAP_EMISSION].height)
         s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));

@@ -34,7 +34,7 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
 
 inline int is_glossy(const Material *m)
 {
-    return m->specular.x + m->specular.y + m->specular.z > 0.0f;
+    return any(vload3(0, m->of.specular) > 0.0f);
 }
 
 // The light that a Blinn-Phong surface reflects.
@@ -43,7 +43,7 @@ inline Vec reflect_blinn_phong(const Surface *s, Vec towards, vf cosine, vf atte
     const Vec diffuse = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
     if (!is_glossy(s->material)) return diffuse;
     const vf specular = highlight(s, towards, facing) * attenuation;
-    return fma3(specular, spread3(s->material->specular), diffuse);
+    return fma3(specular, spread3(vload3(0, s->material->of.specular)), diffuse);
 }
 
 // Add what rays that see a light reflect of it.
@@ -65,7 +65,7 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
 inline Vec unlit_light(const Scene *scene, const Surface *s)
 {
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
-    const Vec emission = PHYSICAL ? s->emission : spread3(s->material->emission);
+    const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->of.emission));
     const int metallic = PHYSICAL && is_metallic(s->material);
 #if SKY
     if (metallic) return plus3(reflect_sky(scene, s), emission);
@@ -77,7 +77,7 @@ inline Vec unlit_light(const Scene *scene, const Surface *s)
 inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Material *m,
                       global const Samples *samples, int at)
 {
-    Vec c = spread3(m->diffuse);
+    Vec c = spread3(vload3(0, m->of.diffuse));
     if (TEXTURED && m->maps[MAP_BASE].height)
         c = times3(c, texture_row(scene, patch, m, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->of[TINT], at));
@@ -99,13 +99,14 @@ inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int a
     return sum;
 }
 
-// The colours of rays that hit nothing.
-inline void shade_background(const Scene *scene, const Bundle *r, global float *colours)
+// The colours of rays that hit nothing: those of rows with such rays.
+inline void shade_background(const Scene *scene, const Block *b, global float *colours)
 {
     Vec background = spread3(vload3(0, scene->numbers->background));
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        if (!row_any(LT(VLOAD(b->samples->key + at), (vi)(0)))) continue;
 #if SKY
-        background = sky_row(scene, r, row_at(at, r->half_extent));
+        background = sky_row(scene, &b->rays, row_at(at, b->rays.half_extent));
 #endif
         store3(background, colours, at);
     }
@@ -124,25 +125,11 @@ inline int list_keys(const Block *b, private int *keys)
     return count;
 }
 
-inline Material read_material(const Scene *s, int key)
-{
-    global const MaterialRecord *material = s->materials + key / MIP_LEVELS;
-    Material m = {0};
-    m.diffuse = vload3(0, material->diffuse);
-    m.shininess = material->shininess;
-    m.specular = vload3(0, material->specular);
-    m.emission = vload3(0, material->emission);
-    m.specular_cutoff = material->specular_cutoff;
-    if (TEXTURED) read_maps(s, material, key % MIP_LEVELS, m.maps);
-    m.metallic = material->metallic;
-    m.roughness = material->roughness;
-    m.normal_scale = material->normal_scale;
-    return m;
-}
-
 inline void shade_key(const Scene *scene, const Block *b, int key, global float *colours)
 {
-    const Material material = read_material(scene, key);
+    global const MaterialRecord *record = scene->materials + key / MIP_LEVELS;
+    Material material = {*record};
+    if (TEXTURED) read_maps(scene, record, key % MIP_LEVELS, material.maps);
     TexelPatch patch;
     read_patch(scene, b, key, &material, &patch);
     Surface s;
@@ -167,12 +154,6 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
 inline void shade_block(const Scene *scene, const Block *b, global float *colours)
 {
     private int keys[BLOCK_RAYS];
-#if SKY
-    for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        if (row_any(LT(VLOAD(b->samples->key + at), (vi)(0))))
-            store3(sky_row(scene, &b->rays, row_at(at, b->rays.half_extent)), colours, at);
-#else
-    shade_background(scene, &b->rays, colours);
-#endif
+    shade_background(scene, b, colours);
     for (int left = list_keys(b, keys); left; --left) shade_key(scene, b, keys[left - 1], colours);
 }

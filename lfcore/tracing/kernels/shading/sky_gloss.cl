@@ -23,34 +23,22 @@ inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughnes
 // Baked light that a surface reflects, and the sky as far as it is not hidden.
 inline Vec reflect_sky(const Scene *scene, const Surface *s)
 {
-    global const float *gloss = scene->sky + 4 * scene->numbers->sky_side * scene->numbers->sky_side;
+    const int side = scene->numbers->sky_side;
+    global const float *gloss = scene->sky + 4 * side * side;
     global const float *shares = gloss + 4 * (GLOSS_LEVELS + 1) * GLOSS_SIDE * GLOSS_SIDE;
     const vf cosine = clamp(dot3(s->normal, s->to_viewer), (vf)(0.0f), (vf)(1.0f));
     const Vec mirrored = fma3(2.0f * cosine, s->normal, scale3(s->to_viewer, (vf)(-1.0f)));
-    private float normal[3][LANES], out[3][LANES], seen[LANES], rough[LANES], lit[3][LANES];
-    private float sky[3][LANES], share[2][LANES];
-    VSTORE(s->normal.x, normal[0]);
-    VSTORE(s->normal.y, normal[1]);
-    VSTORE(s->normal.z, normal[2]);
-    VSTORE(mirrored.x, out[0]);
-    VSTORE(mirrored.y, out[1]);
-    VSTORE(mirrored.z, out[2]);
-    VSTORE(s->light.x, lit[0]);
-    VSTORE(s->light.y, lit[1]);
-    VSTORE(s->light.z, lit[2]);
+    const RayVectors normal = by_ray(s->normal), out = by_ray(mirrored), lit = by_ray(s->light);
+    private float seen[LANES], rough[LANES], share[2][LANES];
+    RayVectors sky;
     VSTORE(cosine, seen);
     VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
     for (int k = 0; k < LANES; ++k) {
-        const float3 n = {normal[0][k], normal[1][k], normal[2][k]};
-        const float3 open = gloss_between(gloss, GLOSS_LEVELS, n).xyz;
-        const float3 light = {lit[0][k], lit[1][k], lit[2][k]};
-        const float3 c = lobe_of(gloss, (float3)(out[0][k], out[1][k], out[2][k]), rough[k]).xyz
-                         * clamp(light / max(open, 1e-20f), 0.0f, 1.0f);
+        const float3 open = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&normal, k)).xyz;
+        const float3 open_part = clamp(ray_vector(&lit, k) / max(open, 1e-20f), 0.0f, 1.0f);
         const float4 ab = map_between(shares, GLOSS_SHARES, seen[k] * (GLOSS_SHARES - 1),
                                       rough[k] * (GLOSS_SHARES - 1));
-        sky[0][k] = c.x;
-        sky[1][k] = c.y;
-        sky[2][k] = c.z;
+        set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&out, k), rough[k]).xyz * open_part);
         share[0][k] = ab.x;
         share[1][k] = ab.y;
     }
@@ -58,6 +46,5 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     const Vec gloss_share = {fma(a, f0(s, s->albedo.x), b), fma(a, f0(s, s->albedo.y), b),
                              fma(a, f0(s, s->albedo.z), b)};
     const Vec diffuse = scale3(times3(s->albedo, minus3(spread3(1.0f), gloss_share)), rest);
-    const Vec reflected = {VLOAD(sky[0]), VLOAD(sky[1]), VLOAD(sky[2])};
-    return plus3(times3(diffuse, s->light), times3(gloss_share, reflected));
+    return plus3(times3(diffuse, s->light), times3(gloss_share, row_of(&sky)));
 }

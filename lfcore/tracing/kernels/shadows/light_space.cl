@@ -13,8 +13,7 @@ typedef struct {
     int axes[3];             // kx, ky, kz
     float sign;              // of the distance along kz
     float slope_x, slope_y;  // of a direction, along kz
-    // Of the hit points' box: its middle, half its size, and the largest numbers within it.
-    float middle[3], half_extent[3], most[3];
+    float middle[3], half_extent[3];  // of the hit points' box
 } LightSpace;
 
 // A point light nearer than this share of half the hit points' box has no picture of them:
@@ -73,25 +72,31 @@ inline void set_range(const Box *hits, LightSpace *space)
     for (int k = 0; k < 3; ++k) {
         space->middle[k] = 0.5f * (hits->lo[k] + hits->hi[k]);
         space->half_extent[k] = 0.5f * BOUND_SLACK * (hits->hi[k] - hits->lo[k]);
-        space->most[k] = max(fabs(hits->lo[k]), fabs(hits->hi[k]));
     }
 }
 
-// The most of a u + b v, and of g d besides for a `face`, over the hit points' box, without c.
-inline vf most_in_range(const LightSpace *space, vf a, vf b, vf g, int face)
+// An occluder in the light's picture: a u + b v + c of each edge, and of its plane, with g d
+// besides; and c with a bound of the function's rounding errors added.
+enum { TERM_A, TERM_B, TERM_G, TERM_C, MOST_C, PICTURE_TERMS };
+typedef struct { float of[4][PICTURE_TERMS][LANES]; } PictureEdges;
+
+// A bound of the rounding errors of a u + b v + g d + c, of two or three `terms` and c, at hit
+// points.
+inline vf picture_error(const LightSpace *space, const vf *f, int terms)
 {
-    const vf most = fma(a, (vf)(space->middle[0]), b * space->middle[1]) +
-                    fma(fabs(a), (vf)(space->half_extent[0]), fabs(b) * space->half_extent[1]);
-    if (!face) return most;
-    return most + fma(g, (vf)(space->middle[2]), fabs(g) * space->half_extent[2]);
+    vf most = fabs(f[TERM_C]);
+    for (int k = 0; k < terms; ++k)
+        most = fma(fabs(f[k]), (vf)(fabs(space->middle[k]) + space->half_extent[k]), most);
+    return LIGHT_SPACE_ERROR * most;
 }
 
-// c with a bound of the rounding errors of such a function at hit points.
-inline vf widened_constant(const LightSpace *space, vf a, vf b, vf g, vf c, int face)
+// The most of it over the hit points' box.
+inline vf most_in_picture(const LightSpace *space, const vf *f, int terms)
 {
-    vf most = fma(fabs(a), (vf)(space->most[0]), fma(fabs(b), (vf)(space->most[1]), fabs(c)));
-    if (face) most = fma(fabs(g), (vf)(space->most[2]), most);
-    return fma(most, (vf)(LIGHT_SPACE_ERROR), c);
+    vf most = f[MOST_C];
+    for (int k = 0; k < terms; ++k)
+        most += fma(f[k], (vf)(space->middle[k]), fabs(f[k]) * space->half_extent[k]);
+    return most;
 }
 
 // The cell along u or v of SORT_CELLS x SORT_CELLS over the hit points, its bits apart.
@@ -180,14 +185,9 @@ inline int project_hits(const Shadows *s, LightSpaceRays *l)
     return 1;
 }
 
-// Occluders in the light's picture: a u + b v + c of each edge, and of its plane, with g d besides;
-// and c with a bound of the function's rounding errors added.
-enum { TERM_A, TERM_B, TERM_G, TERM_C, MOST_C, PICTURE_TERMS };
-typedef struct { float of[4][PICTURE_TERMS][LANES]; } PictureEdges;
-
 inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 
-// WideAffine of LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
+// Set up LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
 // the picture.
 inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global const Leaf *leaf,
                            vi may, PictureEdges *out)
@@ -199,13 +199,13 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
         const Plane plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
         const vf a = component(plane.n, space->axes[0]), b = component(plane.n, space->axes[1]);
         const vf n = component(plane.n, space->axes[2]);
-        const vf c = r->is_point ? n * space->sign : plane.c;
+        const int terms = k == 3 ? 3 : 2;
         const vf along = fma(a, (vf)(space->slope_x), fma(b, (vf)(space->slope_y), n));
-        const vf g = k < 3 ? (vf)(0.0f) : r->is_point ? plane.c : along;
-        const vf most_c = widened_constant(space, a, b, g, c, k == 3);
-        const vf function[PICTURE_TERMS] = {a, b, g, c, most_c};
-        for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(function[term], out->of[k][term]);
-        may &= GE(most_in_range(space, a, b, g, k == 3) + most_c, (vf)(0.0f));
+        vf f[PICTURE_TERMS] = {a, b, 0.0f, r->is_point ? n * space->sign : plane.c};
+        if (k == 3) f[TERM_G] = r->is_point ? plane.c : along;
+        f[MOST_C] = f[TERM_C] + picture_error(space, f, terms);
+        for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(f[term], out->of[k][term]);
+        may &= GE(most_in_picture(space, f, terms), (vf)(0.0f));
     }
     return row_bits(may);
 }
@@ -303,8 +303,10 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     PictureEdges edges;
-    const vi may = ~(shaft_misses(&l->rays.shaft, corners) |
-                     are_of_light(l->rays.light_triangles, ids));
+    const Ranges extents = extents_of_leaf(corners);
+    vf near;
+    const vi may = sweep_overlaps(&l->rays.shaft, &extents, l->rays.end, &near) &
+                   ~are_of_light(l->rays.light_triangles, ids);
     const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];

@@ -12,14 +12,13 @@
 #define POOL 1024           // occluders of all entries
 #define MOST_OCCLUDERS 128  // of one entry; with more, the block is shadowed as a whole
 
-// Counts of an entry without occluders.  ALL_DARK: one occluder shadows every ray that meets the
-// triangle.  NOT_KEPT: there are too many occluders, or the bounds over the element's rays are too
+// The count of an entry of too many occluders, or where the bounds over the element's rays are too
 // wide for one block's.
-enum { ALL_DARK = -2, NOT_KEPT = -1 };
+#define NOT_KEPT -1
 
 typedef struct {
     int triangle, light;  // -1: empty
-    int first, count;     // the first row of LANES in the pool; occluders, or one of the above
+    int first, count;     // the first row of LANES in the pool; occluders, or NOT_KEPT
 } CacheEntry;
 
 // LANES occluders: the terms of four affine functions.
@@ -49,31 +48,22 @@ inline void enter_element(const Packet *p, int block, OccluderCache *c)
     clear_cache(c);
 }
 
-// Where along one axis rays may meet a triangle whose corners are at `at` and depths z, in columns
-// from the middle: the first and the last.  Of the middle ray o and d are origin and direction, s
-// and t their steps, of which there are `half_extent` to either side.
-inline float2 columns_at(float o, float d, float s, float t, float half_extent, float3 at, float3 z)
+// Where along one axis rays may meet a triangle: the first and the last column from the middle.
+inline float2 columns_at(Axis a)
 {
-    const float3 pitch = fma(z, t, s), along = o + z * d;
-    const float3 centre = fabs(at) + fabs(o) + fabs(z * d);
-    const float3 error = COLUMN_SLACK * fma(fabs(z), half_extent * fabs(t),
-                                            centre + half_extent * fabs(s));
-    // Rays of a pixel cross where it is in focus, and nothing is met behind the lens.
-    const int cross = least_of(pitch.xyzz) <= 0.0f && most_of(pitch.xyzz) >= 0.0f;
-    if (cross || least_of(z.xyzz) <= 0.0f) return (float2)(-half_extent, half_extent);
-    const float3 column = (at - along) / pitch, slack = error / fabs(pitch);
-    const float3 low = column - slack, high = column + slack;
-    const float2 ends = (float2)(least_of(low.xyzz), most_of(high.xyzz));
-    return clamp(ends, -half_extent, half_extent);
+    const float most = a.half_extent;
+    vf lo, hi;
+    if (!row_any(find_span(&a, COLUMN_SLACK, 0, &lo, &hi))) return (float2)(-most, most);
+    return clamp((float2)(row_min(lo), row_max(hi)) - most, -most, most);
 }
 
 // Around the rays of an element that may meet a triangle of corners v.
 inline Rectangle rays_at(const Bundle *r, const float3 *v)
 {
-    const float3 x = (float3)(v[0].x, v[1].x, v[2].x), y = (float3)(v[0].y, v[1].y, v[2].y);
-    const float3 z = (float3)(v[0].z, v[1].z, v[2].z);
-    const float2 across = columns_at(r->ox, r->dx, r->sx, r->tx, r->half_extent, x, z);
-    const float2 down = columns_at(r->oy, r->dy, r->sy, r->ty, r->half_extent, y, z);
+    Vec sheared[3] = {spread3(v[0]), spread3(v[1]), spread3(v[2])};
+    shear_corners(r, sheared);
+    const float2 across = columns_at(make_axis(r, sheared, 0));
+    const float2 down = columns_at(make_axis(r, sheared, 1));
     return (Rectangle){0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
                        0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
 }
@@ -93,19 +83,19 @@ inline float3 hit_slack(const Bundle *r, const float3 *v, float least)
     return HIT_SLACK * (float3)(most.xy + depth * slope, depth);
 }
 
-// Bounds of where they meet it: those of the triangle, and of the rays at the triangle's depths.
-inline Box hits_at(const Bundle *r, const float3 *v, global const PlaneEquations *planes,
-                   Rectangle over)
+// Bounds of where they meet it: those of the triangle, and of what the rays see.
+inline Box hits_at(const Bundle *r, const float3 *v, const Receiver *receiver, Rectangle over)
 {
     const float3 low = min(v[0], min(v[1], v[2])), high = max(v[0], max(v[1], v[2]));
-    const float3 slack = hit_slack(r, v, least_over(planes->denominator, over));
-    const float2 exact = quotient_range(planes->numerator, planes->denominator, over);
-    const float near = max(max(low.z, 0.0f), exact.x);
-    Box box = bundle_box(r, over, (float2)(near, max(near, min(high.z, exact.y))));
+    const float3 slack = hit_slack(r, v, least_over(receiver->weight, over));
+    const float3 *place = receiver->place;
+    Box box;
     for (int k = 0; k < 3; ++k) {
+        const Affine at = {{axis(place[ONE], k), axis(place[X], k), axis(place[Y], k)}};
+        const float2 seen = quotient_range(at, receiver->weight, over);
         // Rounding apart, both hold what is seen.
-        const float lo = min(max(box.lo[k], axis(low, k)), axis(high, k));
-        box.hi[k] = max(min(box.hi[k], axis(high, k)), lo) + axis(slack, k);
+        const float lo = min(max(seen.x, axis(low, k)), axis(high, k));
+        box.hi[k] = max(min(seen.y, axis(high, k)), lo) + axis(slack, k);
         box.lo[k] = lo - axis(slack, k);
     }
     return box;
@@ -115,30 +105,8 @@ inline Box hits_at(const Bundle *r, const float3 *v, global const PlaneEquations
 // largest weight, and what is excluded near the surface a multiple of each.
 inline int evenly_weighted(Affine weight, Rectangle at)
 {
-    const float middle = weight.of[ONE] + at.x * weight.of[X] + at.y * weight.of[Y];
-    const float spread = at.half_width * fabs(weight.of[X]) + at.half_height * fabs(weight.of[Y]);
-    return middle - spread > 0.125f * max(middle + spread, weight.of[ONE]);
-}
-
-// A half space that holds no occluders of a triangle: n . P + c >= 0 for points P relative to the
-// apex that are behind the triangle's plane, or before it by less than the margin.
-typedef struct { float3 n; float c; } Behind;
-
-inline Behind behind_plane(const float3 *v, const ShadowRays *r)
-{
-    const float3 at = v[0] - r->apex, n = cross_product(v[1] - v[0], v[2] - v[0]);
-    const float offset = inner_product(n, at);
-    const float side = r->is_point ? offset : -inner_product(n, r->towards);
-    const float sign = side < 0.0f ? -1.0f : 1.0f;
-    const float margin = SHADOW_MARGIN * inner_product(fabs(n), fabs(at) + r->size);
-    return (Behind){sign * n, margin - sign * offset};
-}
-
-inline vi lie_behind(const Behind *b, const Occluders *o)
-{
-    vf least = FAR;
-    for (int k = 0; k < 3; ++k) least = min(least, dot3(o->v[k], spread3(b->n)) + b->c);
-    return GE(least, (vf)(0.0f));
+    const float4 corners = corner_values(weight, at);
+    return least_of(corners) > 0.125f * max(most_of(corners), weight.of[ONE]);
 }
 
 // An entry while it is made.
@@ -147,7 +115,6 @@ typedef struct {
     ShadowRays rays;
     Receiver receiver;
     Rectangle over;  // around all rays that may meet the triangle
-    Behind behind;
 } NewEntry;
 
 // Keep occluder `lane` of those of affine functions `e`.
@@ -160,29 +127,25 @@ inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const WideAffine 
             to->of[k][term][at % LANES] = ((const float *)&e[k].of[term])[lane];
 }
 
-// Keep those of LANES triangles that can darken a ray.  False once no more are wanted: one of them
-// darkens every ray, or they are too many.
+// Keep those of LANES triangles that can darken a ray; false once they are too many.
 inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lane)
 {
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     WideAffine e[4];
     Occluders o;
     load_corners(leaf_corners(s->tree, leaf, lane), n->rays.apex, o.v);
-    const vi own = EQ(VLOAD(ids), (vi)(n->entry->triangle)) |
-                   are_of_light(n->rays.light_triangles, ids);
-    vi may = ~(lie_behind(&n->behind, &o) | own), all = -1;
-    if (!row_any(may)) return 1;
-    e[3] = project_plane(&n->receiver, face_plane(&n->rays, &o, &may));
-    classify_occluders(e[3], &n->over, &may, &all);
-    for (int k = 2; k >= 0; --k) {
-        if (!row_any(may)) return 1;
-        e[k] = project_plane(&n->receiver, edge_plane(&n->rays, &o, k));
+    vi may = ~(EQ(VLOAD(ids), (vi)(n->entry->triangle)) |
+               are_of_light(n->rays.light_triangles, ids));
+    vi all = -1;
+#pragma unroll
+    for (int k = 3; k >= 0 && row_any(may); --k) {
+        const Plane plane = k == 3 ? face_plane(&n->rays, &o, &may) : edge_plane(&n->rays, &o, k);
+        e[k] = project_plane(&n->receiver, plane);
         classify_occluders(e[k], &n->over, &may, &all);
     }
     const uint keep = row_bits(may);
-    if (row_any(all & may)) n->entry->count = ALL_DARK;
-    else if (n->entry->count + popcount(keep) > MOST_OCCLUDERS) n->entry->count = NOT_KEPT;
-    if (n->entry->count < 0) return 0;
+    if (n->entry->count + popcount(keep) > MOST_OCCLUDERS) n->entry->count = NOT_KEPT;
+    if (n->entry->count == NOT_KEPT) return 0;
     for (uint left = keep; left; left &= left - 1)
         keep_occluder(s->cache, n->entry, e, lowest(left));
     return 1;
@@ -202,10 +165,11 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     const int even = evenly_weighted(planes->denominator, over);
     *entry = (CacheEntry){triangle, number, c->used, even ? 0 : NOT_KEPT};
     if (!even) return;
-    const Box box = hits_at(&c->rays, v, planes, over);
+    Receiver receiver = make_receiver(&c->rays, planes);
+    const Box box = hits_at(&c->rays, v, &receiver, over);
     const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &box);
-    const NewEntry n = {entry, rays, make_receiver(&c->rays, planes, rays.apex), over,
-                        behind_plane(v, &rays)};
+    for (int k = 0; k < 3; ++k) receiver.place[k] -= rays.apex * receiver.weight.of[k];
+    const NewEntry n = {entry, rays, receiver, over};
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_hiding(s->tree, &rays, &stack)) >= 0;)

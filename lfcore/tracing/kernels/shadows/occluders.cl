@@ -20,15 +20,6 @@ inline vf shadow_margin(Vec n, Vec v, float3 size)
     return SHADOW_MARGIN * dot3(absolute3(n), plus3(absolute3(v), spread3(size)));
 }
 
-// The corners of LANES triangles, relative to a place.
-inline void load_corners(global const Leaf *leaf, float3 place, Vec *v)
-{
-    for (int k = 0; k < 3; ++k) {
-        const Vec p = {VLOAD(leaf->corner[k][0]), VLOAD(leaf->corner[k][1]),
-                       VLOAD(leaf->corner[k][2])};
-        v[k] = minus3(p, spread3(place));
-    }
-}
 inline Vec face_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
 
 // LANES triangles: corners relative to the apex, and the sign that turns affine functions to the

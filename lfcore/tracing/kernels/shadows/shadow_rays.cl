@@ -50,12 +50,12 @@ typedef struct {
     float3 centre, half_extent;  // box of the hit points relative to the apex
     float3 size;                 // largest magnitudes that entered, for the margin
     int2 light_triangles;        // triangles that never shadow the light
-    Shaft shaft;                 // around all of the rays
+    Sweep shaft;                 // around all of the rays
+    float end;                   // when it reaches the light
 } ShadowRays;
 
 inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *box)
 {
-    const float vector[3] = {light->vector[0], light->vector[1], light->vector[2]};
     const float3 low = vload3(0, box->lo), high = vload3(0, box->hi);
     ShadowRays r;
     r.is_point = light->is_point;
@@ -65,13 +65,14 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
     r.centre = 0.5f * (low + high) - r.apex;
     r.half_extent = 0.5f * (high - low);
     r.size = max(fabs(low), fabs(high)) + fabs(r.centre) + r.half_extent;
-    r.shaft = make_shaft(vector, r.is_point, box);
+    r.shaft = make_shaft(r.towards, r.is_point, box);
+    r.end = r.is_point ? 1.0f : FAR;
     return r;
 }
 
 // The next leaf that may hide the light from some ray; -1 once none is left.
 inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
-    const Volume volume = {SHAFT, &r->shaft};
-    return next_leaf_number(tree, &volume, FAR, stack);
+    const Volume volume = {SWEEP, &r->shaft};
+    return next_leaf(tree, &volume, r->end, stack);
 }

@@ -4,13 +4,6 @@
 #include "occluder_cache.cl"
 #include "single_rays.cl"
 
-// Whether regions are few.  Holes are looked into ray by ray.
-#define FEW_REGIONS 6
-inline int few_regions(const Block *b)
-{
-    return OUTER == 1 && !SINGLE_RAYS && !CUT_OUTS && b->regions.count <= FEW_REGIONS;
-}
-
 inline int faces_light(const Block *b, global const Region *r, global const LightRecord *light)
 {
     vi facing = 0;
@@ -33,7 +26,6 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
             make_entry(s, r->triangle, number, entry);
         }
         if (entry->count == NOT_KEPT) return 0;
-        if (entry->count == ALL_DARK) continue;
         ShadowMask m = no_shadow(r, b->rays.half_extent, block_offset(s->packet, b->number));
         if (!cast_entry(s->cache, entry, &m)) continue;
         for (int row = 0; row < BLOCK; row += LANES)
@@ -95,11 +87,13 @@ typedef struct {
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
-// Find which of a block's rays see each light.
+// Find which of a block's rays see each light.  Holes are looked into ray by ray.
+#define FEW_REGIONS 6
 inline void find_lit(Shadows *s, const Block *b, global float *lifted)
 {
     const int curved = CURVED && lift_origins(s->scene, b, lifted);
-    const int few = !curved && few_regions(b);
+    const int few = OUTER == 1 && !SINGLE_RAYS && !CUT_OUTS && !curved &&
+                    b->regions.count <= FEW_REGIONS;
     s->origins = curved ? lifted : b->samples->point;
     if (few) enter_element(s->packet, b->number, s->cache);
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) {

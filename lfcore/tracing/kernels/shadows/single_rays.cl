@@ -36,11 +36,11 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
 // The leaf that blocks the ray nearer than `far`, or -1.
 inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int2 light)
 {
-    const Volume volume = {RAY, r};
+    const Volume volume = {SWEEP, &r->path};
     Stack stack;
     start_walk(&stack);
     int leaf;
-    do leaf = next_leaf_number(tree, &volume, far, &stack);
+    do leaf = next_leaf(tree, &volume, far, &stack);
     while (leaf >= 0 && !leaf_blocks(tree, r, leaf, far, own, light));
     return leaf;
 }

@@ -102,18 +102,12 @@ inline vf edge_row(Affine f, Row at)
 // Rays between two columns and two rows of a block of one element, as a middle and half extents.
 typedef struct { float x, y, half_width, half_height; } Rectangle;
 
-// The four corners of a rectangle.
-inline float4 corners_x(Rectangle r)
-{
-    return (float4)(-r.half_width, r.half_width, -r.half_width, r.half_width) + r.x;
-}
-inline float4 corners_y(Rectangle r)
-{
-    return (float4)(-r.half_height, -r.half_height, r.half_height, r.half_height) + r.y;
-}
+// Values of an affine function at its four corners.
 inline float4 corner_values(Affine f, Rectangle r)
 {
-    return fma(corners_x(r), f.of[X], fma(corners_y(r), f.of[Y], f.of[ONE]));
+    const float4 x = (float4)(-r.half_width, r.half_width, -r.half_width, r.half_width) + r.x;
+    const float4 y = (float4)(-r.half_height, -r.half_height, r.half_height, r.half_height) + r.y;
+    return fma(x, f.of[X], fma(y, f.of[Y], f.of[ONE]));
 }
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }

@@ -96,34 +96,11 @@ inline int row_any(vi mask) { return any(MASK(mask != 0)); }
 // Index of the lowest set bit
 inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }
 
-// A component of a vector by its number, and the number of the largest
-inline float axis(float3 v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; }
-inline int largest_axis(float3 v)
-{
-    const float3 size = fabs(v);
-    return size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
-}
-
 // Division and square root are rounded correctly, which tests/opencl/test_rounding.py tries for
 // every mantissa.  The processor's approximations (native_recip, native_rsqrt) have 12 bits here
 // and 14 there, and were no faster.
 inline vf reciprocal(vf x) { return 1.0f / x; }
 inline vf inverse_sqrt(vf x) { return 1.0f / sqrt(x); }
-
-// In place of dot, cross, length and normalize, whose order and rounding each driver may choose.
-inline float inner_product(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline float3 cross_product(float3 a, float3 b)
-{
-    return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
-}
-
-// The unit vector along a, whose squares may overflow or underflow; 0 along 0.
-inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
-inline float3 direction_of(float3 a)
-{
-    a /= max(largest_component(a), LEAST_LENGTH);
-    return a / max(sqrt(inner_product(a, a)), LEAST_LENGTH);
-}
 
 // Three numbers per ray of a row: coordinates, or red, green and blue.
 typedef struct { vf x, y, z; } Vec;

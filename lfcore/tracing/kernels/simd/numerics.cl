@@ -21,20 +21,20 @@
 #define PACKET_ERROR GAMMA(5.0f)
 // The error of half extents and spreads, sums of at most five magnitudes.
 #define BOUND_SLACK (1.0f + GAMMA(6.0f))
-// The error of a ray's entry into a box.
-#define RAY_SLACK (1.0f + GAMMA(7.0f))
+// The error of when a ray or a shaft enters a box: difference, rate, inverse and product, of both
+// ends, and the bound.
+#define SWEEP_SLACK (1.0f + GAMMA(9.0f))
 // The error of frusta against boxes.
 #define FRUSTUM_SLACK GAMMA(7.0f)
 // The error of hit points on a triangle, in proportion to the terms of n . P over n . D.
 #define HIT_SLACK GAMMA(14.0f)
-// The error of the columns and rows of a packet in which its blocks find a triangle.
-#define COLUMN_SLACK GAMMA(12.0f)
+// The error of the columns and rows of a packet in which its blocks find a triangle, in errors of
+// its corners.
+#define COLUMN_SLACK 3.0f
 // The error of the least of an affine function over rays.
 #define SIDE_SLACK GAMMA(6.0f)
-// The error of lines of shafts, at occluders up to 64 times as far from the origin as hit points.
-#define SHAFT_SLACK GAMMA(36.0f)
 // The error of functions of occluders in light space.
-#define LIGHT_SPACE_ERROR GAMMA(11.0f)
+#define LIGHT_SPACE_ERROR GAMMA(7.0f)
 // The error of depths at a block's corners against those at its rays, where numerators and
 // denominators differ by a factor of two at the most.
 #define DEPTH_SLACK GAMMA(10.0f)

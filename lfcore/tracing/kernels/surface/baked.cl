@@ -14,12 +14,11 @@ inline float4 light_at(const Scene *s, int first, int i, int j, int side)
     return vload4(first + j * (2 * side + 3 - j) / 2 + i, s->light);
 }
 
-// Whether all rays in a rectangle of a block see a triangle from one side.
-inline int keeps_side(Affine denominator, Rectangle at, float half_extent)
+// Whether all rays of a block see a triangle from one side.
+inline int keeps_side(Affine denominator, float half_extent)
 {
-    if (OUTER == 1) return is_one_sided(denominator, at);
     float spread = half_extent * (fabs(denominator.of[X]) + fabs(denominator.of[Y]));
-    spread += OUTER_HALF * (fabs(denominator.of[U]) + fabs(denominator.of[V]));
+    if (OUTER > 1) spread += OUTER_HALF * (fabs(denominator.of[U]) + fabs(denominator.of[V]));
     return denominator.of[ONE] > BOUND_SLACK * spread + SIDE_SLACK * fabs(denominator.of[ONE]);
 }
 
@@ -51,7 +50,7 @@ inline void set_up_light(const Scene *s, const Bundle *r, global const Region *r
     p->grid[0] = grid.x;
     p->grid[1] = grid.y;
     p->grid[2] = side;
-    if (!keeps_side(p->denominator, at, r->half_extent)) return;
+    if (!keeps_side(p->denominator, r->half_extent)) return;
     const int3 cell = seen_cell(p, at, side);
     if (cell.x < 0) return;
     // The corners turn to the viewer where the weights are negative.
@@ -90,7 +89,8 @@ inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
     const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, (vi)(side - 1));
     const vi first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
     private int points[3][LANES];
-    private float shares[3][LANES], light[3][LANES];
+    private float shares[3][LANES];
+    RayVectors light;
     VSTORE(first + grid_point(i - far, j - far, side), points[0]);
     VSTORE(first + grid_point(i + 1, j, side), points[1]);
     VSTORE(first + grid_point(i, j + 1, side), points[2]);
@@ -100,11 +100,9 @@ inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
     for (int k = 0; k < LANES; ++k) {
         float4 sum = 0.0f;
         for (int n = 0; n < 3; ++n) sum += shares[n][k] * vload4(points[n][k], s->light);
-        light[0][k] = sum.x;
-        light[1][k] = sum.y;
-        light[2][k] = sum.z;
+        set_ray_vector(&light, k, sum.xyz);
     }
-    return (Vec){VLOAD(light[0]), VLOAD(light[1]), VLOAD(light[2])};
+    return row_of(&light);
 }
 
 // A map (side, side, 4) between texels.
@@ -123,16 +121,13 @@ inline float4 map_between(global const float *map, int side, float x, float y)
 inline Vec sky_row(const Scene *s, const Bundle *r, Row row)
 {
     const int side = s->numbers->sky_side;
-    const Vec d = direction_row(r, row);
-    const vf scale = 0.5f * side / (fabs(d.x) + fabs(d.y) + 1.0f), middle = 0.5f * side - 0.5f;
-    private float x[LANES], y[LANES], light[3][LANES];
-    VSTORE(fma(d.x, scale, middle), x);
-    VSTORE(fma(d.y, scale, middle), y);
+    const RayVectors d = by_ray(direction_row(r, row));
+    RayVectors light;
     for (int k = 0; k < LANES; ++k) {
-        const float4 c = map_between(s->sky, side, x[k], y[k]);
-        light[0][k] = c.x;
-        light[1][k] = c.y;
-        light[2][k] = c.z;
+        const float3 along = ray_vector(&d, k);
+        const float scale = 0.5f * side / (fabs(along.x) + fabs(along.y) + 1.0f);
+        const float2 at = fma(along.xy, scale, 0.5f * side - 0.5f);
+        set_ray_vector(&light, k, map_between(s->sky, side, at.x, at.y).xyz);
     }
-    return (Vec){VLOAD(light[0]), VLOAD(light[1]), VLOAD(light[2])};
+    return row_of(&light);
 }

@@ -48,7 +48,7 @@ enum {
 #define LIGHT_WORDS (BAKED ? 3 : 0)
 
 typedef struct {
-    Affine weights;                 // sum of the barycentric weights
+    Affine weights;                 // sum of the barycentric weights: twice n . D
     Affine numerator, denominator;  // depth is their quotient
     Affine slot[SLOTS];             // times the weights
     float first[3];                 // colour of the first corner
@@ -66,17 +66,6 @@ typedef struct {
     vf first[3];
     WideAffine light[LIGHT_WORDS + !BAKED];
 } WidePlanes;
-
-// An edge function of the weights, of corners sheared to the centre ray.
-inline WideAffine weight_function(Vec p, Vec q, const Bundle *r)
-{
-    const Vec g = minus3(p, q), c = scale3(edge_normals(p, q), 0.5f);
-    const WideAffine along = stepped_affine(c.z, c.x, c.y, r->tx, r->ty, r->b);
-    WideAffine e = stepped_affine(0.0f, g.y, -g.x, r->sx, r->sy, r->a);
-    for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] += along.of[k];
-    if (OUTER > 1) e.of[BILINEAR] = g.z * (r->sx * r->b - r->a * r->tx);
-    return e;
-}
 
 // Up to LANES triangles; those beyond `count` repeat one.
 typedef struct { int count, of[LANES]; } TriangleRow;
@@ -128,26 +117,19 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
                          WidePlanes *out)
 {
     Vec at[3], v[3];
-    for (int k = 0; k < 3; ++k) {
-        const Vec p = at[k] = read_corners(s, triangles, k);
-        v[k] = (Vec){p.x - r->ox - p.z * r->dx, p.y - r->oy - p.z * r->dy, p.z};
-    }
-    const WideAffine e[3] = {weight_function(v[1], v[2], r), weight_function(v[2], v[0], r),
-                             weight_function(v[0], v[1], r)};
-    for (int k = 0; k < AFFINE_TERMS; ++k)
-        out->weights.of[k] = e[0].of[k] + e[1].of[k] + e[2].of[k];
+    WideAffine e[3];
+    for (int k = 0; k < 3; ++k) v[k] = at[k] = read_corners(s, triangles, k);
+    shear_corners(r, v);
+    out->weights = edge_functions(r, v, e);
     for (int k = 0; k < LIGHT_WORDS; ++k) out->light[k] = e[k];
-    Vec n = cross3(minus3(v[1], v[0]), minus3(v[2], v[0]));
-    n = turn_vectors(n, LT(n.z, (vf)(0.0f)) & (vi)(0x80000000));
-    const vf offset = n.x * v[0].x + n.y * v[0].y + n.z * v[0].z;
-    out->numerator = stepped_affine(offset, -n.x, -n.y, r->sx, r->sy, r->a);
-    out->denominator = stepped_affine(n.z, n.x, n.y, r->tx, r->ty, r->b);
+    // The sum of the weights is negative when the corners turn towards the viewer.
+    const vi flip = LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
+    depth_functions(r, v, flip, &out->numerator, &out->denominator);
     if (!SMOOTH) {
-        // The sum of the weights is n . D: negative when the corners turn towards the viewer.
-        const vi turn = ~LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
-        const Vec n = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
-        const vf turned[3] = {flip_sign(n.x, turn), flip_sign(n.y, turn), flip_sign(n.z, turn)};
-        for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{turned[k]}};
+        Vec n = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
+        n = turn_vectors(n, ~flip & (vi)(0x80000000));
+        const vf of[3] = {n.x, n.y, n.z};
+        for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{of[k]}};
     }
     for (int slot = FIRST_ATTRIBUTE; slot < SLOTS; ++slot)
         out->slot[slot] = set_up_slot(s, triangles, slot, e);

@@ -23,11 +23,8 @@ typedef struct {
 // A surface's material and one mip level of its texture.  A shading key names both, material *
 // MIP_LEVELS + level.
 typedef struct {
-    float3 diffuse, specular, emission;
-    float shininess, specular_cutoff;
+    MaterialRecord of;
     Level maps[MAPS];  // height 0: no texture; without PHYSICAL the first alone
-    // Scenes with PHYSICAL alone.
-    float metallic, roughness, normal_scale;
 } Material;
 
 // A row of rays' surfaces, of one material, which is shaded together.

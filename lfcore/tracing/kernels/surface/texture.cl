@@ -42,8 +42,8 @@ inline float4 coordinate_edges(const Scene *s, int triangle)
 }
 
 // The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
-// footprint covers z^2 pixel^2 |D| / cos of the surface, and n . D, the sum of the weights, is
-// twice the triangle's area times that cosine times |D|: area and cosine need not be known apart.
+// footprint covers z^2 pixel^2 |D| / cos of the surface, and the sum of the weights is four times
+// the triangle's area times that cosine times |D|: area and cosine need not be known apart.
 inline int mip_level(const Scene *s, int triangle, float weights, float footprint)
 {
     const int texture = leading_map(s->materials + s->material_ids[triangle]);
@@ -52,7 +52,7 @@ inline int mip_level(const Scene *s, int triangle, float weights, float footprin
     const float4 edges = coordinate_edges(s, triangle);
     const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
     const float area = twice * finest.width * finest.height * footprint * footprint;
-    const float texels = area / max(fabs(weights), NOTHING_LEFT);
+    const float texels = 2.0f * area / max(fabs(weights), NOTHING_LEFT);
     // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
     // every vector register.
     const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;

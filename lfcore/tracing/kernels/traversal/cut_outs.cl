@@ -5,6 +5,7 @@
 // give them to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
 #pragma once
 #include "block.cl"
+#include "one_ray.cl"
 
 // 1 where a scene has triangles with holes.
 #define CUT_OUTS ((TEXTURES & CUT_OUTS_BIT) != 0)
@@ -51,14 +52,12 @@ inline int is_solid(const CutOuts *c, int triangle, float3 place)
 inline uint stopped_rays(const CutOuts *c, int triangle, const Bundle *r, Row row, vf depth,
                          uint bits)
 {
-    private float x[LANES], y[LANES], z[LANES];
-    VSTORE(fma(depth, row_dx(r, row), row_ox(r, row)), x);
-    VSTORE(fma(depth, (vf)(row_dy(r, row)), (vf)(row_oy(r, row))), y);
-    VSTORE(depth, z);
+    const Vec d = direction_row(r, row), o = {row_ox(r, row), (vf)(row_oy(r, row)), (vf)(0.0f)};
+    const RayVectors place = by_ray(fma3(depth, d, o));
     uint stopped = 0;
     for (uint left = bits; left; left &= left - 1) {
         const uint k = lowest(left);
-        stopped |= (uint)is_solid(c, triangle, (float3)(x[k], y[k], z[k])) << k;
+        stopped |= (uint)is_solid(c, triangle, ray_vector(&place, k)) << k;
     }
     return stopped;
 }

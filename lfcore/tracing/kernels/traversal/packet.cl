@@ -48,7 +48,8 @@ inline Rays make_rays(global const float4 *elements, global const int *groups,
 {
     const int wide = a->side * INNER, all = a->group * a->group;
     Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
-              a->first_row, a->end_row, a->half_extent, 0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
+              a->first_row, a->end_row, a->half_extent,
+              0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
     r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
     r.cells = make_offsets(all, wide / BLOCK, BLOCK, r.cell);
     r.packets_in_x = (a->columns + wide - 1) / wide;
@@ -113,17 +114,6 @@ inline Bundle block_bundle(const Packet *p, int block)
 {
     const float4 centre = centre_ray_of(p, block);
     return bundle_at(p->rays, centre, block_position(p, block), p->rays->half_extent);
-}
-
-// One element's part of the packet as if it were one block, and a block's offset from its centre.
-inline Bundle element_bundle(const Packet *p, int block)
-{
-    return bundle_at(p->rays, centre_ray_of(p, block), p->at, p->rays->element_half_extent);
-}
-inline float2 block_offset(const Packet *p, int block)
-{
-    const Rays *r = p->rays;
-    return convert_float2(r->block[block].at) + r->half_extent - r->element_half_extent;
 }
 
 // Where a row of an element is in the results, which have the traced rows of one after the other.

@@ -1,11 +1,11 @@
-// One ray against sixteen boxes or sixteen triangles at once.
+// One ray against LANES triangles at once.
 //
 // The triangle test is that of S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle
 // Intersection", JCGT 2(1), 2013.  Corners are sheared onto the ray in float32; where the device
 // has doubles, the edge functions are formed in them, and a difference of two products of floats is
 // then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
 #pragma once
-#include "lanes.cl"
+#include "sweep.cl"
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -19,7 +19,7 @@ typedef WIDE(WIDE_TYPE) vd;
 
 typedef struct {
     float3 origin, direction;  // direction scaled to a largest component in [1, 2)
-    float3 inverse;            // 0 along an axis that the ray does not move on
+    Sweep path;                // of its origin
     int kx, ky, kz;            // axes, the last along the largest component of the direction
     float sx, sy, sz;          // shear onto that axis
 } Ray;
@@ -38,31 +38,8 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     r.sz = 1.0f / axis(direction, r.kz);
     r.sx = axis(direction, r.kx) * r.sz;
     r.sy = axis(direction, r.ky) * r.sz;
-    r.inverse = select(1.0f / direction, (float3)(0.0f), fabs(direction) < NOTHING_LEFT);
+    r.path = make_sweep(origin, origin, direction, direction);
     return r;
-}
-
-// Mask of the LANES boxes that the ray passes before t_far; `nearest` receives where it enters
-// them.
-inline vi ray_overlaps(const Ray *r, global const Boxes *boxes, float t_far,
-                    private float *nearest)
-{
-    vf near = 0.0f, far = t_far;
-    vi miss = 0;
-    for (int k = 0; k < 3; ++k) {
-        const float o = axis(r->origin, k), inverse = axis(r->inverse, k);
-        const vf lo = VLOAD(boxes->low[k]), hi = VLOAD(boxes->high[k]);
-        if (inverse == 0.0f) {
-            // 0 times infinity is no number: the ray is beside the slab or within it, all along.
-            miss |= GT(lo, (vf)(o)) | LT(hi, (vf)(o));
-            continue;
-        }
-        const vf a = (lo - o) * inverse, b = (hi - o) * inverse;
-        near = max(near, min(a, b));
-        far = min(far, max(a, b) * RAY_SLACK);
-    }
-    VSTORE(near, nearest);
-    return LE(near, far) & LE(VLOAD(boxes->low[0]), VLOAD(boxes->high[0])) & ~miss;
 }
 
 // LANES triangles sheared onto a ray, and the mask of those that it passes through.

@@ -2,7 +2,7 @@
 // it, the same for packets, shafts and single rays.
 //
 // Children are stored by their nearest depth, and all camera rays look along +z, so that packets
-// walk front to back without sorting; single rays sort the children that they meet.
+// walk front to back without sorting; sweeps sort the children that they meet.
 //
 // Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
@@ -10,7 +10,6 @@
 #pragma once
 #include "cut_outs.cl"
 #include "ray.cl"
-#include "shaft.cl"
 
 typedef struct {
     global const Boxes *boxes;   // (K,) of the wide nodes' children
@@ -104,8 +103,8 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume that a walk is for: its kind, and a Frustum, a Shaft or a Ray.
-enum { FRUSTUM, SHAFT, RAY };
+// The volume that a walk is for: its kind, and a Frustum or a Sweep.
+enum { FRUSTUM, SWEEP };
 typedef struct { int kind; const void *of; } Volume;
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins.
@@ -132,14 +131,15 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
     uint bits = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
+        vf begin = VLOAD(boxes->low[2]);
         vi meets;
-        if (volume->kind == RAY) {
-            meets = ray_overlaps((const Ray *)volume->of, boxes, far, near + lane);
+        if (volume->kind == FRUSTUM) {
+            meets = frustum_overlaps((const Frustum *)volume->of, boxes, far);
         } else {
-            if (volume->kind == SHAFT) meets = shaft_overlaps((const Shaft *)volume->of, boxes);
-            else meets = frustum_overlaps((const Frustum *)volume->of, boxes, far);
-            VSTORE(VLOAD(boxes->low[2]), near + lane);
+            const Ranges extents = extents_of_boxes(boxes);
+            meets = sweep_overlaps((const Sweep *)volume->of, &extents, far, &begin);
         }
+        VSTORE(begin, near + lane);
         bits |= row_bits(meets) << lane;
     }
     return bits;
@@ -154,7 +154,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
         const uint lane = 31 - clz(bits);
         bits ^= 1u << lane;
         int at = stack->size++;
-        for (; volume->kind == RAY && at > base && stack->near[at - 1] < near[lane]; --at) {
+        for (; volume->kind == SWEEP && at > base && stack->near[at - 1] < near[lane]; --at) {
             stack->near[at] = stack->near[at - 1];
             stack->child[at] = stack->child[at - 1];
         }
@@ -163,7 +163,8 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
     }
 }
 
-// The next leaf that the volume meets before `far`, as a child's place; ROOT once none is left.
+// The next leaf that the volume meets before `far`, which was on top of the stack; -1 once none is
+// left.
 inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *stack)
 {
     private float near[NODE_WIDTH];
@@ -171,34 +172,25 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
         const int child = stack->child[--stack->size];
         if (stack->near[stack->size] > far) continue;
         const int node = child == ROOT ? 0 : tree->children[child];
-        if (node < 0) return child;
+        if (node < 0) return -1 - node;
         const uint bits = overlapping_children(tree, volume, node, far, near);
         push_children(volume, node, bits, near, stack);
     }
-    return ROOT;
-}
-
-// Likewise, as the leaf's number; -1 once none is left.
-inline int next_leaf_number(const Tree *tree, const Volume *volume, float far, Stack *stack)
-{
-    const int child = next_leaf(tree, volume, far, stack);
-    return child == ROOT ? -1 : -1 - tree->children[child];
+    return -1;
 }
 
 // List leaves until the list is full or none is left, which an empty stack tells.
 inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
                           LeafList *list)
 {
-    while (list->count < LIST) {
-        const int child = next_leaf(tree, volume, far, stack);
-        if (child == ROOT) return;
-        const int at = list->count++;
+    for (int leaf; list->count < LIST && (leaf = next_leaf(tree, volume, far, stack)) >= 0;) {
+        const int at = list->count++, child = stack->child[stack->size];
         global const Boxes *from = boxes_from(tree->boxes + child / NODE_WIDTH, child % NODE_WIDTH);
         global Boxes *to = list->of->boxes + at / NODE_WIDTH;
         for (int k = 0; k < 3; ++k) {
             to->low[k][at % NODE_WIDTH] = from->low[k][0];
             to->high[k][at % NODE_WIDTH] = from->high[k][0];
         }
-        list->of->leaf[at] = -1 - tree->children[child];
+        list->of->leaf[at] = leaf;
     }
 }

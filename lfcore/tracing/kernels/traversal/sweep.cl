@@ -1,0 +1,74 @@
+// Boxes that move: a ray is the box of its origin, and the shaft between hit points and a light is
+// what the box of the hit points passes as it moves along the light's direction, or shrinks to the
+// light.
+//
+// Source of shafts: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity",
+// 1991.
+#pragma once
+#include "block.cl"
+#include "one_ray.cl"
+
+// At time t the box is [lo + t / inverse_lo, hi + t / inverse_hi]; a side with inverse 0 rests.
+typedef struct { float3 lo, hi, inverse_lo, inverse_hi; } Sweep;
+
+inline float3 inverse_rate(float3 rate)
+{
+    return select(1.0f / rate, (float3)(0.0f), fabs(rate) < NOTHING_LEFT);
+}
+inline Sweep make_sweep(float3 lo, float3 hi, float3 rate_lo, float3 rate_hi)
+{
+    return (Sweep){lo, hi, inverse_rate(rate_lo), inverse_rate(rate_hi)};
+}
+
+// `light` is a place, reached at time 1, or the direction towards it.  The box has a margin, lest
+// an occluder be left out that rounding puts before a hit point.
+inline Sweep make_shaft(float3 light, int is_point, const Box *box)
+{
+    const float3 lo = vload3(0, box->lo), hi = vload3(0, box->hi);
+    const float3 most = max(max(fabs(lo), fabs(hi)), is_point ? fabs(light) : 0.0f);
+    const float margin = LIGHT_SPACE_ERROR * largest_component(most);
+    return make_sweep(lo - margin, hi + margin, light - (is_point ? lo : 0.0f),
+                      light - (is_point ? hi : 0.0f));
+}
+
+// The extents of LANES children of a node, or triangles of a leaf.
+inline Ranges extents_of_boxes(global const Boxes *boxes)
+{
+    Ranges r;
+    for (int k = 0; k < 3; ++k) {
+        r.low[k] = VLOAD(boxes->low[k]);
+        r.high[k] = VLOAD(boxes->high[k]);
+    }
+    return r;
+}
+inline Ranges extents_of_leaf(global const Leaf *leaf)
+{
+    Ranges r;
+    for (int k = 0; k < 3; ++k) {
+        const Triple x = {VLOAD(leaf->corner[0][k]), VLOAD(leaf->corner[1][k]),
+                          VLOAD(leaf->corner[2][k])};
+        r.low[k] = least3(x);
+        r.high[k] = most3(x);
+    }
+    return r;
+}
+
+// Mask of LANES extents that the box meets until then; `near` receives when the box begins to.
+inline vi sweep_overlaps(const Sweep *s, const Ranges *extents, float until, vf *near)
+{
+    vf from = 0.0f, to = until;
+    vi miss = GT(extents->low[0], extents->high[0]);  // of an empty place in a node
+    for (int k = 0; k < 3; ++k) {
+        const float rise = axis(s->inverse_hi, k), leave = axis(s->inverse_lo, k);
+        const vf above = extents->low[k] - axis(s->hi, k);
+        const vf below = extents->high[k] - axis(s->lo, k);
+        if (rise > 0.0f) from = max(from, above * rise);
+        else if (rise < 0.0f) to = min(to, above * rise * SWEEP_SLACK);
+        else miss |= GT(above, (vf)(0.0f));
+        if (leave > 0.0f) to = min(to, below * leave * SWEEP_SLACK);
+        else if (leave < 0.0f) from = max(from, below * leave);
+        else miss |= LT(below, (vf)(0.0f));
+    }
+    *near = from;
+    return LE(from, to) & ~miss;
+}
