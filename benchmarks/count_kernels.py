@@ -16,12 +16,12 @@ ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "lfcore"
 KERNELS = LIBRARY / "tracing" / "kernels"
 HOST = (
-    "tracing/tracer.py", "tracing/packets.py", "tracing/tile.py", "optics/bundles.py",
-    "tracing/job.py", "tracing/layouts.py",
+    "tracing/tracer.py", "tracing/packets.py", "optics/bundles.py", "tracing/job.py",
+    "tracing/layouts.py",
 )  # fmt: skip
 """The host's files, in the order in which a tile passes them.  Not listed: what is made once per
-scene (hierarchy, surfaces, buffers, the C header), the sample rays of the plan, the cuts between
-chunks, and arrays, which are another sink."""
+scene (hierarchy, surfaces, buffers, the C header), the plan, a tile's places, cuts and memory, and
+arrays, which are another sink."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
     "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays"},

@@ -22,12 +22,13 @@ from benchmarks.measured.sample import SCENES, Sample, SampledTile, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, Run, SkippedError, clocked
 from benchmarks.peers.mitsuba_picture import MitsubaPicture
-from lfcore.optics.bundles import macropixels, probe
+from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
 from lfcore.tracing.packets import Groups
+from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
 
 NAME = "lfcore"

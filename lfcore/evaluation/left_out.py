@@ -27,8 +27,7 @@ from lfcore.timing import measure_in_turn
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.surfaces import pack_surfaces
-from lfcore.tracing.tile import TileTracing
-from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.tracer import TileTracing, Tracer
 
 NO_LIGHT = 1e-30
 """The strength of the additional light: not black, and adds nothing."""

@@ -104,14 +104,3 @@ def views(slab: Slab, samples: np.ndarray) -> Bundles:
     lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (across, down))
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
     return Bundles(lattice.centre_rays(samples), step, *slab.size, slab.pixel_pitch, lattice)
-
-
-def probe(slab: Slab, macro: bool = True) -> Bundles:
-    """A few elements, macropixels or views, spread evenly: the same for all tiles of a slab."""
-    left, top, width, height = slab.held.pixels if macro else (0, 0, slab.views, slab.views)
-    places = [
-        first + (2 * np.arange(side := min(4, size)) + 1) * size // (2 * side)
-        for first, size in ((left, width), (top, height))
-    ]
-    grid = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)
-    return macropixels(slab, grid) if macro else views(slab, grid)

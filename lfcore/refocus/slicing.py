@@ -21,9 +21,9 @@ from lfcore.refocus.strip_tables import RECORDS, STRIP, StripTables, strip_table
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
+from lfcore.tracing.chunks import slots_of, tile_corners
 from lfcore.tracing.header import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
-from lfcore.tracing.tile import slots_of, tile_corners
 
 CHUNK_BYTES = 64 << 20
 """Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""

@@ -16,8 +16,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.tracing.tile import TileTracing
-from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.tracer import TileTracing, Tracer
 
 TILE_RAYS = 1 << 26
 

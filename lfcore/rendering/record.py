@@ -21,8 +21,7 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
-from lfcore.tracing.tile import Chunk, TileTracing
-from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.tracer import Chunk, TileTracing, Tracer
 
 TILE_RAYS = 1 << 27
 

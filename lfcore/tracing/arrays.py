@@ -24,7 +24,8 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM, record
-from lfcore.tracing.packets import Groups, PacketShape, Plan, RepeatedPlaceError
+from lfcore.tracing.packets import Groups, PacketShape, RepeatedPlaceError
+from lfcore.tracing.plan import Plan, probe
 
 CHUNK_RAYS = 1 << 24
 """Rays whose results a device with memory of its own holds at a time."""
@@ -185,7 +186,7 @@ class ArrayTracer:
         depth : (P, N, N) float32, metres along the axis; infinity for a miss.
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
-        job = self.job("HITS", rays.probe(slab))
+        job = self.job("HITS", probe(slab))
         try:
             return _hits(job, rays.macropixels(slab, pixels), pixels)
         except RepeatedPlaceError:

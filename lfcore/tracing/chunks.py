@@ -1,11 +1,22 @@
-"""Where a tile is cut into chunks, which are traced and handed on one after the other."""
+"""A tile's elements: their places on the grid and in frames, where they are cut into chunks, which
+are traced and handed on one after the other, and a chunk's memory."""
+
+from __future__ import annotations
 
 import math
-from typing import Any
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lfcore.opencl.device import PAGE, Device, cl
+from lfcore.opencl.host_memory import page_aligned
+from lfcore.optics.slab import Slab
+from lfcore.tracing.layouts import SLOT
 from lfcore.tracing.packets import ranks
+
+if TYPE_CHECKING:
+    from lfcore.storage.layout import FrameLayout, Tile
 
 CHUNK_BYTES = 64 << 20
 """Of frames: those of a chunk and those that its encoder keeps, whatever their size."""
@@ -16,6 +27,33 @@ GROUPED_SHARE = 2
 """Times CHUNK_BYTES that a chunk may take so as to part no group: of 32 x 32 views of 512 pixels a
 row of groups takes 100 MiB, and to trace parted groups twice took twice as long."""
 CHUNK_RAYS = 1 << 26
+
+
+def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
+    """(2,) int32: what a tile's columns and rows count from, on the slab's square grids.
+
+    Tiles of views count from the first lens sample, and tiles of pixels from the first that is
+    there.
+    """
+    corner = slab.held.pixels[:2] if tile.layout.kind == "macropixels" else (0, 0)
+    return np.array(corner, np.int32)
+
+
+def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
+    """The elements [u0, u1) x [v0, v1) of a tile on the slab's square grid: u0, v0, u1, v1."""
+    left, top = (grid_corner(tile, slab) + [tile.column, tile.row]).tolist()
+    return left, top, left + tile.columns, top + tile.rows
+
+
+def slots_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
+    """(E,) SLOT of a tile's elements, frame after frame; without ``frames`` their places on the
+    slab's square grid alone."""
+    elements = tile.elements()
+    slots = np.zeros(len(elements), SLOT)
+    if frames:
+        slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
+    slots["column"], slots["row"] = (elements + grid_corner(tile, slab)).T
+    return slots
 
 
 def chunk_cuts(
@@ -59,3 +97,29 @@ def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
     np.maximum.at(last, cell, np.arange(len(cell)))
     open_until = np.maximum.accumulate(last[cell])
     return np.append(True, open_until == np.arange(len(cell)))
+
+
+class FrameMemory:
+    """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
+
+    def __init__(self, device: Device, layout: FrameLayout, frames: int):
+        self.device, self.layout = device, layout
+        size = max(frames * layout.frame_bytes, PAGE)
+        self.memory = page_aligned((-(-size // 64) * 64,), np.uint8)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+        self.buffer = cl.Buffer(device.context, flags, hostbuf=self.memory)
+        if frames:
+            self.blank(frames)
+
+    def blank(self, count: int) -> None:
+        """Make padding and empty slots of the first frames black, whatever memory held."""
+        layout = self.layout
+        with self.frames(count, write=True) as view:
+            planes = layout.format.views(view, layout.frame_width, layout.frame_height)
+            for plane, code in zip(planes, layout.format.black, strict=True):
+                plane[...] = code
+
+    def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
+        """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""
+        shape = count, self.layout.frame_bytes
+        return self.device.mapped(self.buffer, shape, np.uint8, write=write)

@@ -26,7 +26,7 @@ from lfcore.rendering.record import record_slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.tracing.tile import tile_corners
+from lfcore.tracing.chunks import tile_corners
 
 pytestmark = pytest.mark.kernels
 

@@ -164,7 +164,7 @@ def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
     world = painted_soup()
     tracer = Tracer(world, build_bvh(world.triangles))
     answers = iter([1, 4])
-    monkeypatch.setattr("lfcore.tracing.packets.best_outer", lambda *_: next(answers))
+    monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
     slab = Slab(CAMERA, 16, 64)
     found = [tracer.plan.outer(rays.macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
     assert found == [1, 4, 1]

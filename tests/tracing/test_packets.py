@@ -8,7 +8,7 @@ from tracing_scenes import CAMERA
 
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
-from lfcore.tracing.probes import (
+from lfcore.tracing.plan import (
     PLACES,
     PROBED_BLOCKS,
     best_outer,

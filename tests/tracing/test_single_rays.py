@@ -16,13 +16,13 @@ from tracing_scenes import (
     tracer_of,
 )  # fmt: skip
 
-from lfcore.optics.bundles import macropixels, probe, views
+from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import job
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.probes import leaves_a_ray
+from lfcore.tracing.plan import leaves_a_ray, probe
 
 pytestmark = pytest.mark.kernels
 
