@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, WALL, colours, scene, soup
+from tracing_scenes import CAMERA, WALL, scene, slab_colours, soup
 
-from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
-from lfcore.oracle.slab import all_pixels
 from lfcore.scene.appearance import Material
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.sky_gloss import LEVELS, SIDE, reflected_shares, sky_gloss
@@ -32,9 +30,7 @@ def lit(triangles, seed=1):
 @pytest.mark.parametrize("wall", [True, False])
 def test_colours_are_the_oracles(device, outer, wall):
     triangles = np.concatenate([soup(40, 2, 0.5), WALL[: 2 * wall]])
-    world, slab = lit(triangles), Slab(CAMERA, 16, 8)
-    pixels = all_pixels(slab)
-    found, expected = colours(world, macropixels(slab, pixels), pixels, device, outer=outer)
+    found, expected = slab_colours(lit(triangles), Slab(CAMERA, 16, 8), device, outer=outer)
     off = abs(found - expected).max(-1)
     # Slivers amplify the rounding of their weights.
     assert np.quantile(off, 0.99) < 2e-4 and off.mean() < 1e-3
@@ -50,9 +46,7 @@ def test_gloss_is_the_oracles(device, metallic):
     ]
     ids = np.arange(len(triangles), dtype=np.int32) % 9
     world = replace(world, materials=materials, material_ids=ids)
-    slab = Slab(CAMERA, 16, 8)
-    pixels = all_pixels(slab)
-    found, expected = colours(world, macropixels(slab, pixels), pixels, device)
+    found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device)
     off = abs(found - expected).max(-1)
     assert np.quantile(off, 0.99) < 5e-4 and off.mean() < 1e-3
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, WALL, colours, scene, tracer_of, unit
+from tracing_scenes import CAMERA, WALL, scene, slab_colours, tracer_of, unit
 
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.slab import Slab
@@ -108,9 +108,8 @@ def test_all_kinds_of_rays_agree(device):
 def test_shadows_have_the_holes_of_what_casts_them(device, outer, light):
     world, slab = curtains(lights=[light]), Slab(CAMERA, 16, 8)
     options = {"single_rays": True} if outer == "single rays" else {"outer": outer}
-    pixels = all_pixels(slab)
-    found, expected = colours(world, macropixels(slab, pixels), pixels, device, **options)
+    found, expected = slab_colours(world, slab, device, **options)
     opaque = dataclasses.replace(world, materials=[Material("x", texture=0)] * 2)
-    shadowed = trace(opaque, slab, pixels).reshape(found.shape)
+    shadowed = trace(opaque, slab, all_pixels(slab)).reshape(found.shape)
     assert (np.abs(shadowed - expected).max(-1) > 0.01).mean() > 0.2
     assert (np.abs(np.clip(found, 0, 1) - expected).max(-1) > 0.01).mean() < 1e-3

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import scene, unit
+from tracing_scenes import mesh, scene, unit
 
 from lfcore.optics.bundles import Bundles
 from lfcore.oracle.shading import radiance
@@ -22,15 +22,10 @@ def dense_mesh(edge_m):
     normals = np.stack([np.sin(8 * np.pi * u) / 2, np.cos(6 * np.pi * v) / 2, -np.ones_like(u)], -1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
 
-    def triangles(grid):
-        low = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:]], 2)
-        high = np.stack([grid[:-1, :-1], grid[1:, 1:], grid[1:, :-1]], 2)
-        return np.concatenate([a.reshape(-1, 3, 3) for a in (low, high)]).astype(np.float32)
-
     return scene(
-        triangles(np.stack([x, y, DEPTH + 0.2 * x + 0.3 * y], -1)),
-        normals=triangles(normals),
-        colours=triangles(np.stack([u, v, 1 - u], -1)),
+        mesh(np.stack([x, y, DEPTH + 0.2 * x + 0.3 * y], -1)),
+        normals=mesh(normals),
+        colours=mesh(np.stack([u, v, 1 - u], -1)),
         lights=[Light(DIRECTIONAL, unit(0.3, -0.4, -1), (0.6, 0.6, 0.6), casts_shadows=False)],
     )
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from stored_fields import segment_frames
-from tracing_scenes import CAMERA, scene
+from tracing_scenes import CAMERA, mesh, scene
 
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
@@ -15,7 +15,7 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tile import grid_corner
+from lfcore.tracing.chunks import grid_corner
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -37,11 +37,8 @@ def painted_wall():
     y, x = np.mgrid[-4:5, -4:5]
     corners = np.stack([x, y, np.ones_like(x)], -1) * [0.1, 0.1, 1.6]
     colours = np.random.default_rng(4).random((9, 9, 3)) ** 3
-    made = []
-    for grid in (corners, colours):
-        a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-        made.append(np.stack([a, b, c, a, c, d], 2).reshape(-1, 3, 3).astype(np.float32))
-    return scene(made[0], colours=made[1], ambient=(1.2, 1.2, 1.2), background=(0, 0, 0))
+    white = (1.2, 1.2, 1.2)
+    return scene(mesh(corners), colours=mesh(colours), ambient=white, background=(0, 0, 0))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
-from tracing_scenes import CAMERA, WALL, colours, scene, soup
+from tracing_scenes import CAMERA, WALL, bent_normals, colours, scene, soup
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
@@ -38,12 +38,7 @@ def world(normals=False):
     lights = [inside, panel((-1.0, -0.5, 2.0), (0.6, 0.0, 0.8))]
     changes = {"lights": lights, "ambient": (0.1, 0.1, 0.1)}
     if normals:
-        face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        face /= np.linalg.norm(face, axis=1, keepdims=True)
-        noise = np.random.default_rng(3).normal(size=triangles.shape) * 0.1
-        unit = face[:, None] + noise
-        unit /= np.linalg.norm(unit, axis=2, keepdims=True)
-        changes["normals"] = unit.astype(np.float32)
+        changes["normals"] = bent_normals(triangles, np.random.default_rng(3), 0.1)
         changes["materials"] = [Material("gloss", (0.6, 0.6, 0.6), (0.3, 0.3, 0.3), 20.0)]
     return scene(triangles, **changes)
 

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, WALL, colours, scene, tracer_of, unit
+from tracing_scenes import CAMERA, WALL, bent_normals, scene, slab_colours, tracer_of, unit
 
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
-from lfcore.oracle.metal import Metals, bent_normals
+from lfcore.oracle import metal
 from lfcore.oracle.slab import all_pixels
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
@@ -59,13 +59,10 @@ def sheets(materials, lights=(LAMP, SUN), *, smooth=True, count=18):
     rng = np.random.default_rng(4)
     middles = rng.uniform([-0.7, -0.7, 1.5], [0.7, 0.7, 4.0], (count, 1, 3))
     triangles = np.concatenate([middles + rng.normal(size=(count, 3, 3)) * 0.4, WALL])
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals = normals[:, None] / np.linalg.norm(normals, axis=-1)[:, None, None]
-    normals = normals + rng.normal(size=triangles.shape) * 0.15
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = bent_normals(triangles, rng, 0.15)
     return scene(
         triangles,
-        normals=normals.astype(np.float32) if smooth else np.zeros((0, 3, 3), np.float32),
+        normals=normals if smooth else np.zeros((0, 3, 3), np.float32),
         uvs=rng.uniform(0, 1.5, (len(triangles), 3, 2)).astype(np.float32),
         textures=maps(),
         materials=materials,
@@ -80,9 +77,8 @@ def sheets(materials, lights=(LAMP, SUN), *, smooth=True, count=18):
     [*((name, 1, True) for name in MATERIALS), ("maps", 1, False), ("maps", 4, True)],
 )
 def test_colours_are_the_oracles(device, name, outer, smooth):
-    world, slab = sheets(MATERIALS[name], smooth=smooth), Slab(CAMERA, 16, 8)
-    pixels = all_pixels(slab)
-    found, expected = colours(world, macropixels(slab, pixels), pixels, device, outer=outer)
+    world = sheets(MATERIALS[name], smooth=smooth)
+    found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device, outer=outer)
     assert np.ptp(expected) > 0.3
     difference = np.abs(np.clip(found, 0, 1) - expected).max(-1)
     # Texels are held to half a 1023rd of their root, a thousandth of their value.
@@ -140,15 +136,15 @@ def test_what_the_oracle_gives_back():
     towards = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], 1)
     normal = np.tile([0.0, 0.0, 1.0], (len(z), 1))
     for roughness in (0.3, 0.6, 1.0):
-        for metal, base in ((1.0, 1.0), (0.0, 1.0), (0.0, 0.0)):
+        for metallic, base in ((1.0, 1.0), (0.0, 1.0), (0.0, 0.0)):
             one = np.ones((len(z), 1))
-            surface = Metals(base * np.ones((len(z), 3)), metal * one, roughness * one)
+            surface = metal.Metals(base * np.ones((len(z), 3)), metallic * one, roughness * one)
             for tilt in (0.1, 1.2):
                 view = np.tile([np.sin(tilt), 0.0, np.cos(tilt)], (len(z), 1))
                 # The mean over the hemisphere of pi f cos, times 2 pi / pi.
                 back = 2 * surface.reflected(normal, towards, view).mean()
-                assert 0.01 < back < (1 if metal else 1.09)
-    rough = Metals(np.full((1, 3), 0.5), np.zeros((1, 1)), np.ones((1, 1)))
+                assert 0.01 < back < (1 if metallic else 1.09)
+    rough = metal.Metals(np.full((1, 3), 0.5), np.zeros((1, 1)), np.ones((1, 1)))
     straight = rough.reflected(normal[:1], normal[:1], normal[:1])
     # Looked at and lit straight: F = 0.04, D = 1 / pi, V = 1 / 4.
     np.testing.assert_allclose(straight, 0.96 * 0.5 + 0.04 / 4)
@@ -162,5 +158,5 @@ def test_flat_colours_of_a_map_bend_nothing(device):
     normal = world.normals[:10].astype(np.float64).mean(1)
     normal *= np.sign((normal * view).sum(1, keepdims=True))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    bent = bent_normals(world, triangle, weights, view, normal)
+    bent = metal.bent_normals(world, triangle, weights, view, normal)
     assert np.abs((bent * normal).sum(1) - 1).max() < 1e-4  # 128 is not quite a half

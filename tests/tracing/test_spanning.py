@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, check_luma, closed_room, lit_soup, scene, soup, traced, tracer_of
+from tracing_scenes import (
+    CAMERA,
+    check_luma,
+    closed_room,
+    lit_soup,
+    mesh,
+    scene,
+    soup,
+    traced,
+    tracer_of,
+)
 
 from lfcore.optics.bundles import macropixels, views
 from lfcore.optics.planes import SensorPlane
@@ -43,9 +53,7 @@ def rough_wall(slab, first, last):
     z = rng.uniform(1.7, 2.3, (len(at), len(at)))
     x = s * (1 - z * slab.camera.delta) + z * tangent
     y = t * (1 - z * slab.camera.delta) + z * tangent[:, None]
-    grid = np.stack([x, y, z], -1).astype(np.float32)
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    return np.concatenate([np.stack([a, b, c], 2), np.stack([a, c, d], 2)]).reshape(-1, 3, 3)
+    return mesh(np.stack([x, y, z], -1))
 
 
 @pytest.mark.parametrize("spans", [2, 4])

@@ -7,11 +7,12 @@ import numpy as np
 import plain_scenes
 import trimesh
 
+from lfcore.optics.bundles import macropixels
 from lfcore.optics.plane_sums import total
 from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.oracle.shading import radiance
-from lfcore.oracle.slab import slab_hits
+from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import build_bvh
@@ -45,17 +46,28 @@ def closed_room(subdivisions=3):
     return trimesh.creation.icosphere(subdivisions, radius=3.0).triangles
 
 
+def mesh(grid):
+    """The triangles of a grid of corners (H, W, 3): two for each cell."""
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    return np.stack([a, b, c, a, c, d], 2).reshape(-1, 3, 3).astype(np.float32)
+
+
+def bent_normals(triangles, rng, bend):
+    """Corners' normals that turn from their triangle's by about ``bend``."""
+    face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals = face[:, None] / np.linalg.norm(face, axis=1)[:, None, None]
+    normals = normals + rng.normal(size=triangles.shape) * bend
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return normals.astype(np.float32)
+
+
 def lit_soup(seed=3):
     """A soup before a wall, with smooth normals, vertex colours, gloss and a shadowing light."""
     rng = np.random.default_rng(seed)
     triangles = np.concatenate([soup(150, seed, 0.5), WALL]).astype(np.float32)
-    face = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals = face[:, None] / np.linalg.norm(face, axis=1)[:, None, None]
-    normals = normals + rng.normal(size=(len(triangles), 3, 3)) * 0.2
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     return scene(
         triangles,
-        normals=normals.astype(np.float32),
+        normals=bent_normals(triangles, rng, 0.2),
         colours=rng.random((len(triangles), 3, 3)).astype(np.float32),
         materials=[Material("gloss", (0.7, 0.6, 0.5), (0.3, 0.3, 0.3), 20.0, (0.01, 0.02, 0.0))],
         lights=[Light(POINT, (1.0, -2.0, 0.5), (0.9, 0.8, 0.7), 2.0, True)],
@@ -67,11 +79,9 @@ def crowd():
     world, rng = lit_soup(), np.random.default_rng(9)
     middle = rng.uniform([-0.04, -0.04, 0.9], [0.04, 0.04, 1.2], (3000, 1, 3))
     small = middle + rng.normal(size=(3000, 3, 3)) * 0.002
-    face = np.cross(small[:, 1] - small[:, 0], small[:, 2] - small[:, 0])
-    face /= np.linalg.norm(face, axis=1)[:, None]
     return scene(
         np.concatenate([small, world.triangles[-2:]]),
-        normals=np.concatenate([np.repeat(face[:, None], 3, 1), world.normals[-2:]]).astype("f4"),
+        normals=np.concatenate([bent_normals(small, rng, 0.0), world.normals[-2:]]),
         materials=world.materials,
         lights=world.lights,
         camera=dataclasses.replace(CAMERA, sensor_width_m=0.002),
@@ -105,6 +115,12 @@ def colours(world, bundles, places=None, device=None, **options):
     found = tracer_of(world, device, **options).bundle_radiance(bundles, places)
     rays = (part.reshape(-1, 3) for part in bundles.rays())
     return found.reshape(-1, 3), radiance(world, *rays)
+
+
+def slab_colours(world, slab, device=None, **options):
+    """Likewise, of all pixels of a slab."""
+    pixels = all_pixels(slab)
+    return colours(world, macropixels(slab, pixels), pixels, device, **options)
 
 
 def check_hits(tracer, slab, pixels, least=0.0):
