@@ -195,7 +195,7 @@ class DepthSlicer:
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rays of some of the views, rows from ``first_row`` on, in any order, each ray once.
+        """Add rays of some of the views, rows from ``first_row`` on, which is even, each ray once.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class DepthSlicer:
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rows of views of a file, from ``first_row`` on.
+        """Add rows of views of a file, from ``first_row`` on, which is even.
 
         ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
         """

@@ -90,7 +90,7 @@ class FrameSummer:
         places[:, 1:3] += self._corner
         left, top, width, height = self._pixels
         step = self.summer.group_size(width, height)
-        rows = height if step else max(1, self.summer.group_size(width, 1))
+        rows = height if step else 2 * max(1, self.summer.group_size(width, 2))
         for start in range(0, len(elements), max(1, step)):
             part = slice(start, start + max(1, step))
             for row in range(0, height, rows):

@@ -94,6 +94,26 @@ def test_the_same_bits_in_any_parts_and_on_any_number_of_threads():
     np.testing.assert_array_equal(whole, sliced(views, PLANES, 9, light, depth, parts))
 
 
+def test_rays_that_share_a_wide_box_give_the_picture_of_rays_of_their_own():
+    """A slanted wall before another: of the wide boxes of this plane 2 x 2 rays share each."""
+    views, plane = crossed_views(Slab(CAMERA, 2, 193)), SensorPlane(1.0, 1.0, "square")
+    light, depth = noise(views)
+    depth[...] = np.linspace(6, 9, 193, dtype=np.float32)
+    depth[:, 60:101, 70:130] = 4.0
+    boxes = abs(1 / plane.focus_m - 1 / 9) * views.slab.lens_pitch_m * 96 / CAMERA.field_width
+    assert boxes > 8  # 16 distances of rays
+    made = sliced(views, [plane], 96, light, depth)[0]
+    right = slice_by_depth(
+        views, plane, light, depth, 96, least_px=0.25, bounds_px=BOUNDS_PX, edge_steps=256
+    )
+    assert 0 < np.abs(made - right).max() < 2e-3
+    rows = [slice(first, first + 64) for first in range(0, 193, 64)]
+    slicer = DepthSlicer(views, [plane], 96)
+    for part in rows:
+        slicer.add(slice(0, 4), light[:, part], depth[:, part], part.start)
+    np.testing.assert_array_equal(slicer.pictures()[0], made)
+
+
 @pytest.mark.parametrize("focus", [1.8, 4.0, 7.0])
 def test_a_ramp_at_one_depth_is_exact(focus):
     """What is linear along the surface is its own average over any pixel and lens."""

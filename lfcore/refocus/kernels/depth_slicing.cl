@@ -8,6 +8,8 @@
 // hold the differences of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow,
 // "Summed-area tables for texture mapping", SIGGRAPH 1984, the other way round).
 //
+// Of boxes far wider than the distance of rays, 2 x 2 neighbours at one depth share one: rows come by twos.
+//
 // STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to
 // one, and codes of depth of type CODE.
 
@@ -17,6 +19,7 @@
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
 #define ABREAST 16  // rays of a row
+#define SQUARES 16  // distances of rays, from which 2 x 2 rays share a box of that side
 
 #if STORED
 typedef uint light_t;
@@ -243,8 +246,9 @@ inline void read_rays(global const light_t *light, ulong channel, int pixel, glo
     float metres[ABREAST], of[3][ABREAST];
     if (rays == ABREAST) {
 #if STORED
-        for (int k = 0; k < ABREAST; ++k) metres[k] = METRES(depth[k]);
-        *z = vload16(0, metres);
+#define TWO(k) METRES(depth[k]), METRES(depth[k + 1])
+#define EIGHT(k) TWO(k), TWO(k + 2), TWO(k + 4), TWO(k + 6)
+        *z = (float16)(EIGHT(0), EIGHT(8));
         for (int c = 0; c < 3; ++c) found[c] = convert_float16(vload16(0, light + c * channel)) / (float)(LIGHT_ONE);
 #else
         const uint16 r = (uint16)(0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
@@ -283,43 +287,91 @@ inline void store_colours(const float16 c[4], float to[ABREAST][4])
     vstore16(shuffle2(rg2, bw2, last), 0, to[12]);
 }
 
-// Add the rays of one row of a view: their boxes are found side by side, and added one by one.
-inline void add_row(const Strip *s,
-                    int strip_rows,
-                    Plane p,
-                    Cell cell,
-                    float y,
-                    int columns,
-                    float least,
-                    constant const float *bounds,
-                    global const light_t *light,
-                    ulong channel,
-                    int pixel,
-                    global const depth_t *depth,
-                    global const float *table)
+// Rows of one view from `first_row` on; steps to the next colour, pixel and row of its light.
+typedef struct {
+    global const light_t *light;
+    global const depth_t *depth;
+    global const float *table;
+    ulong channel, pixel, row;
+    int first_row, columns;
+} View;
+
+// Where the rays of a view are added.
+typedef struct {
+    const Strip *strip;
+    Plane plane;
+    Cell cell;
+    constant const float *bounds;
+    ulong layer_size;
+    float least;
+} Adding;
+
+// Add `count` boxes about column x and row y of the view, of `rays` rays each whose light has the sum `light`.
+inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, const float16 light[3], float rays,
+                        int count)
 {
-    const float16 along = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    const ulong size = layer_size(s, strip_rows);
+    const Cell *c = &a->cell;
+    const float16 across = fma(x, a->plane.step, c->x) + c->off_x * moves;
+    const float16 down = fma(y, a->plane.step, c->y) + c->off_y * moves;
     Boxes b;
-    for (int start = 0; start < columns; start += ABREAST) {
-        const int rays = min(ABREAST, columns - start);
-        float16 z, found[3];
-        read_rays(light + start * pixel, channel, pixel, depth + start, table, rays, &z, found);
-        const float16 moves = (p.delta - 1.0f / z) * p.scale;
-        const float16 x = fma(along + (float)start, p.step, cell.x) + cell.off_x * moves;
-        for (int part = 0; part <= COARSE; ++part) {
-            const float16 weight = find_boxes(s, &p, &cell, moves, x, y + cell.off_y * moves, least, bounds, part, &b);
-            float16 colour[4] = {weight, weight, weight, weight}, most = STOPS ? 0.0f : weight;
-            for (int c = 0; c < 3; ++c) {
-                colour[c] = clamp(found[c], 0.0f, BRIGHTEST) * LIGHT * weight;
-                if (STOPS) most = max(most, max(weight, colour[c]));
-            }
-            store_colours(colour, b.colour);
-            for (int k = rays; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
-            if (any(most >= 0x1p31f)) add_boxes(s, size, &b, 1);
-            else add_boxes(s, size, &b, 0);
+    for (int part = 0; part <= COARSE; ++part) {
+        const float16 weight = find_boxes(a->strip, &a->plane, c, moves, across, down, a->least, a->bounds, part, &b);
+        float16 colour[4] = {weight, weight, weight, weight * rays}, most = STOPS ? 0.0f : weight * rays;
+        for (int k = 0; k < 3; ++k) {
+            colour[k] = light[k] * weight;
+            if (STOPS) most = max(most, max(colour[3], colour[k]));
         }
+        store_colours(colour, b.colour);
+        for (int k = count; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
+        if (any(most >= 0x1p31f)) add_boxes(a->strip, a->layer_size, &b, 1);
+        else add_boxes(a->strip, a->layer_size, &b, 0);
     }
+}
+
+// How many pixels a metre of the lens moves the light of rays, and their colours, from column `start` of row `v` on.
+inline float16 read_moves(const Adding *a, const View *of, int v, int start, float16 light[3])
+{
+    float16 z;
+    const ulong at = (ulong)v * of->row + start * of->pixel;
+    read_rays(of->light + at, of->channel, of->pixel, of->depth + (ulong)v * of->columns + start, of->table,
+              min(ABREAST, of->columns - start), &z, light);
+    for (int c = 0; c < 3; ++c) light[c] = clamp(light[c], 0.0f, BRIGHTEST) * LIGHT;
+    return (a->plane.delta - 1.0f / z) * a->plane.scale;
+}
+
+#define ALONG (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+
+// Add the rays of a row from column `start` on, ABREAST of them or as many as there are.
+inline void add_single(const Adding *a, const View *of, int v, int start)
+{
+    float16 light[3];
+    const float16 moves = read_moves(a, of, v, start, light);
+    const int count = min(ABREAST, of->columns - start);
+    add_rays_at(a, moves, ALONG + (float)start, of->first_row + v, light, 1.0f, count);
+}
+
+// Add 2 * ABREAST columns of two rows as squares of 2 x 2 rays, of one box each, where every box is wide and the sweep
+// of no square's rays differs by more than their distance.  Measured against rays of their own: 73 to 96 dB.
+inline int add_squares(const Adding *a, const View *of, int v, int start)
+{
+    float16 moves = 0.0f, low = INFINITY, high = -INFINITY, light[3] = {0.0f, 0.0f, 0.0f};
+    for (int down = 0; down < 2; ++down) {
+        float16 left[3], right[3];
+        const float16 m = read_moves(a, of, v + down, start, left);
+        const float16 n = read_moves(a, of, v + down, start + ABREAST, right);
+        const float16 even = (float16)(m.even, n.even), odd = (float16)(m.odd, n.odd);
+        low = min(low, min(even, odd));
+        high = max(high, max(even, odd));
+        moves += even + odd;
+        for (int c = 0; c < 3; ++c)
+            light[c] += (float16)(left[c].even, right[c].even) + (float16)(left[c].odd, right[c].odd);
+    }
+    const float side = min(a->cell.side_x, a->cell.side_y), least = SQUARES * a->plane.step;
+    const int16 wide = low * side >= least | high * side <= -least;
+    if (!all(wide & (high - low) * side <= a->plane.step)) return 0;
+    const float16 x = ALONG * 2.0f + ((float)start + 0.5f);
+    add_rays_at(a, moves * 0.25f, x, (float)(of->first_row + v) + 0.5f, light, 4.0f, ABREAST);
+    return 1;
 }
 
 // Whether any ray of a row, whose depths lie in `range`, reaches the strip.
@@ -355,14 +407,24 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
     for (int view = 0; view < n_views; ++view) {
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
-        for (int v = 0; v < rows; ++v) {
-            const float y = fma((float)(first_row + v), p.step, cell.y);
-            const ulong row = (ulong)view * rows + v;
-            if (!reaches(&s, p, cell, y, least, ranges[row])) continue;
-            const ulong at = row * columns;
-            global const light_t *of_row = light + (STORED ? 3 * view * channel + (ulong)v * columns : 3 * at);
-            add_row(&s, strip_rows, p, cell, y, columns, least, bounds, of_row, channel, STORED ? 1 : 3, depth + at,
-                    table);
+        const Adding a = {&s, p, cell, bounds, layer_size(&s, strip_rows), least};
+        const ulong at = (ulong)view * rows * columns;
+        const View of = {light + 3 * at, depth + at, table, channel, STORED ? 1 : 3,
+                         STORED ? columns : 3 * (ulong)columns, first_row, columns};
+        for (int v = 0; v < rows; v += 2) {
+            int reached[2] = {0, 0};
+            for (int k = 0; k < min(2, rows - v); ++k) {
+                const float y = fma((float)(first_row + v + k), p.step, cell.y);
+                reached[k] = reaches(&s, p, cell, y, least, ranges[(ulong)view * rows + v + k]);
+            }
+            if (!reached[0] && !reached[1]) continue;
+            for (int start = 0; start < columns; start += 2 * ABREAST) {
+                const int whole = v + 1 < rows && start + 2 * ABREAST <= columns;
+                if (!COARSE && whole && add_squares(&a, &of, v, start)) continue;
+                for (int at = start; at < min(columns, start + 2 * ABREAST); at += ABREAST)
+                    for (int k = 0; k < 2; ++k)
+                        if (reached[k]) add_single(&a, &of, v + k, at);
+            }
         }
     }
 }
