@@ -27,7 +27,7 @@ BESIDE = {
     "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays"},
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
-    "rays one by one": {"follow_rays", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
+    "rays one by one": {"follow_packet", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
     "baked light": {"set_up_light", "baked_row", "sky_row", "reflect_sky"},
@@ -35,7 +35,8 @@ BESIDE = {
     "packets of one element": {"compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
                       "SensorPlanes", "Strip"},
-    "microfacets": {"read_row_maps", "reflect_light", "is_metallic", "ambient_reflectance"},
+    "microfacets": {"turn_tangent", "read_row_maps", "reflect_light", "is_metallic",
+                    "ambient_reflectance"},
 }  # fmt: skip
 MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7
 

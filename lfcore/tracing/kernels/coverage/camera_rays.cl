@@ -47,18 +47,24 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
     return hit.id < 0 ? MISS : hit;
 }
 
-// Follow a block's rays one by one, where they have so little in common that to set up triangles
-// for the block would cost more.
-inline void follow_rays(const Tree *tree, const Bundle *r, int2 inside, Coverage *c)
+// Follow the rays of a packet one by one, where those of a block have so little in common that to
+// set up triangles for the block would cost more.
+inline void follow_packet(const Tree *tree, const Packet *p, Coverage *blocks)
 {
-    for (int at = 0; at < BLOCK_RAYS; ++at) {
-        const int i = at % BLOCK, j = at / BLOCK;
-        const float x = i - r->half_extent, y = j - r->half_extent;
-        const float3 origin = (float3)(fma(x, r->sx, r->ox), fma(y, r->sy, r->oy), 0.0f);
-        const float3 along = (float3)(fma(x, r->tx, r->dx), fma(y, r->ty, r->dy), 1.0f);
-        const Hit hit = i < inside.x && j < inside.y ? closest_hit(tree, origin, along) : MISS;
-        c->z[at] = hit.t;
-        c->ids[at] = hit.id;
+    for (int block = 0; block < p->rays->blocks; ++block) {
+        if (!has_block(p, block)) continue;
+        const Bundle r = block_bundle(p, block);
+        const int2 inside = block_inside(p, block);
+        Coverage *c = blocks + block;
+        for (int at = 0; at < BLOCK_RAYS; ++at) {
+            const int i = at % BLOCK, j = at / BLOCK;
+            const float x = i - r.half_extent, y = j - r.half_extent;
+            const float3 origin = (float3)(fma(x, r.sx, r.ox), fma(y, r.sy, r.oy), 0.0f);
+            const float3 along = (float3)(fma(x, r.tx, r.dx), fma(y, r.ty, r.dy), 1.0f);
+            const Hit hit = i < inside.x && j < inside.y ? closest_hit(tree, origin, along) : MISS;
+            c->z[at] = hit.t;
+            c->ids[at] = hit.id;
+        }
+        c->covering_triangle = BUFFERED;
     }
-    c->covering_triangle = BUFFERED;
 }

@@ -82,12 +82,10 @@ inline float farthest_open(const Packet *p, const Visibility *v)
 inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
     const int blocks = p->rays->blocks;
-    for (int block = 0; SINGLE_RAYS && block < blocks; ++block) {
-        if (!has_block(p, block)) continue;
-        const Bundle bundle = block_bundle(p, block);
-        follow_rays(tree, &bundle, block_inside(p, block), v->block + block);
+    if (SINGLE_RAYS) {
+        follow_packet(tree, p, v->block);
+        return;
     }
-    if (SINGLE_RAYS) return;
     const Frustum frustum = packet_frustum(p);
     const Volume volume = {FRUSTUM, &frustum};
     Stack stack;

@@ -2,6 +2,12 @@
 #pragma once
 #include "visibility.cl"
 
+// Where a row of an element is in the results, which have the traced rows of one after the other.
+inline ulong result_row(const Rays *rays, int element, int row)
+{
+    return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
+}
+
 // Write a number of each of a block's rays, those of one element and one row of the inner grid at a
 // time.
 inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)

@@ -3,7 +3,7 @@
 // The image is a mosaic of the elements' pictures: element e is in row e / across, column e %
 // across.
 #pragma once
-#include "packet.cl"
+#include "hit_buffers.cl"
 
 #define LINE 64   // bytes of a row of a block, and what stores past the caches must be aligned to
 

@@ -59,17 +59,6 @@ inline void set_vector(SampleRow *s, int first, Vec a)
     s->of[first + 2] = a.z;
 }
 
-// Seen from behind, where the sum of the weights is positive, a flat triangle has its tangent
-// turned as its normal is.  Smooth normals have the sign of the weights, and are turned to the
-// viewer later, and the tangent with them.
-inline void interpolate_tangent(global const PlaneEquations *p, vf weights, vf denominator,
-                                SampleRow *s)
-{
-    const vi side = sign_of(SMOOTH ? weights : -weights);
-    set_vector(s, TANGENT, turn_vectors(spread3(vload3(0, p->tangent)), side));
-    s->of[TANGENT + 3] = flip_sign(p->tangent[3], sign_of(denominator));
-}
-
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
     SampleRow s;
@@ -79,7 +68,7 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
         s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
     for (int k = FIRST_ATTRIBUTE; k < SLOTS; ++k) s.of[k] = edge_row(p->slot[k], at);
-    if (PHYSICAL) interpolate_tangent(p, weights, denominator, &s);
+    if (PHYSICAL) turn_tangent(p, weights, denominator, s.of + TANGENT);
     if (SLOTS == COORDINATES) return s;
     const vf inverse = reciprocal(weights);
     for (int k = COORDINATES; k < TINT; ++k) s.of[k] *= inverse;

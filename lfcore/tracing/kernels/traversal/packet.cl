@@ -116,12 +116,6 @@ inline Bundle block_bundle(const Packet *p, int block)
     return bundle_at(p->rays, centre, block_position(p, block), p->rays->half_extent);
 }
 
-// Where a row of an element is in the results, which have the traced rows of one after the other.
-inline ulong result_row(const Rays *rays, int element, int row)
-{
-    return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
-}
-
 // The first element of a packet; negative if it has none.
 inline int first_element(const Packet *p)
 {
