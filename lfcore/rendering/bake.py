@@ -163,7 +163,7 @@ class Baker:
         self.lamps = Lamps(self.around, self.grids.points)
         points = max(fresh.stop, 1)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
-        count = min(count, max(8, room // 2 * 2))
+        count = min(count, max(8, room // 8 * 8))  # halves have whole rays to lamps
         self._seen_points, self._first = fresh.stop, count
         for turn in range(_ROUNDS):
             found = self._look(fresh, count)
