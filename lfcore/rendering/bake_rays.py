@@ -140,7 +140,7 @@ class Surroundings:
 
     def flat_of(self, faces: np.ndarray) -> np.ndarray:
         """(F, 3) unit normals of the triangles, on the side of faces."""
-        return self._unit[faces // 2] * np.float32([1, -1])[faces % 2, None]
+        return self._unit[faces // 2] * np.array([1, -1], np.float32)[faces % 2, None]
 
     def covered(self, points: Points) -> np.ndarray:
         """(P,) whether a surface nearby hides a point from the whole lens.  Such a point is behind
