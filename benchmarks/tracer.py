@@ -83,7 +83,7 @@ def planes_of(scene) -> list[SensorPlane]:
 
 
 def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Method:
-    """Trace, shade, cast shadows and add to ``planes``; seconds are those of the kernels' queue.
+    """Trace, shade, cast shadows and add to ``planes``; seconds are of the kernels' queue.
 
     The fixed cost of a tile (accumulators are made and read back) is apart, in
     ``extra["tile_seconds"]``: the sample is a small part of a real tile.

@@ -36,7 +36,7 @@ _FEWEST, _MOST = 32, 1024
 _OF_HIDDEN = 16
 _ROUNDS, _DARK = 4, 0.25
 _LARGEST_SIDE, _OF_DIRECT = 256, 4
-"""Cells along an edge, at most; those of direct light, whose edges are sharp, per other cell."""
+"""The most cells along an edge; the cells of direct light, whose edges are sharp, per cell."""
 _HIT_BYTES = 18
 _INSIDE = 0.9
 """The share of the way to a corner that a surface must leave free."""
@@ -140,7 +140,7 @@ class Baker:
     Attributes
     ----------
     source : (P, 3) the light at points, without the scene's lights, that they send on last.
-    direct : (P + D, 3) that of the scene's lights, at points and at those of ``fine`` grids.
+    direct : (P + D, 3) light of the scene's lights, at points and at points of ``fine`` grids.
     sums : (2, P, 3) sums of two halves of the rays; ``counts`` (P,) rays of each half.
     open : (S,) of points of seen faces, whether they are outside of things and not covered.
     """

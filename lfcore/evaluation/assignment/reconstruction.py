@@ -301,8 +301,8 @@ def time(
 ) -> tuple[list[Sheet], dict]:
     """Step 6: an open shutter before moving objects, sampled at more and more instants.
 
-    Errors are against the most instants.  ``files`` are those of a pbrt scene with a camera array,
-    its own first; ``progress`` is called with (instants done, of all).
+    Errors are against the picture of the most instants.  ``files`` are a pbrt scene with a camera
+    array and the files that it includes; ``progress`` is called with (instants done, of all).
     """
     scene = build_pbrt_scene(files[0])
     array = array_of(scene, None, 0, None)

@@ -361,8 +361,8 @@ def lens_samples(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
 def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iterator[Measurement]:
     """Blocks of a slab's rays at once: an arithmetic that the lone rays of others do not use.
 
-    A triangle is set up once for 16 x 16 rays, relative to their middle ray; the errors must be
-    those of the triangle all the same, and not of the block.
+    A triangle is set up once for 16 x 16 rays, relative to their middle ray; its errors must
+    still grow with the triangle's size, and not with the block's.
     """
     rng = np.random.default_rng(21)
     pixels = np.unique(rng.integers(0, slab.pixels, (BLOCK_PIXELS, 2)), axis=0)

@@ -147,9 +147,9 @@ class Frames:
 def store(frames: Frames, spec: Encoding, device: Device) -> dict:
     """Encode, join, open and decode a sample, and compare: columns of the tables.
 
-    Sizes are those of the file without its metadata, which are as long in a large file.  Seconds
-    are CPU seconds of this process with one encoder thread.  PSNR (dB, peak 255, sRGB codes that
-    are not rounded) and SSIM are of the frames, and means over the refocused pictures.
+    Sizes leave out the file's metadata, which are as long in a large file.  Seconds are CPU
+    seconds of this process with one encoder thread.  PSNR (dB, peak 255, sRGB codes that are not
+    rounded) and SSIM are of the frames, and means over the refocused pictures.
 
     Raises :class:`StorageError` when the encoder refuses its settings or frames.
     """
@@ -220,7 +220,7 @@ LARGEST_FRAME_PX = 512
 def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayout]:
     """All orders of views and of macropixels in their best pack, and macropixels in other packs.
 
-    ``pixels`` are those of the sample.  Frames are no wider than 512 pixels, unless a single
+    The sample has ``pixels`` per side.  Frames are no wider than 512 pixels, unless a single
     element is.
     """
     spec, best = chosen_encoding(views), min(macropixel_pack(views), pixels)

@@ -47,8 +47,8 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
     return hit.id < 0 ? MISS : hit;
 }
 
-// Follow the rays of a packet one by one, where those of a block have so little in common that to
-// set up triangles for the block would cost more.
+// Follow the rays of a packet one by one: where the rays of a block have little in common, setting
+// up triangles for the block costs more.
 inline void follow_packet(const Tree *tree, const Packet *p, Coverage *blocks)
 {
     for (int block = 0; block < p->rays->blocks; ++block) {
