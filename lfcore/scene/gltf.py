@@ -26,13 +26,14 @@ from lfcore.scene.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.surface_mesh import normalise, triple
 
 SUFFIXES = (".glb", ".gltf")
+GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 # Those that trimesh or this package knows; others may be used, but not required.
 KNOWN = (
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
-    "KHR_materials_pbrSpecularGlossiness",
+    GLOSSY,
     "KHR_materials_unlit",
     "KHR_texture_transform",
 )
@@ -45,7 +46,7 @@ REMEDIES = {
 DEEPEST_NODE = 200
 _HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 _JSON = 0x4E4F534A
-_TRIANGLES = (None, 4, 5, 6)
+_TRIANGLES = (None, 4, 5)  # trimesh reads no fans
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ def _inside(uri: str) -> bytes:
     return base64.b64decode(uri.partition(",")[2])
 
 
-def _has(entry: dict, extension: str) -> bool:
+def has(entry: dict, extension: str) -> bool:
+    """Whether an object of the file uses an extension."""
     extensions = entry.get("extensions")
     return isinstance(extensions, dict) and extension in extensions
 
@@ -92,8 +94,8 @@ class Document:
         unknown = set(map(str, required if isinstance(required, list) else ())) - set(KNOWN)
         # Where KTX2 is optional there is another picture, but exporters forget to require it.
         for texture in self.objects("textures"):
-            alone = "source" not in texture and not _has(texture, "EXT_texture_webp")
-            if alone and _has(texture, BASIS):
+            alone = "source" not in texture and not has(texture, "EXT_texture_webp")
+            if alone and has(texture, BASIS):
                 unknown = {BASIS}
         if unknown:
             name = min(unknown)
@@ -310,7 +312,7 @@ class Document:
             name = mesh.get("name", "without name")
             for primitive in self.objects("primitives", of=mesh):
                 if primitive.get("mode") not in _TRIANGLES:
-                    notebook.add_in(LEFT_OUT, self.path, f"points or lines of mesh {name!r}")
+                    notebook.add_in(LEFT_OUT, self.path, f"points, lines or fans of mesh {name!r}")
                 if primitive.get("targets"):
                     what = f"morph targets of mesh {name!r}: its rest shape"
                     notebook.add_in(LEFT_OUT, self.path, what)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.gltf import Document
+from lfcore.scene.gltf import KNOWN, Document
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbr import base_colour, factor, picture, surface_of_pbr
 from lfcore.scene.surface_mesh import Surface
@@ -120,7 +120,7 @@ class GltfSurfaces:
             }  # fmt: skip
         for extension in entry.get("extensions") or ():
             if extension.startswith("KHR_materials_") and extension not in _HANDLED:
-                self._note(LEFT_OUT, name, extension)
+                self._note(APPROXIMATED if extension in KNOWN else LEFT_OUT, name, extension)
         return Surface(**{**vars(surface), **changes})
 
     def _number(self, value: Any) -> float:

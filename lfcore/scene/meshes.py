@@ -16,7 +16,7 @@ import numpy as np
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
-from lfcore.scene.gltf import SUFFIXES, Document
+from lfcore.scene.gltf import GLOSSY, SUFFIXES, Document, has
 from lfcore.scene.gltf_materials import GltfSurfaces
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.pbr import clipped, picture, surface_of_pbr
@@ -90,7 +90,7 @@ def parts_of(
                 parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
         raise _error(
-            path, "mesh holds no triangles", "Export faces, not only points, lines or curves"
+            path, "mesh holds no triangles", "Export triangles, not only points, lines, curves or fans"
         )
     return parts
 
@@ -123,19 +123,24 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
             self.trouble: list[str] = []
 
         def get(self, name: str) -> Any:
+            here = os.path.isfile(path.parent / name)
+            if document and not here:  # its names are URIs: spaces and others are escaped
+                name = urllib.parse.unquote(name)
+            elif not here:
+                name = name.replace("\\", "/")  # written on Windows
+            is_picture = Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES
             try:
-                # glTF's names are URIs: spaces and others are escaped.
-                escaped = document and not os.path.isfile(path.parent / name)
-                data = super().get(urllib.parse.unquote(name) if escaped else name)
+                data = super().get(name)
             except (OSError, ValueError):
-                if name.strip().lower().endswith(".mtl"):
+                if kind == "obj" and not is_picture:
                     what = f"material library {name.strip()!r}, not found: the default material"
                     notebook.add_in(LEFT_OUT, path, what)
                 else:
-                    self.trouble.append(f"texture {name!r} not found")
+                    what = "texture" if is_picture else "file"
+                    self.trouble.append(f"{what} {name!r} not found")
                 raise
-            if Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES and not _ispicture(data):
-                self.trouble.append(f"texture {name!r} cannot be decoded")
+            if is_picture and (problem := _problem(data, glossy)):
+                self.trouble.append(f"texture {name!r} {problem}")
             return data
 
     if not os.path.isfile(path):
@@ -145,10 +150,11 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
         known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
         raise _error(path, f"no reader for mesh files named *{path.suffix}", f"Use one of {known}")
     resolver = Resolver(str(path), allow_anywhere=True)
+    glossy = document is not None and any(has(m, GLOSSY) for m in document.objects("materials"))
     try:
         for number, data in document.pictures() if document else ():
-            if not _ispicture(data):
-                resolver.trouble.append(f"image {number} cannot be decoded")
+            if problem := _problem(data, glossy):
+                resolver.trouble.append(f"image {number} {problem}")
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except SceneError:  # of a file beside it, which it names
@@ -165,14 +171,19 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     return scene
 
 
-def _ispicture(data: bytes) -> bool:
+def _problem(data: bytes, glossy: bool) -> str:
+    """What is wrong with a picture, if anything; ``glossy``: trimesh converts its material."""
     from PIL import Image
 
     try:
-        Image.open(io.BytesIO(data)).load()
+        image = Image.open(io.BytesIO(data))
+        image.load()
     except Exception:  # Pillow raises many kinds on damaged images
-        return False
-    return True
+        return "cannot be decoded"
+    # trimesh takes the numbers in a palette for colours.
+    return f"has a palette, which {GLOSSY} must not: save it as RGB" * (
+        glossy and image.mode == "P"
+    )
 
 
 def _check_found(trouble: list[str], path: Path) -> None:
@@ -180,7 +191,7 @@ def _check_found(trouble: list[str], path: Path) -> None:
         raise _error(
             path,
             trouble[0],
-            f"Put a sound one within the mesh or beside it in {path.parent}, or edit the material",
+            f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh",
         )
 
 

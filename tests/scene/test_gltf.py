@@ -11,7 +11,7 @@ from trimesh.visual.material import PBRMaterial
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
-from lfcore.scene.gltf import Document
+from lfcore.scene.gltf import GLOSSY, Document
 from lfcore.scene.meshes import load_mesh
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Notebook
@@ -272,6 +272,17 @@ def test_a_texture_cuts_holes_by_its_alpha(write, made, mode, factor, cutoff):
     assert Needs.of(scene).cut_outs and scene.is_cut_out(scene.materials[0])
 
 
+def test_a_glossy_material_says_that_it_is_approximated_and_takes_no_palette(made):
+    def glossy(tree):
+        use(tree, GLOSSY, {"diffuseTexture": {"index": 0}, "specularFactor": [0.04] * 3})
+
+    part, notes = made(glossy, baseColorTexture=picture())
+    assert notes == [f"approximated: material 'm': {GLOSSY}"]
+    np.testing.assert_allclose(part.surface.texture[0, 0], [255, 0, 0], atol=1)
+    with pytest.raises(SceneError, match="has a palette"):
+        made(glossy, baseColorTexture=picture().quantize())
+
+
 # -- the rest ----------------------------------------------------------------------------------
 
 
@@ -279,11 +290,18 @@ def test_what_is_left_out_is_listed_by_name(made):
     def change(tree):
         tree["skins"] = [{"name": "bones", "joints": [0]}]
         tree["meshes"][0]["name"] = "square"
-        tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
+        primitives = tree["meshes"][0]["primitives"]
+        primitives[0]["targets"] = [{"POSITION": 0}]
+        primitives.append({"attributes": primitives[0]["attributes"], "mode": 6})
         tree["extensionsUsed"] = ["KHR_xmp"]
 
     _, notes = made(change)
-    for said in ("skin 'bones'", "morph targets of mesh 'square'", "extension KHR_xmp"):
+    for said in (
+        "skin 'bones'",
+        "points, lines or fans",
+        "morph targets of mesh 'square'",
+        "extension KHR_xmp",
+    ):
         assert any(note.startswith(f"left out: {said}") for note in notes), notes
 
 

@@ -42,12 +42,21 @@ def test_obj_material_texture_and_coordinates(textured):
     np.testing.assert_allclose(part.uvs, part.triangles[..., :2], atol=1e-6)
 
 
-def test_without_its_mtl_an_obj_has_the_default_material_and_says_so(textured):
+def test_paths_of_windows(textured):
+    path, pixels = textured
+    library = path.with_name("m.mtl")
+    library.write_text(library.read_text().replace("skin.png", ".\\skin.png"))
+    np.testing.assert_array_equal(load_mesh(path)[0].surface.texture, pixels)
+
+
+@pytest.mark.parametrize("name", ["m.mtl", "m.materials"])
+def test_without_its_mtl_an_obj_has_the_default_material_and_says_so(textured, name):
     path, _ = textured
-    (path.parent / "m.mtl").unlink()
+    path.with_name("m.mtl").unlink()
+    path.write_text(SQUARE.replace("m.mtl", name))
     scene = build_scene(path)
     assert scene.materials[0].diffuse == (0.8, 0.8, 0.8) and scene.textures == []
-    assert scene.summary().startswith(f"{path}: left out: material library 'm.mtl', not found")
+    assert scene.summary().startswith(f"{path}: left out: material library '{name}', not found")
 
 
 COORDINATES = {
