@@ -90,7 +90,7 @@ def parts_of(
                 parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
         raise _error(
-            path, "mesh holds no triangles", "Export triangles, not only points, lines, curves or fans"
+            path, "mesh holds no triangles", "Export triangles, not only points, lines or fans"
         )
     return parts
 
