@@ -10,13 +10,7 @@ from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision import figure, in_memory, points, study
-from lfcore.evaluation.work_precision.figure import (
-    DIRECTIONS,
-    DISTANCES_PT,
-    PointLabel,
-    label_points,
-    pareto,
-)
+from lfcore.evaluation.work_precision.figure import DIRECTIONS, DISTANCES_PT, label_points, pareto
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
 from lfcore.evaluation.work_precision.study import peer_rows
 from lfcore.refocus.focal_stack import focal_stack_views
@@ -199,8 +193,8 @@ def test_labels_cover_neither_one_another_nor_points():
     x, y = 1 + rng.random((2, 40)) * [[1], [0.3]]
     axis.plot(x, y, "o", markersize=4)
     axis.set(xlim=(0.5, 2.5), ylim=(0, 2), xscale="log")
-    labels = [PointLabel(axis, *at, f"{n} x 1.25", "C0") for n, at in enumerate(zip(x, y))]  # noqa: B905
-    written = label_points(drawing, labels)
+    labels = [(*at, f"{n} x 1.25", "C0") for n, at in enumerate(zip(x, y, strict=True))]
+    written = label_points(axis, labels)
     boxes = [note.get_window_extent() for note in written]
     assert len(written) > 25
     assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n])
@@ -208,5 +202,5 @@ def test_labels_cover_neither_one_another_nor_points():
     assert not any(box.contains(*place) for box in boxes for place in shown)
     room = axis.get_window_extent()
     assert all(room.x0 <= box.x0 and box.x1 <= room.x1 for box in boxes)
-    many = label_points(drawing, labels[:1] * (len(DIRECTIONS) * len(DISTANCES_PT) + 1))
+    many = label_points(axis, labels[:1] * (len(DIRECTIONS) * len(DISTANCES_PT) + 1))
     assert len(many) <= len(DIRECTIONS) * len(DISTANCES_PT), "no room, no label"

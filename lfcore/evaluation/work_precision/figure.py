@@ -1,8 +1,8 @@
 """Error against run time: dB against the true picture over core seconds; upper left is better."""
 
-import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
@@ -27,109 +26,56 @@ DISTANCES_PT = (4, 8, 13, 19, 26)
 SIZE_PT = 6
 MARKER_PT = 3.0
 """Half the side of a marker, in points."""
-PIXELS_OF_A_GAP, BETWEEN_PIXELS = 1.0, 3.0
+Label = tuple[float, float, str, str]
+"""A point in data coordinates, its text, and the colour."""
 DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-NOT_DRAWN = ("None", "", " ")
-"""The line styles and markers that draw nothing."""
-
-
-class PointLabel(NamedTuple):
-    """``text`` for the point (x, y) of ``axis``, in data coordinates."""
-
-    axis: Axes
-    x: float
-    y: float
-    text: str
-    colour: str
 
 
 def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
     """(K,) bool: points that no other beats in both; failed ones (NaN) never are."""
     error = np.asarray(error, float)
-    better = np.zeros(len(error), bool)
-    best = np.inf
-    for index in np.lexsort((error, np.asarray(cost, float))):
-        if np.isfinite(error[index]) and error[index] < best:
-            better[index], best = True, error[index]
+    order, better = np.lexsort((error, np.asarray(cost, float))), np.zeros(len(error), bool)
+    best = np.fmin.accumulate(np.append(np.inf, error[order]))
+    better[order] = best[1:] < best[:-1]
     return better
 
 
-def label_points(figure: Figure, labels: Iterable[PointLabel]) -> list[Annotation]:
-    """Write each label as near to its point as there is room; labels without room are left out.
+def label_points(axis: Axes, labels: Sequence[Label]) -> list[Annotation]:
+    """Write each text at the nearest free place around its point.
 
-    Everything else must be drawn before, since the layout is then fixed.  Returns the labels
-    written.
+    A text without a place beside points and texts is left out; one without a place beside curves
+    is on a curve.  Everything else must be drawn, and the layout fixed.  Returns what is written.
     """
-    FigureCanvasAgg(figure)  # one renderer for all boxes
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout stays
+    room, scale = axis.get_window_extent(), axis.figure.dpi / 72
+    at = axis.transData.transform([label[:2] for label in labels] or np.empty((0, 2)))
     written: list[Annotation] = []
-    occupied: dict[Axes, tuple[list[Bbox], np.ndarray]] = {}
-    for label in labels:
-        if label.axis not in occupied:
-            occupied[label.axis] = _occupied(label.axis)
-        taken, curves = occupied[label.axis]
-        note = _placed(label, taken, curves)
-        if note is not None:
-            written.append(note)
-            taken.append(note.get_window_extent())
-    return written
-
-
-def _occupied(axis: Axes) -> tuple[list[Bbox], np.ndarray]:
-    """Boxes of points, texts and legend, and (K, 2) points along curves and bars, in pixels."""
-    half = MARKER_PT * axis.figure.dpi / 72
-    boxes = [text.get_window_extent() for text in axis.texts if text.get_text()]
-    if (legend := axis.get_legend()) is not None:
-        boxes.append(legend.get_window_extent())
-    chains = []
-    for line in axis.lines:
-        points = line.get_transform().transform(np.asarray(line.get_xydata(), float))
-        points = points[np.isfinite(points).all(axis=1)]
-        if line.get_marker() not in NOT_DRAWN:
-            boxes += [Bbox([point - half, point + half]) for point in points]
-        if line.get_linestyle() not in NOT_DRAWN:
-            chains.append(points)
-    for bars in axis.collections:  # of quartiles
-        if isinstance(bars, LineCollection):
-            parts = (axis.transData.transform(part) for part in bars.get_segments() if len(part))
-            chains += [part[np.isfinite(part).all(axis=1)] for part in parts]
-    along = [np.empty((0, 2))]
-    for start, end in itertools.chain.from_iterable(map(itertools.pairwise, chains)):
-        steps = 2 + int(np.hypot(*(end - start)) / BETWEEN_PIXELS)
-        along.append(np.linspace(start, end, steps))
-    return boxes, np.concatenate(along)
-
-
-def _placed(label: PointLabel, taken: list[Bbox], curves: np.ndarray) -> Annotation | None:
-    """The label at the nearest free place around its point, on a curve if there is no other."""
-    room = label.axis.get_window_extent()
-    note = label.axis.annotate(
-        label.text, (label.x, label.y), xytext=(0, 0), textcoords="offset points",
-        size=SIZE_PT, color=label.colour, ha="center", va="center",
-    )  # fmt: skip
-    at = note.get_window_extent()
-    scale = label.axis.figure.dpi / 72
-    # The label's edge, and not its middle, is so far from the point.
-    half = np.array([at.width, at.height]) / 2 / scale
-    on_a_curve: np.ndarray | None = None
-    for distance, direction in itertools.product(DISTANCES_PT, DIRECTIONS):
-        move = np.array(direction) * (distance + half)
-        box = at.translated(*(move * scale)).padded(PIXELS_OF_A_GAP)
-        inside = room.x0 <= box.x0 and box.x1 <= room.x1
-        inside &= room.y0 <= box.y0 and box.y1 <= room.y1
-        if not inside or any(box.overlaps(other) for other in taken):
-            continue
-        if not ((curves > box.min) & (curves < box.max)).all(axis=1).any():
-            break
-        on_a_curve = move if on_a_curve is None else on_a_curve
-    else:
-        if on_a_curve is None:
+    taken = [Bbox([point - MARKER_PT * scale, point + MARKER_PT * scale]) for point in at]
+    taken += [text.get_window_extent() for text in axis.texts if text.get_text()]
+    drawn = [(one, one.get_path()) for one in axis.lines if one.get_linestyle() != "None"]
+    drawn += [(one, path) for one in axis.collections for path in one.get_paths()]
+    curves = [one.get_transform().transform_path(path) for one, path in drawn]
+    for x, y, text, colour in labels:
+        note = axis.annotate(
+            text, (x, y), xytext=(0, 0), textcoords="offset points", size=SIZE_PT, color=colour,
+            ha="center", va="center",
+        )  # fmt: skip
+        own = note.get_window_extent()
+        # The label's edge, and not its middle, is so far from the point.
+        half = np.array([own.width, own.height]) / 2 / scale
+        moves = [np.array(to) * (far + half) for far, to in product(DISTANCES_PT, DIRECTIONS)]
+        places = [(move, own.translated(*(move * scale)).padded(1)) for move in moves]
+        free = [
+            (any(curve.intersects_bbox(box, filled=False) for curve in curves), *move)
+            for move, box in places
+            if room.count_contains(box.corners()) == 4 and not box.count_overlaps(taken)
+        ]
+        if not free:
             note.remove()
-            return None
-        move = on_a_curve
-    note.set_position(tuple(move))
-    return note
+            continue
+        note.set_position(min(free, key=itemgetter(0))[1:])
+        written.append(note)
+        taken.append(note.get_window_extent())
+    return written
 
 
 GUIDE_DB = 10.0
@@ -176,11 +122,11 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
     size = (COLUMN_INCHES * max(2, len(scenes)), ROW_INCHES * len(diagrams) + 0.5)
     figure = Figure(figsize=size)
     axes = figure.subplots(len(diagrams), len(scenes), squeeze=False)
-    labels: list[PointLabel] = []
+    labels: dict[Axes, list[Label]] = {}
     for (diagram, scene), axis in zip(product(diagrams, scenes), axes.flat, strict=True):
         methods = list(diagram.points.method.unique())
         rows = diagram.points[diagram.points.scene == scene]
-        labels += _panel(axis, rows, diagram.seconds, methods)
+        labels[axis] = _panel(axis, rows, diagram.seconds, methods)
         axis.set_title(f"{scene}, {diagram.title}", fontsize=10)
     for line in axes:
         line[0].set_ylabel("PSNR of the worst plane (dB)")
@@ -191,11 +137,15 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
         "Dotted: the true picture judges what is below; hollow points are above."
     )
     figure.supxlabel(caption, fontsize=8)
-    label_points(figure, labels)
+    FigureCanvasAgg(figure)  # one renderer for all boxes
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the layout stays
+    for axis, own in labels.items():
+        label_points(axis, own)
     save_figure(path, figure)
 
 
-def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> list[PointLabel]:
+def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> list[Label]:
     """Draw one diagram; returns the labels of its points."""
     shown = rows.psnr_true_db.astype(float).fillna(rows.expected_db.astype(float))
     rows = rows.assign(shown_db=shown, x=rows[time].astype(float))
@@ -208,7 +158,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> lis
     axis.tick_params(labelsize=8)
     front = rows[pareto(-rows.shown_db, rows.x)].sort_values("x")
     axis.plot(front.x, front.shown_db, **FRONT)
-    labels = []
+    labels: list[Label] = []
     for method, curve in rows.groupby("method", sort=False):
         labels += _curve(axis, curve, str(method), methods.index(str(method)), time)
     known = rows.truth_known_db.astype(float).min() - BELOW_DB
@@ -220,9 +170,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> lis
     return labels
 
 
-def _curve(
-    axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str
-) -> list[PointLabel]:
+def _curve(axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str) -> list[Label]:
     colour = f"C{number}"
     style: dict[str, Any] = {"color": colour, "marker": MARKERS[number % len(MARKERS)]}
     judged = ~curve.note.fillna("").str.startswith("not judged")
@@ -233,14 +181,8 @@ def _curve(
     if time == "seconds":
         low, high = (curve[f"quartile_{n}_seconds"].astype(float) for n in (1, 3))
         axis.hlines(curve.shown_db, low, high, color=colour, linewidth=1)
-    each = zip(curve.x, curve.shown_db, curve.setting, strict=True)
-    return [PointLabel(axis, x, y, _short(setting), colour) for x, y, setting in each]
-
-
-def _short(setting: str) -> str:
-    for words in ("N = ", "CRF "):
-        setting = setting.replace(words, "")
-    return setting
+    texts = curve.setting.str.replace("N = |CRF ", "", regex=True)
+    return [(*at, colour) for at in zip(curve.x, curve.shown_db, texts, strict=True)]
 
 
 def _guide(axis: Axes, rows: pd.DataFrame) -> None:
