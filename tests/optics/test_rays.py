@@ -1,6 +1,7 @@
 """The thin lens, the slab and cells of rays, against values worked out by hand."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -31,12 +32,27 @@ def test_focus_at_infinity_is_no_special_case():
     assert Slab(camera, 2, 2).pixel_pitch == pytest.approx(0.36)
 
 
-@given(st.floats(1e-3, 1.0), st.floats(1.0 + 1e-6, 1e6))
-def test_thin_lens_equation_holds(focal, ratio):
-    """1/f = 1/v + 1/u, for focus from just beyond the focal length on."""
-    distance = focal * ratio
-    image = image_distance(focal, distance)
-    assert 1 / image + 1 / distance == pytest.approx(1 / focal, rel=1e-9)
+@given(st.floats(1e-3, 1.0), st.floats(-12, 6))
+def test_thin_lens_equation_holds(focal, exponent):
+    """1/f = 1/v + 1/u, exactly but for three roundings, from just beyond the focal length on."""
+    distance = focal * (1 + 10**exponent)
+    f, u = Fraction(focal), Fraction(distance)
+    assert image_distance(focal, distance) == pytest.approx(float(f * u / (u - f)), rel=4e-16 * 2)
+
+
+@pytest.mark.parametrize("focus", [0.0501, 0.1, 1.0, 1e3, 1e8, 1e20, 1e38, math.inf])
+@pytest.mark.parametrize("number", [1e-3, 1.0, 1e2, 1e8, 1e30])
+def test_directions_are_rounded_three_times(focus, number):
+    """From a lens of 50 m to a pinhole, whatever the focus: 4 units of 2^-24."""
+    slab = Slab(Camera(0.05, 0.036, number, focus), 16, 64)
+    pixels = np.array([[0, 63], [21, 42], [63, 0]])
+    found = bundles.macropixels(slab, pixels).rays()[1].astype(float)
+    s, x = slab.lens_positions() * slab.camera.delta, slab.pixel_tangents()[pixels]
+    exact = np.ones(found.shape)
+    exact[..., 0] = x[:, 0, None, None] - s
+    exact[..., 1] = x[:, 1, None, None] - s[:, None]
+    unit = [a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (found, exact)]
+    assert np.linalg.norm(np.cross(*unit), axis=-1).max() < 4 * 2.0**-24
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -108,6 +109,15 @@ def test_shifts_by_hand():
     expected = -9.375e-3 * (2 / 3) / (CAMERA.field_width / 8)
     assert SensorPlane(1.0, 2.0).shifts(slab)[0] == pytest.approx(expected)
     np.testing.assert_array_equal(SensorPlane(3.0, 2.0).shifts(slab), 0.0)
+
+
+@pytest.mark.parametrize("change", [10.0, 1e-1, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.9, math.inf])
+def test_shifts_of_many_views_are_exact_to_a_thousandth_of_a_pixel(change):
+    slab, focus = Slab(CAMERA, 512, 16384), CAMERA.focus_m * (1 + change)
+    inverse = 0 if math.isinf(focus) else 1 / Fraction(focus)
+    difference = (inverse - 1 / Fraction(CAMERA.focus_m)) / Fraction(slab.pixel_pitch)
+    exact = [float(Fraction(s) * difference) for s in slab.lens_positions().tolist()]
+    np.testing.assert_allclose(SensorPlane(focus, 2.0).shifts(slab), exact, atol=1e-3, rtol=0)
 
 
 def test_magnification_by_hand():

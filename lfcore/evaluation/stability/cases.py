@@ -3,21 +3,19 @@
 from collections.abc import Iterable, Sequence
 
 from lfcore.errors import did_you_mean
-from lfcore.evaluation.stability import lenses, light, primitives
+from lfcore.evaluation.stability import light, primitives
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.progress import Progress, silent
 
 CASES: tuple[Case, ...] = (
     primitives.edge_rays, primitives.vertex_rays, primitives.any_vertex_rays,
-    primitives.triangle_sizes, primitives.lens_samples, primitives.far_from_the_origin,
-    primitives.long_rays, primitives.tiny_triangles, primitives.large_triangles,
+    primitives.triangle_sizes, primitives.far_from_the_origin, primitives.long_rays,
+    primitives.tiny_triangles, primitives.large_triangles,
     primitives.scaled_scene, primitives.far_sphere,
     primitives.needles, primitives.nearly_coplanar, primitives.grazing,
     primitives.axes, primitives.any_axes, primitives.flat_boxes,
     light.self_shadow, light.far_self_shadow, light.thin_gap, light.thin_gap_far,
-    lenses.near_the_focal_length, lenses.focus_to_infinity,
-    lenses.apertures, lenses.refocus_shifts, lenses.accumulation,
     light.bright_texel, light.closed_room, light.albedo, light.slit, light.scaled_light,
 )  # fmt: skip
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, SupportsFloat
 
 import numpy as np
 
-from lfcore.errors import LfcoreError, OpticsError, SceneError
+from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.shapes import Rays, single
 from lfcore.evaluation.stability.tested_tracer import ClosestHit, Found, TracerUnderTest, check_kept
@@ -19,11 +19,7 @@ from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 
 COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
-LIMITS = {
-    "coordinates": "out of range",
-    "small triangles": "too small",
-    "focus": "inside the focal length",
-}
+LIMITS = {"coordinates": "out of range", "small triangles": "too small"}
 """The documented limits (``docs/stability.md``), and the program's words beyond each."""
 NO_ANSWER = math.inf
 """The error of a method that gives no number."""
@@ -139,7 +135,7 @@ def measured(
     limit: str = "",
     condition: float = math.nan,
 ) -> Measurement:
-    """The measurement of two callables that return errors; ``ours`` may refuse a scene or a lens.
+    """The measurement of two callables that return errors; ``ours`` may refuse a scene.
 
     Other exceptions, such as a device's or a file's, pass through.
     """
@@ -147,7 +143,7 @@ def measured(
         naive_error, error, said = float(by_naive()), math.nan, ""
         try:
             error = float(ours())
-        except (SceneError, OpticsError) as refusal:
+        except SceneError as refusal:
             said = str(refusal)
     largest, unit, reason = bound
     return Measurement(

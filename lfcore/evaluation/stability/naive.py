@@ -77,21 +77,3 @@ def sphere(
         b = F(2) * (offset * directions).sum(1, dtype=F)
         c = (offset**2).sum(1, dtype=F) - F(radius) ** 2
         return (-b - np.sqrt(b * b - F(4) * a * c)) / (F(2) * a)
-
-
-def image_distance(focal_length_m: float, distance_m: float) -> float:
-    """``1 / (1/f - 1/u)`` in float32."""
-    with np.errstate(all="ignore"):
-        return float(F(1) / (F(1) / F(focal_length_m) - F(1) / F(distance_m)))
-
-
-def lens_directions(lens: np.ndarray, tangents: np.ndarray, focus_m: float) -> np.ndarray:
-    """float32 unit directions from lens points (R, 2) through tangents (R, 2) in focus at
-    ``focus_m``: the difference of two points, normalised."""
-    with np.errstate(all="ignore"):
-        distance = F(focus_m)
-        point = np.concatenate(
-            [tangents.astype(F) * distance, np.full((len(lens), 1), distance)], 1
-        )
-        away = point - np.concatenate([lens.astype(F), np.zeros((len(lens), 1), F)], 1)
-        return away / np.sqrt((away**2).sum(1, keepdims=True, dtype=F))

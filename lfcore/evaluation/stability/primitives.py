@@ -1,4 +1,4 @@
-"""Cases 1 to 4, 7 to 13, 15, 16 and 18: triangles, boxes and scenes that are hard for single rays.
+"""Cases 1 to 4, 7 to 13, 15 and 16: triangles, boxes and scenes that are hard for single rays.
 
 Edges and vertices of closed meshes, needles, grazing rays, axes, flat boxes, coplanar triangles;
 then place and size of a scene, by single rays and by blocks.
@@ -348,26 +348,18 @@ def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
 
 @sweep("8", "m", (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7))
 def triangle_sizes(tracer: TracerUnderTest, size: float) -> Iterator[Measurement]:
-    """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16."""
-    return _blocks("blocks: triangle size", tracer, Slab(CAMERA, 16, 64), size)
+    """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16.
 
-
-@sweep("18", "N", (1, 2, 5, 16, 40))
-def lens_samples(tracer: TracerUnderTest, views: int) -> Iterator[Measurement]:
-    """Triangles of 1 cm, from one lens sample (in a corner of its block) to many."""
-    return _blocks("blocks: lens samples", tracer, Slab(CAMERA, views, 64), 1e-2)
-
-
-def _blocks(case: str, tracer: TracerUnderTest, slab: Slab, size: float) -> Iterator[Measurement]:
-    """Blocks of a slab's rays at once: an arithmetic that the lone rays of others do not use.
-
-    A triangle is set up once for 16 x 16 rays, relative to their middle ray; its errors must
-    still grow with the triangle's size, and not with the block's.
+    In blocks of a slab's rays, an arithmetic that the lone rays of others do not use: a triangle is
+    set up once for 16 x 16 rays, relative to their middle ray; its errors must still grow with the
+    triangle's size, and not with the block's.
     """
-    rng = np.random.default_rng(21)
+    rng, slab = np.random.default_rng(21), Slab(CAMERA, 16, 64)
     pixels = np.unique(rng.integers(0, slab.pixels, (BLOCK_PIXELS, 2)), axis=0)
     rays = shapes.one_by_one(macropixels(slab, pixels).rays())
     aimed = rng.integers(0, len(rays[0]), 600)
     centres = rays[0][aimed] + rng.uniform(1, 3, (600, 1)) * rays[1][aimed]
     mesh = single(centres[:, None] + rng.normal(0, size, (600, 3, 3)))
-    return choice_and_depth(case, lambda *_: tracer.slab_hits(mesh, slab, pixels), mesh, rays)
+    return choice_and_depth(
+        "blocks: triangle size", lambda *_: tracer.slab_hits(mesh, slab, pixels), mesh, rays
+    )
