@@ -106,11 +106,12 @@ def error_growth(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def _growing(table: pd.DataFrame) -> list[str]:
-    """Cases with a sweep of at least four values whose naive error grows most."""
+    """Cases with a sweep of at least four values over decades whose naive error grows most."""
     found: dict[str, float] = {}
     for case, rows in table.groupby("case", sort=False):
         naive = rows.naive_error[np.isfinite(rows.naive_error) & (rows.naive_error > 0)]
-        if len(naive) >= 3 and rows.value.nunique() >= 4 and (rows.value > 0).sum() >= 4:
+        values = rows.value[rows.value > 0]
+        if len(naive) >= 3 and values.nunique() >= 4 and values.max() > 10 * values.min():
             found[str(case)] = math.log10(naive.max() / naive.min())
     return sorted(found, key=found.__getitem__, reverse=True)[:8]
 
