@@ -61,23 +61,6 @@ def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
     assert rb"caf\xe9.mkv" in done.stdout
 
 
-def test_errors_of_every_command_are_one_line(tmp_path, capsys):
-    """Of the system's, too: a folder where a file should be, and no right to write."""
-    (tmp_path / "folder.exr").mkdir()
-    (tmp_path / "folder.mkv").mkdir()
-    for words in (
-        ("imgtool", "convert", tmp_path / "folder.exr", tmp_path / "a.png"),
-        ("imgtool", "tiles", tmp_path / "folder.mkv", tmp_path / "a.exr"),
-        ("imgtool", "convert", tmp_path / "none.exr", "/proc/none/a.png"),
-        ("info", tmp_path / "folder.mkv"),
-        ("render", CHART, "-o", "/proc/none/a.png", "--pixels", "16", "--views", "2"),
-    ):
-        assert main([str(word) for word in words]) == 1
-        said = capsys.readouterr().err.splitlines()
-        assert any(name in said[-1] for name in ("folder", "none")), said
-        assert not any("Traceback" in line for line in said)
-
-
 def test_methods_and_filters(recorded, tmp_path):
     made = {}
     for method, filter in (("slicing", "nearest"), ("shift-sum", "nearest"), (None, "bilinear")):
@@ -204,43 +187,6 @@ def test_stacks(recorded, tmp_path):
     assert len(list(tmp_path.glob("s_0*_focus*.png"))) == 2
 
 
-def test_render_equals_refocusing_what_was_traced(recorded, tmp_path):
-    """Several planes of a render are formed from the very rays that ``record`` stores."""
-    planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
-    size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
-    traced, stored = tmp_path / "traced.npy", tmp_path / "stored.npy"
-    same = [*size, "--filter", "nearest"]
-    assert main(["render", str(CHART), *same, *planes, "-o", str(traced)]) == 0
-    assert main(["refocus", str(recorded), *planes, "-o", str(stored)]) == 0
-    assert np.abs(np.load(traced) - np.load(stored)).max() < 0.02  # 8-bit YCbCr against float
-    # One picture is traced at its own focus: at the recorded one, the same rays.
-    single = tmp_path / "single.npy"
-    assert main(["render", str(CHART), *same, "-o", str(single)]) == 0
-    np.testing.assert_allclose(np.load(single), np.load(traced)[1], atol=1e-4)
-
-
-@pytest.mark.kernels
-@pytest.mark.parametrize(
-    ("codec", "form", "most"),
-    [("ffv1", "gbrp", 4e-4), ("ffv1", "yuv444p10le", 4e-4), ("libx264", "yuv444p10le", 3e-3),
-     ("libx264", "yuv420p10le", 0.03)],
-)  # fmt: skip
-def test_every_pixel_format_is_traced_and_refocused(tmp_path, capsys, codec, form, most):
-    file, direct, stored = (tmp_path / name for name in ("a.mkv", "direct.npy", "stored.npy"))
-    size = ["--pixels", str(SIZE), "--views", str(VIEWS)]
-    how = ["--codec", f"{codec},pixel_format={form}", "--crf", "4"]
-    assert main(["record", str(CHART), "-o", str(file), "--depth", "none", *size, *how]) == 0
-    assert main(["info", str(file), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["metadata"]["layout"]["pixel_format"] == form
-    assert main(["info", str(file)]) == 0
-    assert ("crf 4" in capsys.readouterr().out) == (codec != "ffv1")
-    planes = ["--plane", "focus=1", "--plane", "focus=1.33"]
-    same = [*size, "--filter", "nearest"]
-    assert main(["render", str(CHART), *same, *planes, "-o", str(direct)]) == 0
-    assert main(["refocus", str(file), *planes, "-o", str(stored)]) == 0
-    assert np.abs(np.load(direct) - np.load(stored)).mean() < most
-
-
 NO_DEVICE = "--device: no OpenCL device is named like 'nosuch'"
 REFUSED = [
     ("refocus FILE --f-number 0.5 -o a.png", "wider than the lens"),
@@ -272,21 +218,22 @@ REFUSED = [
     ("depth --lightfield FILE -o a.png", "scene: holds no depth. Give the scene"),
     ("render CHART --views 0 -o a.png", "argument --views: "),
     ("render CHART --pixels 0 -o a.png", "argument --pixels: "),
-    ("render CHART --pixels -4 -o a.png", "argument --pixels: "),
     ("render CHART --subpixels -1 -o a.png", "argument --subpixels: "),
     ("render CHART --quality-db nan -o a.png", "argument --quality-db: "),
     ("render CHART --focus 0 -o a.png", "argument --focus: "),
     ("render CHART --samples 0 -o a.png", "argument --samples: "),
     ("render CHART --samples 4:0 -o a.png", "argument --samples: "),
-    ("record CHART --pixels 0 -o a.png", "argument --pixels: "),
     ("record CHART --views 1.5 -o a.png", "argument --views: "),
     ("record CHART --focus-range 1 -2 -o a.png", "argument --focus-range: "),
     ("record CHART --crf 99 -o a.png", "argument --crf: "),
     ("record CHART --codec ffv2 -o a.png", "argument --codec: "),
     ("record CHART --codec ffv1,pixel_format=rgb -o a.png", "argument --codec: "),
     ("import x --codec ffv1,layout=views -o a.png", "argument --codec: "),
-    ("depth CHART --pixels 0 -o a.png", "argument --pixels: "),
-    ("plenoptic CHART --views 0 -o a.png", "argument --views: "),
+    ("plenoptic CHART --pixels 8 --views 2 --view 0 2 b.png -o a.png", "from 0 to 1"),
+    ("imgtool convert FOLDER -o a.png", "FOLDER"),
+    ("imgtool tiles FOLDER -o a.exr", "FOLDER"),
+    ("info FOLDER", "FOLDER"),
+    ("render CHART --pixels 16 --views 2 -o /proc/none/a.png", "/proc/none"),
     ("view x.mkv --grid 0 -o a.png", "argument --grid: "),
     ("view x.mkv --jpeg-quality 101 -o a.png", "argument --jpeg-quality: "),
     ("refocus x.mkv --f-number 0views -o a.png", "argument --f-number: "),
@@ -311,7 +258,8 @@ def test_what_cannot_be_is_said_in_one_line_and_leaves_no_file(
     (tmp_path / "in").mkdir()
     cut = tmp_path / "in" / "cut.mkv"
     cut.write_bytes(recorded.read_bytes()[:-2000])
-    places = {"FILE": str(recorded), "CUT": str(cut), "CHART": str(CHART / "scene.yaml")}
+    places = {"FILE": str(recorded), "CUT": str(cut), "CHART": str(CHART / "scene.yaml"),
+              "FOLDER": str(tmp_path / "in")}  # fmt: skip
     monkeypatch.chdir(tmp_path)
     try:
         status = main([places.get(word, word) for word in line.split()])
@@ -331,20 +279,6 @@ def test_rays_of_whole_subpixels_are_counted(tmp_path, capsys):
     assert told["steps"][0]["rays"] == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
     assert main(["render", str(CHART), "--quality-db", "30", *out]) == 0
     assert "dB expected" in capsys.readouterr().err
-
-
-@pytest.mark.kernels
-def test_a_pinhole_has_no_focus(tmp_path):
-    made = []
-    for focus in ("1", "2"):
-        out = tmp_path / f"{focus}.exr"
-        options = ["--views", "1", "--filter", "nearest", "--focus", focus, "--pixels", "16"]
-        assert main(["render", str(CHART), *options, "-o", str(out)]) == 0
-        made.append(read_exr_picture(out))
-    np.testing.assert_allclose(made[0], made[1], atol=1e-4)
-    out = tmp_path / "lens.exr"
-    assert main(["render", str(CHART), "--focus", "1", "--pixels", "16", "-o", str(out)]) == 0
-    assert np.abs(read_exr_picture(out) - made[0]).max() > 0.03
 
 
 @pytest.mark.parametrize("command", ["render", "imgtool tiles"])

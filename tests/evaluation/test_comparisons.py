@@ -1,11 +1,9 @@
 """What our pictures stand beside: camera arrays, plenoptic cameras, other renderers, less of us."""
 
 import dataclasses
-import math
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -34,7 +32,6 @@ from lfcore.evaluation.plenoptic_figure import detail, panels, plenoptic_sheet, 
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of
 from lfcore.opencl.device import open_device
-from lfcore.optics.lens_system import LensSystem
 from lfcore.pictures import write_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
@@ -348,7 +345,6 @@ def test_an_overview_averages():
 
 
 GRID = {"bounds_m": [-1, 1, -2, 2], "fov_deg": 40}
-LENS = Path(__file__).parents[2] / "scenes" / "lenses" / "double_gauss.dat"
 
 
 def scene(**changes):
@@ -371,12 +367,3 @@ def test_a_scene_s_own_array_goes_first():
 def test_no_array_at_all():
     with pytest.raises(SceneError, match=r"has no camera array.*assignment\.arrays"):
         array_of(scene(), None, 16, 64)
-
-
-def test_a_lens_stopped_down_has_a_larger_f_number():
-    lens = LensSystem.read(LENS).focused(math.inf)
-    stop = 2 * float(lens.aperture_m[lens.radius_m == 0][0])
-    half, quarter = (lens.stopped_down(stop / part).working_f_number for part in (2, 4))
-    assert quarter == pytest.approx(2 * half, rel=0.05)
-    # Wide open other surfaces cut the cone, so that closing by one stop closes less.
-    assert lens.working_f_number < half < 2 * lens.working_f_number

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from plain_scenes import CHART
 
 from lfcore import Camera, CameraArray, OpticsError, SensorPlane, Slab
-from lfcore.cli import main
 from lfcore.optics import bundles
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture, sub_apertures
@@ -169,15 +168,6 @@ def test_photograph_and_what_is_made_of_it():
     # 8-bit YCbCr and 8-bit RGB between: one code of red is up to 0.01 of linear light.
     assert np.abs(made - direct).max() < 0.02
     assert np.abs(made - direct).mean() < 0.002
-
-
-def test_command(tmp_path):
-    names = [str(tmp_path / name) for name in ("photo.png", "near.exr", "corner.ppm")]
-    command = ["plenoptic", str(CHART), "-o", names[0], "--pixels", "32", "--views", "4"]
-    more = ["--refocus", "1.0", names[1], "--view", "0", "3", names[2]]
-    assert main([*command, *more]) == 0
-    assert len(list(tmp_path.iterdir())) == 3
-    assert main([*command, "--view", "0", "4", names[2]]) == 1
 
 
 # A symmetric biconvex singlet of index 1.5 with a stop behind it.

@@ -29,12 +29,6 @@ def test_rays_start_on_the_lens_and_meet_in_the_focal_plane():
         np.testing.assert_allclose(focused[pixel], np.tile(expected, (4, 4, 1)), rtol=1e-5)
 
 
-def test_focus_at_infinity_gives_parallel_rays():
-    camera = dataclasses.replace(CAMERA, focus_m=np.inf)
-    _, directions = slab_rays(Slab(camera, 4, 6), [[1, 4]])
-    assert (directions == directions[0, 0, 0]).all()
-
-
 def test_depth_and_picture_of_a_wall():
     hits = slab_hits(scene(wall(3)), SLAB, [[0, 0], [5, 3]])
     np.testing.assert_allclose(hits.t, 3.0)

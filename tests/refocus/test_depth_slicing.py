@@ -138,7 +138,6 @@ def test_a_blurred_edge_has_no_weave_in_a_larger_picture(pixels):
     ]
     for picture in sliced(views, planes, pixels, *seen(views, [card, wall]))[..., 0]:
         rows = picture[pixels // 4 : -pixels // 4]
-        print(np.ptp(rows, axis=0).max())
         assert np.ptp(rows, axis=0).max() < 0.01 and np.ptp(rows) > 0.9
 
 

@@ -1,6 +1,5 @@
 """The fault injector and the throw-away SLURM, and a short form of `make faults`."""
 
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,7 +11,6 @@ import pytest
 from robustness import cluster, disks, faults, kills
 from robustness.cluster import Run, digests
 from robustness.disks import Writer
-from robustness.local_slurm import local_slurm, missing
 
 pytestmark = pytest.mark.slow
 
@@ -107,29 +105,6 @@ JOB = {
     "begun": "2026-01-01T00:00:02", "ended": "2026-01-01T00:00:12", "limit": "10:00",
     "memory": "3000M", "comment": "rule_trace",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def slurm(tmp_path_factory):
-    if absent := missing():
-        pytest.skip(f"{', '.join(absent)} not found")
-    folder = Path(f"/tmp/lft{os.getpid()}")  # SLURM's sockets want a short name
-    folder.mkdir(mode=0o755)
-    try:
-        with local_slurm(folder / "s", cores=1, memory_mib=2000) as slurm:
-            yield slurm
-    finally:
-        import shutil
-
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def test_a_node_dies_and_comes_back(slurm):
-    state = ("sinfo", "-h", "-o", "%T")
-    slurm.kill_node()
-    assert slurm.command(*state).strip() == "down"
-    slurm.revive_node()
-    assert slurm.command(*state).strip() == "idle"
 
 
 def a_run(**more):

@@ -172,13 +172,6 @@ def test_chroma_is_the_mean_of_four(name):
         assert abs(float(planes[2][f, y, x]) - mean[2]) <= 0.51
 
 
-def test_constant_colour_survives_subsampling():
-    rgb = np.full((1, 8, 8, 3), (0.2, 0.5, 0.9), np.float32)
-    frames = frames_from_rgb(rgb, "yuv420p10le")
-    back = rgb_from_frames(frames, "yuv420p10le", 8, 8)
-    np.testing.assert_allclose(back, rgb, atol=2e-3)
-
-
 def test_linear_chroma_is_sited_in_the_centre():
     """A ramp of colour comes back straight, without a shift, away from the border."""
     ramp = np.linspace(0.2, 0.8, 32, dtype=np.float32)

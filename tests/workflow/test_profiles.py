@@ -37,20 +37,16 @@ def parsed(*profiles):
 
 
 @pytest.mark.workflow
-def test_every_key_of_every_profile_is_an_option():
+def test_every_key_of_every_profile_is_an_option(tmp_path):
     profiles = sorted((ROOT / "profiles").iterdir())
     assert {profile.name for profile in profiles} == {"default", *PLUGINS}
     for profile in profiles:
         needed(profile.name)
     done = parsed(*profiles)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.workflow
-def test_a_key_that_is_no_option_is_found(tmp_path):
     (tmp_path / "config.yaml").write_text("no-such-option: 1\n")
-    done = parsed(tmp_path)
-    assert done.returncode and "no-such-option" in done.stderr
+    wrong = parsed(tmp_path)
+    assert wrong.returncode and "no-such-option" in wrong.stderr
 
 
 @pytest.mark.workflow
