@@ -30,15 +30,14 @@ from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
 from lfcore.refocus.views import read_views
-from lfcore.rendering.depth import all_in_focus, all_samples, check_samples, depth_of_views
-from lfcore.rendering.prepared import open_dark_tracer
-from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.labelled import MadeViews, labelled_views
-from lfcore.viewer.page import ViewerPage, viewer_page
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # what most uses of a file do without is imported where it is used
     import xarray
+
+    from lfcore.scene.model import Scene
+    from lfcore.viewer.page import ViewerPage
 
 Progress = Callable[[int, int], None]
 
@@ -376,6 +375,9 @@ class LightField(FieldPlanes):
         OpticsError
             Samples outside the lens, or neither a scene nor depth in the file.
         """
+        from lfcore.rendering.depth import check_samples, depth_of_views
+        from lfcore.rendering.prepared import open_dark_tracer
+
         slab = self.made_views
         if scene is None:
             return self._stored_depth(check_samples(slab, samples), progress)
@@ -421,6 +423,9 @@ class LightField(FieldPlanes):
             (height, width, 3) float32, linear light, as of
             :func:`lfcore.rendering.depth.all_in_focus`.
         """
+        from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
+        from lfcore.rendering.prepared import open_dark_tracer
+
         if self.metadata.depth is not None:
             return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
         if scene is None:
@@ -474,6 +479,8 @@ class LightField(FieldPlanes):
         ViewerPage
             A notebook shows it in a frame; ``save(path)`` writes it.
         """
+        from lfcore.viewer.page import viewer_page
+
         return viewer_page(
             self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
             device=device, progress=progress,

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 import lfcore
 from lfcore.cli import values
@@ -174,6 +173,8 @@ def _words(text: str) -> dict[str, Any]:
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:
+    import yaml  # loaded for files of planes alone
+
     try:
         text = path.read_text(encoding="utf-8")
         rows = list(csv.DictReader(text.splitlines())) if path.suffix.lower() == ".csv" else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +17,13 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import Geometry
 from lfcore.optics.slab import Extent, Slab
 from lfcore.refocus.array.stored import store_array
-from lfcore.scene.files import scene_digest
-from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import MOST_LIGHT
 from lfcore.storage.views_store import store_views
+
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
 
 CODES = (np.uint8, np.uint16)
 
@@ -38,6 +40,8 @@ def store_arrays(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """Write ``views`` to ``path``; parameters and errors as of :meth:`LightField.from_views`."""
+    from lfcore.scene.files import scene_digest
+
     views, encoding = np.asarray(views), encoding or Encoding()
     if isinstance(geometry, CameraArray) and views.ndim == 3:
         views = geometry.tiles(views)

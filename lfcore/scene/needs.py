@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
-from lfcore.scene.model import Scene
+
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
 
 MOST_STOPS = 16
 """Sums of planes and stored light fields hold up to 2^16 times white."""

@@ -13,17 +13,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import SceneError, StorageError
-from lfcore.exr import read_exr_picture
 from lfcore.pictures import by_opencv
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.colour import parse_colour
 from lfcore.scene.limits import BRIGHTEST
-from lfcore.scene.model import Scene
-from lfcore.scene.reading import read_bytes
+
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
 
 MOST_TEXELS = 2**26
 LARGEST_FILE = 1 << 30
@@ -192,6 +193,8 @@ def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:
     Raises :class:`SceneError` for a file that is missing, damaged, too large, no panorama, or has
     values that are no light.
     """
+    from lfcore.exr import read_exr_picture  # these two for files alone
+    from lfcore.scene.reading import read_bytes
 
     def refuse(problem: str, remedy: str) -> SceneError:
         return SceneError(f"{str(path)!r} {problem}", file=file, key=key, remedy=remedy)
