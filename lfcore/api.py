@@ -261,10 +261,7 @@ def render(
 
 
 def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
-    """The lattice that :func:`render` traces.
-
-    Raises :class:`OpticsError` for an unknown filter, or displaced views with ``nearest``.
-    """
+    """The lattice that :func:`render` traces."""
     if filter not in FILTERS:
         remedy = f"Use one of {FILTERS}"
         raise OpticsError(f"unknown filter {filter!r}", key="filter", remedy=remedy)
@@ -355,10 +352,7 @@ def _wanted_planes(
 
 
 def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
-    """The scene's camera, with the widest aperture of ``planes``: a scene knows all its light.
-
-    Raises :class:`OpticsError` without planes, or for one that the lens cannot form.
-    """
+    """The scene's camera, with the widest aperture of ``planes``: a scene knows all its light."""
     if not planes:
         raise OpticsError("no planes were asked for", key="planes")
     widest = min(plane.f_number for plane in planes)
@@ -505,9 +499,8 @@ def recorded_lens(
 ) -> tuple[Scene, Camera, dict[str, Any]]:
     """The scene, the camera that :func:`record` traces, and what the file says of its lens.
 
-    A pinhole gets a lens unless one is asked for: all its views are the same.  The extent of the
-    picture stays.  Raises :class:`OpticsError` for a focus inside the focal length or a picture
-    without extent.
+    A pinhole gets a lens unless one is asked for: all its views are the same. The extent of the
+    picture stays.
     """
     content = {}
     if f_number is None and more.get("blur") is None and scene.is_pinhole:
@@ -552,10 +545,7 @@ def _planned(
 
 
 def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:
-    """Whether :func:`record` stores depth, and the lattice that it traces.
-
-    Raises :class:`OpticsError` for displaced views without depth.
-    """
+    """Whether :func:`record` stores depth, and the lattice that it traces."""
     if depth is not False:
         return True, views if isinstance(views, Lattice) else Lattice(views_to_trace(views))
     if not isinstance(views, Lattice):

@@ -10,11 +10,9 @@ from lfcore.errors import StorageError
 
 
 def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = False) -> bytes:
-    """An EXR file of ``image`` (H, W, 3), of linear light, or of (H, W) depths, channel Z.
+    """An EXR file of ``image`` (H, W, 3), linear light, or (H, W) depths, channel Z.
 
-    ``header`` has further attributes of OpenEXR's; ``half`` stores 16-bit floats.  In memory:
-    writing by a name, the library does not notice a full disk.
-    Raises :class:`StorageError` for an image of another shape.
+    In memory: writing by a name, the library does not notice a full disk.
     """
     if image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
         raise StorageError(f"a picture is (H, W, 3) or (H, W), not {image.shape}")

@@ -40,10 +40,10 @@ _lock = threading.Lock()
 
 
 class WholeFile:
-    """A binary file that is being written: what a program that takes a file object needs.
+    """A binary file that is being written.
 
-    It has no ``fileno``, so that numpy, Pillow and others write by :meth:`write` alone, whose
-    failure is an exception, and not beside it, where a full disk may pass unseen.
+    It has no ``fileno``, so that numpy, Pillow and others write by :meth:`write`, whose failure is
+    an exception, and not beside it, where a full disk may pass unseen.
     """
 
     def __init__(self, file: BinaryIO):
@@ -97,8 +97,7 @@ class WholeFile:
 def whole_file(path: str | Path) -> Iterator[WholeFile]:
     """A binary file that takes the name ``path`` when the block ends without an exception.
 
-    After an exception nothing is left, and a file of that name is as it was.  Raises
-    :class:`StorageError` with the file's name when it cannot be created, written or finished.
+    After an exception nothing is left, and a file of that name is as it was.
     """
     path = Path(path)
     with _held_draft(path) as draft:
@@ -145,10 +144,7 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_arrays(path: str | Path, what: str, read: Callable[[Any], Read]) -> Read:
-    """What ``read`` makes of the arrays of an npz file.
-
-    Raises :class:`LfcoreError` unless it is a whole ``what``.
-    """
+    """What ``read`` makes of the arrays of an npz file."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             return read(archive)

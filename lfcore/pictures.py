@@ -225,8 +225,7 @@ def _label_strips(labels: Sequence[str], width: int) -> np.ndarray:
 def read_codes(path: str | Path) -> np.ndarray:
     """(H, W, 3) RGB of a picture file: uint8 or uint16 codes, float32 of HDR and the like.
 
-    Transparency is dropped, and grey is repeated.  Raises :class:`LfcoreError` when the file is
-    missing, cut short, or cannot be decoded.
+    Transparency is dropped, and grey is repeated.
     """
     path = Path(path)
     try:

@@ -59,11 +59,8 @@ def clocked_warm(
     *,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[Result, float]:
-    """As :func:`clocked`, of the second run where the first is short or made programs.
-
-    ``programs`` counts those that this process has built or read so far.  A first run that is
-    long, and has found all its programs made, is as good as a second.
-    """
+    """As :func:`clocked`, of the second run where the first is short or made ``programs``, which
+    counts those that this process has built or read."""
     result, timing = measure_within(work, SHORT_SECONDS, programs, repeats=1, clock=clock)
     return result, timing.median
 
@@ -93,11 +90,10 @@ def measure_within(
     repeats: int,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[Result, Timing]:
-    """The result of ``work``, and seconds of its repeats.
+    """The result of ``work``, and seconds of its repeats: ``repeats`` where it is short, as often
+    as the budget allows else.
 
-    The first run counts where it is longer than its share of the budget and made no programs, of
-    which ``programs`` counts those that were built or read so far.  Short runs repeat ``repeats``
-    times; longer ones as often as the budget allows.
+    The first run counts where it is longer than its share of the budget and built no programs.
     """
     before = programs()
     result, first = clocked(work, clock=clock)

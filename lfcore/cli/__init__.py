@@ -45,8 +45,7 @@ EPILOG = """examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status.
 
-    A user's errors are one line on standard error, with status 1.  As the program itself
-    (``argv`` None) an interruption ends the process at once, also while a kernel runs.
+    A user's errors are one line on standard error, with status 1.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if argv is None:

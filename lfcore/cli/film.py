@@ -23,10 +23,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
-    """Whether to expose the scene's own film instead of tracing a slab.
-
-    Raises :class:`OpticsError` for options of the film where there is none, or of both.
-    """
+    """Whether to expose the scene's own film instead of tracing a slab."""
     slab, film = flags(arguments, *SLAB_OPTIONS), flags(arguments, *FILM_OPTIONS)
     slab += ["--codec"] if "layout" in getattr(arguments, "codec", {}) else []
     if film and (slab or scene.view is None):

@@ -70,10 +70,7 @@ def add_geometry(command: argparse.ArgumentParser) -> None:
 def geometry(
     arguments: argparse.Namespace, recorded: CameraArray | None, shape: tuple[int, ...]
 ) -> CameraArray:
-    """The array from the header, from flags, or both where they agree.
-
-    Raises :class:`OpticsError` for a contradiction, naming the flag.
-    """
+    """The array from the header, from flags, or both where they agree."""
     flags = given(arguments, "camsperdim", "griddim", "inputfov", "spacing")
     if recorded is not None:
         _check_agreement(flags, recorded, arguments.input)
@@ -147,10 +144,7 @@ def tiles(arguments: argparse.Namespace) -> None:
 
 
 def convert(arguments: argparse.Namespace) -> None:
-    """Write a linear EXR as an 8-bit sRGB picture.
-
-    Raises :class:`LfcoreError` when either file is at fault.
-    """
+    """Write a linear EXR as an 8-bit sRGB picture."""
     from lfcore.exr import read_exr_picture
 
     path = output(arguments)
@@ -274,10 +268,7 @@ def lens(text: str) -> tuple[Path, dict[str, float]]:
 
 
 def lightfield(arguments: argparse.Namespace) -> None:
-    """Synthesise and write a picture.
-
-    Raises :class:`LfcoreError` for flags that contradict the header, each other or the picture.
-    """
+    """Synthesise and write a picture."""
     from lfcore.refocus.array.device_field import DeviceField
     from lfcore.refocus.array.virtual_camera import VirtualCamera
 
@@ -303,8 +294,7 @@ def lightfield(arguments: argparse.Namespace) -> None:
 def chosen_method(arguments: argparse.Namespace) -> str:
     """``isaksen``, ``montecarlo``, ``quadrature`` or ``realistic``.
 
-    The tool of 2019-2022 knew the thin lens alone, so its own options choose it.  Raises
-    :class:`OpticsError` for options of different methods.
+    The tool of 2019-2022 knew the thin lens alone, so its own options choose it.
     """
     by_rule = arguments.sampler is not None and arguments.sampler[0] == QUADRATURE
     asked = {QUADRATURE: by_rule, "realistic": arguments.lens is not None,

@@ -35,10 +35,9 @@ def ending(interrupt: KeyboardInterrupt) -> tuple[str, int]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """While the block runs, a signal ends the process within seconds.
+    """While the block runs in the main thread, a signal ends the process within seconds.
 
-    At first the block gets :class:`KeyboardInterrupt` or :class:`Terminated`.  Does nothing outside
-    the main thread, which alone may handle signals.
+    At first the block gets :class:`KeyboardInterrupt` or :class:`Terminated`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

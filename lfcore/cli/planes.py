@@ -85,10 +85,7 @@ def settings(arguments: argparse.Namespace, *names: str) -> dict[str, dict[str, 
 def read_planes(
     arguments: argparse.Namespace, source: lfcore.LightField | lfcore.Scene
 ) -> list[SensorPlane]:
-    """The planes of the options, of a light field or of a scene.
-
-    Raises :class:`LfcoreError` with the flag, or the file's row, of settings that make no plane.
-    """
+    """The planes of the options, of a light field or of a scene."""
     asked: list[tuple[dict[str, Any], str | None, Path | None]] = []
     for text in arguments.plane:
         if "=" in text:

@@ -23,8 +23,7 @@ _records: list[dict[str, Any]] = []
 def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Callable[[int, int], None]]:
     """Yield ``report(done, total)``, which draws a bar on a terminal; ends with a line of seconds.
 
-    ``rays`` is the number of rays traced in all: the last line reports their rate.  Seconds in
-    which OpenCL programs are built count separately.
+    The line has the rate of ``rays``, where given, without the seconds of OpenCL builds.
     """
     begun, builds = time.perf_counter(), _Builds()
     with _bar(what, unit, builds) as report, watching(builds):

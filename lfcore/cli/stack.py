@@ -196,10 +196,7 @@ def _make_in_blocks(
 
 
 def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> list[SensorPlane]:
-    """Every focus distance at every f-number.
-
-    Raises :class:`OpticsError` for too many planes, and where the range of depths is not known.
-    """
+    """Every focus distance at every f-number."""
     lens = arguments.f_number or [{}]
     steps = SHEET_STEPS if arguments.sheet else STEPS
     # Without distances: through the whole scene, or as recorded for a stack of apertures.

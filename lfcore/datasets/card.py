@@ -121,13 +121,7 @@ def write_card(
     path: str | Path, description: Description, found: Mapping[str, Path], *, command: str,
     commit: str,
 ) -> None:  # fmt: skip
-    """Write Croissant's JSON-LD.
-
-    Parameters
-    ----------
-    found : the tables' files, beside the card.
-    command, commit : what made the data set.
-    """
+    """Write Croissant's JSON-LD for the tables' files ``found``, which are beside the card."""
     objects = [
         {"@type": "cr:FileObject", "@id": file.name, "name": file.name, "contentUrl": file.name,
          "encodingFormat": "text/csv", "sha256": file_digest(file)} for file in found.values()

@@ -67,11 +67,7 @@ class Item:
 
 
 def make_item(description: Description, index: int, device: Device | str | None = None) -> Item:
-    """Sample, trace and encode scene ``index``.
-
-    Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item: a mesh that
-    cannot be read, too little to see, or a quality beyond the budget.
-    """
+    """Sample, trace and encode scene ``index``."""
     item = Item()
     with item.watch.part("scene"):
         scene, names = sample(description, index)
@@ -123,10 +119,7 @@ def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray
 def formed(
     of: Description, tracer: Tracer, focus: list[float]
 ) -> tuple[Rendering, list[float]]:  # fmt: skip
-    """Pictures of the wanted quality at these distances.
-
-    A margin, which is cut off, lets all of the lens see the border.
-    """
+    """Pictures of the wanted quality at these distances, of a wider field that is cut."""
     camera = tracer.scene.camera
     planes = [SensorPlane(distance, camera.f_number) for distance in focus]
     reach = max(abs(plane.delta - camera.delta) for plane in planes) * camera.lens_radius_m
@@ -262,7 +255,6 @@ def make_batch(
 ) -> list[dict]:
     """Make scenes ``indices``: a tar file of all, and their records as JSON.
 
-    A record has what is known of an item and its ``seconds``, or why a scene was ``refused``.
     Scenes that are whole in the folder ``drafts`` are not made again; it is gone at the end.
     """
     indices, drafts, made = list(indices), Path(drafts), []

@@ -33,8 +33,7 @@ EDGE_PX = 1.0
 def focus_measure(picture: np.ndarray) -> np.ndarray:
     """(H, W) sum-modified Laplacian of a picture (H, W, 3) of sRGB-encoded values.
 
-    Source: Pertuz, Puig, Garcia, "Analysis of focus measure operators for shape-from-focus",
-    Pattern Recognition 2013, LAP2.
+    Source: Pertuz, Puig, Garcia, Pattern Recognition 2013, LAP2.
     """
     grey = cv2.cvtColor(np.ascontiguousarray(picture, np.float32), cv2.COLOR_RGB2GRAY)
     kernel = np.array([[-1, 2, -1]], np.float32)
@@ -43,11 +42,8 @@ def focus_measure(picture: np.ndarray) -> np.ndarray:
 
 
 def depth_from_focus(stack: np.ndarray, focus_m: Sequence[float]) -> np.ndarray:
-    """(H, W) inverse depth, 1/m, of the sharpest of (P, H, W, 3) pictures.
-
-    A parabola through the logarithm of three measures refines it (Nayar and Nakagawa, 1994, with a
-    Gaussian), in dioptres.
-    """
+    """(H, W) inverse depth, 1/m, of the sharpest of (P, H, W, 3) pictures, refined by a parabola
+    through the logarithm of three measures (Nayar and Nakagawa, 1994, with a Gaussian)."""
     measures = np.log(np.stack([focus_measure(picture) for picture in stack]) + 1e-6)
     inverse, best = 1 / np.asarray(focus_m), measures.argmax(0)
     middle = best.clip(1, len(stack) - 2)
@@ -67,11 +63,8 @@ def depth_from_focus(stack: np.ndarray, focus_m: Sequence[float]) -> np.ndarray:
 def plane_sweep(views: Mapping[tuple[int, int], np.ndarray], disparities: np.ndarray) -> np.ndarray:
     """(H, W) disparity, pixels per view, at which views agree best with the middle one.
 
-    ``views`` are (H, W) grey by columns and rows from the middle, (0, 0); a point moves against
-    them (:func:`lfcore.rendering.depth.disparity`).  ``disparities`` are tried, evenly, and a
-    parabola through three costs refines the best.
-
-    Source: Collins, "A space-sweep approach to true multi-image matching", CVPR 1996.
+    ``views`` are (H, W) grey by columns and rows from the middle, (0, 0). Source: Collins, "A
+    space-sweep approach to true multi-image matching", CVPR 1996.
     """
     middle, costs = views[0, 0], []
     height, width = middle.shape
@@ -94,12 +87,8 @@ def plane_sweep(views: Mapping[tuple[int, int], np.ndarray], disparities: np.nda
 
 
 def blurred_by_layers(sharp: np.ndarray, blur_px: np.ndarray) -> np.ndarray:
-    """(H, W, 3) linear light: the usual imitation of a lens.
-
-    The sharp picture (H, W, 3), linear light, is cut into layers by ``blur_px``, the signed
-    diameter of blur; each is blurred by a Gaussian of the variance of that disc and laid over what
-    is behind it.
-    """
+    """(H, W, 3) linear light: layers of the sharp picture by ``blur_px``, the signed diameter of
+    blur, each blurred by a Gaussian of that disc's variance and laid over what is behind it."""
     edges = np.linspace(blur_px.min() - 1e-6, blur_px.max() + 1e-6, LAYERS + 1)
     layer = np.digitize(blur_px, edges) - 1
     out = np.zeros_like(sharp)

@@ -43,10 +43,7 @@ def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
 
 
 def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
-    """``files[row][column]`` by the two numbers at the end of each name; None if a name has none.
-
-    Raises :class:`ExchangeError` when a view is missing or is there twice.
-    """
+    """``files[row][column]`` by the two numbers that end each name; None if one has none."""
     found = [(file, match) for file in files if (match := _TWO.search(file.stem))]
     if len(found) < len(files):
         return None
@@ -79,10 +76,7 @@ def full_grid(
 def in_order(
     files: list[Path], folder: Path, grid: tuple[int, int] | None, order: Order
 ) -> list[list[Path]]:
-    """``files[row][column]`` by the order of the names.
-
-    Raises :class:`ExchangeError` when the grid has another number of views.
-    """
+    """``files[row][column]`` by the order of the names."""
     if grid is None:
         side = math.isqrt(len(files))
         if side * side != len(files):

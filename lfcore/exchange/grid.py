@@ -146,8 +146,7 @@ class WriteOptions:
 def grid_of_values(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
     """The grid of an array (rows, columns, height, width, channels).
 
-    Integers are sRGB codes, floating values sRGB-encoded in [0, 1].  Raises
-    :class:`ExchangeError` for anything else.
+    Integers are sRGB codes, floating values sRGB-encoded in [0, 1].
     """
     if values is None:
         remedy = "Name it: --format mat:NAME, or hdf5:NAME"

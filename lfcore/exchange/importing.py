@@ -124,11 +124,8 @@ def store_grid(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
-    """Encode all views of ``grid`` into the light field file ``path``, one a frame.
-
-    Views are read once, one at a time.  ``progress`` is called with (views done, of all).
-    Raises :class:`StorageError` when a view or the file fails; no file is left then.
-    """
+    """Encode all views of ``grid``, each read once, into the light field file ``path``, one a
+    frame."""
     slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
     read = partial(_checked, grid)
     return store_views(

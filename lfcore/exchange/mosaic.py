@@ -19,10 +19,7 @@ def recognise(path: Path) -> bool:
 
 
 def divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[], np.ndarray]]:
-    """Width and height of each view in a picture of them all, and a function that reads it.
-
-    Raises :class:`ExchangeError` for a picture that so many views do not divide.
-    """
+    """Width and height of each view in a picture of them all, and a function that reads it."""
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
         raise ExchangeError(

@@ -51,8 +51,7 @@ def size_of(path: Path) -> tuple[int, int]:
 def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
     """(h, w, 3) uint8 or uint16 codes, or float32 sRGB-encoded values of an EXR's linear light.
 
-    Grey is repeated and an alpha channel left out.  Raises :class:`ExchangeError` for a file that
-    is missing, cut short, no picture, or not of ``size`` (width, height).
+    Grey is repeated and an alpha channel left out.
     """
     suffix = path.suffix.lower()
     if suffix == ".exr":
@@ -78,10 +77,7 @@ def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
 
 
 def read_ppm(path: Path) -> np.ndarray:
-    """(h, w, 3) of a binary PPM: uint8, or uint16 scaled to the full range of 16 bits.
-
-    Raises :class:`ExchangeError` for another file, or one that is cut short.
-    """
+    """(h, w, 3) of a binary PPM: uint8, or uint16 scaled to the full range of 16 bits."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -111,10 +107,7 @@ def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
 
 
 def read_pfm(path: Path) -> np.ndarray:
-    """(h, w) or (h, w, 3) float32 of a Portable FloatMap, first row on top.
-
-    Raises :class:`ExchangeError` for another file, or one that is cut short.
-    """
+    """(h, w) or (h, w, 3) float32 of a Portable FloatMap, first row on top."""
     try:
         with path.open("rb") as file:
             kind, size, factor = file.readline().strip(), file.readline(), file.readline()

@@ -30,11 +30,7 @@ class PosedGrid:
 
 
 def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid:
-    """Sort cameras (K, 4, 4), camera to world with OpenGL's axes, into a grid.
-
-    Raises :class:`ExchangeError`, naming a camera, for cameras that are turned against one
-    another, are not in one plane or leave a place of the grid empty.
-    """
+    """Sort cameras (K, 4, 4), camera to world with OpenGL's axes, into a grid."""
     if not (np.abs(poses) < _FARTHEST).all():
         raise ExchangeError("holds poses that are not finite", file=file)
     turn = poses[0, :3, :3] / np.maximum(np.linalg.norm(poses[0, :3, :3], axis=0), 1e-30)
@@ -95,8 +91,8 @@ def views(
 ) -> ViewGrid:
     """The light field of pictures with poses (K, 4, 4), as for :func:`on_a_plane`.
 
-    ``centres`` (K, 2) are principal points from the corner of the top left pixel, ``focal`` is the
-    focal length, both in pixels; ``described`` is the file that holds them.
+    ``centres`` (K, 2) are principal points from the top left corner, ``focal`` the focal length,
+    pixels.
     """
     grid = on_a_plane(poses, described, [file.name for file in files])
     size = pictures.size_of(files[0])

@@ -87,16 +87,11 @@ class Truth:
 
 
 class Source:
-    """The views of ``field`` in a selection.
+    """The views of ``field`` in a selection, with their geometry, None where it is not known.
 
-    Attributes
-    ----------
-    columns, rows, width, height : of the selection.
-    free : what makes the views by depth; None where they are stored.
-    geometry : of the selection; None where the file does not hold one.
-    columns_m, rows_m : positions of the cameras in camera space (y down), metres.
-    axis_px : (x, y) of the optical axis in the picture of a camera at the origin, counted from the
-        corner of the top left pixel.
+    ``columns_m`` and ``rows_m`` are the cameras' positions (y down); ``axis_px`` is the optical
+    axis in the picture of a camera at the origin, from the corner of the top left pixel; ``free``
+    makes views by depth.
     """
 
     def __init__(
@@ -271,10 +266,7 @@ class Source:
 
 def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, int] | None:
     """Indices of the chosen columns and rows of stored views, from the middle of all, and the step
-    between them.  None where the views are made by depth.
-
-    Raises :class:`ExchangeError` for views that a file without depth does not hold.
-    """
+    between them. None where the views are made by depth."""
     has_depth, slab = field.metadata.depth is not None, field.require_slab()
     recorded = None, slab.pixels, slab.size
     if field.displaced or (has_depth and selection.pixels not in recorded):
@@ -323,10 +315,7 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
 
 def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, float]:
     """Positions of columns and rows in metres, and the distance between neighbours: from the
-    outermost recorded views, where no other distance is given.
-
-    Raises :class:`ExchangeError` for views outside the lens.
-    """
+    outermost recorded views, where no other distance is given."""
     slab, baseline = field.require_slab(), selection.baseline_m
     width = (slab.views - 1) * slab.lens_pitch_m
     default = int(width / baseline + 1 + _ON_STEP) if baseline else field.views_to_serve

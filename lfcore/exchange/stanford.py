@@ -55,11 +55,8 @@ def named_pictures(folder: Path) -> list[Named]:
 
 @dataclass(frozen=True)
 class Placed:
-    """``files[row][column]`` with the step between cameras, in the names' unit.
-
-    ``step`` is None where steps differ too much; ``off`` is the largest distance of a camera from
-    its place on an even grid, in steps.
-    """
+    """``files[row][column]``, and the step between cameras, None where steps differ too much;
+    ``off`` is the largest distance of a camera from an even grid, in steps."""
 
     files: list[list[Path]]
     step: float | None
@@ -67,10 +64,7 @@ class Placed:
 
 
 def placed(folder: Path, named: list[Named]) -> Placed:
-    """Sort views by their positions.
-
-    Raises :class:`ExchangeError` when they are not a full grid.
-    """
+    """Sort views by their positions."""
     by_index = {(one.first, one.second): one for one in named}
     lines = sorted({one.first for one in named}), sorted({one.second for one in named})
     if len(by_index) != len(named):

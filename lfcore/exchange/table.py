@@ -12,11 +12,8 @@ from lfcore.exchange.grid import ExchangeError
 
 @dataclass(frozen=True)
 class Format:
-    """A format and its module.
-
-    The module has ``recognise(path)`` and ``read(path, options)`` if the format can be imported,
-    ``write(source, folder, options)`` if it can be exported.
-    """
+    """A format and its module, which has ``recognise(path)`` and ``read(path, options)`` if it can
+    be imported, ``write(source, folder, options)`` if it can be exported."""
 
     name: str
     module: str
@@ -67,10 +64,7 @@ def find(name: str, *, imports: bool = False) -> Format:
 
 
 def recognise(path: Path) -> Format:
-    """The format of a folder or file, by names and headers.
-
-    Raises :class:`ExchangeError` if it is none of them.
-    """
+    """The format of a folder or file, by names and headers."""
     for row in FORMATS.values():
         if row.imports and row.load().recognise(path):
             return row

@@ -42,14 +42,10 @@ class ElementLattice:
 class Bundles:
     """What the tracer is given.
 
-    Attributes
-    ----------
-    elements : (E, 4) float32: ox, oy (metres), dx, dy (tangents) of the centre ray of each element.
-    step : (4,) float32: sx, sy, tx, ty, change per column and row of the inner grid.
-    columns, rows : size of the inner grid.
-    pixel_pitch : tangent between neighbouring pixels, which texture filtering looks at.
-    lattice : where the elements lie, if they lie regularly: then one block may span several.
-    band : first row and number of rows of the inner grid that are traced; default all.
+    ``elements`` (E, 4) float32 are ox, oy (metres), dx, dy (tangents) of each element's centre ray;
+    ``step`` (4,) float32 is sx, sy, tx, ty, per column and row of the inner grid; textures are
+    filtered over ``pixel_pitch``; a ``lattice`` lets one block span several elements; ``band`` is
+    the first row and number of rows that are traced, default all.
     """
 
     elements: np.ndarray

@@ -75,13 +75,7 @@ def exclude_twice(**settings: object) -> None:
 
 
 def check_words(focus: float | str) -> float | str:
-    """The focus as a number of metres where it is one, else the word itself.
-
-    Raises
-    ------
-    OpticsError
-        The text is neither a number nor a word for a focus.
-    """
+    """The focus as a number of metres where it is one, else the word itself."""
     if not isinstance(focus, str):
         return focus
     text = focus.strip().lower()
@@ -103,20 +97,7 @@ def share_of(word: str) -> float:
 
 
 def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
-    """Metres of a focus that may be a word.
-
-    Parameters
-    ----------
-    focus : float or str
-        Metres, ``math.inf`` allowed, or a word.
-    seen : DepthRange or None
-        The depths that the picture shows; None where it shows nothing, or nobody knows.
-
-    Raises
-    ------
-    OpticsError
-        The word is none, or there is no depth that it could refer to.
-    """
+    """Metres of a focus that may be a word about the depths ``seen``, None if unknown."""
     focus = check_words(focus)
     if not isinstance(focus, str):
         return float(focus)
@@ -142,13 +123,7 @@ def check_place(place: Sequence[float | str]) -> tuple[float, float]:
 
 
 def blur_share(blur: float | str) -> float:
-    """A blur such as ``"3%"`` or 0.03 as a share of the picture's width.
-
-    Raises
-    ------
-    OpticsError
-        The blur is no number, or not above 0 and at most the picture's width.
-    """
+    """A blur such as ``"3%"`` or 0.03 as a share of the picture's width."""
     try:
         share = _percent(blur) if isinstance(blur, str) and "%" in blur else float(blur)
     except (TypeError, ValueError):
@@ -167,24 +142,8 @@ def f_number_of_blur(
 ) -> float:
     """The f-number of the aperture that blurs by a share of the picture's width.
 
-    A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|.
-
-    Parameters
-    ----------
-    blur : float or str
-        Diameter of that disc, a share of the picture's width, at the end of what is seen that is
-        more out of focus: the far end, unless the focus is nearer to it than to the near end.
-    focal_m, focus_m : float
-        Focal length and focus distance, metres.
-    width : float
-        The field's tangent extent.
-    seen : DepthRange or None
-        The depths that the picture shows.
-
-    Raises
-    ------
-    OpticsError
-        Nothing is seen, or all of it is in focus, whatever the aperture.
+    A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|: here
+    at the end of what is seen that is more out of focus. ``width`` is the field's tangent extent.
     """
     share = blur_share(blur)
     defocus = seen.defocus(focus_m) if seen else 0.0

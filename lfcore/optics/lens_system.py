@@ -28,8 +28,7 @@ _AXIAL_GRID = 256
 class LensSystem:
     """Surfaces from front to back; arrays (K,) float64, metres.
 
-    ``index`` is the refractive index behind each surface; ``aperture_m`` are radii, not diameters;
-    ``radius_m`` 0 marks the stop.
+    ``index`` is that behind each surface; ``aperture_m`` are radii; ``radius_m`` 0 marks the stop.
     """
 
     radius_m: np.ndarray
@@ -39,12 +38,7 @@ class LensSystem:
 
     @classmethod
     def read(cls, path: str | Path) -> LensSystem:
-        """Read pbrt's lens file.
-
-        Raises
-        ------
-        OpticsError : unreadable, not four numbers a surface, or no lens; names file and line.
-        """
+        """Read pbrt's lens file."""
         rows = []
         try:
             lines = Path(path).read_text(encoding="utf-8").splitlines()
@@ -84,10 +78,7 @@ class LensSystem:
         return np.cumsum(self.thickness_m[::-1])[::-1]
 
     def stopped_down(self, diameter_m: float) -> LensSystem:
-        """With another stop; no wider than the lens's own.
-
-        Raises :class:`OpticsError` when the lens has no stop or it would be opened too far.
-        """
+        """With another stop; no wider than the lens's own."""
         stop = self.radius_m == 0
         if not stop.any():
             raise OpticsError("this lens has no aperture stop")
@@ -96,14 +87,8 @@ class LensSystem:
         return replace(self, aperture_m=np.where(stop, diameter_m / 2, self.aperture_m))
 
     def focused(self, distance_m: float) -> LensSystem:
-        """With the film moved so that the paraxial image of ``distance_m`` lies on it.
-
-        The distance is measured from the film along the axis, as pbrt does; ``inf`` is allowed.
-
-        Raises
-        ------
-        OpticsError : the lens cannot focus there.
-        """
+        """With the film moved so that the paraxial image of ``distance_m``, from the film, is on
+        it."""
         length = float(self.thickness_m[:-1].sum())
         film = self.paraxial_image(math.inf)
         if math.isfinite(distance_m):
@@ -161,16 +146,9 @@ class LensSystem:
     def trace(
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays from the film side through all surfaces, back to front.
+        """Rays (R, 3) in lens space, towards +z, through all surfaces from the film side.
 
-        Parameters
-        ----------
-        origins, directions : (R, 3) float64 in lens space, directions towards +z.
-
-        Returns
-        -------
-        origins on the front surface and unit directions, (R, 3), and (R,) bool: who got through.
-        Blocked rays keep the values they had last.
+        Returns origins on the front surface, unit directions, and (R,) bool: which got through.
         """
         o = np.array(origins, np.float64)
         d = np.array(directions, np.float64)
@@ -217,10 +195,8 @@ class LensSystem:
         return 1.5 * float(self.aperture_m[-1])
 
     def pupil_bounds(self, film_radius_m: float) -> np.ndarray:
-        """(bins, 4) float64 x low, x high, y low, y high on the plane of the rear vertex.
-
-        Row b bounds the exit pupil as seen from film points (r, 0), r in the b-th of equal
-        shares of ``film_radius_m``; where nothing passes, the whole search square.
+        """(bins, 4) float64 x low, x high, y low, y high on the plane of the rear vertex, of the
+        exit pupil seen from film points (r, 0), r in the b-th of equal shares of ``film_radius_m``.
         """
         reach, grid = self._rear_reach, _PUPIL_GRID
         cell = 2 * reach / grid
@@ -254,10 +230,10 @@ class LensSystem:
 
 @dataclass(frozen=True, eq=False)
 class LensSampler:
-    """Draws rays from film points through a lens's exit pupil, with weights.
+    """Draws rays from film points through a lens's exit pupil.
 
-    The weight is ``cos^4`` of the angle at the film times the sampled area over the open area on
-    the axis (pbrt's simple weighting), so a scene of radiance 1 gives 1 in the picture's middle.
+    A weight is ``cos^4`` of the angle at the film times the sampled area over the open area on the
+    axis (pbrt's simple weighting).
     """
 
     lens: LensSystem
@@ -277,12 +253,8 @@ class LensSampler:
     def rays(
         self, film_xy: np.ndarray, samples: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Origins and directions (R, 3) in lens space, weights (R,): 0 where the lens blocks.
-
-        ``film_xy`` (R, 2) metres; ``samples`` (R, 2) in [0, 1).
-
-        Raises :class:`OpticsError` when the lens lets nothing through.
-        """
+        """Origins and directions (R, 3) in lens space, weights (R,), 0 where the lens blocks, of
+        film points (R, 2), metres, and samples (R, 2) in [0, 1)."""
         r = np.hypot(film_xy[:, 0], film_xy[:, 1])
         share = r / self.film_radius_m * _PUPIL_BINS
         box = self._bounds[np.minimum(share.astype(np.int64), _PUPIL_BINS - 1)]

@@ -22,11 +22,7 @@ def plane_label(index: int, plane: SensorPlane) -> str:
 def write_plane_pictures(
     folder: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], *, suffix: str
 ) -> None:
-    """Write (P, M, M, 3) linear light as one picture a plane, named by :func:`plane_label`.
-
-    ``suffix`` is a format of :mod:`lfcore.pictures` without its dot, e.g. ``png``; raises
-    :class:`LfcoreError` for another.
-    """
+    """Write (P, M, M, 3) linear light as one picture a plane, named by :func:`plane_label`."""
     names = [f"{plane_label(index, plane)}.{suffix}" for index, plane in enumerate(planes)]
     write_pictures([(Path(folder) / n, p) for n, p in zip(names, pictures, strict=True)])
 
@@ -34,10 +30,7 @@ def write_plane_pictures(
 def save_stack(
     path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], **more: Any
 ) -> None:
-    """Write (P, M, M, 3) float32 linear light with the planes it shows, as npz.
-
-    ``more`` are arrays beside them.  Raises ``ValueError`` when there is not one plane a picture.
-    """
+    """Write (P, M, M, 3) float32 linear light with its planes and ``more`` arrays, as npz."""
     if len(pictures) != len(planes):
         raise ValueError(f"{len(pictures)} pictures of {len(planes)} planes")
     header = json.dumps([plane.to_json() for plane in planes])
@@ -52,10 +45,7 @@ def save_stack(
 
 
 def load_stack(path: str | Path) -> tuple[np.ndarray, list[SensorPlane]]:
-    """The (P, M, M, 3) float32 pictures and the planes of :func:`save_stack`.
-
-    Raises :class:`LfcoreError` when the file is missing, damaged or not a stack.
-    """
+    """The (P, M, M, 3) float32 pictures and the planes of :func:`save_stack`."""
 
     def read(archive: Any) -> tuple[np.ndarray, list[SensorPlane]]:
         planes = json.loads(archive["planes"].tobytes())

@@ -66,10 +66,7 @@ def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
 
 def _hits(targets: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     """(D, N) float64: how many of ``targets`` (M, N) are each of ``size`` pixels, and how many
-    pixels, one after the other, are hit alike.
-
-    Pixels away from the rim are: they count once.
-    """
+    pixels, one after the other, are hit alike, as those away from the rim are."""
     views = targets.shape[1]
     inside = (targets >= 0) & (targets < size)
     lens = np.broadcast_to(np.arange(views), targets.shape)
@@ -93,14 +90,8 @@ def shown(slab: Slab, planes: Sequence[SensorPlane]) -> Rectangle:
 
 @dataclass
 class PlaneSums:
-    """Sums of some or all rays of a slab on ``planes``.
-
-    Attributes
-    ----------
-    sums : (P, 3, height, width) uint64, fixed point, of the region of the planes that starts at
-        pixel (left, top).
-    one : radiance 1 in ``sums``.
-    """
+    """Sums (P, 3, height, width) uint64 of rays of a slab on ``planes``, whose radiance 1 is
+    ``one``, of the region of the planes that starts at pixel (left, top)."""
 
     slab: Slab
     planes: list[SensorPlane]
@@ -139,11 +130,8 @@ class PlaneSums:
         return both
 
     def pictures(self) -> np.ndarray:
-        """(P, height, width, 3) float32, linear light: sums over open lens samples or over all of
-        each pixel of the slab.
-
-        The size is the planes' own.  A pixel that no recorded ray reaches is black.
-        """
+        """(P, height, width, 3) float32, linear light; a pixel that no recorded ray reaches is
+        black."""
         slab, shape = self.slab, self.sums.shape[2:]
         sides = sorted({plane.side(slab) for plane in self.planes})
         if len(sides) > 1:

@@ -156,10 +156,10 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
 
 
 def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
-    """Targets by beams: (groups of pixels, spans of lens samples, ``group``, ``span``) int32.
+    """Targets relative to their group's first pixel: (groups, spans, ``group``, ``span``) int32.
 
-    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N).  Targets are relative to
-    the first pixel of their group; what is beside the lens grid or the picture repeats the last.
+    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N); what is beside the lens
+    grid or the picture repeats the last.
     """
     positions, size = moves.shape
     padded = np.pad(moves, ((0, -positions % group), (0, -size % span)), "edge")

@@ -27,21 +27,8 @@ from lfcore.optics.slab import Slab
 
 @dataclass(frozen=True)
 class PlenopticCamera:
-    """A plenoptic camera behind the main lens of ``camera``.
-
-    Parameters
-    ----------
-    camera : main lens; its ``sensor_width_m`` is the width of the microlens array, which lies
-        where the sensor would, so the camera is focused at ``camera.focus_m``.
-    lenses : M, microlenses along a side.
-    samples : N, photosensor pixels along a side of the image of the main lens under a microlens.
-
-    Raises
-    ------
-    OpticsError
-        when the main lens does not lie beyond the microlenses' hyperfocal distance, or counts
-        make no camera.
-    """
+    """``lenses`` M microlenses a side where the sensor of ``camera``, the main lens, would be, and
+    ``samples`` N photosensor pixels a side in the image of the main lens under each."""
 
     camera: Camera
     lenses: int
@@ -107,8 +94,7 @@ class PlenopticCamera:
     def main_lens_points(self) -> np.ndarray:
         """(M, N) float64, metres: where the ray of each photosensor pixel meets the main lens.
 
-        Indexed [microlens, pixel] along one axis, both counted so that the picture is upright:
-        on the sensor it stands on its head, and so does each image of the main lens.
+        Indexed [microlens, pixel] along one axis, counted so that the picture is upright.
         """
         distance, focal = self.camera.image_distance_m, self.microlens_focal_length_m
         centre = -self._centred(self.lenses) * self.pitch_m
@@ -120,9 +106,9 @@ class PlenopticCamera:
 
     def bundles(self, lenses: np.ndarray) -> Bundles:
         """One element a microlens, (E, 2) integer (column, row), upright; the inner grid is its
-        photosensor pixels.
+        pixels.
 
-        A ray is refracted by the main lens to the point that is conjugate to its microlens.
+        The main lens refracts a ray to the point that is conjugate to its microlens.
         """
         points = self.main_lens_points()
         step = (points[0, -1] - points[0, 0]) / max(self.samples - 1, 1)
@@ -153,10 +139,7 @@ class PlenopticCamera:
 
 
 def sub_aperture(photograph: np.ndarray, samples: int, i: int, j: int) -> np.ndarray:
-    """(M, M, 3): the same pixel (column i, row j) of every microlens's image (section 3.2.1).
-
-    Raises :class:`OpticsError` for a photograph that is no mosaic of N x N images.
-    """
+    """(M, M, 3): the same pixel (column i, row j) of every microlens's image (section 3.2.1)."""
     views = sub_apertures(photograph, samples)
     if not (0 <= i < samples and 0 <= j < samples):
         raise OpticsError(f"pixels are from 0 to {samples - 1}, not ({i}, {j})")

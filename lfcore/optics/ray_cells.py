@@ -24,10 +24,7 @@ CELL_POINTS = 512
 class ViewSet:
     """Views through the lens samples of ``slab``, each with a pixel grid of its own.
 
-    Attributes
-    ----------
-    displacement : (N N, 2) float64, along u and v, in pixels of the slab, view by view with i
-        fastest; 0 is the slab itself.
+    ``displacement`` (N N, 2) float64 is along u and v, in pixels of the slab, with i fastest.
     """
 
     slab: Slab
@@ -94,14 +91,8 @@ def radical_order(count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LensCells:
-    """What lens samples stand for in one aperture, sample by sample with i fastest.
-
-    Attributes
-    ----------
-    middle : (N N, 2) float64, metres: where the open part of each cell has its centre.
-    extent : (N N, 2) float64, metres: sides of the box of equal spread.
-    share : (N N,) float64: open area of the cell over that of a whole one; 0 where it is closed.
-    """
+    """Lens samples in one aperture, with i fastest: the centre (N N, 2) of each cell's open part
+    and the sides (N N, 2) of the box of equal spread, metres, and the open ``share`` (N N,)."""
 
     middle: np.ndarray
     extent: np.ndarray

@@ -19,8 +19,8 @@ Pixels = int | Sequence[int]
 class Size(NamedTuple):
     """Width and height of a picture.
 
-    The camera's field is that of the shorter side, as in pbrt: a wide picture shows what its middle
-    square shows, and more on both sides.
+    The camera's field is that of the shorter side, as in pbrt: a wide picture shows more on both
+    sides.
     """
 
     width: int
@@ -28,10 +28,7 @@ class Size(NamedTuple):
 
     @classmethod
     def of(cls, pixels: Pixels | str) -> Size:
-        """The size of ``512``, ``(1920, 1080)`` or ``"1920x1080"``.
-
-        Raises :class:`OpticsError` for anything else.
-        """
+        """The size of ``512``, ``(1920, 1080)`` or ``"1920x1080"``."""
         given: object = pixels
         if isinstance(pixels, str):
             sides = re.fullmatch(r"(\d{1,9})(?:[x\u00d7](\d{1,9}))?", pixels.strip())
@@ -76,10 +73,7 @@ class Size(NamedTuple):
 
 
 def whole_number(key: str, value: object, most: int) -> int:
-    """``value`` as an int from 1 to ``most``; numpy's integers are welcome, truth values are not.
-
-    Raises :class:`OpticsError`, naming ``key``, for anything else.
-    """
+    """``value``, which may be one of numpy's integers, as an int from 1 to ``most``."""
     found = _whole(value, most)
     if not found:
         raise OpticsError(f"must be a whole number from 1 to {most}, not {value!r}", key=key)

@@ -38,18 +38,9 @@ class Geometry:
 
 
 def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
-    """Move parts into camera space in float64, drop what cannot be traced, round once.
+    """Move parts from world into camera space in float64, drop what cannot be traced, round once.
 
-    Parameters
-    ----------
-    parts : in world space.
-    to_camera : (4, 4) rigid world-to-camera matrix.
-
-    Returns
-    -------
-    Geometry; arrays that no part uses are empty.  ``dropped`` counts the triangles left out,
-    by reason: ``not finite``, ``out of range``, ``zero area`` (after rounding to float32),
-    ``too small``.
+    ``dropped`` counts the triangles left out by reason; arrays that no part uses are empty.
     """
     parts = [part.transformed(to_camera) for part in parts if part.count]
     materials, textures, ids = _materials(parts)

@@ -50,29 +50,7 @@ def build_scene(
     light: Mapping[str, Any] | None = None,
     bare: bool = True,
 ) -> Scene:
-    """Read a scene and everything it names.
-
-    Parameters
-    ----------
-    path : a ``scene.yaml``, the folder that holds one, a ``.pbrt`` file, or a mesh file, which
-        is then a scene of its own with default camera, light and materials.
-    light_points : point lights that stand for one area light of a pbrt scene, see
-        :func:`~lfcore.scene.emitters.emitter_points`.
-    up : ``y`` or ``z``, the axis of a mesh file that points up; default y, with a note in the
-        scene where z seems to be up.
-    view_from : the side that a scene without a pose is seen from, as ``camera.view_from`` of a
-        scene.yaml; a camera in a glTF file is left out then.
-    zoom : above 1, a narrower field of view from the same place.
-    light : keys of a scene.yaml, such as ``sky`` and ``bounces``, in place of the file's; paths
-        are relative to the scene file.
-    bare : whether a mesh file without lights, for which no ``light`` is given, gets no sky and no
-        floor (:mod:`lfcore.scene.studio`).
-
-    Raises
-    ------
-    SceneError
-        for whatever is wrong with the scene; it names file, key and remedy.
-    """
+    """Read a scene and everything it names; as :func:`lfcore.load_scene`."""
     path = Path(path)
     if path.is_dir():
         path = path / "scene.yaml"
@@ -145,11 +123,7 @@ def _default_name(path: Path) -> str:
 def build(
     description: dict, *, file: str | Path, name: str, note_up: bool = False, bare: bool = True
 ) -> Scene:
-    """The scene of a checked and completed description; paths are relative to ``file``.
-
-    With ``note_up`` a note says where z seems to be up; unless ``bare`` a scene without lights is
-    put into :mod:`~lfcore.scene.studio`.
-    """
+    """The scene of a checked and completed description; paths are relative to ``file``."""
     file = Path(file)
     notebook = Notebook()
     parts: list[SurfaceMesh] = []

@@ -24,10 +24,7 @@ def schema() -> dict:
 
 
 def read_description(path: str | Path) -> dict:
-    """Parse, validate and complete a scene.yaml.
-
-    Raises :class:`SceneError` that names file and key for whatever the schema refuses.
-    """
+    """Parse, validate and complete a scene.yaml."""
     description = read_yaml(path)
     return complete(check(description, file=path))
 

@@ -29,13 +29,6 @@ def unpacked(tree: dict, view: Callable[[int], bytes]) -> dict:
         The JSON of a glTF file.
     view : callable
         The bytes of the bufferView of a number.
-
-    Raises
-    ------
-    ImportError
-        The package DracoPy is not installed.
-    ValueError, LookupError, TypeError
-        A mesh is damaged, or the JSON makes no sense.
     """
     import DracoPy
 

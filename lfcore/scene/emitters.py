@@ -47,21 +47,11 @@ class EmitterPoints:
 def emitter_points(
     triangles: np.ndarray, count: int = POINTS, *, two_sided: bool = False
 ) -> EmitterPoints | None:
-    """Points that stand for a surface that glows on the side where corners run counter-clockwise.
+    """Points that stand for a surface that glows where corners of (T, 3, 3) run counter-clockwise.
 
-    Parameters
-    ----------
-    triangles : (T, 3, 3) float64.
-    count : points; of a whole sphere the most of 1, 4, 6 and 12 that it allows.
-    two_sided : glows on both sides, with ``count`` points for each.
-
-    Returns
-    -------
-    None for a surface without area.  With the default of 12 points, irradiance where no part is
-    beyond the receiver's horizon is right to 2% from a diameter on before a disk, a side before a
-    square, half a diameter above a sphere; the error falls with the square of the distance, of a
-    sphere with its sixth power, and with the number of points on a flat surface.  Surfaces that are
-    neither are right to 20% from a diameter on, to 5% with 48 points.
+    None for a surface without area. With 12 points, irradiance where no part is beyond the
+    receiver's horizon is right to 2% from a diameter on before a disk, a side before a square, half
+    a diameter above a sphere; surfaces that are neither are right to 20%, to 5% with 48 points.
     """
     triangles = np.asarray(triangles, np.float64)
     double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

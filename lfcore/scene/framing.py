@@ -89,11 +89,7 @@ def place_camera(
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
 
-    ``extent`` is that of the scene; ``found`` is a camera of a glTF file, for a description that
-    gives no pose and no direction.
-
-    Raises :class:`SceneError` for a pose that cannot be, a scene wholly behind the lens when
-    the focus must be found, and a focus inside the focal length.
+    ``found`` is a glTF file's camera, for a description without pose and direction.
     """
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
@@ -121,11 +117,7 @@ def place_camera(
 
 
 def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
-    """The camera of a description before ``triangles`` (T, 3, 3) in its space.
-
-    Keys that are missing are fitted to the depths that are seen, so that the lens and its blur
-    are the same whatever the others say.
-    """
+    """The camera of a description before ``triangles``; missing keys fit the depths seen."""
     given = _given_lens(description)
     if given is not None:
         width = given[1] / given[0]
@@ -200,7 +192,6 @@ def _direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray
     """Unit vectors (3,) from a scene towards a camera, and upwards in its picture.
 
     ``view_from`` is a word of :data:`DIRECTIONS` or "azimuth,elevation" in degrees.
-    Raises :class:`SceneError` for other text.
     """
     text = str(view_from).strip().lower()
     try:

@@ -72,12 +72,7 @@ def has(entry: dict, extension: str) -> bool:
 
 
 class Document:
-    """The JSON of a glTF or GLB file.
-
-    Raises
-    ------
-    SceneError : not glTF, or an extension that is required and not known.
-    """
+    """The JSON of a glTF or GLB file."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
@@ -235,11 +230,8 @@ class Document:
             raise self._broken(f"a node's pose makes no sense: {error}") from None
 
     def lights(self) -> list[Light]:
-        """Its lights, their vectors in the world.
-
-        glTF's intensities are candela (points) and lux, and a matte surface of colour c returns
-        c / pi of what arrives: ours are theirs over pi.
-        """
+        """Its lights, in the world. Its candela and lux are over pi in ours, as a matte surface of
+        colour c returns c / pi of what arrives in glTF."""
         known = self.objects("extensions", "KHR_lights_punctual", "lights")
         found = []
         for node, matrix in self.placed:

@@ -142,10 +142,8 @@ class GltfSurfaces:
     def _cutoff(self, material: Any, name: str) -> float | None:
         """Where its texture's alpha is below this is a hole; 0: nowhere, None: everywhere.
 
-        Transparency (BLEND) is cut out at a half: a ray then stops or passes by its place on the
-        surface alone, so that colours, depths and shadows of all rays agree, which a pattern of
-        rays or of places finer than texels would not, and the edges of leaves and of lettering,
-        its commonest use, lie where they should.
+        Transparency (BLEND) is cut out at a half: a ray stops or passes by its place on the surface
+        alone, so that colours, depths and shadows of all rays agree.
         """
         mode = material.alphaMode
         if mode not in ("MASK", "BLEND"):

@@ -42,18 +42,8 @@ def load_mesh(
 ) -> list[SurfaceMesh]:
     """The parts of a mesh file, in its own coordinates (taken as metres, y up).
 
-    Parameters
-    ----------
-    shading : ``auto`` (the file's normals, else smoothed), ``smooth`` or ``flat``.
-    crease_deg : edges sharper than this stay sharp when smoothing.
-    notebook : takes what the file asks for and does not get.
-
-    Raises
-    ------
-    SceneError
-        for a file that is missing, that trimesh cannot read, that holds no triangles, or that
-        names a texture which cannot be found.  Without its MTL an OBJ has the default material,
-        which is noted.
+    ``shading`` is ``auto`` (the file's normals, else smoothed but for edges beyond ``crease_deg``),
+    ``smooth`` or ``flat``. Without its MTL an OBJ has the default material, which is noted.
     """
     path = Path(path)
     notebook = Notebook() if notebook is None else notebook

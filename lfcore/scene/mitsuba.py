@@ -50,9 +50,7 @@ def thin_lens(mitsuba: ModuleType, camera: Camera, pixels: int) -> dict:
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
-    ``mitsuba`` is the module, its variant set.  Raises :class:`SceneError` for colours at corners,
-    for motion, for points of area lights, and for ambient light beside other light unless
-    ``leave_out_ambient``.
+    ``mitsuba`` is the module, its variant set.
     """
 
     def __init__(self, mitsuba: ModuleType, scene: Scene, *, leave_out_ambient: bool = False):

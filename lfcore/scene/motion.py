@@ -21,11 +21,8 @@ Moving = tuple[SurfaceMesh, tuple[np.ndarray, np.ndarray]]
 def motions(
     geometry: Geometry, static: Sequence[SurfaceMesh], moving: Sequence[Moving]
 ) -> tuple[Motion, ...]:
-    """The moving parts among the triangles that were kept.
-
-    ``geometry`` is what the static parts and then the moving ones were assembled into, all of
-    them in camera space.  Returns a tuple of :class:`Motion`.
-    """
+    """The moving parts among the triangles that were kept of static and then moving parts, all in
+    camera space."""
     first = sum(int(sound(part.triangles)[0].sum()) for part in static)
     found = []
     for part, (start, end) in moving:
@@ -49,10 +46,6 @@ def scene_at(scene: Scene, time: float) -> Scene:
     """The scene when its motions are at ``time``, 0 first pose and 1 last; it moves no more.
 
     Averaging traces at stratified times samples the camera equation's time dimension.
-
-    Raises
-    ------
-    SceneError : a time outside [0, 1].
     """
     if not 0 <= time <= 1:
         raise SceneError(f"time {time} lies outside the motion", remedy="Use 0 to 1")

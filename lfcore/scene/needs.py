@@ -23,11 +23,8 @@ MOST_DISTANCES = 1 << 26
 
 
 def stops_above_white(scene: Scene) -> int:
-    """The least number of stops above white, 0 to 16, that no ray's radiance exceeds.
-
-    0 of a scene that clips its light.  Highlights, near lights, vertex colours, the sky and baked
-    light are counted at their most, each alone.
-    """
+    """The least number of stops above white, 0 to 16, that no ray's radiance exceeds: highlights,
+    near lights, vertex colours, the sky and baked light count at their most, each alone."""
     most = 1.0 if scene.clip else _brightest(scene)
     return min(MOST_STOPS, math.ceil(math.log2(most))) if most > 1 + 1e-6 else 0
 
@@ -77,32 +74,12 @@ FLAT_NORMALS = 1e-5
 
 @dataclass(frozen=True)
 class Needs:
-    """Features of a scene, derived once and read everywhere.
+    """Features that occur in a scene with an effect on its picture, derived once and read
+    everywhere.
 
-    Booleans say that a feature occurs on some surface or light with an effect on the picture;
-    counts are of lights.
-
-    Attributes
-    ----------
-    textures : some triangle's material has a texture.
-    cut_outs : the alpha of some texture cuts holes into triangles.
-    physical : some material is of metal and roughness, or has more than a texture of its colour.
-    smooth_normals : shading normals are stored.
-    curved : on some triangle shadow rays start beside the hit points.
-    vertex_colours : vertex colours are stored.
-    specular : a material in use has a highlight, and there is a light to make it.
-    emission : a material in use glows.
-    ambient : ambient light is not black.
-    background : the background is not black.
-    shadows : some light casts shadows.
-    point_lights, directional_lights : how many of each.
-    falloff : some point light falls off with distance.
-    coloured_lights : some light's colour is not grey.
-    emitters : some point light is a point of a surface that glows.
-    spots : some point light shines within a cone.
-    baked : light of the sky and of surfaces is baked.
-    sky : rays without a hit see a sky.
-    stops : above white, that hold the brightest ray; 0: none is above it.
+    ``physical`` materials are of metal and roughness, or have more than a texture of their colour;
+    on a ``curved`` one shadow rays start beside the hit points; ``emitters`` are points of glowing
+    surfaces; ``stops`` above white hold the brightest ray.
     """
 
     textures: bool

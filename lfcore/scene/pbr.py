@@ -12,9 +12,8 @@ from lfcore.scene.surface_mesh import Colour, Surface, triple
 def surface_of_pbr(material: Any, path: Path, *, metal_left_out: float = 0.0) -> Surface:
     """The surface of one of trimesh's PBRMaterials.
 
-    It is of metal and roughness where the file says anything of either; ``metal_left_out`` is the
-    metallic factor that counts where it gives the roughness alone.  A file that gives neither
-    means a matte colour: exporters that leave them out rarely mean glTF's default, a metal.
+    It is of metal and roughness where the file says anything of either (``metal_left_out`` is the
+    metallic factor of roughness alone), else matt: exporters rarely mean glTF's default, a metal.
     """
     metallic, roughness = material.metallicFactor, material.roughnessFactor
     image = material.metallicRoughnessTexture

@@ -29,11 +29,7 @@ FADE = 1000.0
 
 
 def write_mesh(folder: str | Path, scene: Scene) -> None:
-    """Write mesh and textures of a scene, which all views share, into ``folder``, which is made.
-
-    Raises :class:`SceneError` for what is not exported: colours at corners, motion, points
-    of area lights, emission over a texture.
-    """
+    """Write mesh and textures of a scene, which all views share, into ``folder``, which is made."""
     if len(scene.colours):
         raise SceneError(
             "colours at corners are not exported to POV-Ray",

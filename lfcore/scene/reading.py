@@ -30,17 +30,7 @@ def _error(path: Path, problem: str, remedy: str) -> SceneError:
 
 
 def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
-    """The bytes of a regular file; those of a ``.gz`` unpacked.
-
-    Parameters
-    ----------
-    most : bytes that it may hold, unpacked.
-    what : what the file is, for messages.
-
-    Raises
-    ------
-    SceneError : no such file, a folder, device or pipe, a damaged archive, or more than ``most``.
-    """
+    """The bytes of a regular file, those of a ``.gz`` unpacked, at most ``most``."""
     path = Path(path)
     try:
         with open(os.open(path, os.O_RDONLY | _NO_WAIT), "rb") as stream:
@@ -87,13 +77,7 @@ def _too_large(path: Path, most: int, what: str) -> SceneError:
 
 
 def read_yaml(path: str | Path, what: str = "scene file") -> Any:
-    """What a YAML file says, plain lists, dictionaries and scalars.
-
-    Raises
-    ------
-    SceneError : bytes that are not UTF-8 or not YAML, and what nests too deep, contains itself, or
-        grows beyond :data:`MOST_YAML_NODES` by aliases of aliases.
-    """
+    """What a YAML file says, plain lists, dictionaries and scalars."""
     path = Path(path)
     raw = read_bytes(path, LARGEST_DESCRIPTION, what)
     try:

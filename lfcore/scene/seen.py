@@ -21,20 +21,8 @@ PAIRS_AT_A_TIME = 1 << 19
 
 
 def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
-    """The depths that a picture shows, without its nearest and farthest 2 percent.
-
-    Parameters
-    ----------
-    triangles : np.ndarray
-        (T, 3, 3) in camera space, metres.
-    width : float
-        The tangent extent of the picture.
-
-    Returns
-    -------
-    DepthRange or None
-        None where no ray meets anything and no vertex is in the picture.
-    """
+    """The depths that a picture of tangent extent ``width`` shows, without its nearest and farthest
+    2 percent; None where no ray meets anything and no vertex is in it."""
     ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
     depth = _depths(triangles, ticks, ticks)
     depth = depth[np.isfinite(depth)]
@@ -51,13 +39,7 @@ def focus_at(
 ) -> float:
     """The depth at a place of the picture, metres, as the autofocus of a camera finds it.
 
-    ``place`` is (x, y), shares of the width and height of a picture of ``pixels`` from its upper
-    left corner; ``width`` is the tangent extent of its shorter side.
-
-    Raises
-    ------
-    OpticsError
-        The place is outside the picture, or its ray meets nothing.
+    ``width`` is the tangent extent of the shorter side of a picture of ``pixels``.
     """
     (x, y), size = check_place(place), Size.of(pixels)
     ticks = [

@@ -8,19 +8,10 @@ MAX_VALENCE = 512
 
 
 def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarray:
-    """Corner normals averaged over the neighbours that meet at less than ``crease_deg``.
+    """(T, 3, 3) unit normals, the area-weighted mean of the faces that share a corner's position
+    and whose normal is within ``crease_deg`` of its own face's.
 
-    Each corner takes the area-weighted mean of the faces that share its position and whose
-    normal lies within the crease angle of its own face's.
-
-    Parameters
-    ----------
-    triangles : (T, 3, 3) float64; corners belong together when their positions are equal.
-
-    Returns
-    -------
-    (T, 3, 3) float64 unit normals.  Corners where more than :data:`MAX_VALENCE` faces meet
-    stay flat: their pairs would grow with the square of the valence.
+    Corners where more than :data:`MAX_VALENCE` faces meet stay flat: pairs grow with its square.
     """
     triangles = np.asarray(triangles, np.float64)
     faces = len(triangles)

@@ -35,19 +35,8 @@ Scanner = Callable[[Path], Iterable[str]]
 
 
 def files_of_scene(path: str | Path) -> list[Path]:
-    """A scene file and every file that it was or will be made from, the scene itself first.
-
-    Parameters
-    ----------
-    path : a scene.yaml, a pbrt scene or a mesh file, as :func:`~lfcore.scene.build.build_scene`.
-
-    Returns
-    -------
-    Existing files: meshes and textures of a scene.yaml; pbrt's ``Include`` and ``Import``, PLY
-    files, textures and spectra; OBJ's material libraries and their textures; glTF's buffers and
-    images; PLY's textures.  Each once, sorted but for the first.  A file that cannot be read
-    counts, what it would have named does not: parsing says what is wrong with it.
-    """
+    """A scene file and every existing file that it names, the scene first: meshes, textures,
+    includes, spectra, material libraries, buffers and images."""
     path = Path(path)
     return [path, *sorted({file for file, _ in _walk(path)} - {path})]
 

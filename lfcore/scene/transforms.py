@@ -41,10 +41,7 @@ def chain(*steps: np.ndarray) -> np.ndarray:
 
 
 def parse_transform(steps: list[dict], *, file: str | Path | None, key: str) -> np.ndarray:
-    """The matrix of a schema-checked ``transform`` list, applied from first to last.
-
-    Raises :class:`SceneError` for an axis of no length or a matrix that is not affine.
-    """
+    """The matrix of a schema-checked ``transform`` list, applied from first to last."""
     matrices = []
     for index, step in enumerate(steps):
         ((kind, value),) = step.items()
@@ -87,10 +84,7 @@ def look_at(
     *,
     file: str | Path | None = None,
 ) -> np.ndarray:
-    """World to camera space (x right, y down, z forward) of a camera at ``position``.
-
-    Raises :class:`SceneError` when position and target coincide or ``up`` is along the view.
-    """
+    """World to camera space (x right, y down, z forward) of a camera at ``position``."""
     centre = np.asarray(position, np.float64)
     forward = np.asarray(target, np.float64) - centre
     if not np.linalg.norm(forward) > 0:

@@ -101,19 +101,7 @@ def lightfield_view(
     shutter: tuple[float, float] = SHUTTER,
     samples_per_pixel: int = 1,
 ) -> View:
-    """A grid of pinholes that share one film.
-
-    Parameters
-    ----------
-    film : (width, height) in pixels of all tiles together.
-    grid_bounds_m : minX maxX minY maxY, metres, y up.
-    spacing : as of :meth:`CameraArray.on_grid`.
-
-    Raises
-    ------
-    OpticsError : a film that the cameras do not divide, or what makes no array; ``key`` names
-        the argument.
-    """
+    """A grid of pinholes that share one film; bounds are minX maxX minY maxY, y up."""
     for length, count, name in zip(film, cameras_per_dim, ("width", "height"), strict=True):
         if count < 1:
             raise OpticsError(f"must be at least 1, not {count}", key="cameras_per_dim")

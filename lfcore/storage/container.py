@@ -54,10 +54,7 @@ class Batch:
     header: bytes
 
     def segments(self) -> Iterator[Iterator[av.Packet]]:
-        """The packets of each segment, to be read in turn and to the end.
-
-        Raises :class:`StorageError` where they are others than the index says.
-        """
+        """The packets of each segment, to be read in turn and to the end."""
         with open_video(self.path) as container:
             video = container.streams.video[0]
             packets = (packet for packet in container.demux(video) if packet.size)
@@ -85,8 +82,7 @@ class Batch:
 def read_batch(path: str | Path, *, grey: bool = False) -> Batch:
     """The segments of a file: of a batch by its index, of a segment by reading it once.
 
-    ``grey`` says that they hold no colours, but depths.  Raises :class:`StorageError` for what is
-    missing, cut short or neither.
+    ``grey`` says that they hold no colours, but depths.
     """
     path = Path(path)
     try:
@@ -145,20 +141,9 @@ def join_segments(
 ) -> Metadata:
     """Write the light field file ``path`` from one segment a tile, in the order of tiles.
 
-    Parameters
-    ----------
-    segments : files of segments, and batches of several (:func:`write_batch`).
-    geometry : the slab, or a JSON object that describes a camera array.
-    scene : JSON object with at least ``name`` and ``digest``.
-    spec : what the segments were encoded with, to be recorded.
-    content : what else is known, as :class:`Metadata` has it.
-    depth : of inverse depths, a second stream.
-    progress : called with (segments done, of all).
-
-    Memory grows by a few numbers a segment, and not with their length.  Raises
-    :class:`StorageError`, with the file's name, when a segment is missing, damaged, of another
-    size, length or encoding than the others, and when the result cannot be written; no file is
-    left then.
+    ``segments`` are files of segments and batches; ``geometry`` is the slab, or a JSON object of a
+    camera array; ``spec``, ``scene`` and ``content`` are recorded. Memory grows by a few numbers a
+    segment. After an error no file is left.
     """
     path = Path(path)
     streams = [_Stream.of(path, segments, tiles, layout)]
@@ -210,11 +195,8 @@ def write_batch(path: str | Path, segments: Sequence[str | Path]) -> None:
 
 @dataclass(frozen=True)
 class DepthSegments:
-    """Inverse depths to be joined: one segment a tile, and what they hold.
-
-    ``displaced`` and ``pixels`` are those of :class:`StoredDepth`; ``spec`` is what the segments
-    were encoded with.
-    """
+    """Inverse depths to be joined: one segment a tile, encoded with ``spec``, and what they hold,
+    as in :class:`StoredDepth`."""
 
     segments: Sequence[Path]
     codes: DepthCodes

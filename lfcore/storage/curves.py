@@ -26,8 +26,7 @@ def serpentine(columns: int, rows: int) -> np.ndarray:
 def hilbert(columns: int, rows: int) -> np.ndarray:
     """Squares chained along the longer side, a Hilbert curve in each, cells outside left out.
 
-    A square's curve starts in the corner next to its predecessor's end, so that all steps have
-    length one where the shorter side is a power of two that divides the longer.
+    All steps have length one where the shorter side is a power of two that divides the longer.
     """
     if rows > columns:
         return np.ascontiguousarray(hilbert(rows, columns)[:, ::-1])
@@ -41,11 +40,8 @@ def hilbert(columns: int, rows: int) -> np.ndarray:
 
 
 def _hilbert_square(side: int) -> np.ndarray:
-    """The curve from (0, 0) to (side - 1, 0) through a square whose side is a power of two.
-
-    Built from the four quadrants: the first and last are reflections of the curve of half the
-    side, the middle two are copies of it (Hilbert 1891).
-    """
+    """The curve from (0, 0) to (side - 1, 0) of a square, by reflections and copies of the
+    quadrants' (Hilbert 1891)."""
     curve = np.zeros((1, 2), np.int32)
     half = 1
     while half < side:

@@ -67,8 +67,7 @@ class FrameRun:
         """Frames start ... stop - 1 of the run as arrays (up to ``chunk``, frame_bytes) uint8.
 
         ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
-        ``packets`` begin with a key frame at or before ``start``.  Raises
-        :class:`StorageError` when a frame is missing, or is not of this size and format.
+        ``packets`` begin with a key frame at or before ``start``.
         """
         wanted, filled = start, 0
         for frame in self._frames(context, packets):

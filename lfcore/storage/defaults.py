@@ -78,11 +78,8 @@ def default_kind(views: int, pixels: int = 512) -> str:
 
 
 def default_pack(views: int, pixels: int = 512) -> int:
-    """Elements a side that share a frame: one view, or macropixels of 128 pixels together.
-
-    An encoder spends some 30 microseconds a frame whatever its size: ``ultrafast`` at N = 16 does
-    8 million rays a second one macropixel a frame, and 58 million with 8 x 8 of them together.
-    """
+    """Elements a side that share a frame: one view, or macropixels of 128 pixels together, as an
+    encoder spends some 30 microseconds a frame whatever its size."""
     return macropixel_pack(views) if default_kind(views, pixels) == "macropixels" else 1
 
 
@@ -95,30 +92,12 @@ def macropixel_pack(views: int) -> int:
 def chosen_encoding(
     views: int, encoding: Encoding | None = None, *, by_depth: bool = False
 ) -> Encoding:
-    """``encoding`` for N = ``views``, with each None replaced by what measured best.
+    """``encoding`` for N = ``views``, with each None replaced by what measured best, also where
+    pictures are sliced ``by_depth``.
 
-    H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the
-    same quality, at presets of their own; chroma is whole where the codec can store it whole.
-    One thread, so that the stream is reproducible; cores share the segments.
-
-    Parameters
-    ----------
-    views : int
-        N.
-    encoding : Encoding, optional
-        The given settings; default :class:`Encoding()`.
-    by_depth : bool
-        Whether pictures are sliced by depth.
-
-    Returns
-    -------
-    Encoding
-        ``bframes``, ``refs`` and ``lookahead`` stay None where the preset decides.
-
-    Raises
-    ------
-    StorageError
-        The codec does not take the settings, or ``views`` is not positive.
+    H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the same
+    quality, at presets of their own; chroma is whole where the codec can store it whole.
+    ``bframes``, ``refs`` and ``lookahead`` stay None where the preset decides.
     """
     _check(views)
     given = encoding or Encoding()

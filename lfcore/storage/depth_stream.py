@@ -30,10 +30,7 @@ FINEST_CRF, COARSEST_CRF = 0.0, 40.0
 
 @dataclass(frozen=True)
 class DepthCodes:
-    """Codes of inverse depth, in even steps from ``far`` (code 0) to ``near`` (the last), 1/m.
-
-    Raises :class:`StorageError` for what is no range, or for a format that is not grey.
-    """
+    """Codes of inverse depth, in even steps from ``far`` (code 0) to ``near`` (the last), 1/m."""
 
     far: float
     near: float
@@ -77,11 +74,10 @@ class DepthCodes:
             return (1.0 / inverse).astype(np.float32)
 
     def spec(self, slab: Slab, *, lossless: bool = False) -> Encoding:
-        """What to encode them with: H.264, or FFV1 where nothing may be lost.
+        """H.264 whose quantisers err by up to :data:`SWEEP_PX`, half their step, or FFV1.
 
-        Constant quantisers err by up to half their step: the step is twice :data:`SWEEP_PX`.  Of
-        H.264 it is 1 at quantiser 4 for 8 bits and doubles every 6.  Measured: finer steps cost
-        bits and bring nothing, coarser ones lose pictures (docs/notebook/true-picture.md).
+        The step is 1 at quantiser 4 for 8 bits and doubles every 6. Measured: finer steps bring
+        nothing, coarser ones lose pictures (docs/notebook/true-picture.md).
         """
         if lossless:
             return Encoding(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)

@@ -56,12 +56,8 @@ class Element:
 
 @dataclass
 class Structure:
-    """What a scan of a file found.
-
-    ``expected_bytes`` is the length the file says it has, 0 where it does not say.
-    ``faults`` describe damage, each with its place.  ``keys`` are the times in milliseconds of
-    all key frames, empty where the index at the end is missing.
-    """
+    """What a scan found: the length that the file says it has (0: unknown), damage with its place,
+    and the times in milliseconds of all key frames (empty without the index at the end)."""
 
     file_bytes: int
     expected_bytes: int = 0
@@ -77,9 +73,8 @@ class Structure:
 def scan(path: Path, *, clusters: bool) -> Structure:
     """Walk over the elements of level 1 and check those that are not video; all with ``clusters``.
 
-    Without ``clusters``, the walk goes from the first cluster of video to the next element that
-    the SeekHead knows, however many clusters lie between.  Raises :class:`StorageError` when the
-    file cannot be read or is no Matroska file.
+    Without ``clusters``, the walk goes from the first cluster of video to the next element that the
+    SeekHead knows, however many clusters lie between.
     """
     try:
         with path.open("rb") as file:

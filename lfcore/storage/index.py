@@ -39,11 +39,8 @@ class Segment:
 
 
 class SegmentIndex(Sequence[Segment]):
-    """All segments of a file, in its order.
-
-    ``numbers`` is (S, 8) int64: column, row, columns and rows of the tile, first frame, frames,
-    bytes, and check sum.
-    """
+    """All segments of a file, in its order, as (S, 8) int64: column, row, columns and rows of the
+    tile, first frame, frames, bytes, and check sum."""
 
     def __init__(self, layout: FrameLayout, numbers: np.ndarray):
         self.layout = layout
@@ -51,10 +48,7 @@ class SegmentIndex(Sequence[Segment]):
 
     @classmethod
     def from_json(cls, layout: FrameLayout, rows: list) -> SegmentIndex:
-        """The index of a list of lists of eight whole numbers from 0 to 2^63 - 1.
-
-        Raises :class:`StorageError` that names the row that is none.
-        """
+        """The index of a list of lists of eight whole numbers from 0 to 2^63 - 1."""
         lists = set(map(type, rows)) <= {list} and set(map(len, rows)) <= {8}
         if lists and set(map(type, chain.from_iterable(rows))) <= {int}:
             try:

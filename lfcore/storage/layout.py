@@ -298,7 +298,6 @@ class Tile:
         """(E, 3) int32 [frame within the tile, x0, y0] of outer coordinates (E, 2).
 
         (x0, y0) is the corner of the element's inner grid within the frame, in pixels.
-        Raises :class:`StorageError` for elements outside the tile.
         """
         local = np.asarray(elements, np.int32).reshape(-1, 2) - np.array(
             [self.column, self.row], np.int32

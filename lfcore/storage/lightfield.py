@@ -338,14 +338,8 @@ def windows(
     corners: np.ndarray,
     inner: tuple[int, int, int, int],
 ) -> np.ndarray:
-    """(E, rows, columns, 3) float32 in [0, 1], encoded: the same rectangle of each of E elements.
-
-    Parameters
-    ----------
-    frames : (F, frame_bytes) uint8.
-    which, corners : (E,) and (E, 2), the frame of each element and its first pixel there (x, y).
-    inner : (column0, row0, column1, row1) of the elements' own grid, half open.
-    """
+    """(E, rows, columns, 3) float32 in [0, 1], encoded: the rectangle ``inner`` (column0, row0,
+    column1, row1) of each of E elements, whose first pixels are ``corners`` of frames ``which``."""
     form = layout.format
     pictures = []
     for index, plane in enumerate(form.views(frames, layout.frame_width, layout.frame_height)):

@@ -74,10 +74,7 @@ class PixelFormat:
             )
 
     def views(self, frames: np.ndarray, width: int, height: int) -> list[np.ndarray]:
-        """The planes of ``frames`` (F, frame_bytes) uint8 as arrays (F, h, w) that share memory.
-
-        Raises :class:`StorageError` when ``frames`` has another shape or type.
-        """
+        """The planes of ``frames`` (F, frame_bytes) uint8 as arrays (F, h, w) that share memory."""
         expected = self.frame_bytes(width, height)
         if frames.dtype != np.uint8 or frames.ndim != 2 or frames.shape[1] != expected:
             raise StorageError(

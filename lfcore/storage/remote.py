@@ -24,11 +24,7 @@ DOWNLOAD = "Download the file, and open the copy"
 
 
 class RemoteFile:
-    """A file behind a URL, with as much of a ``Path`` as opening a light field takes.
-
-    Raises :class:`StorageError` where it is missing, where the server hands out no ranges and
-    where fsspec or what it needs for this kind of URL is not installed.
-    """
+    """A file behind a URL, with as much of a ``Path`` as opening a light field takes."""
 
     def __init__(self, url: str):
         self.url = url

@@ -158,8 +158,6 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
     """What a segment file holds, without decoding it, and the codec's global header.
 
     ``grey``: it is of one plane of codes.
-
-    Raises :class:`StorageError`, naming the file, when it is missing, cut short or no segment.
     """
     again = "Encode this tile again"
     if not _is_whole(path):
@@ -192,10 +190,7 @@ def global_header(container: av.container.InputContainer) -> bytes:
 
 
 def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:
-    """``path`` opened by FFmpeg with one video stream, or up to ``most``.
-
-    Raises :class:`StorageError` when it is missing, unreadable or has others.
-    """
+    """``path`` opened by FFmpeg with one video stream, or up to ``most``."""
     try:
         # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
         file: Any = str(path)

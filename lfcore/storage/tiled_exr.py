@@ -49,19 +49,8 @@ def write_array(
     half: bool = False,
     extra: dict | None = None,
 ) -> None:
-    """Write a light field of ``array``.
-
-    Parameters
-    ----------
-    image : (Ny h, Nx w, 3) float, linear radiance.
-    half : store 16-bit floats, as pbrt does, instead of 32.
-    extra : JSON values to keep beside the geometry, e.g. the scene's name.
-
-    Raises
-    ------
-    OpticsError : the image is not that of the array.
-    StorageError : the file cannot be written.
-    """
+    """Write a light field (Ny h, Nx w, 3) of ``array``, with ``extra`` JSON values; ``half``: as
+    pbrt."""
     array.tiles(image)
     description = {
         "format": FORMAT, "version": VERSION, "array": array.to_json(), "extra": extra or {}
@@ -76,12 +65,7 @@ def write_array(
 
 
 def read_array(path: str | Path) -> TiledPicture:
-    """Read an EXR with or without geometry; 16-bit floats stay 16-bit.
-
-    Raises
-    ------
-    StorageError : not an EXR, no colour channels, or a header that contradicts the picture.
-    """
+    """Read an EXR with or without geometry; 16-bit floats stay 16-bit."""
     image, header = read_exr(path)
     text = header.get(ATTRIBUTE)
     if text is None:

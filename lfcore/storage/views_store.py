@@ -37,30 +37,10 @@ def store_views(
 ) -> Metadata:
     """Encode all views into the light field file ``path``; each is read once.
 
-    Parameters
-    ----------
-    geometry : Slab or CameraArray
-        Of the views that there are; an array has as many columns as rows of square pictures.
-    view : callable
-        ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or
-        sRGB-encoded values in [0, 1], float; with ``peak`` PQ-encoded ones.
-    encoding : Encoding
-        With its pixel format chosen.
-    name, digest : str
-        Of the scene; default of the digest is that of the views.
-    white : float
-        Of an array: the linear light of the brightest code.
-    peak : float, optional
-        As of :class:`FrameLayout`.
-    content : dict, optional
-        What else is known, as :class:`Metadata` has it.
-    progress : callable, optional
-        Called with (views done, of all).
-
-    Raises
-    ------
-    StorageError
-        A view or the file fails; no file is left.
+    ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or sRGB-encoded
+    values in [0, 1], float, with ``peak`` PQ-encoded ones. An array has as many columns as rows of
+    square pictures, and ``white`` is the light of its brightest code. The digest is by default that
+    of the views. After an error no file is left.
     """
     recorded: Slab | dict = (
         geometry if isinstance(geometry, Slab) else {**geometry.to_json(), "white": white}

@@ -62,13 +62,8 @@ def frames_from_rgb(
     *,
     encode: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3).
-
-    ``rgb`` is uint8, or float32 / float64 in [0, 1], or what ``encode`` makes so.  Where ``width``
-    and ``height`` are larger than the pictures, their last column and row are repeated, which costs
-    an encoder nothing.
-    Raises :class:`StorageError` for an unknown format or a size it cannot hold.
-    """
+    """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3), uint8 or floats
+    in [0, 1], or what ``encode`` makes so; larger frames repeat the last column and row."""
     form = pixel_format(format_name)
     count, high, wide, _ = rgb.shape
     width, height = width or wide, height or high
@@ -117,8 +112,7 @@ def _fill(planes: list[np.ndarray], rgb: np.ndarray, form: PixelFormat) -> None:
 def rgb_from_frames(frames: np.ndarray, format_name: str, width: int, height: int) -> np.ndarray:
     """sRGB-encoded pictures (F, height, width, 3) float32 in [0, 1] of planar frames.
 
-    4:2:0 chroma is interpolated between sample centres.  Raises :class:`StorageError` when
-    ``frames`` does not fit.
+    4:2:0 chroma is interpolated between sample centres.
     """
     form = pixel_format(format_name)
     return rgb_from_planes(form.views(frames, width, height), form)

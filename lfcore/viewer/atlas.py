@@ -35,17 +35,8 @@ AVIF_SPEED = 9
 
 @dataclass(frozen=True)
 class Choice:
-    """The chosen views and their size.
-
-    Attributes
-    ----------
-    columns, rows : ndarray
-        Indices of views, ascending.
-    width, height : int
-        Pixels of a view in the atlas.
-    scale : float
-        The same over the file's.
-    """
+    """Indices of the chosen views, ascending, and their size in the atlas; ``scale``: over the
+    file's."""
 
     columns: np.ndarray
     rows: np.ndarray
@@ -85,24 +76,10 @@ class Atlas:
 
 
 def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None = None) -> Choice:
-    """The views that a page shows.
+    """The views that a page shows: in the middle of equal cells of the whole lens.
 
-    Parameters
-    ----------
-    grid : int, optional
-        Views per side, 9 to 33, by default 17; fewer where the file has fewer.
-    pixels : int, optional
-        Pixels of a picture's longer side; by default as recorded, at most 512.
-
-    Returns
-    -------
-    Choice
-        Views in the middle of equal cells of the whole lens, so that they represent all of it.
-
-    Raises
-    ------
-    StorageError
-        A number is out of range, or the views are more than a graphics card holds.
+    ``grid`` is 9 to 33 views per side, by default 17; ``pixels`` by default as recorded, at most
+    512.
     """
     count = VIEWS if grid is None else grid
     if not LEAST <= count <= MOST:
@@ -180,18 +157,8 @@ def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
 def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -> Atlas:
     """Pages of the pictures (K, height, width, 3) uint8.
 
-    Parameters
-    ----------
-    format : {"jpeg", "avif", "webp"}
-        Any browser reads JPEG.  AVIF is smaller.  WebP halves the resolution of colours: views with
-        coloured edges then reach 30 dB at most, unless the quality is 100.
-    jpeg_quality : int
-        The encoder's quality, 1 to 100; at 100 WebP is lossless.
-
-    Raises
-    ------
-    StorageError
-        The format or quality is unknown.
+    AVIF is smaller than JPEG. WebP halves the resolution of colours, views with coloured edges
+    reach 30 dB at most, but at quality 100 it is lossless.
     """
     from PIL import Image
 

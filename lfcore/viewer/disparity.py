@@ -19,21 +19,10 @@ SMOOTH = 1.5
 def estimate(
     pictures: np.ndarray, places: np.ndarray, low: float, high: float
 ) -> np.ndarray | None:
-    """Estimate disparities; where there is no texture they mean little.
+    """Disparities (h, w) float32, pixels per step of ``places`` (K, 2), from ``low`` to ``high``;
+    None for a single view.
 
-    Parameters
-    ----------
-    pictures : ndarray
-        (K, height, width, 3) uint8 views.
-    places : ndarray
-        (K, 2) positions on the lens (right, down), in views from its middle.
-    low, high : float
-        The range of disparities to search.
-
-    Returns
-    -------
-    ndarray or None
-        (h, w) float32, pixels of the pictures per step of ``places``; None for a single view.
+    Where there is no texture they mean little.
     """
     import cv2
 

@@ -30,19 +30,8 @@ Level = list[tuple[int, int]]
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Views on a grid, row by row, and the codes of their disparities.
-
-    Attributes
-    ----------
-    columns, rows : ndarray
-        Positions of view columns and rows, in views.
-    displaced : ndarray
-        (K, 2) displacements of the views' pixels.
-    low, step : float
-        The disparity of code 0, and from code to code, pixels from view to view.
-    codes : int
-        The number of codes.
-    """
+    """Views on a grid, row by row, whose columns, rows and pixels (K, 2) are displaced so far, and
+    the codes of their disparities: the first, and the step, in pixels from view to view."""
 
     columns: np.ndarray
     rows: np.ndarray

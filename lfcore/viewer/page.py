@@ -101,38 +101,7 @@ def viewer_page(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ViewerPage:
-    """The page of a light field.
-
-    Parameters
-    ----------
-    grid : int, optional
-        The number of views per side that the page holds, 9 to 33; by default 17, at most the
-        file's.
-    pixels : int, optional
-        The pixels of a picture's longer side; by default as recorded, at most 512.
-    format : {"jpeg", "avif", "webp"}
-        The format of the views; see :func:`lfcore.viewer.atlas.encode`.  By default ``webp`` of a
-        file with depth, whose pictures are means of many rays, else ``jpeg``.
-    jpeg_quality : int
-        The quality of their encoder, 1 to 100; by default 90, and of a file with depth the
-        least that gives views to 39 dB.
-    device : Device or str, optional
-        An open device, or part of its name.
-    progress : callable, optional
-        Called with (frames done, frames in all) while views are read.
-
-    Returns
-    -------
-    ViewerPage
-        The page.  A click focuses by the file's depth, or by an estimate from the views.
-
-    Raises
-    ------
-    OpticsError
-        The file holds a camera array that is no slab.
-    StorageError
-        A number is out of range, or the file is damaged.
-    """
+    """As :meth:`lfcore.LightField.viewer`."""
     device = device if isinstance(device, Device) else open_device(device)
     slab = field.require_slab()
     choice = choose(field, grid, pixels)

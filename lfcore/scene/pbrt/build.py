@@ -27,16 +27,8 @@ def build_pbrt_scene(
 ) -> Scene:
     """Read a pbrt scene of version 3, or of version 4 where the same words mean the same.
 
-    Parameters
-    ----------
-    path : the .pbrt file (``.pbrt.gz`` too).
-    tolerance : of curved shapes, as a share of their radius.
-    light_points : point lights that stand for one shape of an area light, and side if it has two;
-        :func:`~lfcore.scene.emitters.emitter_points` says with what error.
-
-    Raises
-    ------
-    SceneError : a file that cannot be read or is not a scene; it names file, line and token.
+    Triangles leave curved shapes by ``tolerance`` of their radius; ``light_points`` point lights
+    stand for each shape of an area light and side.
     """
     path = Path(path)
     notebook = Notebook()
@@ -87,10 +79,7 @@ def _parts(
     interpreter: Interpreter, notebook: Notebook
 ) -> tuple[list[SurfaceMesh], list[Moving], list[Item | None]]:
     """Parts in camera space: those at rest, those that move with their two poses, and of these the
-    items of which glow.  Lights of what rests are added.
-
-    Emitters at rest come first, each a part of its own, so that lights can name their triangles.
-    """
+    items that glow. Emitters at rest come first, so that lights can name their triangles."""
     lamps: list[SurfaceMesh] = []
     others: list[SurfaceMesh] = []
     moving: list[Moving] = []

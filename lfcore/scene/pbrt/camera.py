@@ -64,12 +64,7 @@ def read_samples(parameters: ParameterSet | None) -> int:
 
 
 def read_camera(kind: str, parameters: ParameterSet, film: tuple[int, int], samples: int) -> View:
-    """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, noted.
-
-    Raises
-    ------
-    SceneError : parameters that make no camera.
-    """
+    """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, noted."""
     if kind not in ("perspective", "lightfield"):
         parameters.approximated('as "perspective"')
     opened = parameters.float("shutteropen", SHUTTER[0])

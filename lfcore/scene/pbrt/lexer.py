@@ -62,10 +62,7 @@ def syntax_error(problem: str, place: Place, remedy: str | None = None) -> Scene
 
 
 def read_text(path: Path, asked_from: Place | None = None) -> str:
-    """A scene file's text; ``.gz`` is unpacked.
-
-    Raises :class:`SceneError` naming the file, or the line that includes it.
-    """
+    """A scene file's text; ``.gz`` is unpacked."""
     try:
         raw = reading.read_bytes(path, reading.LARGEST_TEXT, "scene file")
     except SceneError as error:
@@ -77,10 +74,7 @@ def read_text(path: Path, asked_from: Place | None = None) -> str:
 
 
 def tokenize(text: str, file: Path) -> Iterator[Token]:
-    """Tokens of ``text``, ending with one of kind :data:`END`.
-
-    Raises :class:`SceneError` naming file, line and token for a word that is none.
-    """
+    """Tokens of ``text``, ending with one of kind :data:`END`."""
     starts = [0, *(match.end() for match in re.finditer("\n", text))]
 
     def place(offset: int) -> Place:

@@ -38,11 +38,8 @@ def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
 
 @dataclass
 class LightRig:
-    """Lights in camera space and the light from everywhere, collected while reading.
-
-    ``ambient`` is that of infinite lights of one colour, ``sky`` that of their maps.  ``folder``
-    is that of the scene file, which names of pictures and spectra are relative to.
-    """
+    """Lights in camera space, and the light from everywhere: ``ambient`` of infinite lights of one
+    colour, ``sky`` of their maps."""
 
     folder: Path
     lights: list[Light] = field(default_factory=list)

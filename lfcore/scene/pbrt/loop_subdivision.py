@@ -9,20 +9,8 @@ from lfcore.errors import SceneError
 def loop_subdivide(
     points: np.ndarray, faces: np.ndarray, levels: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Subdivide ``levels`` times, then push every vertex to the limit surface.
-
-    Parameters
-    ----------
-    points : (P, 3) float64;  faces : (F, 3) int64, consistently oriented.
-
-    Returns
-    -------
-    points (P', 3) on the limit surface, faces (F 4^levels, 3), unit normals (P', 3).
-
-    Raises
-    ------
-    SceneError : an edge shared by more than two triangles.
-    """
+    """Subdivide (P, 3) points and (F, 3) faces ``levels`` times, then push every vertex to the
+    limit surface, and give it a unit normal."""
     for _ in range(levels):
         points, faces = _subdivide(points, faces)
     limit = _limit(points, faces)

@@ -38,10 +38,7 @@ class ParameterSet:
     items: dict[str, Parameter] = field(default_factory=dict)
 
     def get(self, name: str, *types: str) -> Parameter | None:
-        """The parameter, marked as used; None when absent.
-
-        Raises :class:`SceneError` when its type is none of ``types``.
-        """
+        """The parameter, marked as used; None when absent."""
         parameter = self.items.get(name)
         if parameter is None:
             return None

@@ -51,10 +51,7 @@ class Directive:
 
 
 def read_directives(path: Path, notebook: Notebook) -> Iterator[Directive]:
-    """Every directive of the scene, in order, ``Include`` and ``Import`` followed.
-
-    Raises :class:`SceneError` naming file, line and token.
-    """
+    """Every directive of the scene, in order, ``Include`` and ``Import`` followed."""
     yield from _Parser(path, notebook).file(path, [], None)
 
 

@@ -40,10 +40,7 @@ _DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 def tessellate(
     kind: str, parameters: ParameterSet, folder: Path, tolerance: float = TOLERANCE
 ) -> Mesh | None:
-    """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped.
-
-    Raises :class:`SceneError` naming the place for parameters that make no shape.
-    """
+    """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped."""
     meshes = {"trianglemesh": _trianglemesh, "plymesh": _plymesh, "loopsubdiv": _loopsubdiv}
     curved = {"sphere": _sphere, "disk": _disk, "cylinder": _cylinder}
     if kind not in meshes and kind not in curved:

@@ -54,11 +54,7 @@ def matching_functions(wavelength_nm: np.ndarray) -> np.ndarray:
 
 
 def spectrum_to_rgb(wavelength_nm: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear RGB, (3,) float64, of a piecewise linear spectrum.
-
-    Normalised so that a spectrum of constant 1 has luminance 1 (pbrt's own normalisation); its
-    colour is that of the equal-energy illuminant, rescaled to white.
-    """
+    """Linear RGB, (3,) float64, of a piecewise linear spectrum; that of constant 1 is white."""
     samples = np.interp(_WAVELENGTHS, wavelength_nm, values)
     bars = matching_functions(_WAVELENGTHS)
     rgb = XYZ_TO_RGB @ (bars * samples[:, None]).sum(0)
@@ -82,10 +78,7 @@ def metal_reflectance(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 
 def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths and values of a spectrum file: two columns, ``#`` comments.
-
-    Raises :class:`SceneError` at the parameter when it cannot be read.
-    """
+    """Wavelengths and values of a spectrum file: two columns, ``#`` comments."""
     try:
         text = read_bytes(path, LARGEST_DESCRIPTION).decode()
         rows = np.loadtxt(text.splitlines(), ndmin=2, comments="#")
@@ -99,10 +92,7 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
 
 
 def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
-    """(3,) float64 linear RGB of a colour parameter of any type.
-
-    Raises :class:`SceneError` naming the place for a wrong count or an unreadable file.
-    """
+    """(3,) float64 linear RGB of a colour parameter of any type."""
     values, kind = parameter.values, parameter.type
     if kind in ("rgb", "color", "xyz"):
         if len(values) != 3:

@@ -78,10 +78,7 @@ class GraphicsState:
 
 
 def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray:
-    """(4, 4) of a transform directive, as pbrt defines it.
-
-    Raises :class:`SceneError` for one that cannot be inverted.
-    """
+    """(4, 4) of a transform directive, as pbrt defines it."""
     if name == "Translate":
         return translate(*numbers)
     if name == "Scale":

@@ -56,7 +56,6 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
     """A picture as (H, W, 3), RGB, row 0 on top, and whether it is encoded 8-bit sRGB.
 
     Anything else (EXR, PFM, HDR, 16 bit) comes as linear float32.
-    Raises :class:`SceneError` at ``place`` when it cannot be read.
     """
     if not os.path.isfile(path):
         raise syntax_error(f"image {str(path)!r} does not exist", place, "Check the path")

@@ -18,10 +18,7 @@ BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "cornell", "ecosys", "s
 def build(
     name: str, parameters: dict, seed: int, *, file: str | Path | None = None, key: str = "objects"
 ) -> list[SurfaceMesh]:
-    """The parts of builder ``name``, in world space.
-
-    Raises :class:`SceneError` for an unknown builder or parameter, or one of the wrong type.
-    """
+    """The parts of builder ``name``, in world space."""
     if name not in BUILDERS:
         raise SceneError(
             f"unknown builder {name!r}", file=file, key=f"{key}.builder",

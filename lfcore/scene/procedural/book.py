@@ -21,11 +21,7 @@ NAVY, CREAM, GOLD, RED = (24, 38, 78), (244, 236, 214), (222, 178, 84), (178, 48
 
 
 def build(seed: int) -> Parts:
-    """16 triangles: cover, back, spine, three page edges, floor and wall.
-
-    The book's middle is 2.2 m above the floor at the origin, its cover towards +z; the
-    assignment's cameras stand at about z = 7.6 m.  ``seed`` draws the cover's pattern.
-    """
+    """16 triangles: cover, back, spine, three page edges, floor and wall; the cover faces +z."""
     parts = _box(SIZE_M / 2, seed)
     # The mesh this stands for lies on its back: cover up (+y), top of the page at -x.
     lie = np.eye(4)

@@ -10,11 +10,7 @@ MOST_TRIANGLES = 50_000_000
 
 
 def fill_to(budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]) -> Parts:
-    """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles.
-
-    Raises :class:`SceneError` when the rest of the scene has used the budget up, or it is more than
-    :data:`MOST_TRIANGLES`.
-    """
+    """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles."""
     if budget > MOST_TRIANGLES:
         raise SceneError(
             f"more than {MOST_TRIANGLES} triangles are asked for",

@@ -22,10 +22,9 @@ VISIBLE = 0.75
 
 
 def build(seed: int) -> Parts:
-    """6 triangles facing +z; the camera stands at the origin and looks along -z.
+    """6 triangles facing +z; the camera is at the origin and looks along -z.
 
-    As seen from the lens, the foreground covers the lower left quarter of the background.  ``seed``
-    changes nothing: the chart has no random part.
+    The foreground covers the lower left quarter of the background; no part is random.
     """
     near = HALF_WIDTH_M * FOREGROUND_M / BACKGROUND_M
     green = textured("green", _page(GREEN, "GREEN", BACKGROUND_M))
