@@ -9,7 +9,7 @@ import numpy as np
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch, members, unpack
-from lfcore.exchange import hdf5
+from lfcore.exchange import arrays
 from lfcore.exr import read_exr
 from lfcore.opencl.device import open_device
 from lfcore.pictures import read_codes
@@ -62,7 +62,7 @@ def depth_of(folder: Path, index: int) -> np.ndarray:
 def field_of(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Views by row and column, and the middle one's disparity, of the first HDF5 file."""
     file = folder / "data/hdf5/train/000000.h5"
-    views, disparity = (hdf5.data_set(file, name) for name in ("LF", "disp_lowres"))
+    views, disparity = (arrays.data_set(file, name) for name in ("LF", "disp_lowres"))
     assert views is not None and disparity is not None
     return views, disparity[len(views) // 2, len(views) // 2]
 

@@ -30,7 +30,7 @@ from lfcore.datasets import views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import BACKDROP, sample
 from lfcore.errors import OpticsError, SceneError, StorageError
-from lfcore.exchange import hci, hdf5, matlab
+from lfcore.exchange import arrays, hci
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr
 from lfcore.files import cannot_write, make_folder, whole_file, write_json
@@ -191,11 +191,11 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
     _add_hci(item, _Views(slab, tracer.scene.name), codes, depths)
     with item.watch.part("files"):
         if "mat" in of.also:
-            matlab.write_array(file := io.BytesIO(), codes)
+            arrays.mat_array(file := io.BytesIO(), codes)
             item.files["mat"] = file.getvalue()
         if "hdf5" in of.also:
             by_view = depths.reshape(codes.shape[:-1])
-            hdf5.write_arrays(
+            arrays.hdf5_arrays(
                 file := io.BytesIO(), LF=codes, depth_lowres=by_view,
                 disp_lowres=disparity(slab, by_view),
             )  # fmt: skip

@@ -75,7 +75,7 @@ def export_lightfield(
     with draft_folder(folder) as draft, named_errors(folder, "exporting"):
         stage = draft / "export"
         stage.mkdir()
-        row.load().write(source, stage, options)
+        row.call("write")(source, stage, options)
         os.replace(stage, folder)
     if source.free is not None:
         options.notes.append(_quality(source, source.free))

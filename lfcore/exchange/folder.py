@@ -1,6 +1,14 @@
-"""Any folder of pictures: one view per file, by two numbers in the names or by their order.
+"""Folders of pictures, one view per file, placed by the numbers in their names or by their order.
 
-PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) is an example.
+- Any folder: PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) is an example.
+- Our own plain format has the geometry in ``views.json``.
+- JPEG Pleno's test material is one PPM of 10 bits per view, ``000_000.ppm``.  Two orders are in
+  use: the verification model names views column_row (``--order columns``, the default), other
+  programs row_column (``--order rows``).
+- The Stanford light field archive has ``out_YY_XX_y_x.png``: two indices and two coordinates, y
+  down and x to the right, read as millimetres.  The positions decide, in whatever direction the
+  indices run.  The names hold neither the plane that the pictures are rectified to nor the field of
+  view.
 """
 
 from __future__ import annotations
@@ -9,42 +17,59 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Order, ReadOptions, ViewGrid
+from lfcore.exchange.grid import (
+    MOST_VIEWS,
+    ExchangeError,
+    Geometry,
+    Order,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+    existing,
+    load_json,
+    refused,
+)
+from lfcore.exchange.source import Source
+from lfcore.files import write_json as save_json
+from lfcore.pictures import write_picture
 
 View = TypeVar("View")
-_TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
+TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
+PLENO = re.compile(r"\d{3}_\d{3}\.ppm")
+PLENO_BITS = 10
+CONFIG, KIND = "views.json", "lfcore views"
+MOST_UNEQUAL = 0.05
+"""The relative difference below which steps across and down count as one pitch."""
 
 
-def recognise(path: Path) -> bool:
+def recognise_folder(path: Path) -> bool:
     return path.is_dir() and len(pictures.pictures_of(path)) > 0
 
 
-def read(path: Path, options: ReadOptions) -> ViewGrid:
-    if not path.is_dir():
-        raise ExchangeError("is no folder of views", file=path)
-    files = pictures.pictures_of(path)
+def read_folder(path: Path, options: ReadOptions) -> ViewGrid:
+    files = pictures.pictures_of(path) if path.is_dir() else []
     if not files:
         raise ExchangeError("holds no pictures", file=path)
     order = options.order or Order()
     numbered = None if options.grid else by_numbers(files, path, order)
-    return of_files(numbered or in_order(files, path, options.grid, order), path.name)
+    return of_files(numbered or _in_order(files, path, options.grid, order), path.name)
 
 
 def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
     """The grid of ``files[row][column]``, all of the size of the first."""
     size = pictures.size_of(files[0][0])
-    return ViewGrid(
-        len(files[0]), len(files), *size, lambda i, j: pictures.read(files[j][i], size), name,
-        **more,
-    )  # fmt: skip
+    read = lambda i, j: pictures.read(files[j][i], size)  # noqa: E731
+    return ViewGrid(len(files[0]), len(files), *size, read, name, **more)
 
 
 def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
     """``files[row][column]`` by the two numbers that end each name; None if one has none."""
-    found = [(file, match) for file in files if (match := _TWO.search(file.stem))]
+    found = [(file, match) for file in files if (match := TWO.search(file.stem))]
     if len(found) < len(files):
         return None
     places: dict[tuple[int, int], Path] = {}
@@ -55,14 +80,13 @@ def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]
             raise ExchangeError(f"has the numbers of {places[place].name}, too", file=file)
         places[place] = file
     numbers = list(zip(*places, strict=True))
-    lines = [range(min(each), max(each) + 1) for each in numbers]
-    return full_grid(places, lines, folder)
+    return _full_grid(places, [range(min(each), max(each) + 1) for each in numbers], folder)
 
 
-def full_grid(
+def _full_grid(
     places: Mapping[tuple[int, int], View], lines: Sequence[Sequence[int]], folder: Path
 ) -> list[list[View]]:
-    """The views at each pair of the numbers ``lines``; :class:`ExchangeError` if one is missing."""
+    """The views at each pair of the numbers ``lines``."""
     for place in ((first, second) for first in lines[0] for second in lines[1]):
         if place not in places:
             raise ExchangeError(
@@ -73,29 +97,174 @@ def full_grid(
     return [[places[first, second] for second in lines[1]] for first in lines[0]]
 
 
-def in_order(
+def _in_order(
     files: list[Path], folder: Path, grid: tuple[int, int] | None, order: Order
 ) -> list[list[Path]]:
     """``files[row][column]`` by the order of the names."""
-    if grid is None:
-        side = math.isqrt(len(files))
-        if side * side != len(files):
-            raise ExchangeError(
-                f"holds {len(files)} pictures, which is no square number, and their names do not "
-                "number rows and columns",
-                file=folder,
-                remedy="Give --views COLUMNSxROWS",
-            )
-        grid = side, side
-    columns, rows = grid
+    columns, rows = grid or (math.isqrt(len(files)),) * 2
     if columns * rows != len(files):
+        asked = "; {} x {} views were asked for".format(*grid) if grid else (
+            ", which is no square number, and their names do not number rows and columns"
+        )  # fmt: skip
         raise ExchangeError(
-            f"holds {len(files)} pictures; {columns} x {rows} views were asked for",
-            file=folder,
-            key="--views",
-        )
+            f"holds {len(files)} pictures{asked}", file=folder, key="--views" if grid else None,
+            remedy="Give --views COLUMNSxROWS",
+        )  # fmt: skip
     out = [[files[0]] * columns for _ in range(rows)]
     for index, file in enumerate(files):
         column, row = order.place(index, columns, rows)
         out[row][column] = file
     return out
+
+
+def read_json(path: Path, options: ReadOptions) -> ViewGrid:
+    file = path / CONFIG
+    data = load_json(file)
+    with refused(f"is no description of {KIND}", file):
+        columns, rows = int(data["columns"]), int(data["rows"])
+        if (
+            data["format"] != KIND
+            or not 1 <= min(columns, rows) <= max(columns, rows) <= MOST_VIEWS
+        ):
+            raise ValueError
+        known = {key: data["geometry"].get(key) for key in vars(Geometry())}
+        geometry = Geometry(**{k: None if v is None else float(v) for k, v in known.items()})
+        depth = tuple(data["depth_m"]) if data.get("depth_m") else None
+    asked = f"{CONFIG} asks for {columns} x {rows} views"
+    files = [
+        [existing([path / pictures.view_name(i, j)], asked) for i in range(columns)]
+        for j in range(rows)
+    ]
+    return of_files(files, str(data.get("scene", path.name)), geometry=geometry, depth_m=depth)
+
+
+def write_json(source: Source, folder: Path, options: WriteOptions) -> None:
+    files = []
+    for column, row, picture in source.views(options.progress):
+        name = pictures.view_name(column, row)
+        write_picture(folder / name, picture)
+        entry = {"file": name, "column": column, "row": row}
+        if source.geometry is not None:
+            entry |= {"x_m": float(source.columns_m[column]), "y_m": float(source.rows_m[row])}
+            entry["centre_px"] = [float(value) for value in source.centre(column, row)]
+        if source.has_depth:
+            depth, _ = source.depth(column, row)
+            write_picture((folder / name).with_suffix(".depth.pfm"), depth)
+        files.append(entry)
+    reach = source.field.depth_range if source.geometry is not None else None
+    data = {
+        "format": KIND, "scene": source.name, "columns": source.columns, "rows": source.rows,
+        "width": source.width, "height": source.height,
+        "axes": "column 0 left, row 0 top; x right, y down, metres",
+        "geometry": vars(source.geometry or Geometry()), "depth_m": reach and list(reach),
+        "views": files,
+    }  # fmt: skip
+    save_json(folder / CONFIG, data)
+
+
+def _pleno_views(path: Path) -> list[Path]:
+    files = path.iterdir() if path.is_dir() else ()
+    return sorted(file for file in files if PLENO.fullmatch(file.name))
+
+
+def recognise_jpeg_pleno(path: Path) -> bool:
+    return bool(_pleno_views(path))
+
+
+def read_jpeg_pleno(path: Path, options: ReadOptions) -> ViewGrid:
+    files = _pleno_views(path)
+    if not files:
+        raise ExchangeError("holds no views named 000_000.ppm", file=path)
+    grid = by_numbers(files, path, options.order or Order(columns_first=True))
+    assert grid is not None  # all names have both numbers
+    return of_files(grid, path.name)
+
+
+def write_jpeg_pleno(source: Source, folder: Path, options: WriteOptions) -> None:
+    order = options.order or Order(columns_first=True)
+    if max(source.columns, source.rows) > 1000:
+        problem = "has more than 1000 views per side, which the names cannot number"
+        raise ExchangeError(problem, file=source.field.path)
+    for column, row, picture in source.views(options.progress):
+        first, second = (column, row) if order.columns_first else (row, column)
+        pictures.write_ppm(folder / f"{first:03d}_{second:03d}.ppm", picture, PLENO_BITS)
+
+
+class _Named(NamedTuple):
+    """A picture of Stanford's with the numbers in its name."""
+
+    path: Path
+    first: int
+    second: int
+    x: float
+    y: float
+
+
+def _stanford_views(folder: Path) -> list[_Named]:
+    found = []
+    for path in pictures.pictures_of(folder) if folder.is_dir() else ():
+        words = [word for word in path.stem.split("_") if word]
+        try:
+            _, first, second, y, x = words
+            found.append(_Named(path, int(first), int(second), float(x), float(y)))
+        except ValueError:
+            continue
+    return found
+
+
+def recognise_stanford(path: Path) -> bool:
+    found = _stanford_views(path)
+    return bool(found) and found[0].path.name.startswith("out_")
+
+
+def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
+    named = _stanford_views(path)
+    if not named:
+        raise ExchangeError(
+            "holds no views named with two indices, y and x", file=path,
+            remedy="Names are like out_00_00_-12.5_8.0.png",
+        )  # fmt: skip
+    by_index = {(one.first, one.second): one for one in named}
+    if len(by_index) != len(named):
+        raise ExchangeError("holds two views of one index", file=path)
+    lines = sorted({one.first for one in named}), sorted({one.second for one in named})
+    grid = np.empty((len(lines[0]), len(lines[1])), object)
+    grid[:] = [[one.path for one in line] for line in _full_grid(by_index, lines, path)]
+    x, y = (
+        np.array([[getattr(by_index[i, j], key) for j in lines[1]] for i in lines[0]])
+        for key in "xy"
+    )
+    # The index along which y changes most counts rows.
+    if np.ptp(x.mean(1)) > np.ptp(x.mean(0)) or np.ptp(y.mean(0)) > np.ptp(y.mean(1)):
+        grid, x, y = grid.T, x.T, y.T
+    order = np.ix_(np.argsort(y.mean(1), kind="stable"), np.argsort(x.mean(0), kind="stable"))
+    step, notes = _step(x[order], y[order])
+    geometry = Geometry(pitch_m=step and step / 1e3)
+    return of_files(grid[order].tolist(), path.name, geometry=geometry, notes=notes)
+
+
+def _step(x: np.ndarray, y: np.ndarray) -> tuple[float | None, tuple[str, ...]]:
+    """The step between cameras at (rows, columns) positions, None where steps differ too much, and
+    what a light field file cannot hold of the positions."""
+    middles = x.mean(0), y.mean(1)
+    steps = [np.ptp(line) / (len(line) - 1) for line in middles if len(line) > 1]
+    step = float(np.mean(steps)) if steps else 0.0
+    if not step > 0 or max(steps) - min(steps) > MOST_UNEQUAL * step:
+        return None, ("steps across and down differ, so the spacing was not imported",)
+    row, column = np.indices(x.shape)
+    apart = [values - step * place for values, place in ((x, column), (y, row))]
+    off = float(max(np.abs(each - each.mean()).max() for each in apart)) / step
+    if off <= 0.01:
+        return step, ()
+    return step, (f"cameras are up to {off:.2g} steps off an even grid, and were moved onto it",)
+
+
+def write_stanford(source: Source, folder: Path, options: WriteOptions) -> None:
+    x, y = 1e3 * source.columns_m, 1e3 * source.rows_m
+    if source.geometry is None:
+        options.notes.append("positions are steps of the grid: the file does not hold its geometry")
+        x, y = source.columns_m, source.rows_m  # nominal metres are steps
+    digits = max(2, len(str(max(source.columns, source.rows) - 1)))
+    for column, row, picture in source.views(options.progress):
+        name = f"out_{row:0{digits}d}_{column:0{digits}d}_{y[row]:.6f}_{x[column]:.6f}"
+        write_picture(folder / f"{name}.png", picture)

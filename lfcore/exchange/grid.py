@@ -7,7 +7,9 @@ when it is encoded.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,9 +27,51 @@ class ExchangeError(StorageError):
     """A light field of another program that is incomplete or contradicts itself."""
 
 
+# What values of other types, or beyond all bounds, raise where they are used.
+NOT_OF_THE_FORMAT = (
+    ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
+)  # fmt: skip
+
+
 def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
     """The error for a file that a library could not read, with the beginning of its reason."""
     return ExchangeError(f"{problem}: {' '.join(str(error).split())[:120]}", file=file)
+
+
+@contextmanager
+def refused(problem: str, file: Path, key: str | None = None) -> Iterator[None]:
+    """Within the block, what values of a description raise is this :class:`ExchangeError`."""
+    try:
+        yield
+    except NOT_OF_THE_FORMAT:
+        raise ExchangeError(problem, file=file, key=key) from None
+
+
+def read_text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise unreadable(file, error) from None
+
+
+def load_json(file: Path) -> dict:
+    """The object in a JSON file."""
+    try:
+        data = json.loads(read_text(file))
+    except (ValueError, RecursionError) as error:
+        raise unreadable(file, error) from None
+    if not isinstance(data, dict):
+        raise ExchangeError("is no JSON object", file=file)
+    return data
+
+
+def existing(files: Iterable[Path], asked_by: str) -> Path:
+    """The first of these files that there is; ``asked_by`` names what asks for it."""
+    files = list(files)
+    for file in files:
+        if file.is_file():
+            return file
+    raise ExchangeError(f"no such file; {asked_by}", file=files[0])
 
 
 @dataclass(frozen=True)
@@ -141,29 +185,3 @@ class WriteOptions:
     far_m: float | None = None
     progress: Callable[[int, int], None] | None = None
     notes: list[str] = field(default_factory=list, init=False)
-
-
-def grid_of_values(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
-    """The grid of an array (rows, columns, height, width, channels).
-
-    Integers are sRGB codes, floating values sRGB-encoded in [0, 1].
-    """
-    if values is None:
-        remedy = "Name it: --format mat:NAME, or hdf5:NAME"
-        raise ExchangeError(f"holds no variable {name}", file=path, remedy=remedy)
-    if values.ndim == 4:
-        values = values[..., None]
-    if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:
-        raise ExchangeError(
-            f"its {name} is {values.shape}, not (rows, columns, height, width, 3)", file=path
-        )
-    if values.shape[-1] == 1:
-        values = np.repeat(values, 3, -1)
-    values = values[..., :3]
-    if values.dtype.kind == "f":
-        if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
-            raise ExchangeError(f"its {name} is not within 0 and 1", file=path)
-        values = values.astype(np.float32, copy=False)
-    elif values.dtype not in (np.uint8, np.uint16):
-        raise ExchangeError(f"its {name} is of type {values.dtype}", file=path)
-    return ViewGrid.of_array(values, path.stem)

@@ -21,6 +21,9 @@ from lfcore.exchange.grid import (
     ReadOptions,
     ViewGrid,
     WriteOptions,
+    existing,
+    read_text,
+    refused,
     unreadable,
 )
 from lfcore.exchange.source import Source
@@ -32,49 +35,53 @@ CONFIG = "parameters.cfg"
 FSTOP = 100.0
 
 
-def recognise(path: Path) -> bool:
-    return (path / CONFIG).is_file()
+def read_hci(path: Path, options: ReadOptions) -> ViewGrid:
+    file, config = path / CONFIG, configparser.ConfigParser(interpolation=None)
+    try:
+        config.read_string(read_text(file))
+    except configparser.Error as error:
+        raise unreadable(file, error) from None
 
+    def number(section: str, key: str) -> float:
+        with refused("is missing, or no finite number", file, f"{section}.{key}"):
+            value = float(config[section][key])
+            if not math.isfinite(value):
+                raise ValueError
+        return value
 
-def read(path: Path, options: ReadOptions) -> ViewGrid:
-    config = _config(path / CONFIG)
-    columns, rows = (config.number("extrinsics", f"num_cams_{axis}") for axis in "xy")
-    columns, rows = int(columns), int(rows)
+    columns, rows = (int(number("extrinsics", f"num_cams_{axis}")) for axis in "xy")
     width, height = size = (
-        int(config.number("intrinsics", "image_resolution_x_px")),
-        int(config.number("intrinsics", "image_resolution_y_px")),
+        int(number("intrinsics", "image_resolution_x_px")),
+        int(number("intrinsics", "image_resolution_y_px")),
     )
     if min(columns, rows, *size) < 1:
-        raise ExchangeError("has no views or no pixels", file=path / CONFIG)
-    files = [_view(path, index, columns * rows) for index in range(columns * rows)]
-    for file in files:
-        if pictures.size_of(file) != size:
-            raise ExchangeError(f"is not {size[0]} x {size[1]} pixels, as {CONFIG} says", file=file)
-    focus = config.number("extrinsics", "focus_distance_m")
-    sensor = config.number("intrinsics", "sensor_size_mm") / 1e3
-    focal = config.number("intrinsics", "focal_length_mm") / 1e3
+        raise ExchangeError("has no views or no pixels", file=file)
+    asked = f"{CONFIG} asks for {columns * rows} views"
+    names = [
+        f"input_Cam{{:0{digits}d}}{end}" for digits in (3, 4, 5, 6) for end in (".png", ".jpg")
+    ]
+    files = [
+        existing([path / name.format(k) for name in names], asked) for k in range(columns * rows)
+    ]
+    for view in files:
+        if pictures.size_of(view) != size:
+            raise ExchangeError(f"is not {size[0]} x {size[1]} pixels, as {CONFIG} says", file=view)
+    focus = number("extrinsics", "focus_distance_m")
+    sensor, focal = (
+        number("intrinsics", key) / 1e3 for key in ("sensor_size_mm", "focal_length_mm")
+    )
     for key, value in (("sensor_size_mm", sensor), ("focal_length_mm", focal)):
         if not value > 0:
-            raise ExchangeError("must be positive", file=path / CONFIG, key=key)
+            raise ExchangeError("must be positive", file=file, key=key)
     geometry = Geometry(
-        config.number("extrinsics", "baseline_mm") / 1e3, sensor / focal / max(size),
+        number("extrinsics", "baseline_mm") / 1e3, sensor / focal / max(size),
         1 / focus if focus else 0.0, sensor,
     )  # fmt: skip
     return ViewGrid(
         columns, rows, width, height, lambda i, j: pictures.read(files[j * columns + i], size),
-        config.text("meta", "scene") or path.name, geometry=geometry, depth_m=_depths(path),
+        config.get("meta", "scene", fallback="") or path.name, geometry=geometry,
+        depth_m=_depths(path),
     )  # fmt: skip
-
-
-def _view(path: Path, index: int, count: int) -> Path:
-    for digits in (3, 4, 5, 6):
-        for suffix in (".png", ".jpg"):
-            file = path / f"input_Cam{index:0{digits}d}{suffix}"
-            if file.is_file():
-                return file
-    raise ExchangeError(
-        f"no such file; {CONFIG} asks for {count} views", file=path / f"input_Cam{index:03d}.png"
-    )
 
 
 def _depths(path: Path) -> tuple[float, float] | None:
@@ -86,32 +93,7 @@ def _depths(path: Path) -> tuple[float, float] | None:
     return None
 
 
-class _config:
-    """The values of parameters.cfg; errors name file and key."""
-
-    def __init__(self, path: Path):
-        self.path, self._data = path, configparser.ConfigParser(interpolation=None)
-        try:
-            self._data.read_string(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, configparser.Error) as error:
-            raise unreadable(path, error) from None
-
-    def text(self, section: str, key: str) -> str | None:
-        return self._data.get(section, key, fallback=None)
-
-    def number(self, section: str, key: str) -> float:
-        text = self.text(section, key)
-        try:
-            value = float(text or "")
-        except (TypeError, ValueError):
-            problem = "is missing" if text is None else f"is no number: {text!r}"
-            raise ExchangeError(problem, file=self.path, key=f"{section}.{key}") from None
-        if not math.isfinite(value):
-            raise ExchangeError(f"cannot be {value}", file=self.path, key=f"{section}.{key}")
-        return value
-
-
-def write(source: Source, folder: Path, options: WriteOptions) -> None:
+def write_hci(source: Source, folder: Path, options: WriteOptions) -> None:
     geometry = source.require_geometry("parameters.cfg")
     total = source.columns * source.rows
     digits = max(3, len(str(total - 1)))

@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import table
-from lfcore.exchange.grid import ExchangeError, Geometry, Order, ReadOptions, ViewGrid
+from lfcore.exchange.grid import (
+    NOT_OF_THE_FORMAT,
+    ExchangeError,
+    Geometry,
+    Order,
+    ReadOptions,
+    ViewGrid,
+)
 from lfcore.exchange.pictures import is_picture
 from lfcore.files import make_folder
 from lfcore.lightfield import LightField
@@ -18,11 +25,6 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.views_store import store_views
-
-# What a reader stumbles over in a description whose values are of other types or beyond all bounds.
-_NOT_OF_THE_FORMAT = (
-    ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
-)  # fmt: skip
 
 
 def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
@@ -34,9 +36,10 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     if format is None and options.grid and is_picture(source):
         format = "eslf" if ".eslf." in source.name.lower() else "mosaic"
     row = table.find(format, imports=True) if format else table.recognise(source)
+    folder = source.parent if source.name in row.marks else source
     try:
-        grid = replace(row.load().read(source, options), format=row.name)
-    except _NOT_OF_THE_FORMAT as error:
+        grid = replace(row.call("read")(folder, options), format=row.name)
+    except NOT_OF_THE_FORMAT as error:
         raise ExchangeError(
             f"holds what {row.name} does not ({type(error).__name__}: {error})",
             file=source,

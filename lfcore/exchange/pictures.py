@@ -26,6 +26,11 @@ def is_picture(path: Path) -> bool:
     )
 
 
+def view_name(column: int, row: int) -> str:
+    """The name of a view's file, in formats that leave it to their descriptions."""
+    return f"view_{row:03d}_{column:03d}.png"
+
+
 def pictures_of(folder: Path) -> list[Path]:
     """Pictures in a folder, sorted by the numbers in their names."""
     return sorted((path for path in folder.iterdir() if is_picture(path)), key=natural)

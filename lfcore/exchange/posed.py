@@ -1,21 +1,44 @@
 """Cameras with poses: parallel cameras on a grid in one plane are a light field.
 
-Views that are written for such cameras are cropped about their axes.
+- COLMAP's text model has one PINHOLE camera per image, so that principal points are exact, and
+  x right, y down, z forward, without rotation.
+- A row of LLFF's ``poses_bounds.npy`` is a 3 x 5 matrix, camera to world with the axes [down,
+  right, backwards], the position, and (height, width, focal length), then the nearest and farthest
+  depth.  It has no principal point: views that coincide at a finite distance are cropped about
+  their axes, to the whole pixel.
+
+Their unit is read as metres.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, Geometry, ViewGrid, WriteOptions
+from lfcore.exchange.grid import (
+    ExchangeError,
+    Geometry,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+    existing,
+    read_text,
+    refused,
+    unreadable,
+)
 from lfcore.exchange.source import Source
+from lfcore.files import write_text
+from lfcore.pictures import write_picture
 
 _TURNED, _APART, _FARTHEST = 1e-3, 1e-2, 1e12
+MODEL = Path("sparse") / "0"
+PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
+"""The places of focal length and principal point among a camera's parameters."""
+POSES = "poses_bounds.npy"
 
 
 @dataclass(frozen=True)
@@ -75,17 +98,6 @@ def _lines(values: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     return line, places
 
 
-def shear(grid: PosedGrid, centres: np.ndarray) -> tuple[float, float]:
-    """Pixels by which principal points (rows, columns, 2) move per unit of position, and the
-    largest deviation from that."""
-    x, y = np.broadcast_arrays(grid.x[None, :], grid.y[:, None])
-    place = np.stack([x - x.mean(), y - y.mean()], -1)
-    moved = centres - centres.mean((0, 1))
-    power = float(np.sum(place**2))
-    slope = float(np.sum(place * moved) / power) if power else 0.0
-    return slope, float(np.abs(moved - slope * place).max())
-
-
 def views(
     poses: np.ndarray, centres: np.ndarray, focal: float, files: Sequence[Path], described: Path
 ) -> ViewGrid:
@@ -109,9 +121,13 @@ def _delta(
     grid: PosedGrid, centres: np.ndarray, size: tuple[int, int], focal: float
 ) -> tuple[float | None, tuple[str, ...]]:
     """The inverse distance at which the views coincide, and notes on other principal points."""
-    notes, middle = [], np.array(size) / 2
-    slope, off = shear(grid, centres)
-    beside = np.abs(centres.mean((0, 1)) - middle).max()
+    notes, middle = [], centres.mean((0, 1))
+    x, y = np.broadcast_arrays(grid.x[None, :], grid.y[:, None])
+    place, moved = np.stack([x - x.mean(), y - y.mean()], -1), centres - middle
+    power = float(np.sum(place**2))
+    slope = float(np.sum(place * moved) / power) if power else 0.0
+    off = float(np.abs(moved - slope * place).max())
+    beside = np.abs(middle - np.array(size) / 2).max()
     if off > 0.5:
         notes.append(f"principal points are up to {off:.2g} pixels off those of a slab")
     if beside > 0.5:
@@ -163,3 +179,114 @@ def _middle(source: Source) -> tuple[tuple[int, int], float]:
     places = [source.centre(i, 0)[0] for i in range(source.columns)]
     places += [source.centre(0, j)[1] for j in range(source.rows)]
     return (int(half[0]), int(half[1])), float(np.abs(places - np.rint(places)).max())
+
+
+def read_colmap(path: Path, options: ReadOptions) -> ViewGrid:
+    from scipy.spatial.transform import Rotation
+
+    cameras = _cameras(path / MODEL / "cameras.txt")
+    file = path / MODEL / "images.txt"
+    poses, lenses, files = [], [], []
+    # Every second line has the points of an image, and may be empty.
+    for line in _text_lines(file)[::2]:
+        with refused(f"has a line that is no image: {line[:60]!r}", file):
+            words = line.split()
+            turn, move = np.array(words[1:5], float), np.array(words[5:8], float)
+            lens, name = cameras[words[8]], words[9]
+            to_camera = Rotation.from_quat(turn[[1, 2, 3, 0]]).as_matrix()
+            pose = np.eye(4)
+            # Its cameras look along +z with y down; OpenGL's along -z with y up.
+            pose[:3, :3], pose[:3, 3] = to_camera.T * [1, -1, -1], -to_camera.T @ move
+        poses.append(pose)
+        lenses.append(lens)
+        files.append(existing([path / "images" / name], "images.txt asks for it"))
+    if not files:
+        raise ExchangeError("holds no images", file=file)
+    numbers = np.array(lenses)
+    if not np.ptp(numbers[:, 0]) <= 1e-3 * numbers[0, 0]:
+        raise ExchangeError("focal lengths differ from camera to camera", file=file)
+    return views(np.array(poses), numbers[:, 1:], float(numbers[0, 0]), files, file)
+
+
+def _cameras(file: Path) -> dict[str, list[float]]:
+    """Focal length and principal point by the camera's number."""
+    found = {}
+    models = ", ".join(PARAMETERS)
+    for line in filter(None, _text_lines(file)):
+        problem = f"has a camera that cannot be read: {line[:60]!r}. Models that can be: {models}"
+        with refused(problem, file):
+            words = line.split()
+            numbers = [float(words[4 + place]) for place in PARAMETERS[words[1]]]
+            if not (numbers[0] > 0 and np.isfinite(numbers).all()):
+                raise ValueError
+        found[words[0]] = numbers
+    return found
+
+
+def _text_lines(file: Path) -> list[str]:
+    """The lines without comments; empty lines are kept, as images have two lines each."""
+    return [line for line in read_text(file).splitlines() if not line.startswith("#")]
+
+
+def write_colmap(source: Source, folder: Path, options: WriteOptions) -> None:
+    source.require_geometry("a COLMAP model")
+    (folder / MODEL).mkdir(parents=True)
+    (folder / "images").mkdir()
+    cameras = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]
+    images = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[]"]
+    for column, row, picture in source.views(options.progress):
+        name, number = pictures.view_name(column, row), row * source.columns + column + 1
+        write_picture(folder / "images" / name, picture)
+        cx, cy = source.centre(column, row)
+        lens = f"{source.focal_px:.12g} {source.focal_px:.12g} {cx:.12g} {cy:.12g}"
+        cameras.append(f"{number} PINHOLE {source.width} {source.height} {lens}")
+        x, y = -source.columns_m[column], -source.rows_m[row]
+        images += [f"{number} 1 0 0 0 {x:.12g} {y:.12g} 0 {number} {name}", ""]
+    for name, lines in (("cameras", cameras), ("images", images), ("points3D", ["# empty"])):
+        write_text(folder / MODEL / f"{name}.txt", "\n".join(lines) + "\n")
+
+
+def read_llff(path: Path, options: ReadOptions) -> ViewGrid:
+    file = path / POSES
+    try:
+        rows = np.load(file, allow_pickle=False)
+    except Exception as error:  # a damaged header makes numpy raise anything
+        raise unreadable(file, error) from None
+    if rows.ndim != 2 or rows.shape[1] != 17 or rows.dtype.kind != "f" or not len(rows):
+        raise ExchangeError(f"is {rows.dtype} {rows.shape}, not rows of 17 numbers", file=file)
+    if not np.isfinite(rows).all():
+        raise ExchangeError("holds numbers that are not finite", file=file)
+    files = pictures.pictures_of(path / "images") if (path / "images").is_dir() else []
+    if len(files) != len(rows):
+        raise ExchangeError(f"has {len(rows)} poses for {len(files)} pictures", file=file)
+    matrix = rows[:, :15].reshape(-1, 3, 5)
+    focal = matrix[:, 2, 4]
+    if not (focal.min() > 0 and np.ptp(focal) <= 1e-3 * focal[0]):
+        raise ExchangeError("focal lengths differ, or are not positive", file=file)
+    down, right, back, place = (matrix[:, :, k] for k in range(4))
+    poses = np.stack([right, -down, back, place], -1)
+    width, height = pictures.size_of(files[0])
+    # The pictures may have been scaled since; the focal length is scaled alike.
+    focal_px = float(focal[0] * width / matrix[0, 1, 4]) if matrix[0, 1, 4] > 0 else float(focal[0])
+    centres = np.tile([width / 2, height / 2], (len(rows), 1))
+    near, far = float(rows[:, 15].min()), float(rows[:, 16].max())
+    found = views(poses, centres, focal_px, files, file)
+    return replace(found, depth_m=(near, far)) if 0 < near <= far else found
+
+
+def write_llff(source: Source, folder: Path, options: WriteOptions) -> None:
+    source.require_geometry(POSES)
+    near, far = options.near_m, options.far_m
+    if not (near and far):
+        near, far = source.depth_range(POSES)
+    half, cropped = parallel_views(source, options)
+    (folder / "images").mkdir()
+    rows = []
+    for column, row, picture in cropped:
+        write_picture(folder / "images" / pictures.view_name(column, row), picture)
+        pose = source.pose(column, row)
+        down, right, back = -pose[:3, 1], pose[:3, 0], pose[:3, 2]
+        size = np.array([2 * half[1], 2 * half[0], source.focal_px])
+        matrix = np.stack([down, right, back, pose[:3, 3], size], 1)
+        rows.append(np.concatenate([matrix.reshape(-1), [near, far]]))
+    write_picture(folder / POSES, np.array(rows, np.float64))

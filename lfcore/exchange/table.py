@@ -5,50 +5,67 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 from lfcore.exchange.grid import ExchangeError
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format and its module, which has ``recognise(path)`` and ``read(path, options)`` if it can
-    be imported, ``write(source, folder, options)`` if it can be exported."""
+    """A format: a folder with a file ``marks``, or a file of this suffix.
+
+    Its module has ``read_NAME(path, options)`` if it can be imported, ``write_NAME(source, folder,
+    options)`` if it can be exported, and ``recognise_NAME(path)`` if more than marks tell it.
+    """
 
     name: str
     module: str
     title: str
+    marks: tuple[str, ...] = ()
     imports: bool = True
     exports: bool = True
 
-    def load(self) -> ModuleType:
-        return import_module(f"lfcore.exchange.{self.module}")
+    def call(self, what: str) -> Any:
+        """The function of the module, ``read`` or ``write``, None where there is none."""
+        module = import_module(f"lfcore.exchange.{self.module}")
+        return getattr(module, f"{what}_{self.name.replace('-', '_')}", None)
+
+    def is_at(self, path: Path) -> bool:
+        """Whether a folder or file is of this format, by names and headers."""
+        by_suffix = path.suffix.lower() in self.marks and path.is_file()
+        if by_suffix or path.name in self.marks or any((path / m).is_file() for m in self.marks):
+            return True
+        own = self.call("recognise")
+        return own is not None and own(path)
 
 
 FORMATS = {
     row.name: row
     for row in (
-        Format("hci", "hci", "HCI 4D light field benchmark: parameters.cfg, input_Cam000.png"),
-        Format("nerfstudio", "nerfstudio", "nerfstudio: transforms.json, cameras on a plane"),
-        Format("blender", "blender", "Blender add-ons: lightfield.json, param.txt"),
-        Format("json", "image_folder", "our own: views and views.json, geometry included"),
-        Format("llff", "llff", "LLFF: poses_bounds.npy"),
-        Format("colmap", "colmap", "COLMAP text model, cameras on a plane"),
-        Format("stanford", "stanford", "Stanford archive: out_YY_XX_y_x.png"),
-        Format("jpeg-pleno", "jpeg_pleno", "JPEG Pleno: 000_000.ppm of 10 bits"),
-        Format("quilt", "quilt", "Looking Glass quilt: name_qs8x6a0.75.png"),
-        Format("eslf", "eslf", "Lytro's ESLF: one picture of macropixels"),
-        Format("mat", "matlab", "LFToolbox: variable LF of a .mat file"),
-        Format("hdf5", "hdf5", "HCI's scene.h5: data set LF (needs h5py)"),
-        Format("mosaic", "mosaic", "one picture of views side by side, as plenpy saves"),
-        Format(
-            "folder", "folder", "any pictures of views, one per file, in any order", exports=False
-        ),
-        Format(
-            "plenoptic", "plenoptic", "raw plenoptic picture, white image, centres", imports=False
-        ),
+        Format("hci", "hci", "HCI 4D light field benchmark: parameters.cfg, input_Cam000.png",
+               ("parameters.cfg",)),
+        Format("nerfstudio", "transforms", "nerfstudio: transforms.json, cameras on a plane",
+               ("transforms.json",)),
+        Format("blender", "transforms", "Blender add-ons: lightfield.json, param.txt",
+               ("lightfield.json", "param.txt")),
+        Format("json", "folder", "our own: views and views.json, geometry included",
+               ("views.json",)),
+        Format("llff", "posed", "LLFF: poses_bounds.npy", ("poses_bounds.npy",)),
+        Format("colmap", "posed", "COLMAP text model, cameras on a plane",
+               ("sparse/0/images.txt",)),
+        Format("stanford", "folder", "Stanford archive: out_YY_XX_y_x.png"),
+        Format("jpeg-pleno", "folder", "JPEG Pleno: 000_000.ppm of 10 bits"),
+        Format("quilt", "whole", "Looking Glass quilt: name_qs8x6a0.75.png"),
+        Format("eslf", "whole", "Lytro's ESLF: one picture of macropixels"),
+        Format("mat", "arrays", "LFToolbox: variable LF of a .mat file", (".mat",)),
+        Format("hdf5", "arrays", "HCI's scene.h5: data set LF (needs h5py)", (".h5", ".hdf5")),
+        Format("mosaic", "whole", "one picture of views side by side, as plenpy saves"),
+        Format("folder", "folder", "any pictures of views, one per file, in any order",
+               exports=False),
+        Format("plenoptic", "whole", "raw plenoptic picture, white image, centres",
+               imports=False),
     )
-}
+}  # fmt: skip
 
 
 def find(name: str, *, imports: bool = False) -> Format:
@@ -66,7 +83,7 @@ def find(name: str, *, imports: bool = False) -> Format:
 def recognise(path: Path) -> Format:
     """The format of a folder or file, by names and headers."""
     for row in FORMATS.values():
-        if row.imports and row.load().recognise(path):
+        if row.imports and row.is_at(path):
             return row
     what = "folder" if path.is_dir() else "file"
     raise ExchangeError(

@@ -12,7 +12,7 @@ from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
-from lfcore.exchange import hci, hdf5
+from lfcore.exchange import arrays, hci
 from lfcore.exchange.grid import ReadOptions
 from lfcore.exr import read_exr
 from lfcore.opencl.device import open_device
@@ -87,16 +87,16 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
         "placement": {"depth_m": [1.1, 2.8], "wall_m": 3},
     })  # fmt: skip
     item = items.make_item(of, 2, device)
-    grid = hci.read(written(tmp_path, item), ReadOptions())
+    grid = hci.read_hci(written(tmp_path, item), ReadOptions())
     array = loadmat(io.BytesIO(item.files["mat"]))["LF"]
     assert array.shape == (3, 3, 40, 40, 3) and np.array_equal(array[0, 2], grid.read(2, 0))
-    assert np.array_equal(hdf5.data_set(tmp_path / "h5", "LF"), array)
+    assert np.array_equal(arrays.data_set(tmp_path / "h5", "LF"), array)
     tracer, slab = open_tracer(sample(of, 2)[0], device), Slab(camera_of(of), 3, 40)
     depths = depth_of_views(tracer, slab, all_samples(slab))
     map_of_view = (tmp_path / "gt_disp_lowres_Cam005.pfm").read_bytes()
     stored = np.frombuffer(map_of_view[-40 * 40 * 4 :], "<f4").reshape(40, 40)[::-1]
     assert np.array_equal(stored, disparity(slab, depths[5]))
-    assert np.array_equal(stored, hdf5.data_set(tmp_path / "h5", "disp_lowres")[1, 2])
+    assert np.array_equal(stored, arrays.data_set(tmp_path / "h5", "disp_lowres")[1, 2])
     true = views.view(tracer, slab, 2, (12, 1))
     assert db(srgb_decode(grid.read(2, 0)), true) > of.quality_db
 

@@ -1,0 +1,115 @@
+"""Views as one array: LFToolbox's .mat files, and HDF5 files of the HCI tools.
+
+Both have ``LF`` (rows, columns, y, x, channels), of which a fourth is a weight and is left out.
+HDF5, and MATLAB's files of version 7.3, need h5py: ``pip install 'lfcore[hdf5]'``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import BinaryIO
+
+import numpy as np
+
+from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions, unreadable
+from lfcore.exchange.source import Source
+
+VARIABLE = "LF"
+
+
+def _grid(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
+    """The grid of integers, which are sRGB codes, or of sRGB-encoded floats in [0, 1]."""
+    if values is None:
+        remedy = "Name it: --format mat:NAME, or hdf5:NAME"
+        raise ExchangeError(f"holds no variable {name}", file=path, remedy=remedy)
+    if values.ndim == 4:
+        values = values[..., None]
+    if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:
+        raise ExchangeError(
+            f"its {name} is {values.shape}, not (rows, columns, height, width, 3)", file=path
+        )
+    values = np.repeat(values, 3, -1) if values.shape[-1] == 1 else values[..., :3]
+    if values.dtype.kind == "f":
+        if not (values.min() >= 0 and values.max() <= 1):  # NaN is not, either
+            raise ExchangeError(f"its {name} is not within 0 and 1", file=path)
+        values = values.astype(np.float32, copy=False)
+    elif values.dtype not in (np.uint8, np.uint16):
+        raise ExchangeError(f"its {name} is of type {values.dtype}", file=path)
+    return ViewGrid.of_array(values, path.stem)
+
+
+def read_mat(path: Path, options: ReadOptions) -> ViewGrid:
+    from scipy.io import loadmat
+
+    name = options.variable or VARIABLE
+    try:
+        found = loadmat(path, variable_names=[name]).get(name)
+    except NotImplementedError:
+        # MATLAB's arrays are transposed in HDF5: (C, U, V, S, T) as stored.
+        values = data_set(path, name)
+        found = np.transpose(values) if values is not None else None
+    except Exception as error:  # scipy raises what the bytes happen to break
+        raise unreadable(path, error, "cannot be read as a MAT file") from None
+    return _grid(found, name, path)
+
+
+def write_mat(source: Source, folder: Path, options: WriteOptions) -> None:
+    mat_array(folder / f"{source.name}.mat", source.array(options.progress), small=True)
+
+
+def mat_array(file: Path | BinaryIO, views: np.ndarray, *, small: bool = False) -> None:
+    """Write views (rows, columns, height, width, 3); ``small``: compressed, which takes longer."""
+    from scipy.io import savemat
+
+    savemat(file, {VARIABLE: views}, do_compression=small)
+
+
+def _h5py() -> ModuleType:
+    try:
+        import h5py
+    except ImportError:
+        raise ExchangeError(
+            "HDF5 needs the package h5py", key="--format", remedy="pip install 'lfcore[hdf5]'"
+        ) from None
+    return h5py
+
+
+def data_set(path: Path, name: str) -> np.ndarray | None:
+    """The data set of that name, or None."""
+    h5py = _h5py()
+    try:
+        with h5py.File(path, "r") as file:
+            return file[name][()] if name in file else None
+    except (OSError, RuntimeError, TypeError) as error:
+        raise unreadable(path, error, "cannot be read as HDF5") from None
+
+
+def hdf5_arrays(file: Path | BinaryIO, **arrays: np.ndarray) -> None:
+    """Write data sets by their names."""
+    with _h5py().File(file, "w") as stored:
+        for name, array in arrays.items():
+            stored[name] = array
+
+
+def read_hdf5(path: Path, options: ReadOptions) -> ViewGrid:
+    name = options.variable or VARIABLE
+    return _grid(data_set(path, name), name, path)
+
+
+def write_hdf5(source: Source, folder: Path, options: WriteOptions) -> None:
+    shape = (source.rows, source.columns, source.height, source.width)
+    with _h5py().File(folder / "scene.h5", "w") as file:
+        views = file.create_dataset(VARIABLE, (*shape, 3), np.uint8)
+        for column, row, picture in source.views(options.progress):
+            views[row, column] = picture
+        if source.geometry is not None:
+            views.attrs.update(vars(source.geometry))
+        if not source.has_depth:
+            options.notes.append("no depth was written: --scene adds it")
+            return
+        depths = file.create_dataset("depth_lowres", shape, np.float32)
+        moved = file.create_dataset("disp_lowres", shape, np.float32)
+        for row, column in np.ndindex(source.rows, source.columns):
+            depth, _ = source.depth(column, row)
+            depths[row, column], moved[row, column] = depth, source.disparity(depth)

@@ -1,0 +1,218 @@
+"""Pictures with poses in JSON: nerfstudio's ``transforms.json``, and Blender's add-ons.
+
+nerfstudio has OpenGL's axes, and reads a principal point per frame where the file has none for all:
+those of views that coincide at a finite distance move with the camera.  IDLab's add-on has poses,
+focal length and sensor of a plane in ``lightfield.json``.  Both worlds have z up.  gfxdisp's
+(``param.txt``) names pictures ``row_column``, counted from the bottom right camera; ``base_x`` is
+half the width of the grid, in the scene's unit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.exchange import folder as by_file
+from lfcore.exchange import pictures, posed
+from lfcore.exchange.grid import (
+    ExchangeError,
+    Geometry,
+    Order,
+    ReadOptions,
+    ViewGrid,
+    WriteOptions,
+    existing,
+    load_json,
+    read_text,
+    refused,
+)
+from lfcore.exchange.source import Source
+from lfcore.files import write_json
+from lfcore.pictures import write_picture
+
+NERFSTUDIO, IDLAB, GFXDISP = "transforms.json", "lightfield.json", "param.txt"
+TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+"""The turn from x right, y up, z back to x right, y forward, z up."""
+MOST_MM = 65535
+
+
+def read_nerfstudio(path: Path, options: ReadOptions) -> ViewGrid:
+    file = path / NERFSTUDIO if path.is_dir() else path
+    data = load_json(file)
+    frames = data.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise ExchangeError("holds no frames", file=file, key="frames")
+    names = [str(frame.get("file_path", "?")) for frame in frames]
+    files = [
+        existing([file.parent / (name + end) for end in ("", ".png", ".jpg")], f"{file.name} asks")
+        for name in names
+    ]
+    with refused("is not 4 x 4 in every frame", file, "transform_matrix"):
+        poses = np.array([frame["transform_matrix"] for frame in frames], np.float64)
+        if poses.shape[1:] not in ((4, 4), (3, 4)):
+            raise ValueError
+    with refused("is missing, differs from camera to camera, or is not positive", file, "fl_x"):
+        focal = np.array([data.get("fl_x", frame.get("fl_x")) for frame in frames], np.float64)
+        if not (focal.min() > 0 and np.ptp(focal) <= 1e-3 * focal.max()):
+            raise ValueError
+    middle = dict(zip(("cx", "cy"), np.array(pictures.size_of(files[0])) / 2, strict=True))
+    with refused("is no number", file, "cx, cy"):
+        centres = np.array(
+            [[float(data.get(key, frame.get(key, middle[key]))) for key in middle]
+             for frame in frames]
+        )  # fmt: skip
+    found = posed.views(poses, centres, float(focal[0]), files, file)
+    if any(data.get(key) for key in ("k1", "k2", "k3", "p1", "p2")):
+        found = replace(found, notes=(*found.notes, "the lens's distortion was not corrected"))
+    return found
+
+
+def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> None:
+    parallel = source.require_geometry(NERFSTUDIO).delta == 0
+    (folder / "images").mkdir()
+    if source.has_depth:
+        (folder / "depth").mkdir()
+    frames = []
+    for column, row, picture in source.views(options.progress):
+        name = pictures.view_name(column, row)
+        write_picture(folder / "images" / name, picture)
+        pose = TO_WORLD @ source.pose(column, row)
+        frame = {"file_path": f"images/{name}", "transform_matrix": pose.tolist()}
+        if not parallel:
+            frame |= dict(zip(("cx", "cy"), map(float, source.centre(column, row)), strict=True))
+        if source.has_depth:
+            depth, _ = source.depth(column, row)
+            write_picture(folder / "depth" / name, _millimetres(depth))
+            frame["depth_file_path"] = f"depth/{name}"
+        frames.append(frame)
+    shared = {
+        "camera_model": "OPENCV", "fl_x": source.focal_px, "fl_y": source.focal_px,
+        "w": source.width, "h": source.height, "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0,
+        "orientation_override": "none",
+    }  # fmt: skip
+    if parallel:
+        shared |= dict(zip(("cx", "cy"), map(float, source.axis_px), strict=True))
+    write_json(folder / NERFSTUDIO, {**shared, "frames": frames})
+    if not source.has_depth:
+        options.notes.append("no depth was written: --scene adds it")
+
+
+def _millimetres(depth: np.ndarray) -> np.ndarray:
+    """uint16; 0, which is "not known", for a miss and for what is farther than 65.5 m."""
+    mm = np.rint(1e3 * np.where(np.isfinite(depth), depth, np.inf).astype(np.float64))
+    return np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)
+
+
+def read_blender(path: Path, options: ReadOptions) -> ViewGrid:
+    if (path / IDLAB).is_file():
+        return _read_idlab(path / IDLAB)
+    if (path / GFXDISP).is_file():
+        return _read_gfxdisp(path)
+    raise ExchangeError(f"holds neither {IDLAB} nor {GFXDISP}", file=path)
+
+
+def _read_idlab(file: Path) -> ViewGrid:
+    data = load_json(file)
+    kind = data.get("lf_type", "PLANE")
+    if kind != "PLANE":
+        problem = f"is a light field on a {str(kind).lower()}; only planes can be read"
+        raise ExchangeError(problem, file=file, key="lf_type")
+    with refused("lacks names, positions or rotations", file, "frames"):
+        names = [str(frame["name"]) for frame in data["frames"]]
+        poses = np.array([_idlab_pose(frame) for frame in data["frames"]], np.float64)
+        if not names or poses.shape[1:] != (4, 4):
+            raise ValueError
+    grid = posed.on_a_plane(poses, file, names)
+    files = [_idlab_picture(file.parent, name) for name in names]
+    size = pictures.size_of(files[0])
+    placed = [[files[k] for k in line] for line in grid.index]
+    geometry = Geometry(grid.pitch, *_idlab_lens(data, size, file))
+    return by_file.of_files(placed, file.parent.resolve().name, geometry=geometry)
+
+
+def _idlab_pose(frame: dict) -> np.ndarray:
+    if isinstance(frame.get("world_matrix"), list):
+        return np.array(frame["world_matrix"], np.float64).reshape(4, 4)
+    from scipy.spatial.transform import Rotation
+
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_euler("xyz", frame["rotation"]).as_matrix()
+    pose[:3, 3] = frame["position"]
+    return pose
+
+
+def _idlab_picture(folder: Path, name: str) -> Path:
+    for place in (folder, folder / "png", folder / "exr", folder.parent / "png"):
+        for suffix in ("", ".png", ".exr", ".jpg"):
+            if pictures.is_picture(place / (name + suffix)):
+                return place / (name + suffix)
+    raise ExchangeError(f"no such picture, as {IDLAB} names it", file=folder / name)
+
+
+def _idlab_lens(data: dict, size: tuple[int, int], file: Path) -> tuple:
+    """pixel_pitch, delta and sensor_m of a perspective camera, without lens shift."""
+    camera = data.get("camera") or {}
+    with refused("holds no lens that can be read", file, "camera"):
+        if camera.get("type", "PERSP") != "PERSP":
+            problem = "only perspective cameras can be read"
+            raise ExchangeError(problem, file=file, key="camera.type")
+        if "focal_length" in camera:
+            sensor = float(data["sensor_size"][0]) / 1e3
+            extent = sensor / (float(camera["focal_length"]) / 1e3)
+            return extent / size[0], 0.0, sensor * max(size) / size[0]
+        if "angle" in camera:
+            return 2 * math.tan(float(camera["angle"]) / 2) / max(size), 0.0, None
+    return None, 0.0, None
+
+
+def _read_gfxdisp(path: Path) -> ViewGrid:
+    file = path / GFXDISP
+    pairs = (line.split(":", 1) for line in read_text(file).splitlines() if ":" in line)
+    values = {key.strip(): value.strip() for key, value in pairs}
+    with refused("lacks num_x, num_y, base_x or base_y", file):
+        columns, rows = int(values["num_x"]), int(values["num_y"])
+        base = float(values["base_x"]), float(values["base_y"])
+    files = [one for one in pictures.pictures_of(path) if by_file.TWO.search(one.stem)]
+    found = by_file.by_numbers(files, path, Order()) if files else None
+    if found is None or (len(found[0]), len(found)) != (columns, rows):
+        asked = f"{GFXDISP} asks for {columns} x {rows} named row_column"
+        raise ExchangeError(f"holds {len(files)} views; {asked}", file=path)
+    steps = [2 * b / (n - 1) for b, n in zip(base, (columns, rows), strict=True) if n > 1]
+    even = steps and max(steps) - min(steps) <= 0.01 * max(steps)
+    differ = ("steps across and down differ: the spacing was not imported",)
+    geometry = Geometry(steps[0] if even else None, None, 0.0)
+    notes = () if even or not steps else differ
+    grid = by_file.of_files(found, path.name, geometry=geometry, notes=notes)
+    return grid.turned(left=True, up=True)
+
+
+def write_blender(source: Source, folder: Path, options: WriteOptions) -> None:
+    """Write IDLab's plane: pictures in ``png``, poses in ``lightfield.json``."""
+    from scipy.spatial.transform import Rotation
+
+    geometry = source.require_geometry(IDLAB)
+    half, views = posed.parallel_views(source, options)
+    width, height = 2 * half[0], 2 * half[1]
+    (folder / "png").mkdir()
+    frames = []
+    for column, row, picture in views:
+        name = f"view_{row * source.columns + column:04d}f"
+        write_picture(folder / "png" / f"{name}.png", picture)
+        pose = TO_WORLD @ source.pose(column, row)
+        turn = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
+        frames.append({
+            "name": name, "position": pose[:3, 3].tolist(), "rotation": turn.tolist(),
+            "world_matrix": pose.tolist(),
+        })  # fmt: skip
+    pixel_mm = 1e3 * geometry.sensor_m / max(source.width, source.height)
+    camera = {
+        "type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": pixel_mm * source.focal_px,
+    }  # fmt: skip
+    data = {
+        "camera": camera, "lf_type": "PLANE", "resolution": [width, height],
+        "sensor_size": [pixel_mm * width, pixel_mm * height], "frames": frames,
+    }  # fmt: skip
+    write_json(folder / IDLAB, data)
