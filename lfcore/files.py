@@ -143,7 +143,14 @@ def read_json(path: str | Path) -> Any:
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
-def read_arrays(path: str | Path, what: str, read: Callable[[Any], Read]) -> Read:
+def read_arrays(
+    path: str | Path,
+    what: str,
+    read: Callable[[Any], Read],
+    *,
+    kind: type[LfcoreError] = LfcoreError,
+    remedy: str = "Delete it and run again",
+) -> Read:
     """What ``read`` makes of the arrays of an npz file."""
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -151,11 +158,8 @@ def read_arrays(path: str | Path, what: str, read: Callable[[Any], Read]) -> Rea
     except MemoryError:
         raise
     except Exception as error:  # zipfile, zlib, numpy and a foreign header raise anything
-        raise LfcoreError(
-            f"not a whole {what} ({' '.join(str(error).split())[:120]})",
-            file=path,
-            remedy="Delete it and run again",
-        ) from None
+        reason = " ".join(str(error).split())[:120]
+        raise kind(f"not a whole {what} ({reason})", file=path, remedy=remedy) from None
 
 
 def make_folder(path: Path) -> None:

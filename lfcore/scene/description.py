@@ -8,6 +8,7 @@ from typing import Any
 
 import jsonschema
 import yaml
+from jsonschema.exceptions import best_match
 
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.reading import read_yaml
@@ -41,7 +42,7 @@ def check(description: Any, *, file: str | Path) -> dict:
     validator = jsonschema.Draft202012Validator(schema())
     errors = sorted(validator.iter_errors(description), key=lambda e: [str(p) for p in e.path])
     if errors:
-        raise _explain(_most_telling(errors[0]), file)
+        raise _explain(best_match(errors[:1]), file)
     return description
 
 
@@ -100,27 +101,6 @@ def _join(key: str, name: Any) -> str:
     if isinstance(name, int):
         return f"{key}[{name}]"
     return f"{key}.{name}" if key else str(name)
-
-
-def _most_telling(error: jsonschema.ValidationError) -> jsonschema.ValidationError:
-    """Of an alternative's failures, the one of the alternative that nearly fitted."""
-    while error.context:
-        branches: dict[int, list] = {}
-        for sub in error.context:
-            branches.setdefault(sub.schema_path[0], []).append(sub)
-        kinds = {sub.validator for subs in branches.values() for sub in subs}
-        if kinds == {"required"} or len(branches) < 2:
-            return error
-        # An alternative of another type than the value is not what the author meant.
-        meant = [
-            subs
-            for subs in branches.values()
-            if not any(sub.validator in ("type", "const", "enum") and not sub.path for sub in subs)
-        ]
-        if not meant:
-            return error
-        error = min(meant, key=len)[0]
-    return error
 
 
 def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.files import whole_file
+from lfcore.files import read_arrays, whole_file
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
@@ -87,52 +87,35 @@ def _header(scene: Scene) -> dict:
 
 def read_header(path: str | Path) -> dict:
     """The JSON header alone (name, camera, needs, ...), without loading the arrays."""
-    return _read(path, lambda archive: _parse_header(archive, path))
+    return _read(path, _parse_header)
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Inverse of :func:`save_scene`; :class:`SceneError` if missing, damaged or foreign."""
-    return _read(path, lambda archive: _scene(archive, path))
+    """Inverse of :func:`save_scene`."""
+    return _read(path, _scene)
 
 
-def _read(path: str | Path, reader: Callable[[Any], Any]) -> Any:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return reader(archive)
-    except FileNotFoundError:
-        raise SceneError(
-            "scene file not found", file=path, remedy="Parse the scene first"
-        ) from None
-    except (SceneError, MemoryError):
-        raise
-    except Exception as error:  # zipfile, zlib, numpy, and a header of wrong types raise anything
-        raise _damaged(path, error) from error
+def _read(path: str | Path, read: Callable[[Any], Any]) -> Any:
+    remedy = "Delete it and parse the scene again"
+    return read_arrays(path, "scene file", read, kind=SceneError, remedy=remedy)
 
 
-def _damaged(path: str | Path, error: Exception | str) -> SceneError:
-    return SceneError(
-        f"not a whole scene file: {' '.join(str(error).split())[:200]}",
-        file=path,
-        remedy="Delete it and parse the scene again",
-    )
-
-
-def _parse_header(archive: Any, path: str | Path) -> dict:
+def _parse_header(archive: Any) -> dict:
     header = json.loads(archive["header"].tobytes())
     if header.get("format") != FORMAT:
-        raise _damaged(path, f"format {header.get('format')!r} instead of {FORMAT!r}")
+        raise ValueError(f"format {header.get('format')!r} instead of {FORMAT!r}")
     return header
 
 
-def _scene(archive: Any, path: str | Path) -> Scene:
-    header = _parse_header(archive, path)
+def _scene(archive: Any) -> Scene:
+    header = _parse_header(archive)
     arrays = {name: archive[name] for name in ARRAYS}
     for name, (dtype, shape) in ARRAYS.items():
         array = arrays[name]
         count, every = header["triangles"], name in ("triangles", "material_ids")
         lengths = (count,) if every else (0, count)
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
-            raise _damaged(path, f"array {name!r} is {array.dtype} {array.shape}")
+            raise ValueError(f"array {name!r} is {array.dtype} {array.shape}")
     return Scene(
         name=header["name"],
         camera=Camera.from_json(header["camera"]),

@@ -1,32 +1,12 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
-``docs/notebook/store.md`` has the measurements.
-
-What follows from it:
-
-- Views cost a fraction of the bits at small N, where a macropixel of 16 x 16 is mostly edges, and
-  hold at N = 16 and 32 what macropixels cannot: a stream 500 to 1000 times smaller than 12 bytes a
-  ray whose pictures are right to 44 dB.  They are the default where a view has at least 16 pixels
-  for each one of a macropixel, along a side (and up to N = 8).  With fewer, a block of 16 x 16
-  pixels of one view sees thousands of triangles in a dense scene, and tracing bedroom at N = 32,
-  M = 128 took tens of times as long as views as it did as macropixels; at N = 16, M = 512 both are
-  as fast.
-- 4:4:4 everywhere: at N = 64 it needs 27% fewer bits than 4:2:0 at equal error of the picture, and
-  at N = 512 frames are 2 dB better at equal bits.
-- 10 bits for PQ, and for slicing by depth: few frames are averaged, so that 8 bits leave bands on
-  dark walls.
-  At the same bytes, views of a grey model are 1.4 dB better.
-- Preset ``medium`` up to N = 16, where the codec's noise is averaged least.
-- ``veryfast`` beyond, with what gives most of ``medium``'s quality back for 15% of its rate:
-  the coefficients' trellis (1.3 dB of the lens picture), frames looked ahead (0.2 dB), and at small
-  N three reference frames (6% of the bits).  It does twice the rays of ``medium``, and at N = 512
-  1.4 to 1.7 times, for 2 to 15% more bits.  Ask for ``ultrafast`` where a store is made once and
-  read once.
-- The encoder looks 20 frames ahead beyond N = 128, and not 40.  At N = 512 that saves 32 of its 74
-  MiB, and at one CRF gives 0.6 to 2.3% fewer bits, 0.05 to 0.3 dB less, and takes 0.6 to 1% fewer
-  instructions.
-- A key frame every 128 frames costs 3% of the bits at N = 32 and bounds what a macropixel costs to
-  read: 64 frames decoded on average.
+``docs/notebook/store.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
+small N.  Where a view has fewer than 16 pixels for each one of a macropixel, along a side, a block
+of it sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
+bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  ``veryfast`` has
+what gives most of ``medium``'s quality back for 15% of its rate: trellis, frames looked ahead, and
+three references.  A key frame every 128 frames costs 3% of the bits at N = 32, and bounds what a
+macropixel costs to read: 64 frames on average.
 """
 
 from __future__ import annotations

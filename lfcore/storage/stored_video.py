@@ -390,66 +390,53 @@ class StoredVideo:
 
 
 def _read_metadata(path: Path, structure: Structure) -> Metadata:
-    """The metadata of a file, checked against its video stream."""
+    """The metadata of a file, checked against its video streams; damage goes before all else."""
     try:
-        container = open_video(path, MOST_STREAMS)
+        with open_video(path, MOST_STREAMS) as container:
+            text = container.metadata.get(TAG)
+            if text is None:
+                raise StorageError(
+                    f"is a video, but no light field: it has no tag {TAG}",
+                    file=path,
+                    remedy="Give a lightfield.mkv, as the join of segments writes it",
+                )
+            metadata = Metadata.from_text(text, path)
+            said = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
+            streams = container.streams.video
+            _compare(path, [("streams of video", len(said), len(streams))])
+            for one, stream in zip(said, streams, strict=True):
+                _check_stream(path, one, stream, damaged=bool(structure.faults))
+            return metadata
     except StorageError:
         if structure.faults:
             raise StorageError(
                 f"is damaged: {'; '.join(structure.faults)}; nothing can be read", file=path
             ) from None
         raise
-    with container:
-        text = container.metadata.get(TAG)
-        if text is None:
-            if structure.faults:
-                raise StorageError(
-                    f"is damaged: {'; '.join(structure.faults)}; without metadata (tag {TAG}) "
-                    "nothing can be read",
-                    file=path,
-                )
-            raise StorageError(
-                f"is a video, but no light field: it has no tag {TAG}",
-                file=path,
-                remedy="Give a lightfield.mkv, as the join of segments writes it",
-            )
-        metadata = Metadata.from_text(text, path)
-        said = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
-        streams = container.streams.video
-        if len(streams) != len(said):
-            raise StorageError(
-                f"contradicts itself: the metadata say {len(said)} video streams, it has "
-                f"{len(streams)}",
-                file=path,
-                remedy="Join the segments again",
-            )
-        for one, stream in zip(said, streams, strict=True):
-            _check_stream(path, one, stream, structure.faults)
-        return metadata
 
 
-def _check_stream(
-    path: Path, metadata: Metadata, stream: av.VideoStream, faults: list[str]
-) -> None:
+def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream, *, damaged: bool) -> None:
     """Raise :class:`StorageError` when the metadata contradict the video stream."""
     context, layout = stream.codec_context, metadata.layout
     name = stored_format(context.pix_fmt, grey=layout.format.grey)
-    pairs = (
+    # FFmpeg learns the pixel format from the first frame, which a cut file may lack, and of which
+    # stream it looks for it is not the last; frames are compared when decoded.
+    unknown = name is None and (damaged or layout.format.grey)
+    pairs = [
         ("codec", metadata.codec, context.codec.canonical_name),
         ("frame width", layout.frame_width, context.width),
         ("frame height", layout.frame_height, context.height),
-        ("pixel format", layout.pixel_format, name),
+        ("pixel format", layout.pixel_format, layout.pixel_format if unknown else name),
         ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
-    )
+    ]
+    _compare(path, pairs)
+
+
+def _compare(path: Path, pairs: Iterable[tuple[str, object, object]]) -> None:
     for what, said, found in pairs:
-        # FFmpeg learns the pixel format from the first frame, which a cut file may lack, and of
-        # which stream it looks for it is not the last; frames are compared when decoded.
-        if said == found or (found is None and (faults or layout.format.grey)):
-            continue
-        if faults:
-            raise StorageError(f"is damaged: {'; '.join(faults)}; nothing can be read", file=path)
-        raise StorageError(
-            f"contradicts itself: the metadata say {what} {said}, the video has {found}",
-            file=path,
-            remedy="Join the segments again",
-        )
+        if said != found:
+            raise StorageError(
+                f"contradicts itself: the metadata say {what} {said}, the video has {found}",
+                file=path,
+                remedy="Join the segments again",
+            )

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from lfcore.errors import SceneError
+from lfcore.scene.surface_mesh import normalise
 
 
 def loop_subdivide(
@@ -13,8 +14,12 @@ def loop_subdivide(
     limit surface, and give it a unit normal."""
     for _ in range(levels):
         points, faces = _subdivide(points, faces)
-    limit = _limit(points, faces)
-    return limit, faces, _normals(limit, faces)
+    edges, _, is_open = _edges(faces)
+    limit = _moved(points, edges, is_open, limit=True)
+    a, b, c = limit[faces].swapaxes(0, 1)
+    normals = np.zeros_like(limit)
+    np.add.at(normals, faces, np.cross(b - a, c - a)[:, None])
+    return limit, faces, normalise(normals)
 
 
 def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -26,63 +31,37 @@ def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return edges, inverse.reshape(-1, 3), uses == 1
 
 
-def _neighbours(edges: np.ndarray, count: int) -> sparse.csr_matrix:
-    ones = np.ones(len(edges))
-    half = sparse.coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count))
-    return (half + half.T).tocsr()
+def _moved(
+    points: np.ndarray, edges: np.ndarray, is_open: np.ndarray, *, limit: bool = False
+) -> np.ndarray:
+    """The vertices after a subdivision, or on the limit surface: means with their neighbours, on a
+    boundary with those along it."""
 
+    def neighbours(edges: np.ndarray) -> sparse.csr_matrix:
+        shape = len(points), len(points)
+        half = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape)
+        return (half + half.T).tocsr()
 
-def _boundary(
-    edges: np.ndarray, open_edge: np.ndarray, count: int
-) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Neighbours along the boundary (matrix) and which vertices lie on it."""
-    along = _neighbours(edges[open_edge], count)
-    return along, np.diff(along.indptr) > 0
-
-
-def _beta(valence: np.ndarray) -> np.ndarray:
-    return np.where(valence == 3, 3.0 / 16.0, 3.0 / (8.0 * np.maximum(valence, 1)))
+    ring, along = neighbours(edges), neighbours(edges[is_open])
+    valence = np.diff(ring.indptr)[:, None]
+    share = np.where(valence == 3, 3.0 / 16.0, 3.0 / (8.0 * np.maximum(valence, 1)))
+    if limit:
+        share = 1.0 / (valence + 3.0 / (8.0 * share))
+    rim = 0.2 if limit else 0.125
+    inside = (1 - valence * share) * points + share * (ring @ points)
+    edge = (1 - 2 * rim) * points + rim * (along @ points)
+    return np.where((np.diff(along.indptr) > 0)[:, None], edge, inside)
 
 
 def _subdivide(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    count = len(points)
-    edges, side_edge, open_edge = _edges(faces)
-    ring = _neighbours(edges, count)
-    along, on_boundary = _boundary(edges, open_edge, count)
-    valence = np.diff(ring.indptr)[:, None]
-    beta = _beta(valence)
-    even = (1 - valence * beta) * points + beta * (ring @ points)
-    even = np.where(on_boundary[:, None], 0.75 * points + 0.125 * (along @ points), even)
+    edges, side_edge, is_open = _edges(faces)
     # An edge point: 3/8 of its ends and 1/8 of the two corners opposite; the middle on a boundary.
     opposite = np.zeros((len(edges), 3))
-    for side in range(3):
-        np.add.at(opposite, side_edge[:, side], points[faces[:, (side + 2) % 3]])
+    np.add.at(opposite, side_edge, points[np.roll(faces, -2, 1)])
     ends = points[edges].sum(1)
-    odd = np.where(open_edge[:, None], 0.5 * ends, 0.375 * ends + 0.125 * opposite)
+    odd = np.where(is_open[:, None], 0.5 * ends, 0.375 * ends + 0.125 * opposite)
     a, b, c = faces.T
-    ab, bc, ca = (count + side_edge).T
+    ab, bc, ca = (len(points) + side_edge).T
     corners = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    even = _moved(points, edges, is_open)
     return np.concatenate([even, odd]), np.concatenate([np.stack(f, -1) for f in corners])
-
-
-def _limit(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    count = len(points)
-    edges, _, open_edge = _edges(faces)
-    ring = _neighbours(edges, count)
-    along, on_boundary = _boundary(edges, open_edge, count)
-    valence = np.diff(ring.indptr)[:, None]
-    gamma = 1.0 / (valence + 3.0 / (8.0 * _beta(valence)))
-    inside = (1 - valence * gamma) * points + gamma * (ring @ points)
-    edge = 0.6 * points + 0.2 * (along @ points)
-    return np.where(on_boundary[:, None], edge, inside)
-
-
-def _normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Area-weighted vertex normals of the limit mesh, unit."""
-    corners = points[faces]
-    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(points)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], face_normal)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(length > 0, length, 1.0)

@@ -51,14 +51,35 @@ class ParameterSet:
         parameter.used = True
         return parameter
 
+    def _rows(self, name: str, width: int, *types: str) -> np.ndarray | None:
+        """(n, ``width``) float64 of a parameter of these types."""
+        parameter = self.get(name, *types)
+        if parameter is None:
+            return None
+        if len(parameter.values) % width:
+            raise self.wrong_count(parameter, f"a multiple of {width}")
+        return parameter.values.reshape(-1, width)
+
+    def vectors(self, name: str) -> np.ndarray | None:
+        """(n, 3) float64 of a point, vector or normal parameter."""
+        return self._rows(name, 3, *_POINTS)
+
+    def pairs(self, name: str) -> np.ndarray | None:
+        """(n, 2) float64 of a point2, vector2 or float parameter."""
+        return self._rows(name, 2, "float", *_PAIRS)
+
     def floats(self, name: str, count: int | None = None) -> np.ndarray | None:
         """All numbers of a float or integer parameter, float64; checked for ``count``."""
         parameter = self.get(name, "float", "integer")
-        if parameter is None:
-            return None
-        if count is not None and len(parameter.values) != count:
+        if parameter is not None and count not in (None, len(parameter.values)):
             raise self.wrong_count(parameter, str(count))
-        return parameter.values
+        return None if parameter is None else parameter.values
+
+    def vector(self, name: str, default: ArrayLike) -> np.ndarray:
+        values = self.vectors(name)
+        if values is not None and len(values) != 1:
+            raise self.error(name, "must be 3 numbers")
+        return np.array(default, np.float64) if values is None else values[0]
 
     def float(self, name: str, default: float) -> float:
         values = self.floats(name, 1)
@@ -70,50 +91,6 @@ class ParameterSet:
             raise self.error(name, f"must be a whole number, not {value}")
         return int(value)
 
-    def bool(self, name: str, default: bool) -> bool:
-        parameter = self.get(name, "bool")
-        return default if parameter is None else bool(parameter.values[0])
-
-    @overload
-    def string(self, name: str, default: str) -> str: ...
-
-    @overload
-    def string(self, name: str, default: None = None) -> str | None: ...
-
-    def string(self, name: str, default: str | None = None) -> str | None:
-        parameter = self.get(name, "string")
-        if parameter is None:
-            return default
-        if len(parameter.values) != 1:
-            raise self.wrong_count(parameter, "one string")
-        return parameter.values[0]
-
-    def vectors(self, name: str) -> np.ndarray | None:
-        """(n, 3) float64 of a point, vector or normal parameter."""
-        parameter = self.get(name, *_POINTS)
-        if parameter is None:
-            return None
-        if len(parameter.values) % 3:
-            raise self.wrong_count(parameter, "a multiple of 3")
-        return parameter.values.reshape(-1, 3)
-
-    def vector(self, name: str, default: ArrayLike) -> np.ndarray:
-        values = self.vectors(name)
-        if values is None:
-            return np.array(default, np.float64)
-        if len(values) != 1:
-            raise self.error(name, "must be 3 numbers")
-        return values[0]
-
-    def pairs(self, name: str) -> np.ndarray | None:
-        """(n, 2) float64 of a point2, vector2 or float parameter."""
-        parameter = self.get(name, "float", *_PAIRS)
-        if parameter is None:
-            return None
-        if len(parameter.values) % 2:
-            raise self.wrong_count(parameter, "a multiple of 2")
-        return parameter.values.reshape(-1, 2)
-
     def indices(self, name: str) -> np.ndarray | None:
         """Whole numbers, int64."""
         values = self.floats(name)
@@ -124,6 +101,20 @@ class ParameterSet:
         if not np.array_equal(whole, values):
             raise self.error(name, "must be whole numbers")
         return whole
+
+    def bool(self, name: str, default: bool) -> bool:
+        parameter = self.get(name, "bool")
+        return default if parameter is None else bool(parameter.values[0])
+
+    @overload
+    def string(self, name: str, default: str) -> str: ...
+    @overload
+    def string(self, name: str, default: None = None) -> str | None: ...
+    def string(self, name: str, default: str | None = None) -> str | None:
+        parameter = self.get(name, "string")
+        if parameter is not None and len(parameter.values) != 1:
+            raise self.wrong_count(parameter, "one string")
+        return default if parameter is None else parameter.values[0]
 
     def error(self, name: str, problem: str, remedy: str | None = None) -> SceneError:
         """A :class:`SceneError` at the parameter, or at the directive when it is absent."""

@@ -14,7 +14,7 @@ from lfcore.errors import did_you_mean
 from lfcore.scene.notes import APPROXIMATED, Notebook
 from lfcore.scene.pbrt import lexer
 from lfcore.scene.pbrt.lexer import Place, Token, syntax_error
-from lfcore.scene.pbrt.parameters import NUMERIC_TYPES, Parameter, ParameterSet, declare
+from lfcore.scene.pbrt.parameters import Parameter, ParameterSet, declare
 
 # What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two
 # strings.  Versions 3 and 4 together.
@@ -96,19 +96,15 @@ class _Parser:
             remedy = did_you_mean(token.text, GRAMMAR)
             raise syntax_error(f"{token.text} is not a directive", token.place, remedy)
         name, grammar = token.text, GRAMMAR[token.text]
-        strings: list[str] = []
         numbers = np.zeros(0)
         if grammar.startswith("n"):
             numbers = _numbers(tokens, int(grammar[1:]), name)
-        elif grammar == "w":
-            strings.append(str(tokens.take_kind(lexer.WORD, name).value))
-        elif grammar == "m":
-            strings.append(str(tokens.take_kind(lexer.STRING, name).value))
-            if tokens.peek.kind == lexer.STRING:
-                strings.append(str(tokens.take().value))
-        else:
-            for _ in range(grammar.count("s")):
-                strings.append(str(tokens.take_kind(lexer.STRING, name).value))
+        kinds = {"s": lexer.STRING, "m": lexer.STRING, "w": lexer.WORD}
+        strings = [
+            str(tokens.take_kind(kinds[each], name).value) for each in grammar if each in kinds
+        ]
+        if grammar == "m" and tokens.peek.kind == lexer.STRING:
+            strings.append(str(tokens.take().value))
         owner = " ".join([name, *(f'"{text}"' for text in strings)])
         parameters = ParameterSet(owner, token.place, self.notebook)
         if grammar.endswith("p"):
@@ -160,67 +156,48 @@ def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
         while len(collected) < count and tokens.peek.kind == lexer.NUMBER:
             collected.append(tokens.take().value)
         values = np.array(collected, np.float64)
-        if len(values) < count:
-            stop = tokens.peek
-            raise syntax_error(
-                f"{directive} wants {count} numbers, but after {len(values)} comes {stop.text}",
-                stop.place,
-            )
     if len(values) != count:
-        raise syntax_error(f"{directive} wants {count} numbers, not {len(values)}", first.place)
+        problem = f"{directive} wants {count} numbers, not {len(values)}"
+        if first.kind != lexer.NUMBERS:
+            problem, first = f"{problem}, and then {tokens.peek.text}", tokens.peek
+        raise syntax_error(problem, first.place)
     return values
 
 
 def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
     """The value or bracketed values that follow a parameter's name."""
     token = tokens.take()
-    if token.kind == lexer.NUMBERS:
-        items: Any = token.value
-    elif token.kind == lexer.OPEN:
+    items: Any = token.value
+    if token.kind == lexer.OPEN:
         items = []
         while tokens.peek.kind != lexer.CLOSE:
-            inner = tokens.take()
-            if inner.kind not in (lexer.NUMBER, lexer.STRING, lexer.WORD):
-                raise syntax_error(
-                    f'{inner.text} inside the values of "{head.value}"',
-                    inner.place,
-                    "Close the list with ]",
-                )
-            items.append(_scalar(inner))
+            items.append(_scalar(tokens.take(), head))
         tokens.take()
-    elif token.kind in (lexer.NUMBER, lexer.STRING, lexer.WORD):
-        items = [_scalar(token)]
-    else:
-        raise syntax_error(f'"{head.value}" has no value; {token.text} follows', token.place)
-    return _typed(items, kind, head, token)
-
-
-def _scalar(token: Token) -> object:
-    if token.kind != lexer.WORD:
-        return token.value
-    if token.value not in ("true", "false"):
-        raise syntax_error(f"{token.text} is not a value", token.place, "Quote strings")
-    return token.value == "true"
-
-
-def _typed(items: Any, kind: str, head: Token, token: Token) -> np.ndarray | list:
+    elif token.kind != lexer.NUMBERS:
+        items = [_scalar(token, head)]
     if len(items) == 0:
         raise syntax_error(f'"{head.value}" has no value', head.place)
     if kind == "bool":
-        words = {"true": True, "false": False, True: True, False: False}
-        # 0.0 == False in Python, so numbers are refused by type before the look-up.
-        if any(isinstance(item, float) or item not in words for item in items):
+        words = {"true": True, "false": False}
+        # 0.0 == False in Python, so numbers are refused by type.
+        if not all(isinstance(item, bool) or str(item) in words for item in items):
             raise syntax_error(f'"{head.value}" must be true or false', token.place)
-        return [words[item] for item in items]
-    if kind in ("string", "texture"):
+        return [words.get(item, item) for item in items]
+    if kind in ("string", "texture") or (kind == "spectrum" and isinstance(items[0], str)):
         if not all(isinstance(item, str) for item in items):
             raise syntax_error(f'"{head.value}" must be quoted text, not {token.text}', token.place)
-        return list(items)
-    if kind == "spectrum" and isinstance(items[0], str):
         return list(items)
     if not isinstance(items, np.ndarray):
         if not all(isinstance(item, float) for item in items):
             raise syntax_error(f'"{head.value}" must be numbers, not {token.text}', token.place)
         items = np.array(items, np.float64)
-    assert kind in (*NUMERIC_TYPES, "spectrum")
     return items
+
+
+def _scalar(token: Token, head: Token) -> object:
+    if token.kind == lexer.WORD and token.value in ("true", "false"):
+        return token.value == "true"
+    if token.kind not in (lexer.NUMBER, lexer.STRING):
+        problem = f'{token.text} is no value of "{head.value}"'
+        raise syntax_error(problem, token.place, "Quote strings, close lists with ]")
+    return token.value
