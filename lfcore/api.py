@@ -1,12 +1,5 @@
 """What the library does, one function each: scenes from files, pictures and light fields of them.
 
-    import lfcore
-
-    scene = lfcore.load_scene("model.glb")
-    picture = lfcore.render(scene, focus_m=3.2, f_number=2)
-    field = lfcore.record(scene, "model.mkv", views=32, pixels=512, f_number=2)
-    near = field.refocus(focus_m=2.0)
-
 Distances are metres, pictures float32 arrays of linear light, rows from the top.
 """
 
@@ -20,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -262,9 +255,7 @@ def render(
 
 def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
     """The lattice that :func:`render` traces."""
-    if filter not in FILTERS:
-        remedy = f"Use one of {FILTERS}"
-        raise OpticsError(f"unknown filter {filter!r}", key="filter", remedy=remedy)
+    check_known(OpticsError, "filter", filter, FILTERS)
     if filter == "depth":
         return views if isinstance(views, Lattice) else Lattice(8 if views is None else views)
     if not isinstance(views, Lattice):

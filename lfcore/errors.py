@@ -75,6 +75,16 @@ def did_you_mean(unknown: str, known: Iterable[str]) -> str:
     return f"Did you mean {near[0]!r}" if near else f"Known are {', '.join(known) or 'none'}"
 
 
+def check_known(
+    kind: type[Error], key: str, value: object, known: Iterable[str], what: str | None = None
+) -> None:
+    """Raise an error of this kind for a value that is none of the known ones."""
+    names = list(known)
+    if value not in names:
+        remedy = f"Use one of {', '.join(names)}"
+        raise kind(f"unknown {what or key} {value!r}", key=key, remedy=remedy)
+
+
 def unknown_keyword(call: str, name: str, known: Iterable[str]) -> TypeError:
     """The error of a public ``call`` that has no keyword ``name``."""
     hint = did_you_mean(name, known)

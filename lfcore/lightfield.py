@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -534,10 +534,7 @@ def check_method(method: str | None, filter: str) -> str:
     if filter != "depth":
         check_filter(filter)
     method = method or ("shift-sum" if filter == "bilinear" else "slicing")
-    if method not in METHODS:
-        raise OpticsError(
-            f"unknown method {method!r}", key="method", remedy=f"Use one of {METHODS}"
-        )
+    check_known(OpticsError, "method", method, METHODS)
     other = {"slicing": "bilinear", "shift-sum": "depth"}
     if filter == other[method]:
         remedy = "shift-sum" if method == "slicing" else "slicing"

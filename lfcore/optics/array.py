@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_known
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 
@@ -116,8 +116,7 @@ class CameraArray:
         CameraArray
             The cameras.
         """
-        if spacing not in SPACINGS:
-            raise OpticsError(f"unknown spacing {spacing!r}", remedy=f"Use one of {SPACINGS}")
+        check_known(OpticsError, "spacing", spacing, SPACINGS)
         low_x, high_x, low_y, high_y = (float(bound) for bound in bounds)
         columns, margin_x = _axis(int(cameras[0]), low_x, high_x, spacing, "x")
         rows, margin_y = _axis(int(cameras[1]), -high_y, -low_y, spacing, "y")

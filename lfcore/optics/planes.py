@@ -17,7 +17,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, unknown_keyword
+from lfcore.errors import OpticsError, answers_typos, check_known, unknown_keyword
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
@@ -52,8 +52,7 @@ class Aperture:
     rotation_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise OpticsError(f"unknown aperture {self.shape!r}", remedy=f"Use one of {SHAPES}")
+        check_known(OpticsError, "aperture", self.shape, SHAPES)
         if self.shape == "polygon" and not 3 <= self.blades <= MOST_BLADES:
             raise OpticsError(
                 f"a polygon needs at least 3 blades and at most {MOST_BLADES}, not {self.blades}"
@@ -139,10 +138,7 @@ class SensorPlane:
     pixels: int | None = None
 
     def __post_init__(self) -> None:
-        if self.normalise not in NORMALISATIONS:
-            raise OpticsError(
-                f"unknown normalisation {self.normalise!r}", remedy=f"Use one of {NORMALISATIONS}"
-            )
+        check_known(OpticsError, "normalise", self.normalise, NORMALISATIONS, "normalisation")
         if self.pixels is not None:
             object.__setattr__(self, "pixels", whole_number("pixels", self.pixels, MOST_PIXELS))
 

@@ -17,20 +17,18 @@ from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import ASKS, BakeOptions
-from lfcore.scene.colour import parse_colour
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
-from lfcore.scene.gltf import SUFFIXES
+from lfcore.scene.framing import z_seems_up
+from lfcore.scene.gltf import SUFFIXES, Staging, moved, staging_of
 from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, Notebook
 from lfcore.scene.reading import DESCRIPTIONS
-from lfcore.scene.staging import Staging, moved, staging_of
-from lfcore.scene.surface_mesh import SurfaceMesh, transform_all, triple
+from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
-from lfcore.scene.upright import z_seems_up
 from lfcore.scene.view import View, lightfield_view
 
 if TYPE_CHECKING:

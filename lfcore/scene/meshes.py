@@ -1,7 +1,6 @@
 """Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
 
-Whatever trimesh loads is accepted; for materials see :mod:`lfcore.scene.pbr` and, for what glTF
-alone has, :mod:`lfcore.scene.gltf_materials`.
+Whatever trimesh loads is accepted; for materials see :mod:`lfcore.scene.gltf_materials`.
 """
 
 import io
@@ -17,12 +16,10 @@ from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
 from lfcore.scene.gltf import GLOSSY, SUFFIXES, Document, has
-from lfcore.scene.gltf_materials import GltfSurfaces
+from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
-from lfcore.scene.pbr import clipped, picture, surface_of_pbr
 from lfcore.scene.ply import with_strips
-from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
 LINEAR_COLOUR_FORMATS = (".glb", ".gltf")

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +23,10 @@ from lfcore.optics.size import Pixels
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
-from lfcore.scene.colour import parse_colour
 from lfcore.scene.notes import Note, summary
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
 from lfcore.scene.view import View
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ class Scene:
             _checked("uvs", uvs, len(corners), 2) if uvs is not None else None,
             _checked("colours", colours, len(corners), 3) if colours is not None else None,
         )
-        return cls._of_parts([part], camera, lights, ambient, background, name)
+        return cls._of_parts([part], name, camera, lights, ambient=ambient, background=background)
 
     @classmethod
     def from_trimesh(
@@ -224,41 +223,39 @@ class Scene:
 
         meshes = scene if hasattr(scene, "geometry") else scene.scene()
         parts = parts_of(meshes, Path("trimesh"))
-        return cls._of_parts(parts, camera, lights, ambient, background, name)
+        return cls._of_parts(parts, name, camera, lights, ambient=ambient, background=background)
 
     @classmethod
     def _of_parts(
         cls,
         parts: list[SurfaceMesh],
+        name: str,
         camera: Camera | None,
         lights: Sequence[Light] | None,
-        ambient: tuple[float, float, float] | None,
-        background: tuple[float, float, float] | None,
-        name: str,
+        **light: tuple[float, float, float] | None,
     ) -> Scene:
         # Seldom needed, and what reads scene files is slow to import.
         from lfcore.scene import framing
         from lfcore.scene.description import complete
 
-        defaults = complete({"objects": []})
-        to_camera = np.eye(4)
+        defaults, to_camera = complete({"objects": []}), np.eye(4)
         if camera is None:
-            camera, to_camera = framing.place_camera(
-                defaults["camera"], framing.bounds(parts, file=name), file=name
-            )
+            extent = framing.bounds(parts, file=name)
+            camera, to_camera = framing.place_camera(defaults["camera"], extent, file=name)
         geometry = assemble(parts, to_camera)
         if not len(geometry.triangles):
-            raise SceneError(
-                f"the scene is empty: every triangle was dropped ({geometry.dropped})",
-                key="triangles",
-            )
+            problem = f"the scene is empty: every triangle was dropped ({geometry.dropped})"
+            raise SceneError(problem, key="triangles")
+        around: dict[str, Any] = {
+            key: parse_colour(defaults[key]) if given is None else given
+            for key, given in light.items()
+        }
         return cls(
             name=name,
             camera=camera,
             lights=framing.default_lights() if lights is None else list(lights),
-            ambient=parse_colour(defaults["ambient"]) if ambient is None else ambient,
-            background=parse_colour(defaults["background"]) if background is None else background,
             focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),
+            **around,
             **vars(geometry),
         )
 

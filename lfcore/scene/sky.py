@@ -20,8 +20,8 @@ import numpy as np
 from lfcore.errors import SceneError, StorageError
 from lfcore.pictures import by_opencv
 from lfcore.scene.appearance import DIRECTIONAL, Light
-from lfcore.scene.colour import parse_colour
 from lfcore.scene.limits import BRIGHTEST
+from lfcore.scene.surface_mesh import parse_colour
 
 if TYPE_CHECKING:
     from lfcore.scene.model import Scene

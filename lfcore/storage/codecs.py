@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, dataclass
 
-from lfcore.errors import StorageError, answers_typos
+from lfcore.errors import StorageError, answers_typos, check_known
 from lfcore.storage.layout import KINDS
 from lfcore.storage.pixels import GREY_FORMATS, pixel_format
 
@@ -112,27 +112,17 @@ class Encoding:
     depth: bool | None = None
 
     def __post_init__(self) -> None:
-        if self.codec not in CODECS:
-            raise StorageError(
-                f"unknown codec {self.codec!r}",
-                key="codec",
-                remedy=f"Use one of {', '.join(CODECS)}",
-            )
+        check_known(StorageError, "codec", self.codec, CODECS)
+        if self.transfer is not None:
+            check_known(StorageError, "transfer", self.transfer, TRANSFERS)
+        if self.layout is not None:
+            check_known(StorageError, "layout", self.layout, KINDS)
         if isinstance(self.preset, int) and not isinstance(self.preset, bool):
             object.__setattr__(self, "preset", str(self.preset))  # SVT-AV1's are numbers
         if not isinstance(self.preset, str | None):
             raise StorageError(f"is no preset's name: {self.preset!r}", key="preset")
         if self.pixel_format is not None:
             self._check_pixel_format(self.pixel_format)
-        if self.transfer not in (None, *TRANSFERS):
-            raise StorageError(
-                f"unknown transfer {self.transfer!r}", key="transfer",
-                remedy=f"Use one of {', '.join(TRANSFERS)}",
-            )  # fmt: skip
-        if self.layout not in (None, *KINDS):
-            raise StorageError(
-                f"unknown layout {self.layout!r}", key="layout", remedy=f"Use one of {KINDS}"
-            )
         for key, (low, high) in RANGES.items():
             value = getattr(self, key)
             if value is not None and not low <= value <= high:

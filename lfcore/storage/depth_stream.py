@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, check_known
 from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import LOSSLESS, Encoding
@@ -39,8 +39,7 @@ class DepthCodes:
     def __post_init__(self) -> None:
         if not 0 <= self.far < self.near < math.inf:
             raise StorageError(f"{[self.far, self.near]} is no range", key="depth.dioptres")
-        if not isinstance(self.pixel_format, str) or self.pixel_format not in GREY_FORMATS:
-            raise StorageError(f"unknown format {self.pixel_format!r}", key="depth.pixel_format")
+        check_known(StorageError, "depth.pixel_format", self.pixel_format, GREY_FORMATS)
 
     @classmethod
     def of_range(cls, slab: Slab, far: float, near: float) -> DepthCodes:
@@ -143,8 +142,7 @@ class StoredDepth:
         for key, kind in (("codec", str), ("header_crc32", int), ("settings", dict)):
             if type(data[key]) is not kind:
                 raise StorageError(f"cannot be {data[key]!r}", key=f"depth.{key}")
-        if data["lattice"] not in LATTICES:
-            raise StorageError(f"unknown lattice {data['lattice']!r}", key="depth.lattice")
+        check_known(StorageError, "depth.lattice", data["lattice"], LATTICES)
         far, near = data["dioptres"]
         segments = tuple((size, crc) for size, crc in data["segments"])
         if not all(type(n) is int and 0 <= n < 1 << 63 for part in segments for n in part):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lfcore.errors import LfcoreError, StorageError
+from lfcore.errors import LfcoreError, StorageError, check_known
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
 from lfcore.storage.depth_stream import StoredDepth
@@ -172,8 +172,7 @@ class Metadata:
 
     def check(self) -> None:
         """Raise :class:`StorageError` where the parts contradict one another."""
-        if self.geometry not in GEOMETRIES:
-            raise StorageError(f"unknown geometry {self.geometry!r}", key="geometry")
+        check_known(StorageError, "geometry", self.geometry, GEOMETRIES)
         if (self.slab is None) != (self.geometry != "slab") or (self.array is None) != (
             self.geometry != "array"
         ):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, check_known
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,6 @@ GREY_FORMATS = {
 
 def pixel_format(name: str) -> PixelFormat:
     """The format of that name, colour or grey; raises :class:`StorageError` for an unknown one."""
-    try:
-        return PIXEL_FORMATS.get(name) or GREY_FORMATS[name]
-    except (KeyError, TypeError):
-        raise StorageError(
-            f"unknown pixel format {name!r}",
-            key="pixel_format",
-            remedy=f"Use one of {', '.join(PIXEL_FORMATS)}",
-        ) from None
+    formats = PIXEL_FORMATS | GREY_FORMATS
+    check_known(StorageError, "pixel_format", name, formats, "pixel format")
+    return formats[name]

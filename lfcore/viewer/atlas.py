@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.colour import to_uint8
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
 from lfcore.refocus.stored_depth import picture_side, read_depths
@@ -162,10 +162,7 @@ def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -
     """
     from PIL import Image
 
-    if format not in FORMATS:
-        raise StorageError(
-            f"unknown format {format!r}", key="format", remedy=f"Use one of {', '.join(FORMATS)}"
-        )
+    check_known(StorageError, "format", format, FORMATS)
     if not 1 <= jpeg_quality <= 100:
         raise StorageError(f"must be from 1 to 100, not {jpeg_quality}", key="jpeg_quality")
     count, height, width, _ = pictures.shape

@@ -10,8 +10,7 @@ from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.meshes import load_mesh
-from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import face_normals
+from lfcore.scene.surface_mesh import crease_normals, face_normals
 
 SQUARE = (
     "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

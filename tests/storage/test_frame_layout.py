@@ -12,9 +12,8 @@ from lfcore.colour import srgb_decode, srgb_encode, to_uint8
 from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import psnr
 from lfcore.oracle import colour as truth
-from lfcore.storage.curves import ORDERS, hilbert, serpentine
 from lfcore.storage.defaults import frame_layout
-from lfcore.storage.layout import KINDS, FrameLayout
+from lfcore.storage.layout import KINDS, ORDERS, FrameLayout, hilbert, serpentine
 from lfcore.storage.pixels import PIXEL_FORMATS, pixel_format
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames, rgb_to_ycbcr, ycbcr_to_rgb
 

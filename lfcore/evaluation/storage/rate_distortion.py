@@ -40,7 +40,6 @@ from lfcore.rendering.record_depth import encode
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
-from lfcore.storage.curves import ORDERS
 from lfcore.storage.defaults import (
     CRF_SCALE,
     QUICK,
@@ -49,7 +48,7 @@ from lfcore.storage.defaults import (
     default_pack,
     macropixel_pack,
 )
-from lfcore.storage.layout import FrameLayout
+from lfcore.storage.layout import ORDERS, FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.timing import Stopwatch

@@ -1,11 +1,12 @@
 """Short names of types that builders take and return, and surfaces of one colour or texture."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from lfcore.scene.colour import hex_colour
-from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh
+from lfcore.errors import SceneError
+from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, hex_colour
 
 Rng = np.random.Generator
 Parts = list[SurfaceMesh]
@@ -42,3 +43,16 @@ def textured(
 
 def _triple(colour: float | Colour) -> Colour:
     return colour if isinstance(colour, tuple) else (colour,) * 3
+
+
+MOST_TRIANGLES = 50_000_000
+
+
+def fill_to(budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]) -> Parts:
+    """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles."""
+    if budget > MOST_TRIANGLES:
+        raise SceneError(f"more than {MOST_TRIANGLES} triangles are asked for", key="triangles")
+    if budget < 0:
+        problem = f"the model alone has {-budget} triangles more than asked for"
+        raise SceneError(problem, key="triangles")
+    return [make(-(-budget // unit.count)).picked(slice(budget))] if budget else []

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.scene.procedural import foliage, furniture, softgoods, textures, toys
-from lfcore.scene.procedural.basics import Look, Parts, Rng, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.bedroom_surfaces import surfaces
-from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.pictures import art_print, wallpaper
 from lfcore.scene.procedural.primitives import (
     box,

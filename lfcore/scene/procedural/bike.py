@@ -3,9 +3,8 @@
 import numpy as np
 
 from lfcore.scene.procedural import foliage, lettering, textures
-from lfcore.scene.procedural.basics import Parts, Rng, painted, textured
+from lfcore.scene.procedural.basics import Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.bicycle import bicycle
-from lfcore.scene.procedural.budget import fill_to
 from lfcore.scene.procedural.primitives import (
     box,
     cylinder,

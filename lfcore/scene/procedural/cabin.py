@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.scene.procedural import foliage, textures
-from lfcore.scene.procedural.basics import Look, Parts, Rng, painted, textured
-from lfcore.scene.procedural.budget import fill_to
+from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.loghouse import loghouse
 from lfcore.scene.procedural.primitives import (
     box,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Size
-from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, normalise
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 

@@ -6,8 +6,7 @@ from numpy.typing import ArrayLike
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Range, Size
 from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube
-from lfcore.scene.smoothing import crease_normals
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, transform_all
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 
