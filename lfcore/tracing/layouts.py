@@ -172,7 +172,7 @@ TREE = _read(
 )  # fmt: skip
 SURFACES = _read(
     corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
-    lights="LightRecord", levels="Level", texels="uint", grids="int", light="float", sky="float",
+    lights="LightRecord", levels="Level", texels="uint", grids="int", light="uint", sky="float",
 ) | {"scene_numbers": "const SceneArguments "}  # fmt: skip
 RAYS = {
     **_read(elements="float4", groups="int"),

@@ -7,102 +7,43 @@
 #include "rectangles.cl"
 #include "texture.cl"
 
-inline vi grid_point(vi i, vi j, int side) { return j * (2 * side + 3 - j) / 2 + i; }
+// Where a row of rays meets a triangle: columns and rows of its grid, the grid's first point on the
+// side of the viewer, and its cells along an edge.
+typedef struct { vf x, y; vi first, side; } GridRow;
 
-inline float4 light_at(const Scene *s, int first, int i, int j, int side)
+inline GridRow grid_row(global const PlaneEquations *p, Row at)
 {
-    return vload4(first + j * (2 * side + 3 - j) / 2 + i, s->light);
-}
-
-// Whether all rays of a block see a triangle from one side.
-inline int keeps_side(Affine denominator, float half_extent)
-{
-    float spread = half_extent * (fabs(denominator.of[X]) + fabs(denominator.of[Y]));
-    if (OUTER > 1) spread += OUTER_HALF * (fabs(denominator.of[U]) + fabs(denominator.of[V]));
-    return denominator.of[ONE] > BOUND_SLACK * spread + SIDE_SLACK * fabs(denominator.of[ONE]);
-}
-
-// The one cell of a grid that a rectangle of rays sees: its column and row, and 1 for the half
-// beyond its diagonal; a negative column where there are several.
-inline int3 seen_cell(global const PlaneEquations *p, Rectangle at, int side)
-{
-    if (side == 1) return 0;
-    const int3 several = -1;
-    if (OUTER > 1) return several;
-    const float2 most = (float2)(side);
-    const float2 x = clamp(quotient_range(p->light[1], p->weights, at) * most, 0.0f, most);
-    const float2 y = clamp(quotient_range(p->light[2], p->weights, at) * most, 0.0f, most);
-    const int i = min((int)x.x, side - 1), j = min((int)y.x, side - 1);
-    if (!(x.y <= i + 1 && y.y <= j + 1 && i + j < side)) return several;
-    const int rest = side - 1 - i - j;
-    const float2 z = quotient_range(p->light[0], p->weights, at) * most;
-    if (rest == 0 || z.x >= rest) return (int3)(i, j, 0);
-    return z.y <= rest ? (int3)(i, j, 1) : several;
-}
-
-// Where a region sees one cell: the light as a function over the block, in place of the weights.
-inline void set_up_light(const Scene *s, const Bundle *r, global const Region *region,
-                         global PlaneEquations *p)
-{
-    const int3 grid = vload3(region->triangle, s->grids);
-    const int side = grid.z;
-    const Rectangle at = region_rectangle(region, r->half_extent);
-    p->grid[0] = grid.x;
-    p->grid[1] = grid.y;
-    p->grid[2] = side;
-    if (!keeps_side(p->denominator, r->half_extent)) return;
-    const int3 cell = seen_cell(p, at, side);
-    if (cell.x < 0) return;
+    const vf weights = plane_row(p->weights, at), scale = reciprocal(weights) * (float)p->grid[2];
     // The corners turn to the viewer where the weights are negative.
-    const int front = (p->weights.of[ONE] < 0.0f) == (p->denominator.of[ONE] > 0.0f);
-    const int first = front ? grid.x : grid.y, i = cell.x, j = cell.y, far = cell.z;
-    const float4 along = light_at(s, first, i + 1, j, side);
-    const float4 up = light_at(s, first, i, j + 1, side);
-    const float4 one = light_at(s, first, i + far, j + far, side);
-    // The steps per column and row, and the light in the grid's three corners.
-    const float4 x = far ? one - up : along - one, y = far ? one - along : up - one;
-    const float4 zero = one - (float)(i + far) * x - (float)(j + far) * y;
-    const float4 of[3] = {zero, zero + (float)side * x, zero + (float)side * y};
-    for (int k = 0; k < AFFINE_TERMS; ++k) {
-        const float a = p->light[0].of[k], b = p->light[1].of[k], c = p->light[2].of[k];
-        const float4 sum = a * of[0] + b * of[1] + c * of[2];
-        p->light[0].of[k] = sum.x;
-        p->light[1].of[k] = sum.y;
-        p->light[2].of[k] = sum.z;
-    }
-    p->grid[2] = 0;
+    const vi first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
+    return (GridRow){edge_row(p->place[0], at) * scale, edge_row(p->place[1], at) * scale, first,
+                     (vi)(p->grid[2])};
 }
 
-// The light on a row of rays that see a triangle.
-inline Vec baked_row(const Scene *s, global const PlaneEquations *p, Row at)
+// Add a share of the light at points.  A point has 9 bits per colour and an exponent.
+inline Vec add_point(Vec sum, vu point, vf share)
 {
-    const vf weights = plane_row(p->weights, at), inverse = reciprocal(weights);
-    const int side = p->grid[2];
-    Vec c = {edge_row(p->light[0], at), edge_row(p->light[1], at), edge_row(p->light[2], at)};
-    c = scale3(c, inverse);
-    if (!side) return c;
-    const vf x = c.y * (float)side, y = c.z * (float)side;
+    share *= AS_VF(AS_VI(point >> 27) + 103 << 23);
+    const vu most = 511;
+    const Vec colour = {TO_VF(point & most), TO_VF((point >> 9) & most), TO_VF((point >> 18) & most)};
+    return fma3(share, colour, sum);
+}
+
+// The light on a row of rays.
+inline Vec baked_row(const Scene *s, GridRow at)
+{
     // NaN outside a mask must not become an address.
-    const vi i = clamp(TO_VI(x), (vi)(0), (vi)(side - 1));
-    const vi j = clamp(TO_VI(y), (vi)(0), side - 1 - i);
-    const vf f = x - TO_VF(i), g = y - TO_VF(j);
-    const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, (vi)(side - 1));
-    const vi first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
-    private int points[3][LANES];
-    private float shares[3][LANES];
-    RayVectors light;
-    VSTORE(first + grid_point(i - far, j - far, side), points[0]);
-    VSTORE(first + grid_point(i + 1, j, side), points[1]);
-    VSTORE(first + grid_point(i, j + 1, side), points[2]);
-    VSTORE(pick(1.0f - f - g, f + g - 1.0f, far), shares[0]);
-    VSTORE(pick(f, 1.0f - g, far), shares[1]);
-    VSTORE(pick(g, 1.0f - f, far), shares[2]);
-    for (int k = 0; k < LANES; ++k) {
-        float4 sum = 0.0f;
-        for (int n = 0; n < 3; ++n) sum += shares[n][k] * vload4(points[n][k], s->light);
-        set_ray_vector(&light, k, sum.xyz);
-    }
-    return row_of(&light);
+    const vi i = clamp(TO_VI(at.x), (vi)(0), at.side - 1);
+    const vi j = clamp(TO_VI(at.y), (vi)(0), at.side - 1 - i);
+    const vf f = at.x - TO_VF(i), g = at.y - TO_VF(j);
+    const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, at.side - 1);
+    // Row j has R + 1 - j points.
+    const vi along = at.first + j * (2 * at.side + 3 - j) / 2 + i, up = along + at.side + 1 - j;
+    Vec sum = {0.0f, 0.0f, 0.0f};
+    sum = add_point(sum, fetch(s->light, pick_int(along, up + 1, far)),
+                    pick(1.0f - f - g, f + g - 1.0f, far));
+    sum = add_point(sum, fetch(s->light, along + 1), pick(f, 1.0f - g, far));
+    return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, far));
 }
 
 // A map (side, side, 4) between texels.

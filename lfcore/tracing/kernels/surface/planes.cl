@@ -19,7 +19,7 @@ typedef struct {
     global const Level *levels;      // (textures, MIP_LEVELS)
     global const uint *texels;
     global const int *grids;         // (T, 3) see baked.cl
-    global const float *light;       // (P, 3) of the points of all grids
+    global const uint *light;        // (P,) of the points of all grids
     global const float *sky;         // (side, side, 3)
     const SceneArguments *numbers;
 } Scene;
@@ -52,19 +52,18 @@ typedef struct {
     Affine numerator, denominator;  // depth is their quotient
     Affine slot[SLOTS];             // times the weights
     float first[3];                 // colour of the first corner
-    // Each corner's weight; of one cell, red, green and blue times the weights.
-    Affine light[LIGHT_WORDS + !BAKED];
+    Affine place[BAKED ? 2 : 1];    // the weights of the second and the third corner
     int key;                        // shading key
     // The direction of u, and the sign of v's beside it for a viewer.
     float tangent[TANGENT_WORDS + !PHYSICAL];
-    int grid[3];  // first point in front and behind, and cells along an edge; 0: of one cell
+    int grid[3];  // first point in front and behind, and cells along an edge
 } PlaneEquations;
 
 // The first of these of LANES triangles, in the same order.
 typedef struct {
     WideAffine weights, numerator, denominator, slot[SLOTS];
     vf first[3];
-    WideAffine light[LIGHT_WORDS + !BAKED];
+    WideAffine place[BAKED ? 2 : 1];
 } WidePlanes;
 
 // Up to LANES triangles; those beyond `count` repeat one.
@@ -121,7 +120,7 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
     for (int k = 0; k < 3; ++k) v[k] = at[k] = read_corners(s, triangles, k);
     shear_corners(r, v);
     out->weights = edge_functions(r, v, e);
-    for (int k = 0; k < LIGHT_WORDS; ++k) out->light[k] = e[k];
+    for (int k = 0; k < (BAKED ? 2 : 0); ++k) out->place[k] = e[k + 1];
     // The sum of the weights is negative when the corners turn towards the viewer.
     const vi flip = LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
     depth_functions(r, v, flip, &out->numerator, &out->denominator);
@@ -148,5 +147,6 @@ inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *tr
         global float *to = (global float *)out;
         for (int k = 0; k < sizeof(WidePlanes) / sizeof(vf); ++k) to[k] = from[k * LANES];
         out->key = s->material_ids[triangles->of[lane]] * MIP_LEVELS;
+        for (int k = 0; k < LIGHT_WORDS; ++k) out->grid[k] = s->grids[3 * triangles->of[lane] + k];
     }
 }

@@ -46,6 +46,9 @@ typedef struct {
 typedef struct {
     vf depth, of[QUANTITIES];
     vi key, triangle;
+#if BAKED
+    GridRow grid;
+#endif
 } SampleRow;
 
 inline Vec row_vector(const SampleRow *s, int first)
@@ -135,7 +138,11 @@ inline void sample_row(const Scene *scene, const Block *b, const RowRegions *lis
         s->key = pick_int(s->key, (vi)(b->planes[k].key), mask);
         s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
 #if BAKED
-        set_vector(&one, BAKED_LIGHT, baked_row(scene, b->planes + k, row));
+        one.grid = grid_row(b->planes + k, row);
+        s->grid.x = n ? pick(s->grid.x, one.grid.x, mask) : one.grid.x;
+        s->grid.y = n ? pick(s->grid.y, one.grid.y, mask) : one.grid.y;
+        s->grid.first = n ? pick_int(s->grid.first, one.grid.first, mask) : one.grid.first;
+        s->grid.side = n ? pick_int(s->grid.side, one.grid.side, mask) : one.grid.side;
 #endif
         s->depth = n ? pick(s->depth, one.depth, mask) : one.depth;
         for (int q = 0; q < QUANTITIES; ++q)
@@ -154,12 +161,8 @@ inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
             triangles.of[k] = of[min(first + k, count - 1)].triangle;
         set_up_planes(scene, &b->rays, &triangles, b->planes + first);
     }
-    for (int k = 0; k < count; ++k) {
-        if (TEXTURED || PHYSICAL) set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
-#if BAKED
-        set_up_light(scene, &b->rays, of + k, b->planes + k);
-#endif
-    }
+    for (int k = 0; k < count && (TEXTURED || PHYSICAL); ++k)
+        set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
 }
 
 inline void sample_block(const Scene *scene, float pixel, const Block *b)
@@ -184,6 +187,9 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         const vi away = SMOOTH ? turned_away_from(normal, direction) : (vi)(0);
         set_vector(&s, NORMAL, viewed_normal(normal, direction));
         if (PHYSICAL) set_vector(&s, TANGENT, turn_vectors(row_vector(&s, TANGENT), away));
+#if BAKED
+        set_vector(&s, BAKED_LIGHT, baked_row(scene, s.grid));
+#endif
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
 }
