@@ -10,18 +10,21 @@ from lfcore.optics.slab import Slab
 from lfcore.scene.appearance import Material
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.sky_gloss import LEVELS, SIDE, reflected_shares, sky_gloss
+from lfcore.tracing.surfaces import pack_light
 
 pytestmark = pytest.mark.kernels
 
 
 def lit(triangles, seed=1):
-    """Random light on grids of 1, 2, 4 and 7 cells, and a random sky."""
+    """Random light, as points hold it, on grids of 1, 2, 4 and 7 cells, and a random sky."""
     rng = np.random.default_rng(seed)
     sides = rng.choice([1, 2, 4, 7], len(triangles))
     counts = (sides + 1) * (sides + 2) // 2
     ends = np.cumsum(2 * counts)
     grids = np.stack([ends - 2 * counts, ends - counts, sides], 1).astype(np.int32)
     values = rng.random((ends[-1], 3)).astype(np.float32)
+    step = 2.0 ** (np.ceil(np.log2(values.max(1, keepdims=True))) - 9)
+    values = (np.rint(values / step).clip(0, 511) * step).astype(np.float32)
     sky = rng.random((16, 16, 3)).astype(np.float32)
     return scene(triangles, light=BakedLight(grids, values), sky=sky)
 
@@ -49,6 +52,18 @@ def test_gloss_is_the_oracles(device, metallic):
     found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device)
     off = abs(found - expected).max(-1)
     assert np.quantile(off, 0.99) < 5e-4 and off.mean() < 1e-3
+
+
+def test_points_hold_light_to_a_512th_of_the_brightest_colour():
+    """Or to 2^-25 of white; light above what points hold is the most that they hold."""
+    rng = np.random.default_rng(5)
+    size = 2.0 ** rng.uniform(-16, 16, (1000, 1))
+    values = size * rng.uniform(0, 1, (1000, 3)) ** 2
+    values[:4] = [[0, 0, 0], [511.9, 1, 0], [1e9, 5, 0], [2.0**-16, 0, 0]]
+    points = pack_light(values)
+    held = (points[:, None] >> (0, 9, 18) & 511) * 2.0 ** ((points[:, None] >> 27) - 24.0)
+    values = np.minimum(values, 511 * 128)
+    assert (abs(held - values).max(1) <= np.maximum(values.max(1) / 510, 2.0**-25)).all()
 
 
 def test_a_mirror_shows_the_sky_and_an_even_sky_is_kept():

@@ -4,21 +4,7 @@
 // row by row of j; i / R and j / R are the weights of its second and third corner.  Between points
 // light is linear.  Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
 #pragma once
-#include "rectangles.cl"
 #include "texture.cl"
-
-// Where a row of rays meets a triangle: columns and rows of its grid, the grid's first point on the
-// side of the viewer, and its cells along an edge.
-typedef struct { vf x, y; vi first, side; } GridRow;
-
-inline GridRow grid_row(global const PlaneEquations *p, Row at)
-{
-    const vf weights = plane_row(p->weights, at), scale = reciprocal(weights) * (float)p->grid[2];
-    // The corners turn to the viewer where the weights are negative.
-    const vi first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
-    return (GridRow){edge_row(p->place[0], at) * scale, edge_row(p->place[1], at) * scale, first,
-                     (vi)(p->grid[2])};
-}
 
 // Add a share of the light at points.  A point has 9 bits per colour and an exponent.
 inline Vec add_point(Vec sum, vu point, vf share)
@@ -29,16 +15,14 @@ inline Vec add_point(Vec sum, vu point, vf share)
     return fma3(share, colour, sum);
 }
 
-// The light on a row of rays.
-inline Vec baked_row(const Scene *s, GridRow at)
+// The light on a row of rays at columns x and rows y of grids.
+inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
 {
     // NaN outside a mask must not become an address.
-    const vi i = clamp(TO_VI(at.x), (vi)(0), at.side - 1);
-    const vi j = clamp(TO_VI(at.y), (vi)(0), at.side - 1 - i);
-    const vf f = at.x - TO_VF(i), g = at.y - TO_VF(j);
-    const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, at.side - 1);
-    // Row j has R + 1 - j points.
-    const vi along = at.first + j * (2 * at.side + 3 - j) / 2 + i, up = along + at.side + 1 - j;
+    const vi i = clamp(TO_VI(x), (vi)(0), side - 1), j = clamp(TO_VI(y), (vi)(0), side - 1 - i);
+    const vf f = x - TO_VF(i), g = y - TO_VF(j);
+    const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, side - 1);
+    const vi along = first + j * (2 * side + 3 - j) / 2 + i, up = along + side + 1 - j;
     Vec sum = {0.0f, 0.0f, 0.0f};
     sum = add_point(sum, fetch(s->light, pick_int(along, up + 1, far)),
                     pick(1.0f - f - g, f + g - 1.0f, far));

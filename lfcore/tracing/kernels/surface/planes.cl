@@ -40,30 +40,28 @@ enum {
     NORMAL = 0,
     COORDINATES = 3,
     TINT = COORDINATES + 2 * TEXTURED,
-    SLOTS = TINT + 3 * VERTEX_COLOURS,
+    PLACE = TINT + 3 * VERTEX_COLOURS,  // weights of the second and the third corner
+    SLOTS = PLACE + 2 * BAKED,
     FIRST_ATTRIBUTE = SMOOTH ? NORMAL : COORDINATES
 };
 
 #define TANGENT_WORDS (PHYSICAL ? 4 : 0)
-#define LIGHT_WORDS (BAKED ? 3 : 0)
 
 typedef struct {
     Affine weights;                 // sum of the barycentric weights: twice n . D
     Affine numerator, denominator;  // depth is their quotient
     Affine slot[SLOTS];             // times the weights
     float first[3];                 // colour of the first corner
-    Affine place[BAKED ? 2 : 1];    // the weights of the second and the third corner
     int key;                        // shading key
     // The direction of u, and the sign of v's beside it for a viewer.
     float tangent[TANGENT_WORDS + !PHYSICAL];
-    int grid[3];  // first point in front and behind, and cells along an edge
+    int grid[3];  // of baked light: first point in front and behind, and cells along an edge
 } PlaneEquations;
 
 // The first of these of LANES triangles, in the same order.
 typedef struct {
     WideAffine weights, numerator, denominator, slot[SLOTS];
     vf first[3];
-    WideAffine place[BAKED ? 2 : 1];
 } WidePlanes;
 
 // Up to LANES triangles; those beyond `count` repeat one.
@@ -120,7 +118,6 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
     for (int k = 0; k < 3; ++k) v[k] = at[k] = read_corners(s, triangles, k);
     shear_corners(r, v);
     out->weights = edge_functions(r, v, e);
-    for (int k = 0; k < (BAKED ? 2 : 0); ++k) out->place[k] = e[k + 1];
     // The sum of the weights is negative when the corners turn towards the viewer.
     const vi flip = LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
     depth_functions(r, v, flip, &out->numerator, &out->denominator);
@@ -130,8 +127,9 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
         const vf of[3] = {n.x, n.y, n.z};
         for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{of[k]}};
     }
-    for (int slot = FIRST_ATTRIBUTE; slot < SLOTS; ++slot)
+    for (int slot = FIRST_ATTRIBUTE; slot < PLACE; ++slot)
         out->slot[slot] = set_up_slot(s, triangles, slot, e);
+    for (int slot = PLACE; slot < SLOTS; ++slot) out->slot[slot] = e[slot - PLACE + 1];
     for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
         out->first[k] = read_lanes(s->attributes + 3 * (TINT - FIRST_ATTRIBUTE) + k, triangles,
                                    ATTRIBUTES);
@@ -147,6 +145,6 @@ inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *tr
         global float *to = (global float *)out;
         for (int k = 0; k < sizeof(WidePlanes) / sizeof(vf); ++k) to[k] = from[k * LANES];
         out->key = s->material_ids[triangles->of[lane]] * MIP_LEVELS;
-        for (int k = 0; k < LIGHT_WORDS; ++k) out->grid[k] = s->grids[3 * triangles->of[lane] + k];
+        if (BAKED) vstore3(vload3(triangles->of[lane], s->grids), 0, out->grid);
     }
 }

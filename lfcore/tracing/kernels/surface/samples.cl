@@ -9,9 +9,9 @@
 // The quantities of a hit: slots of its triangle, tangent and the sign beside it, and light that
 // arrives from sky and surfaces; those that a scene lacks have no place.
 enum {
-    TANGENT = SLOTS,
-    BAKED_LIGHT = TANGENT + TANGENT_WORDS,
-    QUANTITIES = BAKED_LIGHT + LIGHT_WORDS
+    BAKED_LIGHT = PLACE,  // after its place on a grid
+    TANGENT = SLOTS + BAKED,
+    QUANTITIES = TANGENT + TANGENT_WORDS
 };
 typedef struct {
     float point[3 * BLOCK_RAYS];  // where the ray meets the surface
@@ -46,9 +46,7 @@ typedef struct {
 typedef struct {
     vf depth, of[QUANTITIES];
     vi key, triangle;
-#if BAKED
-    GridRow grid;
-#endif
+    vi first, side;  // of the grid of baked light
 } SampleRow;
 
 inline Vec row_vector(const SampleRow *s, int first)
@@ -75,7 +73,11 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     if (SLOTS == COORDINATES) return s;
     const vf inverse = reciprocal(weights);
     for (int k = COORDINATES; k < TINT; ++k) s.of[k] *= inverse;
-    for (int k = TINT; k < SLOTS; ++k) s.of[k] = fma(inverse, s.of[k], (vf)(p->first[k - TINT]));
+    for (int k = TINT; k < PLACE; ++k) s.of[k] = fma(inverse, s.of[k], (vf)(p->first[k - TINT]));
+    for (int k = PLACE; k < SLOTS; ++k) s.of[k] *= inverse * (float)p->grid[2];
+    // The corners turn to the viewer where the weights are negative.
+    s.first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
+    s.side = p->grid[2];
     return s;
 }
 
@@ -134,16 +136,11 @@ inline void sample_row(const Scene *scene, const Block *b, const RowRegions *lis
         const int k = list->of[at / LANES][n];
         global const Region *r = b->regions.of + k;
         const vi mask = region_row(r, at);
-        SampleRow one = interpolate(b->planes + k, row);
+        const SampleRow one = interpolate(b->planes + k, row);
         s->key = pick_int(s->key, (vi)(b->planes[k].key), mask);
         s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
-#if BAKED
-        one.grid = grid_row(b->planes + k, row);
-        s->grid.x = n ? pick(s->grid.x, one.grid.x, mask) : one.grid.x;
-        s->grid.y = n ? pick(s->grid.y, one.grid.y, mask) : one.grid.y;
-        s->grid.first = n ? pick_int(s->grid.first, one.grid.first, mask) : one.grid.first;
-        s->grid.side = n ? pick_int(s->grid.side, one.grid.side, mask) : one.grid.side;
-#endif
+        s->first = n ? pick_int(s->first, one.first, mask) : one.first;
+        s->side = n ? pick_int(s->side, one.side, mask) : one.side;
         s->depth = n ? pick(s->depth, one.depth, mask) : one.depth;
         for (int q = 0; q < QUANTITIES; ++q)
             s->of[q] = n ? pick(s->of[q], one.of[q], mask) : one.of[q];
@@ -188,7 +185,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         set_vector(&s, NORMAL, viewed_normal(normal, direction));
         if (PHYSICAL) set_vector(&s, TANGENT, turn_vectors(row_vector(&s, TANGENT), away));
 #if BAKED
-        set_vector(&s, BAKED_LIGHT, baked_row(scene, s.grid));
+        set_vector(&s, BAKED_LIGHT, baked_row(scene, s.of[PLACE], s.of[PLACE + 1], s.first, s.side));
 #endif
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
