@@ -4,7 +4,8 @@ The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and
 picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
 beside Mitsuba with its denoiser; core seconds per plane, without and with a fifth of the bake, and
 dB to Mitsuba's converged ones.  *price*: time of rays with baked light and sky over the time of the
-same rays with ambient light, in turn.  Rows of other scenes and parts in the result file stay.
+same rays with ambient light, in turn: all rays of pixels spread over a picture.  Rows of other
+scenes and parts in the result file stay.
 
     python -m benchmarks.light --out light.csv --figure light.png --pictures light/
 """
@@ -42,7 +43,6 @@ from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
 from lfcore.rendering.bake import bake_light
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.depth import all_samples, spread_over
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened
 from lfcore.scene.baked import NO_SKY, BakedLight
@@ -65,6 +65,8 @@ PEER = {
     "the same, with albedo and normals": Samples(64, "multijitter", "auxiliary"),
 }
 LATTICE = Lattice(4, 2)
+PRICED = 512
+"""Pixels of the side of the picture whose rays are timed."""
 
 
 def scene_of(name: str, folder: Path) -> Scene:
@@ -166,8 +168,9 @@ def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
     plain = replace(scene, light=None, sky=NO_SKY, bake=None, ambient=(0.3, 0.3, 0.3))
     tracers = [Tracer(one, hierarchy_of(scene), opened(None)) for one in (scene, plain)]
     for views in (16, 64):
-        slab = Slab(scene.camera, views, options.pixels)
-        some = bundles.views(slab, all_samples(spread_over(slab)))
+        slab = Slab(scene.camera, views, PRICED)
+        spread = (np.arange(views // 2, side, views) for side in slab.size)
+        some = bundles.macropixels(slab, np.stack(np.meshgrid(*spread), -1).reshape(-1, 2))
         works = [partial(tracer.bundle_radiance, some) for tracer in tracers]
         timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
         ours, without = (min(timing.seconds) for timing in timings)
@@ -214,7 +217,7 @@ def main() -> None:
     parser.add_argument("--errors", nargs="+", type=float, default=ERRORS)
     parser.add_argument("--pixels", type=int, default=128)
     parser.add_argument("--converged", type=int, default=CONVERGED)
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     rows: list[dict] = []
