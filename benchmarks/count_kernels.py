@@ -30,7 +30,7 @@ BESIDE = {
     "rays one by one": {"follow_packet", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
     "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
-    "baked light": {"set_up_light", "baked_row", "sky_row", "reflect_sky"},
+    "baked light": {"baked_row", "sky_row", "reflect_sky"},
     "light above white": {"encode_pq"},
     "packets of one element": {"compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
