@@ -28,7 +28,7 @@ BESIDE = {
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
     "rays one by one": {"follow_packet", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
-    "textures": {"read_maps", "set_up_texture", "texture_row", "read_patch", "TexelPatch"},
+    "textures": {"read_maps", "set_up_texture", "map_row", "patch_row", "read_patch", "TexelPatch"},
     "highlights": {"highlight"},
     "baked light": {"baked_row", "sky_row", "reflect_sky"},
     "light above white": {"encode_pq"},

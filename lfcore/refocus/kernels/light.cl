@@ -21,6 +21,15 @@
             POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))),         \
         (T)(0.0f))
 
+// Light in [0, 1] of codes, which are clamped.
+inline vf decode_pq(vf code)
+{
+    const vf held = clamp(code, (vf)(1.0e-30f), (vf)(1.0f));
+    const vf power = exp2_fast((1.0f / PQ_M2) * log2_fast(held));
+    const vf share = max(power - PQ_C1, (vf)(1.0e-30f)) / fma(power, (vf)(-PQ_C3), (vf)(PQ_C2));
+    return exp2_fast((1.0f / PQ_M1) * log2_fast(share));
+}
+
 // By way of signed numbers, into which every processor converts in one instruction.
 inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? fma(decode_pq(x), (vf)(LIGHT_ONE), (vf)(0.5f)) : LINEAR(vf, x))); }
 

@@ -22,13 +22,6 @@ typedef struct {
     global VisibilityMemory *memory;
 } Visibility;
 
-inline void start_visibility(const Rays *rays, global VisibilityMemory *memory, Visibility *v)
-{
-    for (int block = 0; block < rays->blocks; ++block)
-        clear_coverage(memory->buffers + block, rays->half_extent, v->block + block);
-    v->memory = memory;
-}
-
 // Test one block against a leaf.  Triangles that cover the block come first: often nothing is
 // before them, and no depth buffer is needed.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
@@ -82,6 +75,8 @@ inline float farthest_open(const Packet *p, const Visibility *v)
 inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
     const int blocks = p->rays->blocks;
+    for (int block = 0; block < blocks; ++block)
+        clear_coverage(v->memory->buffers + block, p->rays->half_extent, v->block + block);
     if (SINGLE_RAYS) {
         follow_packet(tree, p, v->block);
         return;

@@ -36,7 +36,6 @@ typedef struct {
 
 inline void see_packet(const Packet *packet, Pipeline *p)
 {
-    start_visibility(packet->rays, &p->memory->visibility, &p->visibility);
     find_visible(p->tree, packet, &p->visibility);
     p->shadows.packet = packet;
     p->cache.element = -1;
@@ -93,6 +92,7 @@ KERNEL void trace_packets(PARAMETERS)
     global ShadowMemory *shadows = &memory->shadows;
     Pipeline pipeline = {
         &tree, &scene, ray_numbers.pixel_tangent, memory,
+        .visibility = {.memory = &memory->visibility},
         .block = {.regions = {memory->regions}, .planes = memory->planes,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
         .cache = {.pool = shadows->pool},
@@ -103,20 +103,25 @@ KERNEL void trace_packets(PARAMETERS)
         {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
          {&plane_numbers, plane_records, runs, masks, kinds,
           sums + worker * plane_numbers.planes * area},
-         {windows + worker * plane_numbers.planes, strips + worker * strip_rows}, 0}};
-    PacketQueue queue = make_queue(next, &ray_numbers);
-    for (Packet packet; next_packet(&rays, &queue, &packet);) {
-        if (SINK == GIVEN) {
-            hit_given_rays(&tree, &packet, origins, directions, triangle, depth, weights);
-            continue;
-        }
-        if (SINK == FRAMES && PLANES == 1 && !BITS) drop_closed_blocks(&sink.cells.planes, &packet);
-        if (packet.blocks) {
+         {windows + worker * plane_numbers.planes, strips + worker * strip_rows}}};
+    const int height = ray_numbers.strip_height, end = ray_numbers.packets / height;
+    for (int strip; (strip = atomic_inc(next)) < end;) {
+        for (int step = 0; step < height; ++step) {
+            Packet packet = make_packet(&rays, strip, height, step);
+            if (SINK == GIVEN) {
+                hit_given_rays(&tree, &packet, origins, directions, triangle, depth, weights);
+                continue;
+            }
+            if (SINK == FRAMES && PLANES == 1 && !BITS)
+                drop_closed_blocks(&sink.cells.planes, &packet);
+            if (!packet.blocks) continue;
             see_packet(&packet, &pipeline);
             for (int block = 0; block < rays.blocks; ++block)
                 if (has_block(&packet, block)) take_block(&packet, block, &pipeline, &sink);
+            if (SINK == FRAMES) finish_packet(&packet, &sink.cells);
         }
-        if (SINK == FRAMES) finish_packet(&packet, &queue, &sink.cells);
+        if (SINK == FRAMES && PLANES == 1)
+            finish_strip(&sink.cells.planes, &rays, strip % rays.packets_in_x, &sink.cells.strip);
     }
 }
 

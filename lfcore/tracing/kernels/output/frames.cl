@@ -72,20 +72,17 @@ inline int make_cubic(global const float *colours, CubicEncoding *e)
     return 1;
 }
 
-inline vf cubic(vf t, float a, float b, float c, float d)
-{
-    return fma(fma(fma((vf)(d), t, (vf)(c)), t, (vf)(b)), t, (vf)(a));
-}
-
 // A row of colours encoded, by a cubic if there is one.
 inline Vec encode_row(Vec c, const CubicEncoding *e)
 {
     const float scale = 1.0f / (float)(PEAK);
     if (PEAK > 0) return (Vec){encode_pq(c.x, scale), encode_pq(c.y, scale), encode_pq(c.z, scale)};
     if (!e) return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
-    return (Vec){cubic(c.x, e->c[0].x, e->c[1].x, e->c[2].x, e->c[3].x),
-                 cubic(c.y, e->c[0].y, e->c[1].y, e->c[2].y, e->c[3].y),
-                 cubic(c.z, e->c[0].z, e->c[1].z, e->c[2].z, e->c[3].z)};
+    Vec sum = spread3(e->c[3].xyz);
+    for (int k = 2; k >= 0; --k)
+        sum = (Vec){fma(sum.x, c.x, (vf)(e->c[k].x)), fma(sum.y, c.y, (vf)(e->c[k].y)),
+                    fma(sum.z, c.z, (vf)(e->c[k].z))};
+    return sum;
 }
 
 // Where inner grids go in planar frames.
@@ -99,7 +96,6 @@ typedef struct {
 // into the low bits.
 #define WHITE ((1 << BITS) - 1)
 #define ROUNDER 12582912.0f  // 1.5 * 2^23
-#define ROUNDED(code) ((vf)((code) + ROUNDER))
 
 // Write the first `wide` codes of such sums.
 inline void store_codes(uint16 sums, int wide, global sample *to)
@@ -116,43 +112,30 @@ inline void store_codes(uint16 sums, int wide, global sample *to)
     }
 }
 
-// Encode LANES colours as such sums of three channels.  Chroma that is to be averaged replaces the
-// colours in memory.
-inline Vec encode_part(Vec c, const FrameArguments *n, global float *chroma)
+// Such sums of three channels of LANES encoded colours.  Chroma that is to be averaged is not
+// rounded.
+inline Vec codes_of(Vec c, const FrameArguments *n)
 {
-    if (n->rgb) {
-        return (Vec){fma(c.y, (vf)(WHITE), ROUNDED(0.0f)),
-                     fma(c.z, (vf)(WHITE), ROUNDED(0.0f)),
-                     fma(c.x, (vf)(WHITE), ROUNDED(0.0f))};
-    }
+    if (n->rgb) return fma3((vf)(WHITE), (Vec){c.y, c.z, c.x}, spread3(ROUNDER));
     const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
-    const vf blue = c.z - luma, red = c.x - luma;
-    const vf to_blue = 224.0f / 1.8556f * CODES, to_red = 224.0f / 1.5748f * CODES;
-    if (n->chroma > 1) {
-        VSTORE(fma(blue, to_blue, (vf)(128.0f * CODES)), chroma);
-        VSTORE(fma(red, to_red, (vf)(128.0f * CODES)), chroma + BLOCK_RAYS);
-    }
-    return (Vec){fma(luma, (vf)(219.0f * CODES), ROUNDED(16.0f * CODES)),
-                 fma(blue, to_blue, ROUNDED(128.0f * CODES)),
-                 fma(red, to_red, ROUNDED(128.0f * CODES))};
+    const vf grey = 128.0f * CODES + (n->chroma > 1 ? 0.0f : ROUNDER);
+    return (Vec){fma(luma, (vf)(219.0f * CODES), (vf)(16.0f * CODES + ROUNDER)),
+                 fma(c.z - luma, (vf)(224.0f / 1.8556f * CODES), grey),
+                 fma(c.x - luma, (vf)(224.0f / 1.5748f * CODES), grey)};
 }
 
 // Write `wide` columns and `high` rows of a block to a frame, encoded by a cubic if there is one.
+// Codes replace the colours in memory.
 inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide, int high,
                        global float *colours, global sample *to)
 {
     const ulong pixels = (ulong)n->width * n->height;
     for (int y = 0; y < high; ++y, colours += BLOCK, to += n->width) {
-        private float sums[3][BLOCK];
-        for (int at = 0; at < BLOCK; at += LANES) {
-            const Vec part = encode_part(encode_row(load3(colours, at), e), n, colours + at);
-            VSTORE(part.x, sums[0] + at);
-            VSTORE(part.y, sums[1] + at);
-            VSTORE(part.z, sums[2] + at);
-        }
-        for (int channel = 0; channel < 3; ++channel)
-            if (!channel || n->chroma == 1)
-                store_codes(as_uint16(vload16(0, sums[channel])), wide, to + channel * pixels);
+        for (int at = 0; at < BLOCK; at += LANES)
+            store3(codes_of(encode_row(load3(colours, at), e), n), colours, at);
+        for (int channel = 0; channel < (n->chroma > 1 ? 1 : 3); ++channel)
+            store_codes(as_uint16(vload16(0, colours + channel * BLOCK_RAYS)), wide,
+                        to + channel * pixels);
     }
 }
 
@@ -189,7 +172,7 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
     if (n->chroma == 1) return;
     const int pitch = n->width / 2;
     for (int channel = 0; channel < 2; ++channel)
-        average_chroma(colours + channel * BLOCK_RAYS, inside.x, inside.y,
+        average_chroma(colours + (1 + channel) * BLOCK_RAYS, inside.x, inside.y,
                        frame + pixels + channel * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
 }
 
@@ -202,7 +185,6 @@ typedef struct {
     Frames frames;
     SensorPlanes planes;
     Strip strip;
-    int u;                     // first column of the strip's pixels
 } Cells;
 
 // Where the colours of a block of a packet are made.
@@ -249,17 +231,13 @@ inline void write_cells(const Cells *c, const Packet *packet)
     }
 }
 
-// Hand on the cells of a packet that was coloured, and its strip after the last packet.
-inline void finish_packet(const Packet *packet, const PacketQueue *queue, Cells *c)
+// Hand on the cells of a packet that was coloured.
+inline void finish_packet(const Packet *packet, Cells *c)
 {
-    const Rays *rays = packet->rays;
-    if (packet->blocks) {
-        global const Slot *slot = c->frames.slots + first_element(packet);
-        c->u = slot->column / rays->group * rays->group;
-        const int v = slot->row / rays->group * rays->group;
-        if (PLANES == 1) add_to_strip(&c->planes, packet, v, c->colours, c->prefix, &c->strip);
-        write_cells(c, packet);
-    }
-    if (PLANES == 1 && queue->step == queue->height - 1)
-        finish_strip(&c->planes, rays, c->u, queue->strip % rays->packets_in_x, &c->strip);
+    global const Slot *slot = c->frames.slots + first_element(packet);
+    const int group = packet->rays->group;
+    c->strip.u = slot->column / group * group;
+    const int v = slot->row / group * group;
+    if (PLANES == 1) add_to_strip(&c->planes, packet, v, c->colours, c->prefix, &c->strip);
+    write_cells(c, packet);
 }

@@ -8,22 +8,21 @@ inline ulong result_row(const Rays *rays, int element, int row)
     return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
 }
 
-// Write a number of each of a block's rays, those of one element and one row of the inner grid at a
-// time.
+// Write a number of each of a block's rays, which has `from` row by row: element after element.
 inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)
 {
     const Rays *rays = p->rays;
     const int2 where = block_position(p, block), inside = block_inside(p, block);
-    for (int at = 0; at < BLOCK_RAYS; at += INNER) {
-        const int row = at / BLOCK % INNER;
-        const int element = block_element(p, block, at % BLOCK / INNER, at / BLOCK / INNER);
-        if (element < 0 || row >= inside.y) continue;
-        const ulong line = result_row(rays, element, where.y + row);
-        global uint *out = to + line * rays->columns + where.x;
-        for (int k = 0; k < inside.x; k += 4)
-            if (k + 4 <= inside.x) vstore4(vload4(0, from + at + k), 0, out + k);
+    for (int part = 0; part < OUTER * OUTER; ++part) {
+        const int u = part % OUTER, v = part / OUTER, element = block_element(p, block, u, v);
+        if (element < 0) continue;
+        global const uint *row = from + (v * BLOCK + u) * INNER;
+        global uint *out = to + result_row(rays, element, where.y) * rays->columns + where.x;
+        for (int y = 0; y < inside.y; ++y, row += BLOCK, out += rays->columns)
+            if (inside.x == INNER)
+                for (int k = 0; k < INNER; k += 4) vstore4(vload4(0, row + k), 0, out + k);
             else
-                for (int rest = k; rest < inside.x; ++rest) out[rest] = from[at + rest];
+                for (int k = 0; k < inside.x; ++k) out[k] = row[k];
     }
 }
 

@@ -94,6 +94,7 @@ typedef struct {
     // (planes, ring) zero but for those rows; row y is at y % ring.  32 bits will do: of a column a
     // packet adds 64 rays of 2^20 at the most, or 2^25 above white (StripBuffers).
     global ColourRow *rows;
+    int u;  // first column of its pixels, a multiple of the packets' group
 } Strip;
 
 // Add the packet's rows of the `count` runs from `run` on to a row of the strip.
@@ -195,12 +196,11 @@ inline void add_columns(global const Run *run, global const Run *end, const priv
     }
 }
 
-// Add a strip to the planes and empty it.  Its first column of pixels is u, a multiple of the
-// packets' group; `square` is its place on the lens.
-inline void finish_strip(const SensorPlanes *p, const Rays *rays, int u, int square,
-                         const Strip *strip)
+// Add a strip to the planes and empty it; `square` is its place on the lens.
+inline void finish_strip(const SensorPlanes *p, const Rays *rays, int square, const Strip *strip)
 {
     const SensorPlaneArguments *n = p->numbers;
+    const int u = strip->u;
     private uint4 line[PACKET_COLUMNS];
     for (int plane = 0; plane < n->planes; ++plane) {
         const int2 window = strip->window[plane];

@@ -79,7 +79,8 @@ inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Materia
 {
     Vec c = spread3(vload3(0, m->of.diffuse));
     if (TEXTURED && m->maps[MAP_BASE].height)
-        c = times3(c, texture_row(scene, patch, m, samples, at));
+        c = times3(c, patch->columns ? patch_row(patch, samples, at)
+                                     : map_row(scene, m, MAP_BASE, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->of[TINT], at));
     return c;
 }

@@ -75,9 +75,11 @@ inline Vec mix_row(private const float4 *d, int columns, private const vf *s)
     return row;
 }
 
-// The colour at texture coordinates within the patch.
-inline Vec sample_patch(const TexelPatch *p, vf u, vf v)
+// Colours of a row of rays, whose coordinates lie within the patch.
+inline Vec patch_row(const TexelPatch *p, global const Samples *samples, int at)
 {
+    const vf u = VLOAD(samples->of[COORDINATES] + at);
+    const vf v = VLOAD(samples->of[COORDINATES + 1] + at);
     // In texels from the centre of the first one.
     const vf x = fma(u - p->u, (vf)(p->width), (vf)(-0.5f)) - p->left;
     const vf y = fma(1.0f - (v - p->v), (vf)(p->height), (vf)(-0.5f)) - p->top;
@@ -107,21 +109,11 @@ inline void read_patch(const Scene *scene, const Block *b, int key, const Materi
         global const PlaneEquations *p = b->planes + k;
         const Rectangle at = region_rectangle(b->regions.of + k, b->rays.half_extent);
         if (p->key != key) continue;
-        if (!is_one_sided(p->denominator, at)) return;
+        if (!(least_over(p->denominator, at) > 0.0f)) return;
         const float2 u = quotient_range(p->slot[COORDINATES], p->weights, at);
         const float2 v = quotient_range(p->slot[COORDINATES + 1], p->weights, at);
         range.lo = min(range.lo, (float2)(u.x, v.x));
         range.hi = max(range.hi, (float2)(u.y, v.y));
     }
     make_patch(scene->texels, base, range, patch);
-}
-
-// Colours of the texture of a row of rays.
-inline Vec texture_row(const Scene *scene, const TexelPatch *patch, const Material *m,
-                       global const Samples *samples, int at)
-{
-    const vf u = VLOAD(samples->of[COORDINATES] + at);
-    const vf v = VLOAD(samples->of[COORDINATES + 1] + at);
-    if (patch->columns) return sample_patch(patch, u, v);
-    return sample_texture(scene->texels, m->maps[MAP_BASE], u, v);
 }

@@ -48,12 +48,3 @@ inline vf encode_pq(vf light, float scale)
     const vf code = fma(power, (vf)(PQ_C2), (vf)(PQ_C1)) / fma(power, (vf)(PQ_C3), (vf)(1.0f));
     return exp2_fast(PQ_M2 * log2_fast(code));
 }
-
-// Light in [0, 1] of codes, which are clamped.
-inline vf decode_pq(vf code)
-{
-    const vf held = clamp(code, (vf)(1.0e-30f), (vf)(1.0f));
-    const vf power = exp2_fast((1.0f / PQ_M2) * log2_fast(held));
-    const vf share = max(power - PQ_C1, (vf)(1.0e-30f)) / fma(power, (vf)(-PQ_C3), (vf)(PQ_C2));
-    return exp2_fast((1.0f / PQ_M1) * log2_fast(share));
-}

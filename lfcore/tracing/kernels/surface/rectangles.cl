@@ -27,9 +27,3 @@ inline float least_over(Affine f, Rectangle at)
     const float spread = at.half_width * fabs(f.of[X]) + at.half_height * fabs(f.of[Y]);
     return one + x + y - (error + BOUND_SLACK * spread);
 }
-
-// Whether all of them see the triangle from one side.
-inline int is_one_sided(Affine denominator, Rectangle at)
-{
-    return least_over(denominator, at) > 0.0f;
-}

@@ -124,12 +124,13 @@ inline int first_element(const Packet *p)
     return -1;
 }
 
-inline Packet make_packet(const Rays *rays, int number)
+// A strip is `height` packets below each other; this is packet `step` of one.
+inline Packet make_packet(const Rays *rays, int strip, int height, int step)
 {
-    const int square = number % rays->packets_per_group;
+    const int square = strip % rays->packets_per_group;
     Packet p;
     p.rays = rays;
-    p.group = number / rays->packets_per_group;
+    p.group = strip / rays->packets_per_group * height + step;
     p.element = rays->groups + p.group * rays->group * rays->group;
     p.at = (int2)(square % rays->packets_in_x, square / rays->packets_in_x) * rays->packet_side;
     p.at.y += rays->first_row;
@@ -141,34 +142,6 @@ inline Packet make_packet(const Rays *rays, int number)
         if (there && at.x < rays->columns && at.y < rays->end_row) p.blocks |= 1u << block;
     }
     return p;
-}
-
-// A worker's way through the packets of a job.  Workers take strips from a counter; a strip is
-// `height` packets below each other.
-typedef struct {
-    global int *next;    // (1,) of all workers
-    int height, strips;  // packets in a strip, and strips in all
-    int strip, step;     // the worker's strip, and its packet there
-} PacketQueue;
-
-inline PacketQueue make_queue(global int *next, const RayArguments *a)
-{
-    return (PacketQueue){next, a->strip_height, a->packets / a->strip_height, 0,
-                         a->strip_height - 1};
-}
-
-// The worker's next packet; false once none is left.
-inline int next_packet(const Rays *rays, PacketQueue *q, Packet *packet)
-{
-    if (++q->step == q->height) {
-        q->strip = atomic_inc(q->next);
-        q->step = 0;
-    }
-    if (q->strip >= q->strips) return 0;
-    const int group = q->strip / rays->packets_per_group * q->height + q->step;
-    *packet = make_packet(rays, group * rays->packets_per_group +
-                                    q->strip % rays->packets_per_group);
-    return 1;
 }
 
 inline Frustum packet_frustum(const Packet *p)
