@@ -39,6 +39,22 @@ def test_colours_are_the_oracles(device, outer, wall):
     assert np.quantile(off, 0.99) < 2e-4 and off.mean() < 1e-3
 
 
+@pytest.mark.parametrize("ripple", [1, 16])
+def test_light_that_is_nearly_affine_over_a_block_is_made_affine(device, ripple):
+    """A ripple below a 256th of the light is lost, and a larger one is not."""
+    side = 7
+    j, i = np.array([(j, i) for j in range(side + 1) for i in range(side + 1 - j)]).T
+    values = (400 + 8 * i + 4 * j + ripple * ((i + j) % 2))[:, None] * np.full(3, 1 / 512)
+    grids = np.int32([[0, len(i), side], [2 * len(i), 3 * len(i), side]])
+    world = scene(WALL, light=BakedLight(grids, np.tile(values, (4, 1)).astype(np.float32)))
+    found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device, outer=1)
+    share = (abs(found - expected) / expected).max(-1)
+    if ripple == 1:
+        assert share.max() < 1 / 256 and np.median(share) > 2e-4
+    else:
+        assert share.max() < 1e-4
+
+
 @pytest.mark.parametrize("metallic", [0.0, 0.6, 1.0])
 def test_gloss_is_the_oracles(device, metallic):
     """Metals of every roughness under a sky, dimmed where baked light is below the open sky's."""

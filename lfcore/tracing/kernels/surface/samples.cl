@@ -170,6 +170,11 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
     RowRegions list;
     set_up_regions(scene, pixel, b);
     list_regions(&b->regions, &list);
+#if BAKED
+    AffineLight light;
+    const int affine = b->regions.count == 1 &&
+        find_affine(scene, b->planes, region_rectangle(b->regions.of, r->half_extent), &light);
+#endif
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->rays.half_extent);
         sample_row(scene, b, &list, at, row, &s);
@@ -185,7 +190,9 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         set_vector(&s, NORMAL, viewed_normal(normal, direction));
         if (PHYSICAL) set_vector(&s, TANGENT, turn_vectors(row_vector(&s, TANGENT), away));
 #if BAKED
-        set_vector(&s, BAKED_LIGHT, baked_row(scene, s.of[PLACE], s.of[PLACE + 1], s.first, s.side));
+        const vf x = s.of[PLACE], y = s.of[PLACE + 1];
+        set_vector(&s, BAKED_LIGHT, affine ? affine_row(&light, x, y)
+                                           : baked_row(scene, x, y, s.first, s.side));
 #endif
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
