@@ -8,6 +8,7 @@ host memory that is reused, or new.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from benchmarks.measured.rows import in_turn, rates, report, say
@@ -19,6 +20,11 @@ from lfcore.rendering.array import trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
 from lfcore.workflow.studies import ARRAYS
+
+RATIOS = {
+    "ratio_to_mitsuba": "mrays_per_second",
+    "core_ratio_to_mitsuba": "mrays_per_core_second",
+}
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -48,15 +54,11 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
         # Into the memory of the previous turn, as Mitsuba's allocator does.
         made["image"] = trace_array(tracer, array, out=made.get("image"))
 
+    new = partial(trace_array, tracer, array)
+    note = "the system gives new pages every time"
     methods = [
-        Method("lfcore", "array", lambda: clocked(ours, array.rays), ours=True),
-        Method(
-            "lfcore, new memory",
-            "array",
-            lambda: clocked(lambda: trace_array(tracer, array), array.rays),
-            "the system gives new pages every time",
-            ours=True,
-        ),
+        Method("lfcore", "array", lambda: clocked(ours, array.rays)),
+        Method("lfcore, new memory", "array", lambda: clocked(new, array.rays), note),
     ]
     peer = None
     if "mitsuba" in options.peers:
@@ -77,12 +79,9 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
     ]  # fmt: skip
     for row in rows:
         row["seconds"] = array.rays / row["mrays_per_second"] / 1e6
-        if not methods[-1].ours:
-            peers = rows[-1]
-            row["ratio_to_mitsuba"] = row["mrays_per_second"] / peers["mrays_per_second"]
-            row["core_ratio_to_mitsuba"] = (
-                row["mrays_per_core_second"] / peers["mrays_per_core_second"]
-            )
+        if peer is not None:
+            for ratio, rate in RATIOS.items():
+                row[ratio] = row[rate] / rows[-1][rate]
     return rows
 
 

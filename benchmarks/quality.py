@@ -32,6 +32,7 @@ from lfcore.rendering.by_depth import pictures_by_depth, traced_views
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
+from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
 TRUTH, TRUTH_FOOTPRINT_PX = Lattice(32, 2), 1 / 16
@@ -67,19 +68,15 @@ class Case:
         made = []
         of = self.tracer, self.tracer.scene.camera, self.planes, self.pixels
         for lattice in LATTICES:
-            pictures, seconds = clocked(partial(pictures_by_depth, *of, lattice), repeats)
+            pictures, seconds = least_clocked(partial(pictures_by_depth, *of, lattice), repeats)
             made.append((seconds, self.worst_db(pictures), lattice))
         return sorted(made, key=lambda each: each[0])
 
 
-def clocked(run: Callable, repeats: int) -> tuple:
+def least_clocked(run: Callable, repeats: int) -> tuple:
     """What it returns, and its least core seconds."""
-    seconds = []
-    for _ in range(repeats):
-        begun = time.process_time()
-        made = run()
-        seconds.append(time.process_time() - begun)
-    return made, min(seconds)
+    runs = [clocked(run, clock=time.process_time) for _ in range(repeats)]
+    return runs[-1][0], min(seconds for _, seconds in runs)
 
 
 def true_picture(
@@ -128,7 +125,7 @@ def rows_of(case: Case, repeats: int, targets: list[float]) -> Iterator[dict]:
             return QualitySearch(case.tracer, camera, case.planes, case.pixels, quality).pictures()
 
         try:
-            made, seconds = clocked(run, repeats)
+            made, seconds = least_clocked(run, repeats)
         except OpticsError as error:
             yield row | {"refused": error.problem}
             continue

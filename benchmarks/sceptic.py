@@ -17,11 +17,13 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
 from benchmarks.measured.rows import say
 from benchmarks.measured.sample import SCENES
@@ -39,6 +41,7 @@ from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.scene.model import Scene
+from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
 TRUTH = Lattice(12, 4), Lattice(10, 5)
@@ -73,42 +76,28 @@ class Point:
 
 def ours(tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: int) -> Iterator[Point]:
     """Our methods, each picture by itself, and all planes from the same rays."""
+    camera, alone, together = tracer.scene.camera, [[plane] for plane in planes], [planes]
 
-    def alone(make: Callable[[list[SensorPlane]], np.ndarray]):
-        def run():
-            begun, made = [time.process_time()], []
-            for plane in planes:
-                made.append(make([plane])[0])
-                begun.append(time.process_time())
-            return np.stack(made), np.diff(begun)
+    def by_depth(lattice: Lattice, wanted: list[SensorPlane]) -> np.ndarray:
+        return pictures_by_depth(tracer, camera, wanted, pixels, lattice)
 
-        return run
+    def to_quality(quality: float, wanted: list[SensorPlane]) -> np.ndarray:
+        search = QualitySearch(tracer, camera, wanted, pixels, Quality(quality))
+        return search.pictures().pictures
 
-    def together(make: Callable[[list[SensorPlane]], np.ndarray]):
-        def run():
-            begun = time.process_time()
-            made = make(planes)
-            return made, np.full(len(planes), (time.process_time() - begun) / len(planes))
+    def timed(make: Callable, groups: list[list[SensorPlane]]) -> tuple[np.ndarray, np.ndarray]:
+        runs = [clocked(partial(make, group), clock=time.process_time) for group in groups]
+        each = [np.full(len(made), seconds / len(made)) for made, seconds in runs]
+        return np.concatenate([made for made, _ in runs]), np.concatenate(each)
 
-        return run
-
-    camera = tracer.scene.camera
     for lattice in LATTICES:
-        if lattice.rays_per_pixel <= most_rays:
-
-            def by_depth(wanted, lattice=lattice):
-                return pictures_by_depth(tracer, camera, wanted, pixels, lattice)
-
-            rays = lattice.rays_per_pixel
-            yield Point("by depth", str(lattice), rays, alone(by_depth))
-            yield Point("by depth, planes together", str(lattice), rays, together(by_depth))
+        if (rays := lattice.rays_per_pixel) <= most_rays:
+            for name, groups in (("", alone), (", planes together", together)):
+                run = partial(timed, partial(by_depth, lattice), groups)
+                yield Point(f"by depth{name}", str(lattice), rays, run)
     for quality in QUALITIES_DB:
-
-        def to_quality(wanted, quality=quality):
-            search = QualitySearch(tracer, camera, wanted, pixels, Quality(quality))
-            return search.pictures().pictures
-
-        yield Point("to a quality", f"{quality} dB", np.nan, alone(to_quality))
+        run = partial(timed, partial(to_quality, quality), alone)
+        yield Point("to a quality", f"{quality} dB", np.nan, run)
 
 
 def peer(
@@ -262,15 +251,12 @@ def crops(table: pd.DataFrame, kept: dict[tuple, np.ndarray], folder: Path) -> N
 
 def busiest(picture: np.ndarray) -> tuple[int, int]:
     """The corner (x, y) of the window with most detail, away from the border."""
-    grey = picture.mean(axis=2)
-    detail = np.hypot(*np.gradient(grey)).cumsum(0).cumsum(1)
-    size = CROP_PX
-    sums = detail[size:, size:] - detail[:-size, size:] - detail[size:, :-size]
-    sums += detail[:-size, :-size]
-    border = len(picture) // 10
-    inner = sums[border:-border, border:-border]
+    detail = np.hypot(*np.gradient(picture.mean(axis=2)))
+    border = len(picture) // 10 + 1
+    sums = sliding_window_view(detail, (CROP_PX, CROP_PX)).sum((2, 3))[border:, border:]
+    inner = sums[: 1 - border, : 1 - border]
     y, x = np.unravel_index(inner.argmax(), inner.shape)
-    return int(x) + border + 1, int(y) + border + 1
+    return int(x) + border, int(y) + border
 
 
 def main() -> None:
