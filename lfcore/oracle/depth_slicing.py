@@ -81,10 +81,9 @@ def slice_by_depth(
                 boxes.append(_shares(edges[0].ravel(), edges[1].ravel(), (width, height)[axis]))
             for number in range(layers):
                 rays = (layer == number).ravel()
-                total[number] += cells.share[k] * np.einsum(
-                    "r,ry,rx,rc->yxc",
-                    weight.ravel()[rays], boxes[1][rays], boxes[0][rays], colour[rays],
-                )  # fmt: skip
+                rows = boxes[1][rays] * weight.reshape(-1, 1)[rays]
+                parts = boxes[0][rays][..., None] * colour[rays][:, None]
+                total[number] += cells.share[k] * np.tensordot(rows, parts, (0, 0))
     room *= (slab.pixels / pixels / scale) ** 2
     return _composed(total, room)
 
