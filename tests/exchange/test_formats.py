@@ -431,50 +431,6 @@ def refused(folder, *words, options=None, format=None):
     assert not out.exists() or not list(out.iterdir())
 
 
-@pytest.fixture
-def hci(square, tmp_path):
-    export_lightfield(square.path, "hci", tmp_path / "hci")
-    return tmp_path / "hci"
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (Path.unlink, ["9 views"]),
-        (lambda file: Image.new("RGB", (15, 16)).save(file), ["16 x 16"]),
-        (lambda file: file.write_bytes(file.read_bytes()[:300]), []),
-    ],
-)
-def test_a_view_that_is_missing_or_unlike_the_others(hci, spoil, words):
-    spoil(hci / "input_Cam004.png")
-    refused(hci, "input_Cam004.png", *words)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ("baseline_mm", "base", "extrinsics.baseline_mm"),
-        ("num_cams_x = 3", "num_cams_x = many", "num_cams_x"),
-        ("num_cams_x = 3", "num_cams_x = 0", "no views"),
-        ("[extrinsics]", "[extrinsics", "parameters.cfg"),
-        ("focal_length_mm = ", "focal_length_mm = -", "focal_length_mm"),
-        ("baseline_mm = ", "baseline_mm = nan #", "baseline_mm"),
-        ("baseline_mm = ", "baseline_mm = -", "--baseline"),
-    ],
-)
-def test_parameters_that_make_no_sense(hci, old, new, word):
-    config = hci / "parameters.cfg"
-    config.write_text(config.read_text().replace(old, new))
-    refused(hci, word)
-
-
-def test_names_with_positions(square, tmp_path):
-    export_lightfield(square.path, "stanford", tmp_path / "out")
-    file = next((tmp_path / "out").glob("out_01_02_*"))
-    file.unlink()
-    refused(tmp_path / "out", "row 1 and column 2", "8 of 3 x 3")
-
-
 def test_numbered_views(tmp_path):
     (tmp_path / "in").mkdir()
     for name in ("00_00", "00_01", "01_00"):
@@ -484,16 +440,6 @@ def test_numbered_views(tmp_path):
     refused(tmp_path / "in", "cannot be read as a picture", format="eslf")
     Image.new("RGB", (8, 16)).save(tmp_path / "in" / "01_01.png")
     refused(tmp_path / "in", "01_01.png", "8 x 16")
-
-
-def test_ppm_that_is_cut_short_or_none(square, tmp_path):
-    export_lightfield(square.path, "jpeg-pleno", tmp_path / "out")
-    file = tmp_path / "out" / "002_001.ppm"
-    whole = file.read_bytes()
-    file.write_bytes(whole[:-1])
-    refused(tmp_path / "out", "002_001.ppm", f"{len(whole)} expected")
-    file.write_bytes(whole.replace(b"P6", b"P5"))
-    refused(tmp_path / "out", "002_001.ppm")
 
 
 def test_nothing_is_recognised(tmp_path):
@@ -517,27 +463,79 @@ def test_files_of_noise(name, tmp_path):
     refused(tmp_path / name, name)
 
 
-def test_json_of_poses(square, tmp_path):
-    export_lightfield(square.path, "nerfstudio", tmp_path / "out")
-    file = tmp_path / "out" / "transforms.json"
-    good = json.loads(file.read_text())
+def edited(old, new):
+    """A change of a text file."""
+    return lambda file: file.write_bytes(file.read_bytes().replace(old.encode(), new.encode()))
 
-    def changed(words, change):
-        data = json.loads(json.dumps(good))
+
+def cut_short(end):
+    return lambda file: file.write_bytes(file.read_bytes()[:end])
+
+
+def posed(change):
+    """A change of a file of poses: JSON, or an array of them."""
+
+    def spoil(file):
+        if file.suffix == ".npy":
+            np.save(file, change(np.load(file)))
+            return
+        data = json.loads(file.read_text())
         change(data)
         file.write_text(json.dumps(data))
-        refused(tmp_path / "out", *words)
 
-    changed(["view_001_001.png", "looks in another direction"],
-            lambda d: d["frames"][4]["transform_matrix"][0].__setitem__(0, 0.9))  # fmt: skip
-    changed(["before or behind"],
-            lambda d: d["frames"][4]["transform_matrix"][1].__setitem__(3, 0.1))  # fmt: skip
-    changed(["no full grid"], lambda d: d["frames"].pop())
-    changed(["transform_matrix"], lambda d: d["frames"][2].pop("transform_matrix"))
-    changed(["fl_x"], lambda d: d.pop("fl_x"))
-    changed(["gone.png"], lambda d: d["frames"][2].update(file_path="gone.png"))
-    file.write_text("[1, 2")
-    refused(tmp_path / "out", "transforms.json")
+    return spoil
+
+
+def in_matrix(row, column, value):
+    return posed(lambda d: d["frames"][4]["transform_matrix"][row].__setitem__(column, value))
+
+
+def with_nan(poses):
+    poses[4, 0] = np.nan
+    return poses
+
+
+VIEW, CONFIG, POSES = "input_Cam004.png", "parameters.cfg", "transforms.json"
+SPOILT = [
+    ("hci", VIEW, Path.unlink, [VIEW, "9 views"]),
+    ("hci", VIEW, lambda file: Image.new("RGB", (15, 16)).save(file), [VIEW, "16 x 16"]),
+    ("hci", VIEW, cut_short(300), [VIEW]),
+    ("hci", CONFIG, edited("baseline_mm", "base"), ["extrinsics.baseline_mm"]),
+    ("hci", CONFIG, edited("num_cams_x = 3", "num_cams_x = many"), ["num_cams_x"]),
+    ("hci", CONFIG, edited("num_cams_x = 3", "num_cams_x = 0"), ["no views"]),
+    ("hci", CONFIG, edited("[extrinsics]", "[extrinsics"), [CONFIG]),
+    ("hci", CONFIG, edited("focal_length_mm = ", "focal_length_mm = -"), ["focal_length_mm"]),
+    ("hci", CONFIG, edited("baseline_mm = ", "baseline_mm = nan #"), ["baseline_mm"]),
+    ("hci", CONFIG, edited("baseline_mm = ", "baseline_mm = -"), ["--baseline"]),
+    ("stanford", "out_01_02_*", Path.unlink, ["row 1 and column 2", "8 of 3 x 3"]),
+    ("jpeg-pleno", "002_001.ppm", cut_short(-1), ["002_001.ppm", "1550 expected"]),
+    ("jpeg-pleno", "002_001.ppm", edited("P6", "P5"), ["002_001.ppm"]),
+    ("nerfstudio", POSES, in_matrix(0, 0, 0.9),
+     ["view_001_001.png", "looks in another direction"]),
+    ("nerfstudio", POSES, in_matrix(1, 3, 0.1), ["before or behind"]),
+    ("nerfstudio", POSES, posed(lambda d: d["frames"].pop()), ["no full grid"]),
+    ("nerfstudio", POSES, posed(lambda d: d["frames"][2].pop("transform_matrix")),
+     ["transform_matrix"]),
+    ("nerfstudio", POSES, posed(lambda d: d.pop("fl_x")), ["fl_x"]),
+    ("nerfstudio", POSES, posed(lambda d: d["frames"][2].update(file_path="gone.png")),
+     ["gone.png"]),
+    ("nerfstudio", POSES, cut_short(6), [POSES]),
+    ("colmap", "sparse/0/cameras.txt", edited("PINHOLE", "THIN_PRISM_FISHEYE"),
+     ["cameras.txt", "THIN_PRISM", "Models that can be"]),
+    ("colmap", "images/view_001_001.png", Path.unlink, ["view_001_001.png", "images.txt asks"]),
+    ("llff", "poses_bounds.npy", posed(lambda rows: rows[:-1]), ["8 poses for 9 pictures"]),
+    ("llff", "poses_bounds.npy", posed(with_nan), ["not finite"]),
+    ("llff", "poses_bounds.npy", cut_short(8), ["poses_bounds.npy"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("format", "name", "spoil", "words"), SPOILT)
+def test_what_was_spoilt_is_refused(square, tmp_path, format, name, spoil, words):
+    options = WriteOptions(near_m=1, far_m=2)
+    export_lightfield(square.path, format, tmp_path / "out", options=options)
+    (file,) = (tmp_path / "out").glob(name)
+    spoil(file)
+    refused(tmp_path / "out", *words)
 
 
 def test_exports_that_cannot_be(unknown, square, tmp_path):
@@ -586,28 +584,6 @@ def test_the_command_line(tmp_path, capsys):
     assert "--order" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*command, "--focus", "x"])
-
-
-def test_poses_of_others(square, tmp_path):
-    export_lightfield(square.path, "colmap", tmp_path / "colmap")
-    model = tmp_path / "colmap" / "sparse" / "0"
-    cameras = (model / "cameras.txt").read_text()
-    (model / "cameras.txt").write_text(cameras.replace("PINHOLE", "THIN_PRISM_FISHEYE"))
-    refused(tmp_path / "colmap", "cameras.txt", "THIN_PRISM", "Models that can be")
-    (model / "cameras.txt").write_text(cameras)
-    (tmp_path / "colmap" / "images" / "view_001_001.png").unlink()
-    refused(tmp_path / "colmap", "view_001_001.png", "images.txt asks")
-    options = WriteOptions(near_m=1, far_m=2)
-    export_lightfield(square.path, "llff", tmp_path / "llff", options=options)
-    poses = tmp_path / "llff" / "poses_bounds.npy"
-    rows = np.load(poses)
-    np.save(poses, rows[:-1])
-    refused(tmp_path / "llff", "8 poses for 9 pictures")
-    rows[4, 0] = np.nan
-    np.save(poses, rows)
-    refused(tmp_path / "llff", "not finite")
-    poses.write_bytes(b"no array")
-    refused(tmp_path / "llff", "poses_bounds.npy")
 
 
 def test_an_unknown_device_is_refused_by_every_format(square, tmp_path):
