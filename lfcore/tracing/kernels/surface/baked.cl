@@ -48,7 +48,7 @@ inline float4 light_at(const Scene *s, int first, int i, int j, int side)
 inline int find_affine(const Scene *s, global const PlaneEquations *p, Rectangle at, AffineLight *l)
 {
     const int side = p->grid[2];
-    if (OUTER > 1 || !is_one_sided(p->denominator, at)) return 0;
+    if (OUTER > 1 || !(least_over(p->denominator, at) > 0.0f)) return 0;
     const float2 x = side * quotient_range(p->slot[PLACE], p->weights, at);
     const float2 y = side * quotient_range(p->slot[PLACE + 1], p->weights, at);
     if (!(x.y - x.x < AFFINE_CELLS && y.y - y.x < AFFINE_CELLS)) return 0;
