@@ -12,6 +12,7 @@ from lfcore.errors import OpticsError
 
 PEAK = 255.0
 """Display value of white."""
+_PART = 1 << 18
 
 
 def srgb_encode(linear: np.ndarray | float) -> np.ndarray:
@@ -70,9 +71,19 @@ def display_values(picture: np.ndarray) -> np.ndarray:
     return PEAK * srgb_encode(np.asarray(picture, np.float64))
 
 
-def srgb_codes(picture: np.ndarray) -> np.ndarray:
-    """uint8 sRGB codes of linear light in [0, 1] (clipped), rounded once, half to even."""
-    return np.rint(display_values(picture)).astype(np.uint8)
+def srgb_codes(picture: np.ndarray, bits: int = 8) -> np.ndarray:
+    """uint8 or uint16 sRGB codes of linear light in [0, 1] (clipped), rounded once, half to even.
+
+    A part at a time, for float64 takes eight times the memory of codes.
+    """
+    light = np.asarray(picture)
+    codes = np.empty(light.shape, np.uint8 if bits == 8 else np.uint16)
+    flat, to = light.reshape(-1), codes.reshape(-1)
+    for start in range(0, flat.size, _PART):
+        part = slice(start, start + _PART)
+        shown = srgb_encode(flat[part].astype(np.float64))
+        to[part] = np.rint((2**bits - 1) * shown)
+    return codes
 
 
 def to_uint8(encoded: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode, srgb_encode
+from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
 from lfcore.files import WholeFile, make_folder, whole_file
 
@@ -153,10 +153,8 @@ def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
 
     if picture.dtype in (np.uint8, np.uint16):
         codes = picture
-    elif bits == 16:
-        codes = np.rint(65535 * srgb_encode(np.asarray(picture, np.float64))).astype(np.uint16)
     else:
-        codes = srgb_codes(picture)
+        codes = srgb_codes(picture, bits)
     options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION] if suffix == ".png" else []
     try:
         if codes.ndim == 3 and codes.shape[2] == 3:
