@@ -12,12 +12,10 @@ inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hi
     Sheared s;
     shear_leaf(r, leaf_corners(tree, leaf, lane), &s);
     if (!row_any(s.mask)) return;
-    const vf t = sheared_time(r, &s);
-    s.mask &= GT(t, (vf)(0.0f)) & LE(t, (vf)(hit->t));
-    uint bits = row_bits(s.mask);
+    uint bits = row_bits(s.mask & LE(s.time, (vf)(hit->t)));
     if (!bits) return;
     private float times[LANES], first[LANES], second[LANES];
-    VSTORE(t, times);
+    VSTORE(s.time, times);
     VSTORE(TO_VF(s.e[0] / s.sum), first);
     VSTORE(TO_VF(s.e[1] / s.sum), second);
     for (; bits; bits &= bits - 1) {

@@ -13,9 +13,7 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
         Sheared s;
         shear_leaf(r, at, &s);
         if (!row_any(s.mask)) continue;
-        const vf t = sheared_time(r, &s);
-        s.mask &= GT(t, (vf)(0.0f)) & LT(t, (vf)(far)) &
-            ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
+        s.mask &= LT(s.time, (vf)(far)) & ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
         if (!row_any(s.mask)) continue;
         Vec v[3];
         load_corners(at, 0.0f, v);
@@ -24,7 +22,7 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
         s.mask &= GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
         if (!CUT_OUTS && row_any(s.mask)) return 1;
         private float times[LANES];
-        VSTORE(t, times);
+        VSTORE(s.time, times);
         for (uint bits = row_bits(s.mask); bits; bits &= bits - 1) {
             const uint k = lowest(bits);
             if (is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) return 1;

@@ -42,11 +42,12 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// LANES triangles sheared onto a ray, and the mask of those that it passes through.
+// LANES triangles sheared onto a ray, and the mask of those that it hits, and when.
 typedef struct {
     Triple x, y, z;
     vd e[3], sum;
     vi mask;
+    vf time;
 } Sheared;
 
 // The ray is the origin of x and y: outside a triangle's half_extent it is outside the triangle.
@@ -76,11 +77,9 @@ inline void shear_leaf(const Ray *r, global const Leaf *leaf, Sheared *s)
     s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) |
                        ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
     s->mask &= VD_MASK(s->sum != zero);
-}
-
-inline vf sheared_time(const Ray *r, const Sheared *s)
-{
-    vd sum = 0;
-    for (int k = 0; k < 3; ++k) sum += s->e[k] * TO_VD(s->z.of[k]);
-    return TO_VF(sum / s->sum) * r->sz;
+    if (!row_any(s->mask)) return;
+    vd depth = 0;
+    for (int k = 0; k < 3; ++k) depth += s->e[k] * TO_VD(s->z.of[k]);
+    s->time = TO_VF(depth / s->sum) * r->sz;
+    s->mask &= GT(s->time, (vf)(0.0f));
 }
