@@ -12,7 +12,8 @@ inline Vec add_point(Vec sum, vu point, vf share)
 {
     share *= AS_VF(AS_VI(point >> 27) + 103 << 23);
     const vu most = 511;
-    const Vec colour = {TO_VF(point & most), TO_VF((point >> 9) & most), TO_VF((point >> 18) & most)};
+    const Vec colour = {TO_VF(point & most), TO_VF((point >> 9) & most),
+                        TO_VF((point >> 18) & most)};
     return fma3(share, colour, sum);
 }
 
