@@ -195,8 +195,10 @@ def _named(path: Path) -> Iterator[None]:
 def _held_draft(path: Path, *, folder: bool = False) -> Iterator[Path]:
     """The name of a new, empty draft of ``path``, held by its lock; removed in the end."""
     _clear_remains(path.parent)
+    name = os.fsdecode(os.fsencode(path.name)[:_LONGEST_NAME])
     while True:
-        draft = _draft_name(path, "" if folder else path.suffix)
+        suffix = "" if folder else path.suffix
+        draft = path.with_name(f".{name}.{secrets.token_hex(6)}.draft{suffix}")
         with _named(path):
             if folder:
                 draft.mkdir()
@@ -210,11 +212,6 @@ def _held_draft(path: Path, *, folder: bool = False) -> Iterator[Path]:
             finally:
                 _remove(draft)  # a file has its name by now if all went well
             return
-
-
-def _draft_name(path: Path, suffix: str) -> Path:
-    name = os.fsdecode(os.fsencode(path.name)[:_LONGEST_NAME])
-    return path.with_name(f".{name}.{secrets.token_hex(6)}.draft{suffix}")
 
 
 @contextmanager

@@ -49,7 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
-        _open_closed_streams()
+        for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+            # Else a file of ours takes its number, and libraries in C write messages into it.
+            if getattr(sys, name) is None:
+                setattr(sys, name, open(os.open(os.devnull, os.O_RDWR), mode))
     for stream in (sys.stdout, sys.stderr):
         # A terminal that lacks a letter of a name shows its code, and the command goes on.
         if isinstance(stream, io.TextIOWrapper):
@@ -77,16 +80,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             leave_at_once(status)
         return status
     return 0
-
-
-def _open_closed_streams() -> None:
-    """Open standard streams that the caller closed, lest a file of ours takes their number.
-
-    A library in C would write its messages for number 2 into that file.
-    """
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.open(os.devnull, os.O_RDWR), mode))
 
 
 def _forget_output() -> None:

@@ -65,7 +65,8 @@ def build_scene(
         name = path.stem
     else:
         description = read_description(path)
-        name = description.get("name") or _default_name(path)
+        own = path.resolve().parent.name if path.stem == "scene" else path.stem
+        name = description.get("name") or own or "scene"
     if light:
         description = complete(check({**description, **light}, file=path))
     camera = description["camera"]
@@ -110,12 +111,6 @@ def _pbrt(path: Path, light_points: int) -> Scene:
         return within_limits(scene, path)
     distances = framing.default_focus_distances(scene.camera, scene.triangles)
     return within_limits(dataclasses.replace(scene, focus_distances_m=distances), path)
-
-
-def _default_name(path: Path) -> str:
-    if path.stem != "scene":
-        return path.stem
-    return path.resolve().parent.name or "scene"
 
 
 def build(
@@ -284,7 +279,10 @@ def _with_material(
             key=f"{key}.texture",
             remedy="Unwrap it and export it with them, or give a colour",
         )
-    return [part.with_surface(**changes) for part in parts]
+    return [
+        dataclasses.replace(part, surface=dataclasses.replace(part.surface, **changes))
+        for part in parts
+    ]
 
 
 def _override_by_name(

@@ -14,12 +14,6 @@ EXTENSION = "KHR_draco_mesh_compression"
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 
-def is_compressed(tree: dict) -> bool:
-    """Whether the JSON of a glTF file uses the extension."""
-    used = tree.get("extensionsUsed")
-    return EXTENSION in (used if isinstance(used, list) else ())
-
-
 def unpacked(tree: dict, view: Callable[[int], bytes]) -> dict:
     """A copy of a file's JSON whose meshes are in a buffer of their own, without the extension.
 

@@ -86,8 +86,7 @@ class Document:
             raise self._broken(f"its JSON cannot be read: {error}") from None
         if not isinstance(self.tree, dict):
             raise self._broken("its JSON is no object")
-        required = self.tree.get("extensionsRequired")
-        unknown = set(map(str, required if isinstance(required, list) else ())) - set(KNOWN)
+        unknown = self.extensions("Required") - set(KNOWN)
         # Where KTX2 is optional there is another picture, but exporters forget to require it.
         for texture in self.objects("textures"):
             alone = "source" not in texture and not has(texture, "EXT_texture_webp")
@@ -101,6 +100,11 @@ class Document:
                 key="extensionsRequired",
                 remedy=REMEDIES.get(name, "Export the file without it"),
             )
+
+    def extensions(self, how: str) -> set[str]:
+        """Those that are ``Used`` or ``Required``; none of what is no list."""
+        names = self.tree.get(f"extensions{how}")
+        return set(map(str, names)) if isinstance(names, list) else set()
 
     def _broken(self, problem: str) -> SceneError:
         return SceneError(
@@ -160,7 +164,7 @@ class Document:
     def readable(self) -> bytes:
         """The file with its meshes unpacked, and with the number of each material as its name, so
         that the material can be found again."""
-        tree = self._unpacked() if draco.is_compressed(self.tree) else self.tree
+        tree = self._unpacked() if draco.EXTENSION in self.extensions("Used") else self.tree
         materials = [
             {**entry, "name": str(index)} for index, entry in enumerate(self.objects("materials"))
         ]
@@ -309,10 +313,8 @@ class Document:
                 if primitive.get("targets"):
                     what = f"morph targets of mesh {name!r}: its rest shape"
                     notebook.add_in(LEFT_OUT, self.path, what)
-        used = self.tree.get("extensionsUsed")
-        for name in used if isinstance(used, list) else ():
-            if name not in KNOWN:
-                notebook.add_in(LEFT_OUT, self.path, f"extension {name}")
+        for name in sorted(self.extensions("Used") - set(KNOWN)):
+            notebook.add_in(LEFT_OUT, self.path, f"extension {name}")
 
 
 @dataclass(frozen=True)
@@ -343,7 +345,9 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
         if found is not None and ("pose" in description["camera"] or camera is not None):
             notebook.add_in(NOT_USED, document.path, "its camera: the scene has another")
         elif found is not None:
-            camera = _moved_camera(found, matrix)
+            pose = matrix @ found.to_world
+            pose[:3, :3] = normalise(pose[:3, :3].T).T  # a scale makes no camera larger
+            camera = replace(found, to_world=pose)
     return Staging(tuple(lights), camera)
 
 
@@ -356,10 +360,3 @@ def moved(light: Light, matrix: np.ndarray) -> Light:
     else:
         vector = triple(normalise(matrix[:3, :3] @ light.vector))
     return replace(light, vector=vector)
-
-
-def _moved_camera(camera: FoundCamera, matrix: np.ndarray) -> FoundCamera:
-    pose = matrix @ camera.to_world
-    # A scale moves the camera, and makes it no larger.
-    pose[:3, :3] = normalise(pose[:3, :3].T).T
-    return replace(camera, to_world=pose)

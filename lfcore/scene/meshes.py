@@ -202,17 +202,13 @@ def _part(
     if given is not None and np.shape(given) == vertices.shape:
         normals = np.asarray(given, np.float64)[faces]
     elif shading != "flat":
-        normals = _smoothed(triangles, crease_deg)
+        finite = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
+        normals = crease_normals(finite, crease_deg)
+        if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6:
+            normals = None  # no corner is smooth, so that it stays flat shaded
     colours = _colours(mesh.visual, faces, path)
     surface = replace(surface, curved=normals is not None)
     return SurfaceMesh(triangles, surface, normals, uvs, colours)
-
-
-def _smoothed(triangles: np.ndarray, crease_deg: float) -> np.ndarray | None:
-    """Crease normals; None when no corner of the mesh is smooth, so that it stays flat shaded."""
-    finite = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
-    normals = crease_normals(finite, crease_deg)
-    return None if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6 else normals
 
 
 def _surface(

@@ -96,9 +96,6 @@ class SurfaceMesh:
             self, **{n: array[index] for n, array in arrays.items() if array is not None}
         )
 
-    def with_surface(self, **changes: Any) -> SurfaceMesh:
-        return replace(self, surface=replace(self.surface, **changes))
-
 
 def count(parts: list[SurfaceMesh]) -> int:
     """Triangles in all parts."""

@@ -164,7 +164,10 @@ class Encoding:
         """The settings as FFmpeg's encoder options, for frames of that width."""
         if self.codec in ("libx264", "libx265"):
             return self._x26x(width)
-        return self._svtav1() if self.codec == "libsvtav1" else self._ffv1()
+        if self.codec == "libsvtav1":
+            return self._svtav1()
+        own = {"level": "3", "slices": "4", "slicecrc": "1", "coder": "range_def", "context": "0"}
+        return own | dict(self.extra)
 
     def _named(self) -> dict[str, str]:
         named = {"preset": self.preset, "tune": self.tune} | self._rate()
@@ -210,10 +213,6 @@ class Encoding:
         if self.tune == "psnr":
             own["tune"] = "1"
         return named | {"svtav1-params": _joined(own | dict(self.extra))}
-
-    def _ffv1(self) -> dict[str, str]:
-        own = {"level": "3", "slices": "4", "slicecrc": "1", "coder": "range_def", "context": "0"}
-        return own | dict(self.extra)
 
     def to_json(self) -> dict:
         """The encoder's settings, as light field files record them."""

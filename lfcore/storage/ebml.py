@@ -65,10 +65,6 @@ class Structure:
     faults: list[str] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
 
-    @property
-    def truncated(self) -> bool:
-        return self.file_bytes < self.expected_bytes
-
 
 def scan(path: Path, *, clusters: bool) -> Structure:
     """Walk over the elements of level 1 and check those that are not video; all with ``clusters``.
@@ -110,7 +106,7 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
     if len(bare) < sum(one.name != "Void" for one in found.elements):
         # FFmpeg's muxer gives every element a check sum; others may give none at all.
         found.faults += [f"the {one.name} at byte {one.offset} is damaged" for one in bare]
-    if found.truncated:
+    if found.file_bytes < found.expected_bytes:
         found.faults.insert(0, f"the file ends after {size} of {found.expected_bytes} bytes")
     elif size > found.expected_bytes > 0:
         found.faults.insert(0, f"{size - found.expected_bytes} bytes follow the end of the video")

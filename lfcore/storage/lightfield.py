@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,8 @@ class LightFieldFile(StoredVideo):
     def __reduce__(self) -> tuple:
         """Pickled by path: the file is opened again where the pickle is loaded."""
         path = self.path.absolute() if isinstance(self.path, Path) else self.path
-        return _reopened, (type(self), str(path), self._salvage, self.threads)
+        again = partial(type(self).open, salvage=self._salvage, threads=self.threads)
+        return again, (str(path),)
 
     @property
     def geometry(self) -> str:
@@ -325,10 +327,6 @@ class LightFieldFile(StoredVideo):
                     yield chunk, numbers[low:high] - first, slice(low, high)
                 first += len(chunk)
             start = stop
-
-
-def _reopened(kind: type[LightFieldFile], path: str, salvage: bool, threads: int) -> LightFieldFile:
-    return kind.open(path, salvage=salvage, threads=threads)
 
 
 def windows(

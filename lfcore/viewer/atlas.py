@@ -117,6 +117,8 @@ def read(
 ) -> np.ndarray:
     """(K, height, width, 3) uint8 of the chosen views, sRGB or PQ as in the file; sizes change in
     linear light."""
+    import cv2
+
     samples, (width, height) = choice.samples, field.picture_size
     step = max(1, READ_BYTES // (12 * width * height))
     out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
@@ -129,7 +131,10 @@ def read(
 
         light = read_views(field, samples[start : start + step], device=device, progress=report)
         for place, picture in enumerate(light, start):
-            out[place] = to_uint8(field.layout.encoded(_resized(picture, choice)))
+            if picture.shape[:2] != (choice.height, choice.width):
+                size = choice.width, choice.height
+                picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            out[place] = to_uint8(field.layout.encoded(picture))
     return out
 
 
@@ -144,14 +149,6 @@ def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
     )
     step = slab.pixel_pitch / slab.lens_pitch_m
     return (inverse[:, v[:, None], u] - slab.camera.delta) * (choice.scale / step)
-
-
-def _resized(light: np.ndarray, choice: Choice) -> np.ndarray:
-    if light.shape[:2] == (choice.height, choice.width):
-        return light
-    import cv2
-
-    return cv2.resize(light, (choice.width, choice.height), interpolation=cv2.INTER_AREA)
 
 
 def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -> Atlas:

@@ -90,13 +90,14 @@ class MaterialTable:
         if kind in ("", "none", "interface"):
             return Resolved(None)
         makers = {
-            "matte": self._matte, "diffuse": self._diffuse, "plastic": self._plastic,
-            "coateddiffuse": self._coated, "uber": self._uber, "substrate": self._substrate,
+            "matte": self._matte, "uber": self._uber, "coateddiffuse": self._coated,
             "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
             "mix": self._mix,
+            "diffuse": lambda given: self._lambert(given, "reflectance"),
+            "plastic": lambda given: self._glossy(given, 0.25, DIELECTRIC),
+            "substrate": lambda given: self._glossy(given, 0.5, 1.0),
         }  # fmt: skip
-        maker = makers.get(kind, self._unknown)
-        texture, specular, shininess = maker(parameters)
+        texture, specular, shininess = makers.get(kind, self._unknown)(parameters)
         if parameters.get("bumpmap") or parameters.get("displacement"):
             parameters.left_out("bumps")
         parameters.note_unused()
@@ -113,10 +114,10 @@ class MaterialTable:
     def _matte(self, parameters: ParameterSet) -> Look:
         if self.textures.number(parameters, "sigma", 0.0) > 0:
             parameters.approximated("sigma, Lambert instead")
-        return self.textures.colour(parameters, "Kd", 0.5), np.zeros(3), 32.0
+        return self._lambert(parameters, "Kd")
 
-    def _diffuse(self, parameters: ParameterSet) -> Look:
-        return self.textures.colour(parameters, "reflectance", 0.5), np.zeros(3), 32.0
+    def _lambert(self, parameters: ParameterSet, name: str) -> Look:
+        return self.textures.colour(parameters, name, 0.5), np.zeros(3), 32.0
 
     def _alpha(self, parameters: ParameterSet, default: float, version4: bool = False) -> float:
         rough = self.textures.number(parameters, "roughness", default)
@@ -129,18 +130,16 @@ class MaterialTable:
             return rough
         return float(np.sqrt(rough)) if version4 else roughness_to_alpha(rough)
 
-    def _plastic(self, parameters: ParameterSet) -> Look:
-        diffuse = self.textures.colour(parameters, "Kd", 0.25)
-        gloss = self.textures.rgb(parameters, "Ks", 0.25)
-        return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
+    def _glossy(self, parameters: ParameterSet, default: float, reflectance: float) -> Look:
+        diffuse = self.textures.colour(parameters, "Kd", default)
+        gloss = self.textures.rgb(parameters, "Ks", default)
+        return diffuse, *lobe(gloss * reflectance, self._alpha(parameters, 0.1))
 
     def _coated(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "reflectance", 0.5)
         return diffuse, *lobe(np.full(3, DIELECTRIC), self._alpha(parameters, 0.0, True))
 
     def _uber(self, parameters: ParameterSet) -> Look:
-        diffuse = self.textures.colour(parameters, "Kd", 0.25)
-        gloss = self.textures.rgb(parameters, "Ks", 0.25)
         for name, what in (("Kr", "mirror image"), ("Kt", "transmission")):
             if self.textures.rgb(parameters, name, 0.0).any():
                 parameters.left_out(f"{what} ({name})")
@@ -148,12 +147,7 @@ class MaterialTable:
             parameters.approximated("opaque instead")
         for name in ("eta", "index"):
             parameters.get(name)
-        return diffuse, *lobe(gloss * DIELECTRIC, self._alpha(parameters, 0.1))
-
-    def _substrate(self, parameters: ParameterSet) -> Look:
-        diffuse = self.textures.colour(parameters, "Kd", 0.5)
-        gloss = self.textures.rgb(parameters, "Ks", 0.5)
-        return diffuse, *lobe(gloss, self._alpha(parameters, 0.1))
+        return self._glossy(parameters, 0.25, DIELECTRIC)
 
     def _metal(self, parameters: ParameterSet) -> Look:
         version4 = "conductor" in parameters.owner
@@ -225,5 +219,5 @@ class MaterialTable:
         parameters.approximated("as matte grey of 0.5")
         for name in ("Kd", "reflectance", "color", "Kr"):
             if name in parameters.items:
-                return self.textures.colour(parameters, name, 0.5), np.zeros(3), 32.0
+                return self._lambert(parameters, name)
         return constant(0.5), np.zeros(3), 32.0
