@@ -4,7 +4,8 @@ Scenes are rendered to several qualities, focused near, in the middle and far, a
 from the same rays; with --stored, light fields are recorded, too.  A row has the PSNR of the worst
 picture, its core seconds, and those of the cheapest single lattice that reaches the quality.  The
 truth is of another kind: many lens samples displaced within a pixel, each ray counted in the pixel
-that it falls on.
+that it falls on.  With 128 pixels it is known well enough; with 24 x 24 lens samples to 50 dB with
+256 pixels and to 46 with 512 (bike, near plane), where blur is wide.
 """
 
 import argparse
