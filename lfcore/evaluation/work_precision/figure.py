@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -52,7 +51,7 @@ def label_points(axis: Axes, labels: Sequence[Label]) -> list[Annotation]:
     written: list[Annotation] = []
     taken = [Bbox([point - MARKER_PT * scale, point + MARKER_PT * scale]) for point in at]
     taken += [text.get_window_extent() for text in axis.texts if text.get_text()]
-    drawn: list[tuple[Artist, Path]] = [
+    drawn: list[tuple[Any, Any]] = [
         (one, one.get_path()) for one in axis.lines if one.get_linestyle() != "None"
     ]
     drawn += [(one, path) for one in axis.collections for path in one.get_paths()]
