@@ -56,7 +56,7 @@ def chosen(
 ) -> tuple[Pattern, list[float]]:
     """The first pattern of the quality, and the PSNR to expect of views ``numbers``, sRGB.
 
-    Views err by about what they differ from those of the next pattern.
+    The error of a view is about its difference from the same view of the next pattern.
     """
     shown = [srgb_encode(view(tracer, slab, number, PATTERNS[0])) for number in numbers]
     expected: list[float] = []

@@ -1,10 +1,10 @@
 """Pictures with poses in JSON: nerfstudio's ``transforms.json``, and Blender's add-ons.
 
 nerfstudio has OpenGL's axes, and reads a principal point per frame where the file has none for all:
-those of views that coincide at a finite distance move with the camera.  IDLab's add-on has poses,
-focal length and sensor of a plane in ``lightfield.json``.  Both worlds have z up.  gfxdisp's
-(``param.txt``) names pictures ``row_column``, counted from the bottom right camera; ``base_x`` is
-half the width of the grid, in the scene's unit.
+where views coincide at a finite distance, the principal point moves with the camera.
+IDLab's add-on has poses, focal length and sensor of a plane in ``lightfield.json``.  Both worlds
+have z up.  gfxdisp's (``param.txt``) names pictures ``row_column``, counted from the bottom right
+camera; ``base_x`` is half the width of the grid, in the scene's unit.
 """
 
 from __future__ import annotations

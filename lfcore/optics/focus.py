@@ -142,8 +142,9 @@ def f_number_of_blur(
 ) -> float:
     """The f-number of the aperture that blurs by a share of the picture's width.
 
-    A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|: here
-    at the end of what is seen that is more out of focus. ``width`` is the field's tangent extent.
+    A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|.
+    Here z is the nearest or the farthest visible depth, whichever is more out of focus.
+    ``width`` is the field's tangent extent.
     """
     share = blur_share(blur)
     defocus = seen.defocus(focus_m) if seen else 0.0

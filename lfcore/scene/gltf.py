@@ -102,7 +102,7 @@ class Document:
             )
 
     def extensions(self, how: str) -> set[str]:
-        """Those that are ``Used`` or ``Required``; none of what is no list."""
+        """Names of extensions that are ``Used`` or ``Required``; empty where these are no list."""
         names = self.tree.get(f"extensions{how}")
         return set(map(str, names)) if isinstance(names, list) else set()
 

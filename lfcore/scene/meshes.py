@@ -167,10 +167,9 @@ def _problem(data: bytes, glossy: bool) -> str:
         image.load()
     except Exception:  # Pillow raises many kinds on damaged images
         return "cannot be decoded"
-    # trimesh takes the numbers in a palette for colours.
-    return f"has a palette, which {GLOSSY} must not: save it as RGB" * (
-        glossy and image.mode == "P"
-    )
+    if glossy and image.mode == "P":  # trimesh takes the numbers in a palette for colours
+        return f"has a palette, which cannot be read with {GLOSSY}: save it as RGB"
+    return ""
 
 
 def _check_found(trouble: list[str], path: Path) -> None:

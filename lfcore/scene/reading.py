@@ -30,7 +30,7 @@ def _error(path: Path, problem: str, remedy: str) -> SceneError:
 
 
 def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
-    """The bytes of a regular file, those of a ``.gz`` unpacked, at most ``most``."""
+    """At most ``most`` bytes of a regular file; a ``.gz`` is unpacked."""
     path = Path(path)
     try:
         with open(os.open(path, os.O_RDONLY | _NO_WAIT), "rb") as stream:

@@ -184,7 +184,7 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     area_vectors = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     unit = normalise(area_vectors)
     points = triangles.reshape(-1, 3)
-    corners = np.lexsort(points.T)  # those of one place side by side
+    corners = np.lexsort(points.T)  # equal points are neighbours
     apart = (points[corners[1:]] != points[corners[:-1]]).any(1)
     starts = np.flatnonzero(np.r_[True, apart])
     valence = np.diff(np.r_[starts, len(corners)])

@@ -1,8 +1,8 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
 ``docs/notebook/store.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
-small N.  Where a view has fewer than 16 pixels for each one of a macropixel, along a side, a block
-of it sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
+small N.  Where a view's side has fewer than 16 times the pixels of a macropixel's side, a block of
+a view sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
 bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  ``veryfast`` has
 what gives most of ``medium``'s quality back for 15% of its rate: trellis, frames looked ahead, and
 three references.  A key frame every 128 frames costs 3% of the bits at N = 32, and bounds what a

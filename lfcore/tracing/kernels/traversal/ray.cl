@@ -42,7 +42,7 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// LANES triangles sheared onto a ray, and the mask of those that it hits, and when.
+// LANES triangles sheared onto a ray, the mask of the triangles that it hits, and their times.
 typedef struct {
     Triple x, y, z;
     vd e[3], sum;
