@@ -11,7 +11,7 @@ from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
-from lfcore.refocus.stored_views import add_frames, frame_chunks
+from lfcore.refocus.stored_views import add_frames, frame_planes
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -64,8 +64,9 @@ def slice_stored(
         )
         tell = _of_all(progress, number, len(groups))
         (_add_views if by_views else _add_macropixels)(field, slicer, tell)
+        field.close()  # decoders hold more memory than pictures
         made.append(slicer.pictures())
-    return np.concatenate(made)
+    return made[0] if len(made) == 1 else np.concatenate(made)  # which copies
 
 
 def picture_side(field: LightFieldFile, pixels: Pixels) -> int:
@@ -169,28 +170,22 @@ class _Taker:
 
 
 def _codes_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """((i, j), (H, W) codes) of every view that can be read, in the order of frames.
-
-    Codes are overwritten as those of :func:`frame_chunks` are.
-    """
+    """((i, j), (H, W) codes) of every view that can be read, in the order of frames."""
     for elements, pictures in _elements(field):
         for place, picture in zip(elements.tolist(), pictures, strict=True):
             yield tuple(place), picture
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
-    """((E, 2) outer coordinates, E (rows, columns) codes) of some frames at a time."""
+    """((E, 2) outer coordinates, E (rows, columns) codes) of each frame."""
     video = field.require_depth_video()
     layout, readable = video.layout, {part.index for part in field.segments}
     columns, rows = layout.inner
-    for tile, first, frames in frame_chunks(video):
+    for tile, number, (plane,) in frame_planes(video):
         if tile.index not in readable:
             continue
-        (plane,) = layout.format.views(frames, layout.frame_width, layout.frame_height)
         elements = tile.elements()
         places = tile.placement(elements)
-        here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
-        shown = [
-            plane[at - first, y : y + rows, x : x + columns] for at, x, y in places[here].tolist()
-        ]
+        here = places[:, 0] == number
+        shown = [plane[y : y + rows, x : x + columns] for _, x, y in places[here].tolist()]
         yield elements[here], shown

@@ -59,8 +59,34 @@ class FrameSummer:
         program = build_program(summer.device, [_SOURCE], defines, header())
         self._kernel = cl.Kernel(program, "unpack_views")
         self._open, self._views = summer.open_samples, summer.device.empty(0)
+        self._band = page_aligned((0,), layout.format.dtype.type)
         self._is_open = np.zeros((layout.views, layout.views), bool)
         self._is_open[self._open[:, 1], self._open[:, 0]] = True
+        _, _, width, height = self._pixels
+        self.in_rows = layout.kind == "views" and not summer.group_size(width, height)
+        """Whether views are taken some rows at a time: frames then come as their planes."""
+
+    def add_planes(self, planes: list[np.ndarray], tile: Tile, number: int) -> None:
+        """Add frame ``number`` of a tile, its planes (h, w), some rows at a time."""
+        elements = tile.elements()
+        places = tile.placement(elements)
+        here = (places[:, 0] == number) & self._is_open[elements[:, 1], elements[:, 0]]
+        left, top, width, height = self._pixels
+        step = 2 * max(1, self.summer.group_size(width, 2))
+        for element, (x, y) in zip(elements[here], places[here, 1:] + self._corner, strict=True):
+            for row in range(0, height, step):
+                rows = min(step, height - row)
+                first = (y + row) // 2 * 2  # rows of chroma are whole
+                band = [plane[first // s : (first + rows + 2) // s] for plane in planes
+                        for s in [len(planes[0]) // len(plane)]]  # fmt: skip
+                size = sum(part.size for part in band)
+                if size > self._band.size:
+                    self._band = page_aligned((size,), self.layout.format.dtype.type)
+                joined = np.concatenate([part.ravel() for part in band], out=self._band[:size])
+                place = np.array([[0, x, y + row - first, 0]], np.int32)
+                region = left, top + row, width, rows
+                self._unpack(self._shown(joined), len(band[0]), place, element[None], region)
+                self.summer.device.queue.finish()
 
     def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
         """Add consecutive frames (F, frame_bytes) uint8 of a tile, the first being ``first``.
@@ -74,9 +100,7 @@ class FrameSummer:
         here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
         elements, places = elements[here], places[here]
         places[:, 0] -= first
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-        frames = np.ascontiguousarray(frames)
-        buffer = cl.Buffer(self.summer.device.context, flags, hostbuf=frames)
+        buffer = self._shown(np.ascontiguousarray(frames))
         if self.layout.kind == "views":
             self._add_views(buffer, elements, places)
         else:
@@ -88,25 +112,27 @@ class FrameSummer:
         wanted = self._is_open[elements[:, 1], elements[:, 0]]
         elements, places = elements[wanted], places[wanted]
         places[:, 1:3] += self._corner
-        left, top, width, height = self._pixels
-        step = self.summer.group_size(width, height)
-        rows = height if step else 2 * max(1, self.summer.group_size(width, 2))
-        for start in range(0, len(elements), max(1, step)):
-            part = slice(start, start + max(1, step))
-            for row in range(0, height, rows):
-                region = left, top + row, width, min(rows, height - row)
-                moved = places[part] + np.array([0, 0, row, 0], np.int32)
-                self._unpack(frames, moved, elements[part], region)
+        step = self.summer.group_size(*self._pixels[2:])
+        for start in range(0, len(elements), step):
+            part = slice(start, start + step)
+            self._unpack(
+                frames, self.layout.frame_height, places[part], elements[part], self._pixels
+            )
 
     def _add_macropixels(self, frames: cl.Buffer, places: np.ndarray, tile: Tile) -> None:
         left, top = self._pixels[:2]
         region = (tile.column + left, tile.row + top, tile.columns, tile.rows)
         step = self.summer.group_size(tile.columns, tile.rows)
         for start in range(0, len(self._open), step):
-            self._unpack(frames, places, self._open[start : start + step], region)
+            part = self._open[start : start + step]
+            self._unpack(frames, self.layout.frame_height, places, part, region)
+
+    def _shown(self, frames: np.ndarray) -> cl.Buffer:
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        return cl.Buffer(self.summer.device.context, flags, hostbuf=frames)
 
     def _unpack(
-        self, frames: cl.Buffer, places: np.ndarray, samples: np.ndarray, region: tuple
+        self, frames: cl.Buffer, rows: int, places: np.ndarray, samples: np.ndarray, region: tuple
     ) -> None:
         device, layout = self.summer.device, self.layout
         (width, height), count = region[2:], len(samples)
@@ -119,7 +145,7 @@ class FrameSummer:
             None,
             frames,
             np.int32(layout.frame_width),
-            np.int32(layout.frame_height),
+            np.int32(rows),
             device.buffer(np.ascontiguousarray(places)),
             device.buffer(np.ascontiguousarray(samples)),
             np.int32(width),
@@ -141,11 +167,19 @@ def add_frames(
     """
     frames, done = FrameSummer(summer, field.layout, field.extent.pixels, field.corner), 0
     total = sum(part.frames for part in field.segments)
-    for tile, first, chunk in ahead(frame_chunks(field)):
-        frames.add(chunk, tile, first)
-        done += len(chunk)
+    add = frames.add_planes if frames.in_rows else frames.add
+    for tile, first, some in ahead((frame_planes if frames.in_rows else frame_chunks)(field)):
+        add(some, tile, first)
+        done += 1 if frames.in_rows else len(some)
         if progress:
             progress(done, total)
+
+
+def frame_planes(field: StoredVideo) -> Iterator[tuple[Tile, int, list[np.ndarray]]]:
+    """(tile, number of the frame, its planes (h, w)), frame by frame, without a copy."""
+    for part in field.segments:
+        for number, planes in enumerate(field.planes(part.index)):
+            yield part.tile, number, planes
 
 
 def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:

@@ -13,7 +13,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.pixels import PixelFormat
-from lfcore.storage.planar import aligned_frames, copy_out, stored_format
+from lfcore.storage.planar import aligned_frames, plane_arrays, stored_format
 
 FRAME_RATE = 25
 """Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
@@ -69,25 +69,40 @@ class FrameRun:
         ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
         ``packets`` begin with a key frame at or before ``start``.
         """
-        wanted, filled = start, 0
+        filled = 0
+        for done, planes in enumerate(self.planes(context, packets, start, stop, count)):
+            if not filled:
+                size = min(chunk, stop - start - done)
+                out = next(rooms)[:size] if rooms else self._room(size)
+                targets = self.form.views(out, self.width, self.height)
+            for target, plane in zip(targets, planes, strict=True):
+                target[filled] = plane
+            filled += 1
+            if filled == len(out):
+                yield out
+                filled = 0
+
+    def planes(
+        self,
+        context: av.VideoCodecContext,
+        packets: Iterable[av.Packet],
+        start: int,
+        stop: int,
+        count: DecodeCount,
+    ) -> Iterator[list[np.ndarray]]:
+        """The planes (h, w) of the same frames, one by one, in the decoder's own memory."""
+        if (wanted := start) == stop:
+            return
         for frame in self._frames(context, packets):
             count.frames += 1
             index = self._index(frame)
-            if index < wanted:
-                continue
-            if index != wanted:
+            if index > wanted:
                 break
-            if not filled:
-                size = min(chunk, stop - wanted)
-                out = next(rooms)[:size] if rooms else self._room(size)
-                planes = self.form.views(out, self.width, self.height)
-            copy_out(frame, self.form, planes, filled)
-            wanted, filled = wanted + 1, filled + 1
-            if filled == len(out):
-                yield out
+            if index == wanted:
+                yield plane_arrays(frame, self.form)
+                wanted += 1
                 if wanted == stop:
                     return
-                filled = 0
         raise StorageError(
             f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
         )

@@ -77,11 +77,5 @@ def plane_arrays(frame: av.VideoFrame, form: PixelFormat) -> list[np.ndarray]:
     ]
 
 
-def copy_out(frame: av.VideoFrame, form: PixelFormat, planes: list[np.ndarray], at: int) -> None:
-    """Write ``frame`` into place ``at`` of ``planes``, arrays (F, h, w)."""
-    for target, source in zip(planes, plane_arrays(frame, form), strict=True):
-        target[at] = source
-
-
 def _array(plane: Any, shape: tuple, strides: tuple, dtype: DTypeLike) -> np.ndarray:
     return np.ndarray(shape, dtype, buffer=plane, strides=strides)

@@ -206,6 +206,35 @@ class StoredVideo:
         StorageError
             The segment is damaged; raised before any frame.
         """
+        with self._decoding(segment, start, stop) as (run, decoder, packets, last):
+            yield from run.decode(decoder, packets, start, last, chunk, self.count, rooms=rooms)
+
+    def planes(self, segment: int) -> Iterator[list[np.ndarray]]:
+        """Decode the frames of a segment one by one, without a copy.
+
+        Parameters
+        ----------
+        segment : int
+            The segment's number.
+
+        Yields
+        ------
+        list of ndarray
+            The planes of a frame, (h, w), in the decoder's memory.
+
+        Raises
+        ------
+        StorageError
+            As in :meth:`frames`.
+        """
+        with self._decoding(segment, 0, None) as (run, decoder, packets, stop):
+            yield from run.planes(decoder, packets, 0, stop, self.count)
+
+    @contextmanager
+    def _decoding(
+        self, segment: int, start: int, stop: int | None
+    ) -> Iterator[tuple[FrameRun, Any, Iterator[Any], int]]:
+        """(frames of a checked segment, decoder, packets, the frame after the last)."""
         if not 0 <= segment < len(self.metadata.segments):
             raise StorageError(f"there is no segment {segment}", file=self.path)
         part = self.metadata.segments[segment]
@@ -216,17 +245,15 @@ class StoredVideo:
             )
         if segment not in self._checked:
             self.check_segment(segment)
-        if start == stop:
-            return
-        self.decoded_segments.add(segment)
+        if start < stop:
+            self.decoded_segments.add(segment)
         with self._reader(part, part.first + start) as (context, ticks, packets):
             layout = self.layout
             run = FrameRun(
                 self.path, part.first, ticks, layout.format, layout.frame_width,
                 layout.frame_height,
             )  # fmt: skip
-            checked = self._as_checked(part, packets, ticks)
-            yield from run.decode(context, checked, start, stop, chunk, self.count, rooms=rooms)
+            yield run, context, self._as_checked(part, packets, ticks), stop
 
     def _as_checked(self, part: Segment, packets: Iterable[Any], ticks: int) -> Iterator[Any]:
         """The packets, as long as each is what :meth:`check_segment` read under its number.

@@ -113,6 +113,16 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(
             assert np.abs(made - right).max() < 2 / (256 * 0.25) / 9 + 2e-3 * right.max()
 
 
+def test_rows_of_a_file_with_a_quarter_of_the_chroma_give_the_picture_of_whole_views(
+    tmp_path, tracer, monkeypatch
+):
+    spec = Encoding("ffv1", "yuv420p", preset=None, tune=None)
+    field = stored(tmp_path / "a.mkv", tracer, "views", spec=spec)
+    whole = field.refocus(2.5)
+    monkeypatch.setattr(stored_depth, "VIEWS_RAYS", 3 * SLAB.pixels)
+    np.testing.assert_array_equal(field.refocus(2.5), whole)
+
+
 def test_rows_traced_at_a_time_give_the_picture_of_whole_views(tracer, monkeypatch):
     """To the last bit, in strips of another height, too."""
     views = views_of(Slab(CAMERA, 2, 150), displaced=True)
