@@ -10,7 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import hypothesis
 import pytest
 
-from lfcore.errors import DeviceError
+from lfcore import DeviceError
 from lfcore.opencl.device import all_devices, is_named, name_of, open_device
 
 # A test that waits for a core of a busy machine has not failed.

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
+from lfcore import Material
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
-from lfcore.scene.appearance import Material
 
-__all__ = ["CAMERA", "CHART", "scene", "wall"]
-CHART = Path(__file__).parents[1] / "scenes" / "chart"
+__all__ = ["CAMERA", "CHART", "SCENES", "balls", "scene", "wall"]
+SCENES = Path(__file__).parents[1] / "scenes"
+CHART = SCENES / "chart"
 
 
 def scene(triangles, **changes):
@@ -28,3 +30,9 @@ def wall(z, half=10.0):
     """Two triangles across the axis at depth z."""
     a, b, c, d = ([x * half, y * half, z] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     return np.float32([[a, b, c], [a, c, d]])
+
+
+def balls():
+    """A ball of radius 1, and a smaller one before it to the left, as seen from the front."""
+    near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
+    return trimesh.util.concatenate([trimesh.creation.icosphere(3), near])

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.optics.slab import Slab
-from lfcore.storage.codecs import Encoding
+from lfcore import Encoding, Slab
 from lfcore.storage.container import join_segments
 from lfcore.storage.decoding import DecodeCount, FrameRun, ticks_per_frame
 from lfcore.storage.layout import FrameLayout, Tile

@@ -9,9 +9,9 @@ import pytest
 import trimesh
 
 import lfcore
+from lfcore import OpticsError
 from lfcore.cli import main
 from lfcore.colour import srgb_encode
-from lfcore.errors import OpticsError
 from lfcore.optics.size import Size
 
 

@@ -1,6 +1,5 @@
 """The protocol of published seconds, on a clock that the test turns by hand."""
 
-import functools
 import json
 
 import pytest
@@ -38,19 +37,10 @@ def test_work_takes_turns():
 def test_stopwatch_adds_up_parts_and_items():
     clock = Clock()
     watch = Stopwatch(clock=clock)
-
-    def items():
-        for cost in (1.0, 2.0):
-            clock.work(cost)
-            yield cost
-
-    for _ in watch.each("trace", items()):
+    for _ in watch.each("trace", map(clock.work, (1.0, 2.0))):
         with watch.part("encode"):
             clock.work(10.0)
     assert watch.seconds == {"trace": 3.0, "encode": 20.0}
-
-
-def test_what_is_reported_is_json():
     described = json.loads(json.dumps(machine()))
     assert described["cores"] >= 1 and described["processor"]
 
@@ -89,23 +79,23 @@ def test_a_run_counts_when_its_programs_are_made(built, costs, counted):
     assert clocked(lambda: clock.work(2.0), clock=clock) == (None, 2.0)
 
 
-def test_repeats_keep_to_a_budget():
-    clock, seen = Clock(), []
+@pytest.mark.parametrize(
+    ("cost", "budget", "built", "runs", "counted"),
+    [
+        (0.2, 0.5, 1, 3, 2),  # the first run built a program
+        (0.2, 0.5, 0, 2, 2),
+        (0.01, 0.5, 0, 10, 9),  # short: what is new to a process weighs
+        (0.2, 0.1, 0, 1, 1),
+    ],
+)
+def test_repeats_keep_to_a_budget(cost, budget, built, runs, counted):
+    clock, programs, seen = Clock(), Programs(built), []
 
-    def work(cost=0.2):
-        seen.append(cost)
-        clock.work(cost)
+    def work():
+        programs.needed()
+        seen.append(clock.work(cost))
         return "made"
 
-    result, timing = measure_within(work, 0.5, iter([0, 1]).__next__, repeats=9, clock=clock)
-    assert result == "made" and len(seen) == 3 and len(timing.seconds) == 2
-    seen.clear()
-    result, timing = measure_within(work, 0.5, Programs(0), repeats=9, clock=clock)
-    assert result == "made" and len(seen) == 2 and len(timing.seconds) == 2
-    seen.clear()
-    short = functools.partial(work, cost=0.01)
-    _, timing = measure_within(short, 0.5, Programs(0), repeats=9, clock=clock)
-    assert len(timing.seconds) == 9 and len(seen) == 10
-    seen.clear()
-    _, timing = measure_within(work, 0.1, Programs(0), repeats=9, clock=clock)
-    assert len(seen) == 1 and timing.seconds == pytest.approx((0.2,))
+    result, timing = measure_within(work, budget, programs, repeats=9, clock=clock)
+    assert result == "made" and len(seen) == runs
+    assert timing.seconds == pytest.approx((cost,) * counted)

@@ -6,15 +6,14 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
+from plain_scenes import SCENES
 
 from lfcore.files import whole_file
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
-SCENES = Path(__file__).parents[2] / "scenes"
 WITHIN_S = 2.0
 LOAD_S = 1.0  # what a machine that is busy with other things may add
 

@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from lfcore import Lattice, ReadOptions, SensorPlane, Slab, open_device
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
 from lfcore.exchange import arrays, hci
-from lfcore.exchange.grid import ReadOptions
 from lfcore.exr import read_exr
-from lfcore.opencl.device import open_device
-from lfcore.optics.lattice import Lattice
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.pictures import read_codes
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity

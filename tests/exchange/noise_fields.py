@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from lfcore import Encoding, Geometry, LightField, ReadOptions, import_lightfield
 from lfcore.exchange.grid import ViewGrid
@@ -33,6 +34,13 @@ def store(folder, views, geometry=KNOWN, name="noise") -> Noise:
     path = folder / f"{name}.mkv"
     store_grid(path, ViewGrid.of_array(views, name, format="test", geometry=geometry), EXACT)
     return Noise(path, views)
+
+
+def pictures(folder, views, name):
+    """The views (rows, columns, ...) as files, which ``name(row, column)`` calls."""
+    folder.mkdir(parents=True)
+    for row, column in np.ndindex(views.shape[:2]):
+        Image.fromarray(views[row, column]).save(folder / name(row, column))
 
 
 def taken_back(source, folder, **more):

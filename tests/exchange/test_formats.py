@@ -6,15 +6,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from noise_fields import KNOWN, all_views, noise, store, taken_back
+from noise_fields import KNOWN, all_views, noise, pictures, store, taken_back
 from PIL import Image
 from plain_scenes import CHART
 from stored_fields import tile_frames, write_field
 
-from lfcore.api import load_scene, record
+from lfcore import Encoding, FrameLayout, LfcoreError, LightField, load_scene, record
 from lfcore.cli import main
 from lfcore.colour import srgb_codes
-from lfcore.errors import DeviceError, LfcoreError
 from lfcore.exchange import FORMATS, export_lightfield, import_lightfield
 from lfcore.exchange.grid import (
     ExchangeError,
@@ -27,22 +26,33 @@ from lfcore.exchange.grid import (
 from lfcore.exchange.importing import check_order
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exchange.source import Selection, Source
-from lfcore.lightfield import LightField
+from lfcore.pictures import read_codes
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
-from lfcore.storage.codecs import Encoding
-from lfcore.storage.layout import FrameLayout
 
 
-def picture(path):
-    return np.asarray(Image.open(path).convert("RGB"))
+@pytest.fixture(scope="module")
+def square(tmp_path_factory):
+    """3 x 3 views of 16 x 16 pixels, with a geometry."""
+    return store(tmp_path_factory.mktemp("square"), noise(3, 3, 16, 16))
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory):
+    """4 columns and 2 rows of 22 x 16 pixels, with a geometry."""
+    return store(tmp_path_factory.mktemp("wide"), noise(2, 4, 16, 22))
 
 
 def test_quilts_go_from_bottom_left(wide, tmp_path):
-    export_lightfield(wide.path, "quilt", tmp_path / "out")
+    options = WriteOptions()
+    first, second = (
+        list(export_lightfield(wide.path, "quilt", tmp_path / name, options=options))
+        for name in ("out", "again")
+    )
+    assert first and first == second, "notes are those of one export"
     (file,) = (tmp_path / "out").iterdir()
     assert file.name == "noise_qs2x2a1.375.png"
-    quilt = picture(file)
+    quilt = read_codes(file)
     np.testing.assert_array_equal(quilt[16:, :22], wide.views[1, 0])
     np.testing.assert_array_equal(quilt[:16, 22:], wide.views[1, 3])
     grid, field = taken_back(file, tmp_path)
@@ -72,7 +82,7 @@ def test_colmap_projects_as_the_slab_does(wide, tmp_path):
         middle = slab.pixels / 2 - np.array(slab.extent.pixels[:2])
         np.testing.assert_allclose(found, tangent / slab.pixel_pitch + middle, atol=1e-9)
     np.testing.assert_array_equal(
-        picture(tmp_path / "out" / "images" / "view_001_002.png"), wide.views[1, 2]
+        read_codes(tmp_path / "out" / "images" / "view_001_002.png"), wide.views[1, 2]
     )
 
 
@@ -106,7 +116,7 @@ def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
     np.testing.assert_allclose(matrix[2, :, 3], [0.04, 0.04, 0])
     np.testing.assert_allclose(matrix[5, :, 4], [14, 14, 50])
     for k, (row, column) in enumerate(np.ndindex(3, 3)):
-        view = picture(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
+        view = read_codes(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
         expected = stored.views[row, column, row : row + 14, column : column + 14]
         np.testing.assert_array_equal(view, expected, err_msg=str(k))
     assert check_parallel_cameras(stored, "llff", tmp_path).depth_range == (1, 4)
@@ -116,12 +126,11 @@ def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
 
 @pytest.mark.parametrize("order", ["rows", "columns", "rows-up", "columns-left-up", "rows-snake"])
 def test_folders_in_any_order(order, wide, tmp_path):
-    parsed = Order.parse(order)
-    (tmp_path / "in").mkdir()
+    parsed, numbers = Order.parse(order), {}
     for index in range(8):
         column, row = parsed.place(index, 4, 2)
-        column, row = 3 - column if parsed.left else column, 1 - row if parsed.up else row
-        Image.fromarray(wide.views[row, column]).save(tmp_path / "in" / f"shot {index}.png")
+        numbers[1 - row if parsed.up else row, 3 - column if parsed.left else column] = index
+    pictures(tmp_path / "in", wide.views, lambda *place: f"shot {numbers[place]}.png")
     options = ReadOptions((4, 2), parsed)
     grid, field = taken_back(tmp_path / "in", tmp_path, options=options)
     assert grid.format == "folder"
@@ -163,28 +172,24 @@ def test_hci_disparity_is_the_benchmarks(square):
 
 def test_stanford_positions_decide(square, tmp_path):
     """Columns counted from the right, rows from the bottom: the names' coordinates tell."""
-    (tmp_path / "in").mkdir()
-    for (row, column), view in zip(
-        np.ndindex(3, 3), square.views.reshape(9, 16, 16, 3), strict=True
-    ):
-        name = f"out_{2 - row:02d}_{2 - column:02d}_{50 * row - 900}_{50 * column + 3.25}_.png"
-        Image.fromarray(view).save(tmp_path / "in" / name)
+
+    def name(row, column):
+        return f"out_{2 - row:02d}_{2 - column:02d}_{50 * row - 900}_{50 * column + 3.25}_.png"
+
+    pictures(tmp_path / "in", square.views, name)
     grid, field = taken_back(tmp_path / "in", tmp_path)
-    assert grid.format == "stanford"
-    assert grid.geometry == Geometry(pitch_m=0.05)
+    assert (grid.format, grid.geometry) == ("stanford", Geometry(pitch_m=0.05))
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
 def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
-    (tmp_path / "in").mkdir()
+    pictures(
+        tmp_path / "in", square.views[::-1, ::-1], lambda row, column: f"{row:02}_{column:02}.png"
+    )
     text = "cmera: Camera\nnum_x: 3\nnum_y: 3\nbase_x: 0.1\nbase_y: 0.1\n"
     (tmp_path / "in" / "param.txt").write_text(text)
-    for row, column in np.ndindex(3, 3):
-        view = Image.fromarray(square.views[2 - row, 2 - column])
-        view.save(tmp_path / "in" / f"{row:02}_{column:02}.png")
     grid, field = taken_back(tmp_path / "in", tmp_path)
-    assert grid.format == "blender"
-    assert grid.geometry == Geometry(pitch_m=0.1, delta=0.0)
+    assert (grid.format, grid.geometry) == ("blender", Geometry(pitch_m=0.1, delta=0.0))
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
@@ -206,19 +211,18 @@ def test_a_plane_of_blenders_is_taken_back(stored, tmp_path):
 def test_idlab_planes(matrices, wide, tmp_path):
     from scipy.spatial.transform import Rotation
 
-    (tmp_path / "in" / "png").mkdir(parents=True)
-    turn = Rotation.from_euler("xyz", [0.4, -0.2, 1.1])
-    frames = []
+    angles = [0.4, -0.2, 1.1]
+    turn, frames = Rotation.from_euler("xyz", angles), []
     for row, column in np.ndindex(2, 4):
-        name = f"view_{4 * row + column:04d}f"
-        Image.fromarray(wide.views[row, column]).save(tmp_path / "in" / "png" / f"{name}.png")
-        place = turn.apply([0.01 * column, -0.01 * row, 0.0]) + [3, 4, 5]
-        frame = {"name": name, "position": place.tolist(), "rotation": [0.4, -0.2, 1.1]}
-        if matrices:
-            pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = turn.as_matrix(), place
-            frame["world_matrix"] = pose.tolist()
+        pose = np.eye(4)
+        pose[:3, :3] = turn.as_matrix()
+        pose[:3, 3] = turn.apply([0.01 * column, -0.01 * row, 0.0]) + [3, 4, 5]
+        frame = {"name": f"view_{4 * row + column:04d}f", "position": pose[:3, 3].tolist()}
+        frame |= {"rotation": angles} | ({"world_matrix": pose.tolist()} if matrices else {})
         frames.append(frame)
+    pictures(
+        tmp_path / "in" / "png", wide.views, lambda row, column: f"view_{4 * row + column:04d}f.png"
+    )
     data = {
         "camera": {"type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": 50.0},
         "lf_type": "PLANE", "resolution": [22, 16], "sensor_size": [36.0, 36.0 * 16 / 22],
@@ -248,18 +252,17 @@ def test_sixteen_bits_grey_and_alpha(tmp_path):
 
 
 def test_macropixels_are_exported_as_their_views(tmp_path):
-    """A store of macropixels is decoded once for many views."""
+    """A store of macropixels is decoded once for many views; some of them, and a part of each."""
     views, slab = noise(4, 4, 16, 16), KNOWN.slab(4, 4, 16, 16)
-    layout = FrameLayout("macropixels", 4, 16, pixel_format="gbrp")
-    write_field(tmp_path / "lf.mkv", slab, layout, lambda tile: tile_frames(views, tile))
-    np.testing.assert_array_equal(
-        LightField.open(tmp_path / "lf.mkv").view(1, 2, codes=True), views[2, 1]
-    )
-    export_lightfield(
-        tmp_path / "lf.mkv", "json", tmp_path / "out", selection=Selection((2, 2), 0.008)
-    )
+    layout, file = FrameLayout("macropixels", 4, 16, pixel_format="gbrp"), tmp_path / "lf.mkv"
+    write_field(file, slab, layout, lambda tile: tile_frames(views, tile))
+    np.testing.assert_array_equal(LightField.open(file).view(1, 2, codes=True), views[2, 1])
+    selection = Selection((2, 2), 0.008, (3, 2, 8, 6))
+    export_lightfield(file, "hci", tmp_path / "out", selection=selection)
     _, field = taken_back(tmp_path / "out", tmp_path)
-    np.testing.assert_array_equal(all_views(field), views[1::2, 1::2])
+    np.testing.assert_array_equal(all_views(field), views[1::2, 1::2, 2:8, 3:11])
+    assert field.slab.lens_pitch_m == pytest.approx(0.008)
+    assert field.slab.pixel_pitch == pytest.approx(0.02)
 
 
 def test_a_wrong_order_is_told(tmp_path):
@@ -400,15 +403,6 @@ def test_folders(format, shape, tmp_path, request):
     check_geometry(field, stored.field, format in WHOLE)
 
 
-def test_a_part_of_it(square, tmp_path):
-    selection = Selection((2, 2), 0.008, (3, 2, 8, 6))
-    export_lightfield(square.path, "hci", tmp_path / "out", selection=selection)
-    _, field = taken_back(tmp_path / "out", tmp_path)
-    np.testing.assert_array_equal(all_views(field), square.views[::2, ::2, 2:8, 3:11])
-    assert field.slab.lens_pitch_m == pytest.approx(0.008)
-    assert field.slab.pixel_pitch == pytest.approx(0.02)
-
-
 def test_what_is_asked_for_by_name_completes_the_geometry(square, tmp_path):
     export_lightfield(square.path, "stanford", tmp_path / "out")
     options = ReadOptions(geometry=Geometry(delta=0.5), fov_deg=18.180)
@@ -538,13 +532,15 @@ def test_what_was_spoilt_is_refused(square, tmp_path, format, name, spoil, words
     refused(tmp_path / "out", *words)
 
 
-def test_exports_that_cannot_be(unknown, square, tmp_path):
+def test_exports_that_cannot_be(square, chart, tmp_path):
+    unknown = store(tmp_path, noise(3, 3, 16, 16), Geometry())
+
     def fails(words, path, format, **more):
         with pytest.raises(LfcoreError) as error:
             export_lightfield(path, format, tmp_path / "out", **more)
         for word in words:
             assert word in str(error.value)
-        assert list(tmp_path.iterdir()) == []
+        assert list(tmp_path.iterdir()) == [unknown.path]
 
     for name in ("hci", "nerfstudio", "colmap", "llff", "blender"):
         fails(["does not hold its geometry", "--baseline"], unknown.path, name)
@@ -552,6 +548,9 @@ def test_exports_that_cannot_be(unknown, square, tmp_path):
     fails(["not a multiple of the 4 mm"], square.path, "hci", selection=Selection(baseline_m=0.006))
     fails(["--views"], square.path, "hci", selection=Selection((4, 4)))
     fails(["--crop"], square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
+    fails(["is not the scene of"], square.path, "hci", scene=chart)
+    for name in (name for name in FORMATS if FORMATS[name].exports):
+        fails(["nosuch"], square.path, name, device="nosuch")
 
 
 def test_a_folder_that_is_there_is_left_alone(square, tmp_path):
@@ -560,12 +559,6 @@ def test_a_folder_that_is_there_is_left_alone(square, tmp_path):
     with pytest.raises(LfcoreError, match="exists already"):
         export_lightfield(square.path, "json", tmp_path / "out")
     assert [file.name for file in tmp_path.iterdir()] == ["out"]
-
-
-def test_another_scene_is_refused(square, tmp_path):
-    chart = load_scene(CHART)
-    with pytest.raises(LfcoreError, match="is not the scene of"):
-        export_lightfield(square.path, "hci", tmp_path / "out", scene=chart)
 
 
 def test_the_command_line(tmp_path, capsys):
@@ -584,20 +577,3 @@ def test_the_command_line(tmp_path, capsys):
     assert "--order" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*command, "--focus", "x"])
-
-
-def test_an_unknown_device_is_refused_by_every_format(square, tmp_path):
-    for name in FORMATS:
-        if FORMATS[name].exports:
-            with pytest.raises(DeviceError, match="nosuch"):
-                export_lightfield(square.path, name, tmp_path / "out", device="nosuch")
-    assert not list(tmp_path.iterdir())
-
-
-def test_notes_are_those_of_one_export(square, tmp_path):
-    options = WriteOptions()
-    first, second = (
-        list(export_lightfield(square.path, "quilt", tmp_path / name, options=options))
-        for name in "ab"
-    )
-    assert first and first == second

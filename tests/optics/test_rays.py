@@ -1,6 +1,8 @@
-"""The thin lens, the slab and cells of rays, against values worked out by hand."""
+"""The thin lens, the slab, cells of rays, apertures, sensor planes, targets, counts and exact sums,
+against values worked out by hand."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -8,11 +10,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from lfcore import Aperture, Camera, OpticsError, Slab
+from lfcore import Aperture, Camera, OpticsError, SensorPlane, Slab
 from lfcore.optics import bundles
 from lfcore.optics.camera import check_focus, image_distance
+from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums, ray_counts, targets, total
 from lfcore.optics.planes import SHAPES
 from lfcore.optics.ray_cells import crossed_views, lens_cells, plain_views
+from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_rays
 
 
@@ -21,15 +25,41 @@ def test_image_distance_by_hand():
     camera = Camera(0.05, 0.036, 2.0, 1.0)
     assert camera.image_distance_m == pytest.approx(1 / 19, rel=1e-15)
     assert camera.field_width == pytest.approx(0.036 * 19, rel=1e-15)
-    assert camera.lens_radius_m == pytest.approx(0.0125)
-    assert camera.delta == 1.0
+    assert camera.lens_radius_m == pytest.approx(0.0125) and camera.delta == 1.0
+    far = replace(camera, focus_m=math.inf)
+    assert (far.delta, far.image_distance_m) == (0, 0.05)
+    # radius 12.5 mm, 4 samples: centres of 6.25 mm cells
+    slab = Slab(far, 4, 2)
+    np.testing.assert_allclose(slab.lens_positions() * 1e3, [-9.375, -3.125, 3.125, 9.375])
+    np.testing.assert_allclose(slab.pixel_tangents(), [-0.18, 0.18])
+    assert slab.rays == 64 and slab.pixel_pitch == pytest.approx(0.36)
 
 
-def test_focus_at_infinity_is_no_special_case():
-    camera = Camera(0.05, 0.036, 2.0, math.inf)
-    assert camera.delta == 0.0
-    assert camera.image_distance_m == 0.05
-    assert Slab(camera, 2, 2).pixel_pitch == pytest.approx(0.36)
+def camera(**changes):
+    good = {"focal_length_m": 0.05, "sensor_width_m": 0.036, "f_number": 2.0, "focus_m": 3.0}
+    return Camera(**(good | changes))
+
+
+def test_what_cannot_be_is_refused():
+    def refused(words, call, *arguments, **more):
+        with pytest.raises(OpticsError, match=words):
+            call(*arguments, **more)
+
+    for key, value in (
+        ("focal_length_m", 0.0), ("sensor_width_m", -1.0), ("f_number", math.nan),
+        ("f_number", math.inf), ("focus_m", 0.05), ("focus_m", math.nan),
+    ):  # fmt: skip
+        refused(key, camera, **{key: value})
+    inside = "where: .*inside the focal length.*Focus farther"
+    refused(inside, check_focus, 0.03, 0.05, key="where")
+    for size in ((0, 4), (4, 0), (2.0, 4), (4, -1), (5000, 4), (4, 70000)):
+        refused("views|pixels", Slab, camera(), *size)
+    refused("unknown aperture 'heart'", Aperture, "heart", 1.0)
+    refused("at least 3 blades", Aperture, "polygon", 1.0, blades=2)
+    refused("unknown normalisation 'sum'", SensorPlane, 3.0, 2.0, normalise="sum")
+    slab = Slab(camera(), 4, 4)
+    refused(r"f/1.4 is wider than the lens, f/2\.", SensorPlane(3.0, 1.4).check, slab)
+    refused("focus_m", SensorPlane(0.05, 2.0).check, slab)
 
 
 @given(st.floats(1e-3, 1.0), st.floats(-12, 6))
@@ -55,31 +85,6 @@ def test_directions_are_rounded_three_times(focus, number):
     assert np.linalg.norm(np.cross(*unit), axis=-1).max() < 4 * 2.0**-24
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("focal_length_m", 0.0), ("sensor_width_m", -1.0), ("f_number", math.nan)]
-    + [("f_number", math.inf), ("focus_m", 0.05), ("focus_m", math.nan)],
-)
-def test_impossible_cameras_are_refused_by_key(key, value):
-    good = {"focal_length_m": 0.05, "sensor_width_m": 0.036, "f_number": 2.0}
-    good["focus_m"] = 3.0
-    with pytest.raises(OpticsError, match=key):
-        Camera(**(good | {key: value}))
-
-
-def test_check_focus_names_the_remedy():
-    with pytest.raises(OpticsError, match=r"where: .*inside the focal length.*Focus farther"):
-        check_focus(0.03, 0.05, key="where")
-
-
-def test_slab_grids_by_hand():
-    # radius 12.5 mm, 4 samples: centres of 6.25 mm cells
-    slab = Slab(Camera(0.05, 0.036, 2.0, math.inf), 4, 2)
-    np.testing.assert_allclose(slab.lens_positions() * 1e3, [-9.375, -3.125, 3.125, 9.375])
-    np.testing.assert_allclose(slab.pixel_tangents(), [-0.18, 0.18])
-    assert slab.rays == 64
-
-
 @given(st.integers(1, 64), st.integers(1, 64))
 def test_grids_are_centred_and_even(views, pixels):
     slab = Slab(Camera(0.05, 0.036, 1.4, 2.0), views, pixels)
@@ -91,14 +96,6 @@ def test_grids_are_centred_and_even(views, pixels):
     # The cells fill the lens and the field exactly.
     assert s[-1] + slab.lens_pitch_m / 2 == pytest.approx(slab.camera.lens_radius_m)
     assert x[-1] + slab.pixel_pitch / 2 == pytest.approx(slab.camera.field_width / 2)
-
-
-@pytest.mark.parametrize(
-    ("views", "pixels"), [(0, 4), (4, 0), (2.0, 4), (4, -1), (5000, 4), (4, 70000)]
-)
-def test_impossible_slabs_are_refused(views, pixels):
-    with pytest.raises(OpticsError, match=r"views|pixels"):
-        Slab(Camera(0.05, 0.036, 2.0, 3.0), views, pixels)
 
 
 slabs = st.builds(
@@ -153,23 +150,17 @@ def test_a_row_of_views_has_all_places_to_within_its_number(views):
         assert sorted(np.floor((line + 0.5) * views).astype(int)) == list(range(views))
 
 
-def test_bundles_of_the_slab_itself_are_its_views():
-    from lfcore.optics import bundles
-
-    slab = Slab(CAMERA, 3, 5)
-    samples = np.array([[i, j] for j in range(3) for i in range(3)])
-    mine, theirs = plain_views(slab).bundles(), bundles.views(slab, samples)
-    np.testing.assert_allclose(mine.elements, theirs.elements, atol=1e-9)
-    np.testing.assert_array_equal(mine.step, theirs.step)
-
-
 def test_displaced_rays_lie_where_the_displacement_says():
     views = crossed_views(Slab(CAMERA, 3, 5))
-    plain = plain_views(views.slab).bundles(slice(2, 7)).rays()[1]
-    moved = views.bundles(slice(2, 7)).rays()[1]
-    found = (moved - plain)[..., :2] / views.slab.pixel_pitch
+    plain, moved = (each.bundles(slice(2, 7)) for each in (plain_views(views.slab), views))
+    found = (moved.rays()[1] - plain.rays()[1])[..., :2] / views.slab.pixel_pitch
     expected = views.displacement[2:7, None, None]
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-4)
+    # Those that are not displaced are the slab's views.
+    samples = np.array([[i, j] for j in range(3) for i in range(3)])[2:7]
+    theirs = bundles.views(views.slab, samples)
+    np.testing.assert_allclose(plain.elements, theirs.elements, atol=1e-9)
+    np.testing.assert_array_equal(plain.step, theirs.step)
 
 
 def test_the_whole_lens_opens_whole_cells():
@@ -206,3 +197,164 @@ def test_an_open_part_lies_in_its_cell(radius, shape, views):
     assert (off <= slab.lens_pitch_m / 2 * (1 + 1e-9)).all()
     # The box of equal spread is at most the cell's, for two clumps at its ends sqrt(3) times it.
     assert (cells.extent[is_open] <= math.sqrt(3) * slab.lens_pitch_m * (1 + 1e-9)).all()
+
+
+NARROW = Camera(0.05, 0.036, 2.0, 3.0)
+planes = st.builds(
+    SensorPlane,
+    focus_m=st.floats(0.3, 100.0),
+    f_number=st.floats(2.0, 64.0),
+    aperture=st.sampled_from(SHAPES),
+    blades=st.integers(3, 9),
+    rotation_deg=st.floats(-90, 90),
+    normalise=st.sampled_from(["aperture", "lens"]),
+    keep_magnification=st.booleans(),
+    pixels=st.none() | st.integers(1, 12),
+)
+narrow_slabs = st.builds(Slab, st.just(NARROW), st.integers(1, 9), st.integers(1, 12))
+
+
+def no_finer(plane, slab):
+    """The plane with no more pixels than the slab."""
+    return replace(plane, pixels=plane.pixels and min(plane.pixels, slab.pixels))
+
+
+def test_shapes_by_hand():
+    points = np.array([[0.9, 0.0], [0.7, 0.7], [0.75, 0.75], [0.3, 0.6], [0.95, 0.95], [1.1, 0]])
+    s, t = points.T
+    inside = {shape: Aperture(shape, 1.0).contains(s, t).tolist() for shape in SHAPES}
+    assert inside["square"] == [True, True, True, True, True, False]
+    assert inside["circle"] == [True, True, False, True, False, False]
+    assert inside["diamond"] == [True, False, False, True, False, False]
+    # A hexagon with a corner at +x: apothem sqrt(3) / 2.
+    assert inside["polygon"] == [True, False, False, True, False, False]
+
+
+@given(st.integers(3, 12), st.floats(-180, 180))
+@settings(max_examples=40)
+def test_polygons_lie_between_their_circles(blades, rotation):
+    s, t = np.meshgrid(np.linspace(-1.1, 1.1, 45), np.linspace(-1.1, 1.1, 45))
+    polygon = Aperture("polygon", 1.0, blades, rotation).contains(s, t)
+    assert not (polygon & ~Aperture("circle", 1.0 + 1e-9).contains(s, t)).any()
+    inner = Aperture("circle", math.cos(math.pi / blades) - 1e-9).contains(s, t)
+    assert not (inner & ~polygon).any()
+    four = Aperture("polygon", 0.999, blades=4).contains(s, t)
+    assert (four == Aperture("diamond", 0.999).contains(s, t)).all()
+
+
+def test_the_whole_lens_is_the_widest_square():
+    slab = Slab(NARROW, 6, 4)
+    assert SensorPlane(3.0, 2.0, "square").mask(slab).all()
+    assert SensorPlane(3.0, 4.0, "square").mask(slab).sum() == 9 + 7  # 4 x 4 of half the width
+
+
+@given(st.integers(1, 12))
+def test_a_pinhole_is_the_central_view(views):
+    """The smallest aperture opens the one sample on the axis, or the four around it."""
+    mask = SensorPlane(3.0, 1e6).mask(Slab(NARROW, views, 4))
+    middle = {(views - 1) // 2, views // 2}
+    assert {tuple(index) for index in np.argwhere(mask).tolist()} == {
+        (j, i) for j in middle for i in middle
+    }
+
+
+@given(narrow_slabs, planes)
+@example(Slab(NARROW, 7, 1), SensorPlane(1.0, 7.0, aperture="polygon"))  # samples in its corners
+def test_masks_are_symmetric(slab, plane):
+    mask = replace(plane, blades=6, rotation_deg=0.0).mask(slab)
+    assert (mask == mask[::-1]).all()
+    assert (mask == mask[:, ::-1]).all()
+
+
+def test_shifts_by_hand():
+    # delta' - delta = 1 - 1/3; s = -9.375 mm; pitch = field / 8
+    slab = Slab(NARROW, 4, 8)
+    expected = -9.375e-3 * (2 / 3) / (NARROW.field_width / 8)
+    assert SensorPlane(1.0, 2.0).shifts(slab)[0] == pytest.approx(expected)
+    np.testing.assert_array_equal(SensorPlane(3.0, 2.0).shifts(slab), 0.0)
+
+
+@pytest.mark.parametrize("change", [10.0, 1e-1, 1e-5, 1e-7, 0.0, -1e-7, -1e-3, -0.9, math.inf])
+def test_shifts_of_many_views_are_exact_to_a_thousandth_of_a_pixel(change):
+    slab, focus = Slab(NARROW, 512, 16384), NARROW.focus_m * (1 + change)
+    inverse = 0 if math.isinf(focus) else 1 / Fraction(focus)
+    difference = (inverse - 1 / Fraction(NARROW.focus_m)) / Fraction(slab.pixel_pitch)
+    exact = [float(Fraction(s) * difference) for s in slab.lens_positions().tolist()]
+    np.testing.assert_allclose(SensorPlane(focus, 2.0).shifts(slab), exact, atol=1e-3, rtol=0)
+
+
+def test_magnification_by_hand():
+    slab = Slab(NARROW, 1, 9)
+    near = SensorPlane(0.5, 2.0, keep_magnification=True)
+    # v = 0.05 * 0.5 / 0.45 against 0.05 * 3 / 2.95
+    ratio = (0.025 / 0.45) / (0.15 / 2.95)
+    assert near.magnification(slab) == pytest.approx(ratio)
+    assert targets(slab, near)[:, 0].tolist() == [
+        math.floor((u - 4) * ratio + 4 + 0.5) for u in range(9)
+    ]
+
+
+@given(narrow_slabs, planes)
+def test_counts_are_what_the_reference_makes_of_white_light(slab, plane):
+    plane = replace(no_finer(plane, slab), normalise="lens")
+    white = np.ones((slab.pixels, slab.pixels, slab.views, slab.views, 3))
+    of_pixel = (slab.views * slab.pixels / plane.side(slab)) ** 2
+    expected = form_plane(slab, plane, white)[..., 0] * of_pixel
+    np.testing.assert_allclose(ray_counts(slab, plane), expected, rtol=1e-9)
+
+
+@given(narrow_slabs, planes)
+@settings(max_examples=40)
+def test_targets_agree_with_the_reference(slab, plane):
+    """Every ray has a colour of its own, and is added where ``targets`` says."""
+    plane = replace(no_finer(plane, slab), normalise="lens")
+    side, n, m = plane.side(slab), slab.views, slab.pixels
+    light = np.random.default_rng(n * 100 + m).random((m, m, n, n, 1)).repeat(3, -1)
+    columns, mask = targets(slab, plane), plane.mask(slab)
+    y, x = columns[:, None, :, None], columns[None, :, None, :]
+    counts = mask & (x >= 0) & (x < side) & (y >= 0) & (y < side)
+    at = np.broadcast_to(y * side + x, counts.shape)[counts]
+    expected = np.bincount(at, light[counts][:, 0], side**2).reshape(side, side)
+    picture = form_plane(slab, plane, light)[..., 0] * (n * m / side) ** 2
+    np.testing.assert_allclose(picture, expected, rtol=1e-9)
+
+
+def _random_sums(slab, chosen, seed):
+    generator = np.random.default_rng(seed)
+    sums = PlaneSums.zeros(slab, chosen)
+    sums.sums[:] = generator.integers(0, FIXED_ONE, sums.sums.shape)
+    return sums
+
+
+def test_partial_sums_add_up_and_survive_the_disk(tmp_path):
+    slab, chosen = Slab(NARROW, 3, 6), [SensorPlane(1.0, 2.0), SensorPlane(5.0, 4.0)]
+    whole = _random_sums(slab, chosen, 1)
+    parts = []
+    for top, left in ((0, 0), (0, 2), (3, 0), (3, 2)):
+        cut = whole.sums[:, :, top : top + 3, left : left + (2 if left == 0 else 4)].copy()
+        part = PlaneSums(slab, chosen, cut, left, top)
+        part.save(tmp_path / f"{top}{left}.npz")
+        parts.append(PlaneSums.load(tmp_path / f"{top}{left}.npz", slab, chosen))
+    grouped = [parts[0], parts[3].with_part(parts[1].with_part(parts[2]))]
+    for some in (parts, grouped):
+        np.testing.assert_array_equal(total(slab, chosen, some).sums, whole.sums)
+    with pytest.raises(OpticsError, match="not whole"):
+        parts[0].pictures()
+    with pytest.raises(OpticsError, match="another slab"):
+        parts[0].add(_random_sums(Slab(NARROW, 4, 6), chosen, 2))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["00.npz", "02.npz", "30.npz", "32.npz"]
+
+
+@given(narrow_slabs, planes)
+def test_white_light_gives_a_white_or_dimmed_picture(slab, plane):
+    """Every ray white: 1 where some ray fell; with the lens's normalisation the share of rays."""
+    plane = no_finer(plane, slab)
+    sums, side = PlaneSums.zeros(slab, [plane]), plane.side(slab)
+    counts = ray_counts(slab, plane)
+    sums.sums[0, :, :side, :side] = counts.astype(np.uint64) * np.uint64(FIXED_ONE)
+    picture = sums.pictures()[0]
+    if plane.normalise == "aperture":
+        expected = (counts > 0).astype(np.float32)
+    else:
+        expected = (counts / (slab.views * slab.pixels / side) ** 2).astype(np.float32)
+    np.testing.assert_allclose(picture, np.repeat(expected[..., None], 3, 2), rtol=1e-6)

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from stored_fields import write_field
 
-from lfcore import Camera, FrameLayout, SensorPlane, Slab, open_device
-from lfcore.api import render
+from lfcore import Camera, FrameLayout, Lattice, OpticsError, SensorPlane, Slab, open_device, render
 from lfcore.colour import srgb_decode
-from lfcore.errors import OpticsError
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import cl
 from lfcore.optics import bundles
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.oracle.planes import form_plane
 from lfcore.refocus.shift_sum import shift_sum

@@ -8,17 +8,13 @@ import pytest
 from plain_scenes import CHART
 from plain_scenes import scene as plain_scene
 
+from lfcore import Camera, Encoding, LightField, OpticsError, SensorPlane, Slab
 from lfcore.cli import main
 from lfcore.colour import srgb_codes, srgb_encode
-from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.exchange.pictures import read_pfm
-from lfcore.lightfield import LightField
 from lfcore.optics.bundles import Bundles
-from lfcore.optics.camera import Camera
-from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import views_of
-from lfcore.optics.slab import Slab
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_codes
 from lfcore.refocus import depth_slicing, stored_depth
@@ -30,7 +26,6 @@ from lfcore.rendering.by_depth import trace_by_depth, traced_views
 from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record_depth import DepthStore, record_by_depth
-from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.depth_stream import sweep_step
 
@@ -183,10 +178,16 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
 
 
 def seen_from(point, pixels, over=4):
-    """The rod and wall of ``tracer`` are flat: (pixels over)^2 rays from one point, averaged."""
+    """(pixels over)^2 rays from one point."""
     pitch = CAMERA.field_width / (pixels * over)
     middle = np.float32([[*point, *(-np.asarray(point) * CAMERA.delta)]])
     return Bundles(middle, np.float32([0, 0, pitch, pitch]), pixels * over, pixels * over, pitch)
+
+
+def truth_from(tracer, point):
+    """The picture of 24 x 24 pixels from one point, each of 16 rays: rod and wall are flat."""
+    light = tracer.bundle_radiance(seen_from(point, 24))[0]
+    return np.minimum(light, 1).reshape(24, 4, 24, 4, 3).mean((1, 3))
 
 
 @pytest.mark.parametrize("kind", ["views", "macropixels"])
@@ -198,8 +199,7 @@ def test_a_view_from_between_those_stored_is_what_is_seen_from_there(tmp_path, t
     assert made.shape == (4, 24, 24, 3)
     corner = field.views_at(np.array([[1.9, -1.9]]) * slab.lens_pitch_m, 24)[0]
     for point, picture in zip(points, made, strict=True):
-        light = tracer.bundle_radiance(seen_from(point, 24))[0]
-        truth = np.minimum(light, 1).reshape(24, 4, 24, 4, 3).mean((1, 3))
+        truth = truth_from(tracer, point)
         # The wall's colours have edges, which 16 rays a pixel round off.
         found = psnr(picture[3:-3, 3:-3], truth[3:-3, 3:-3], peak=1)
         assert found > 26
@@ -223,8 +223,7 @@ def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
     worst, apart = np.inf, 0.0
     for number, (j, i) in enumerate(np.ndindex(5, 5)):
         point = (np.array([i, j]) - 2) / 2 * 0.75 * CAMERA.lens_radius_m
-        light = tracer.bundle_radiance(seen_from(point, 24))[0]
-        truth = np.minimum(light, 1).reshape(24, 4, 24, 4, 3).mean((1, 3))
+        truth = truth_from(tracer, point)
         view = read_codes(tmp_path / "hci" / f"input_Cam{number:03d}.png") / 255
         worst = min(worst, psnr(view, srgb_encode(truth), peak=1))
         found = read_pfm(tmp_path / "hci" / f"gt_depth_lowres_Cam{number:03d}.pfm")

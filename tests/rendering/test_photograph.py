@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from lfcore import CameraArray, Device, open_device
+from lfcore import CameraArray, Device, OpticsError, open_device
 from lfcore.cli import main
-from lfcore.errors import OpticsError
 from lfcore.exr import read_exr_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array

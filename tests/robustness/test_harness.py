@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from lfcore import LfcoreError
 from lfcore.cli import parser
-from lfcore.errors import LfcoreError
 from robustness.children import Limits, run_all
 from robustness.fuzz import CORPUS, fuzz, kept, smaller, table
 from robustness.outcome import ROOT, Outcome, SilentlyWrong, judge_message, outcome_of

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from plain_scenes import balls
 
 import lfcore
 from lfcore import OpticsError, SceneError, Slab
@@ -12,20 +13,15 @@ from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene import studio
 from lfcore.scene.build import build_scene
-from lfcore.scene.files import load_scene as load_prepared
-from lfcore.scene.files import save_scene, scene_digest
+from lfcore.scene.files import scene_digest
 from lfcore.scene.framing import BLUR
 from lfcore.scene.seen import SIDE, _depths, focus_at
 
 
 @pytest.fixture
 def ball(tmp_path):
-    """A ball of radius 1, and a smaller one before it to the left, as seen from the front."""
-    far = trimesh.creation.icosphere(3)
-    near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
-    path = tmp_path / "balls.ply"
-    trimesh.util.concatenate([far, near]).export(path)
-    return path
+    balls().export(tmp_path / "balls.ply")
+    return tmp_path / "balls.ply"
 
 
 def blurs(scene, focus_m=None, f_number=None):
@@ -104,24 +100,20 @@ def test_a_scaled_model_gives_the_same_picture(tmp_path, ball, scale):
         assert np.abs(first - second).mean() < 5e-4
 
 
-def test_words_for_a_focus(ball):
+@pytest.mark.parametrize(
+    ("focus", "share"),
+    [("near", 0), ("middle", 0.5), ("40%", 0.4), ("far", 1), ("inf", None), ("2.5", None)],
+)
+@pytest.mark.parametrize("blur", [0.03, "3%"])
+def test_words_for_a_focus_and_blur_of_the_end_farther_from_it(ball, focus, share, blur):
     scene = build_scene(ball)
     near, far = scene.depth_range
-    focus = {word: scene.plane(word).focus_m for word in ("near", "middle", "far", "40%", "2.5")}
-    assert focus["near"] == near and focus["far"] == far and focus["2.5"] == 2.5
-    assert 1 / focus["middle"] == pytest.approx((1 / near + 1 / far) / 2)
-    assert 1 / focus["40%"] == pytest.approx(0.6 / near + 0.4 / far)
-    assert scene.plane("inf").focus_m == math.inf
-
-
-@pytest.mark.parametrize("focus", ["near", "middle", "30%", "inf"])
-@pytest.mark.parametrize("blur", [0.03, "3%"])
-def test_blur_is_that_of_the_end_farther_from_focus(ball, focus, blur):
-    scene = build_scene(ball)
     plane = scene.plane(focus, blur=blur)
+    wanted = float(focus) if share is None else 1 / ((1 - share) / near + share / far)
+    assert plane.focus_m == pytest.approx(wanted)
     found = blurs(scene, plane.focus_m, plane.f_number)
     assert found.max() == pytest.approx(0.03)
-    if focus in ("near", "30%"):
+    if share in (0, 0.4):
         assert found.argmax() == 1
 
 
@@ -195,7 +187,7 @@ def noted_up(path, **options):
     return [note for note in build_scene(path, **options).notes if "z seems" in note.what]
 
 
-def test_where_z_is_up_a_note_says_so(tmp_path):
+def test_where_z_is_up_a_note_says_so(tmp_path, tetrahedron, ball):
     cone = trimesh.creation.cone(0.5, 2.0)  # stands on z = 0
     cone.export(tmp_path / "cone.stl")
     x, y = np.meshgrid(np.linspace(0, 4, 9), np.linspace(0, 3, 9))
@@ -211,15 +203,11 @@ def test_where_z_is_up_a_note_says_so(tmp_path):
         assert not noted_up(tmp_path / name, up="z") and not noted_up(tmp_path / name, up="y")
         turned = build_scene(tmp_path / name, up="z").triangles
         assert not np.array_equal(turned, build_scene(tmp_path / name).triangles)
-
-
-def test_where_y_is_up_there_is_no_note(tmp_path, tetrahedron, ball):
-    cone = trimesh.creation.cone(0.5, 2.0)
     cone.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
     cone.export(tmp_path / "cone.stl")
     trimesh.creation.box().export(tmp_path / "box.stl")
     for path in (tmp_path / "cone.stl", tmp_path / "box.stl", tetrahedron, ball):
-        assert not noted_up(path)
+        assert not noted_up(path), "y is up"
 
 
 @pytest.fixture
@@ -260,9 +248,10 @@ def test_camera_and_distances_are_those_of_the_mesh_alone(mesh, size, up):
     assert np.ptp(below.reshape(-1, 3), axis=0).max() > 4 * height
 
 
-def test_no_floor_hides_a_mesh_that_is_seen_from_below(mesh):
+def test_no_floor_hides_a_mesh_that_is_seen_from_below_and_the_workflow_has_none(mesh):
     scene = lfcore.load_scene(mesh(), view_from="0,-20")
     assert scene.floor_material == -1 and scene.bake is not None
+    assert build_scene(mesh()).bake is None
 
 
 def test_what_has_a_light_or_walls_around_the_camera_is_left_alone(tmp_path):
@@ -275,15 +264,6 @@ def test_what_has_a_light_or_walls_around_the_camera_is_left_alone(tmp_path):
     sky = {"sky": {"colour": [1, 1, 1]}}
     scene = lfcore.load_scene(tmp_path / "room.glb", view_from="front", light=sky)
     assert scene.lights == [] and scene.floor_material == -1
-
-
-def test_the_floor_is_kept_on_disk_and_the_workflow_has_none(mesh, tmp_path):
-    path = mesh()
-    scene = lfcore.load_scene(path)
-    save_scene(tmp_path / "scene.npz", scene)
-    again = load_prepared(tmp_path / "scene.npz")
-    assert again.depth_range == scene.depth_range and again.bake == scene.bake
-    assert build_scene(path).bake is None
 
 
 @pytest.mark.kernels
@@ -318,9 +298,7 @@ WorldEnd
 
 @pytest.fixture(scope="module")
 def scene():
-    far = trimesh.creation.icosphere(3)
-    near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
-    return lfcore.Scene.from_triangles(trimesh.util.concatenate([far, near]).triangles)
+    return lfcore.Scene.from_triangles(balls().triangles)
 
 
 @pytest.fixture(scope="module", params=[64, (96, 64)])
@@ -335,7 +313,7 @@ def pinhole(tmp_path_factory):
     return lfcore.load_scene(path)
 
 
-def test_render_takes_words_as_their_metres(scene):
+def test_words_are_taken_as_their_metres(scene, tmp_path):
     near, far = scene.depth_range
     for words, metres in (
         ({"focus_m": "near"}, near), ({"focus_m": "100%"}, far),
@@ -347,19 +325,15 @@ def test_render_takes_words_as_their_metres(scene):
     blurred = lfcore.render(scene, "near", blur=0.08, pixels=32)
     np.testing.assert_array_equal(blurred, lfcore.render(scene, near, plane.f_number, pixels=32))
     assert plane.f_number < scene.camera.f_number
+    field = lfcore.record(scene, tmp_path / "a.mkv", pixels=16, focus_m="near", blur="8%")
+    camera = field.require_slab().camera
+    assert (camera.focus_m, camera.f_number) == (near, plane.f_number)
 
 
 def test_planes_exclude_all_other_settings(scene):
     for other in ({"focus_m": "near"}, {"f_number": 2}, {"focus_at": (0, 0)}, {"blur": 0.1}):
         with pytest.raises(lfcore.OpticsError, match="planes: excludes"):
             lfcore.render(scene, planes=[scene.plane()], **other)
-
-
-def test_a_recorded_focus_may_be_a_word(scene, tmp_path):
-    field = lfcore.record(scene, tmp_path / "a.mkv", pixels=16, focus_m="far", blur="5%")
-    camera = field.require_slab().camera
-    plane = scene.plane("far", blur=0.05)
-    assert (camera.focus_m, camera.f_number) == (plane.focus_m, plane.f_number)
 
 
 def test_a_file_states_the_scenes_ends_and_an_older_one_is_decoded_for_them(scene, field):

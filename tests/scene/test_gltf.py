@@ -8,7 +8,7 @@ import trimesh
 from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
-from lfcore.errors import SceneError
+from lfcore import SceneError
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.gltf import GLOSSY, Document

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfcore import Slab, Tracer
-from lfcore.errors import SceneError
+from lfcore import SceneError, Slab, Tracer
 from lfcore.optics.bundles import macropixels
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.scene.build import build_scene
@@ -154,10 +153,16 @@ def textured(texture, required, form="WEBP"):
     return glb
 
 
-@pytest.mark.parametrize("required", [[], [WEBP]])
-def test_a_texture_in_webp(tmp_path, required):
-    texture = {"extensions": {WEBP: {"source": 0}}}
-    (part,) = load_mesh(written(tmp_path, textured(texture, required)))
+@pytest.mark.parametrize(
+    ("texture", "required", "form"),
+    [
+        ({"extensions": {WEBP: {"source": 0}}}, [], "WEBP"),
+        ({"extensions": {WEBP: {"source": 0}}}, [WEBP], "WEBP"),
+        ({"source": 0, "extensions": {BASIS: {"source": 5}}}, [], "PNG"),  # beside one in KTX2
+    ],
+)
+def test_a_texture_in_webp_or_another(tmp_path, texture, required, form):
+    (part,) = load_mesh(written(tmp_path, textured(texture, required, form)))
     assert (part.surface.texture == (0, 255, 0)).all()
 
 
@@ -182,12 +187,6 @@ def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
     path = written(tmp_path, textured(texture, required, "KTX2"))
     with pytest.raises(SceneError, match=r"m\.glb: .*KHR_texture_basisu.*PNG, JPEG or WebP"):
         build_scene(path)
-
-
-def test_a_texture_in_ktx2_with_another_beside_it(tmp_path):
-    texture = {"source": 0, "extensions": {BASIS: {"source": 5}}}
-    path = written(tmp_path, textured(texture, [], "PNG"))
-    assert (load_mesh(path)[0].surface.texture == (0, 255, 0)).all()
 
 
 SAID = {

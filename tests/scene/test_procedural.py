@@ -1,19 +1,17 @@
 """The project's own scenes: sizes, determinism, soundness; and the shapes they are made of."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
+from plain_scenes import SCENES
 
-from lfcore.errors import SceneError
+from lfcore import SceneError
 from lfcore.scene.build import build_scene
 from lfcore.scene.needs import Needs
 from lfcore.scene.procedural import book, build, primitives, textures
 from lfcore.scene.surface_mesh import Surface, face_normals
 from robustness.sound import check_scene
 
-SCENES = Path(__file__).parents[2] / "scenes"
 # Triangles of the thesis, section 7.2.
 SIZES = {"bike": 10_000, "cabin": 15_000, "bedroom": 207_000, "chart": 6}
 

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore.errors import StorageError
+from lfcore import StorageError
 from lfcore.storage.index import _covers
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import TAG

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lfcore import StorageError
 from lfcore.colour import srgb_decode, srgb_encode, to_uint8
-from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import psnr
 from lfcore.oracle import colour as truth
 from lfcore.storage.defaults import frame_layout
@@ -75,14 +75,11 @@ def test_steps_are_short(curve, columns, rows):
     assert (np.abs(np.diff(curve(columns, rows), axis=0)).sum(1) == 1).all()
 
 
-def test_much_work_is_shared_by_two_cores():
+def test_much_work_is_shared_evenly():
     layout = FrameLayout("macropixels", 64, 64)
     tiles = layout.tiles(layout.rays)
     assert len(tiles) == 2 and tiles[0].rays == tiles[1].rays
     assert len(FrameLayout("views", 2, 2).tiles(1 << 20)) == 1
-
-
-def test_tiles_are_even():
     rays = [tile.rays for tile in FrameLayout("macropixels", 4, 100, pack=3).tiles(20_000)]
     assert max(rays) <= 20_000 and min(rays) > max(rays) // 2
 
@@ -145,19 +142,14 @@ def test_srgb_codes_survive():
     assert (to_uint8(srgb_encode(srgb_decode(codes))) == codes).all()
 
 
-@pytest.mark.parametrize("name, least", [
-    ("yuv444p", 52), ("yuv444p10le", 63), ("gbrp", 58),
-])  # fmt: skip
+@pytest.mark.parametrize("name, least", [("yuv444p", 52), ("yuv444p10le", 63), ("gbrp", 58)])
 def test_round_trip_without_a_codec(name, least):
     rgb = pictures(1, (2, 33, 17, 3))
     back = rgb_from_frames(frames_from_rgb(rgb, name), name, 17, 33)
     assert psnr(back, rgb, peak=1) >= least
-
-
-@pytest.mark.parametrize("name", ["yuv444p10le", "gbrp"])
-def test_eight_bit_pictures_survive_losslessly(name):
-    rgb = to_uint8(pictures(2))
-    assert (to_uint8(rgb_from_frames(frames_from_rgb(rgb, name), name, 32, 24)) == rgb).all()
+    codes = to_uint8(rgb)
+    survive = to_uint8(rgb_from_frames(frames_from_rgb(codes, name), name, 17, 33)) == codes
+    assert survive.all() or name == "yuv444p"
 
 
 @pytest.mark.parametrize("name", ["yuv420p", "yuv420p10le"])

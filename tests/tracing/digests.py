@@ -19,15 +19,10 @@ import numpy as np
 import tracing_scenes
 from tracing_scenes import lit_soup, scene, soup, unit
 
-from lfcore.opencl.device import Device, open_device
+from lfcore import Device, FrameLayout, Scene, SensorPlane, Slab, Tracer, open_device
 from lfcore.optics import bundles
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
-from lfcore.scene.model import Scene
-from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 TABLE = Path(__file__).with_suffix(".json")
 CAMERA = dataclasses.replace(tracing_scenes.CAMERA, focus_m=3.0)

@@ -1,4 +1,5 @@
-"""What comes from outside is checked before a kernel sees it, and results follow from the job."""
+"""What reaches a kernel is checked before a kernel sees it, and results follow from the job; how
+elements make up packets, and packets strips."""
 
 import dataclasses
 from contextlib import contextmanager
@@ -8,81 +9,57 @@ import numpy as np
 import pytest
 from tracing_scenes import CAMERA, painted_soup
 
+from lfcore import FrameLayout, SensorPlane, Slab, Tracer, open_device
 from lfcore.errors import DeviceError, OpticsError, SceneError
 from lfcore.opencl import device as devices
-from lfcore.opencl.device import open_device
-from lfcore.optics import bundles as rays
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
-from lfcore.storage.layout import FrameLayout
+from lfcore.optics.bundles import macropixels, views
 from lfcore.tracing import chunks
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.tracer import Tracer
+from lfcore.tracing.plan import PLACES, PROBED_BLOCKS, best_outer, leaves_a_ray, probed_blocks
 
 SLAB = Slab(CAMERA, 8, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2)
 
 
+def painted_tracer(**options):
+    world = painted_soup()
+    return Tracer(world, build_bvh(world.triangles), **options)
+
+
 @pytest.fixture(scope="module")
 def tracer():
-    world = painted_soup()
-    return Tracer(world, build_bvh(world.triangles))
+    return painted_tracer()
 
 
-@pytest.mark.parametrize("threads", [-1, 0])
-def test_a_device_has_at_least_one_thread(threads):
-    with pytest.raises(DeviceError, match="threads"):
-        open_device(threads=threads)
+ALL = macropixels(SLAB, PIXELS)
 
 
-@pytest.mark.parametrize("outer", [0, 3, 8])
-def test_a_block_spans_1_2_or_4_elements(outer):
-    world = painted_soup()
-    with pytest.raises(OpticsError, match="outer"):
-        Tracer(world, build_bvh(world.triangles), outer=outer)
+def test_arguments_that_cannot_be_are_refused(tracer):
+    def refused(words, call, *arguments, **more):
+        with pytest.raises((DeviceError, OpticsError), match=words):
+            call(*arguments, **more)
 
-
-@pytest.mark.parametrize("shape", [(15, 8, 8, 3), (16, 8, 8), (17, 8, 8, 3)])
-def test_radiance_goes_to_memory_of_its_size(tracer, shape):
-    bundles = rays.macropixels(SLAB, PIXELS)
-    with pytest.raises(OpticsError, match="out"):
-        tracer.bundle_radiance(bundles, PIXELS, out=np.zeros(shape, np.float32))
-
-
-@pytest.mark.parametrize("across", [-4, 0, 3, 32])
-def test_tiles_of_an_image_fill_whole_rows(tracer, across):
-    with pytest.raises(OpticsError, match="across"):
-        tracer.mosaic_radiance([rays.macropixels(SLAB, PIXELS)], PIXELS, across)
-
-
-def test_sets_of_an_image_have_one_shape(tracer):
-    sets = [rays.macropixels(SLAB, PIXELS), rays.macropixels(SLAB, PIXELS[:8])]
-    with pytest.raises(OpticsError, match="sets"):
-        tracer.mosaic_radiance(sets, PIXELS, 4)
-
-
-@pytest.mark.parametrize("name, wrong", [
-    ("elements", np.zeros((16, 4))), ("elements", np.zeros((16, 3), np.float32)),
-    ("step", np.zeros(4)), ("columns", 0),
-])  # fmt: skip
-@pytest.mark.parametrize("method", ["bundle_hits", "bundle_radiance"])
-def test_bundles_have_the_numbers_that_kernels_read(tracer, method, name, wrong):
-    bundles = dataclasses.replace(rays.macropixels(SLAB, PIXELS), **{name: wrong})
-    with pytest.raises(OpticsError, match="sets" if name == "columns" else name):
-        getattr(tracer, method)(bundles)
-
-
-@pytest.mark.parametrize("method", ["bundle_hits", "bundle_radiance"])
-@pytest.mark.parametrize(
-    "coordinates", [PIXELS[[0] * len(PIXELS)], PIXELS[[*range(15), 0]], PIXELS[:15], PIXELS[:, :1]]
-)
-def test_places_are_given_once_for_each_element(method, coordinates):
-    world = painted_soup()
-    tracer = Tracer(world, build_bvh(world.triangles), outer=2)
-    with pytest.raises(OpticsError, match="coordinates"):
-        getattr(tracer, method)(rays.macropixels(SLAB, PIXELS), coordinates)
+    for threads in (-1, 0):
+        refused("threads", open_device, threads=threads)
+    for outer in (0, 3, 8):
+        refused("outer", painted_tracer, outer=outer)
+    for shape in ((15, 8, 8, 3), (16, 8, 8), (17, 8, 8, 3)):
+        refused("out", tracer.bundle_radiance, ALL, PIXELS, out=np.zeros(shape, np.float32))
+    for across in (-4, 0, 3, 32):
+        refused("across", tracer.mosaic_radiance, [ALL], PIXELS, across)
+    refused("sets", tracer.mosaic_radiance, [ALL, macropixels(SLAB, PIXELS[:8])], PIXELS, 4)
+    spanning = painted_tracer(outer=2)
+    for method in ("bundle_hits", "bundle_radiance"):
+        for name, wrong, words in (
+            ("elements", np.zeros((16, 4)), "elements"), ("step", np.zeros(4), "step"),
+            ("elements", np.zeros((16, 3), np.float32), "elements"), ("columns", 0, "sets"),
+        ):  # fmt: skip
+            refused(words, getattr(tracer, method), dataclasses.replace(ALL, **{name: wrong}))
+        # Places are given once for each element.
+        for places in (PIXELS[[0] * 16], PIXELS[[*range(15), 0]], PIXELS[:15], PIXELS[:, :1]):
+            refused("coordinates", getattr(spanning, method), ALL, places)
 
 
 PACKED = FrameLayout("macropixels", 4, 50, pack=8, pixel_format="yuv444p")
@@ -140,33 +117,13 @@ def test_planes_hold_the_rays_of_rows_beyond_32768():
     assert tracing.plane_sums.sums[0].any(axis=0).sum() == 64 * 64
 
 
-def test_what_was_traced_before_changes_nothing():
-    """The same call is planned in the same way, whatever elements were asked for earlier."""
-    world = painted_soup()
-    bvh = build_bvh(world.triangles)
-    slab = Slab(CAMERA, 16, 64)
-    everywhere = np.stack(np.meshgrid(np.arange(64), np.arange(64)), -1).reshape(-1, 2)
-    parts = [everywhere[:64], everywhere[2000:2064], everywhere]
-    for part in parts:
-        fresh, used = Tracer(world, bvh), Tracer(world, bvh)
-        for other in parts:
-            used.bundle_hits(rays.macropixels(slab, other), other)
-        for ours, again in zip(
-            fresh.bundle_hits(rays.macropixels(slab, part), part),
-            used.bundle_hits(rays.macropixels(slab, part), part),
-            strict=True,
-        ):
-            np.testing.assert_array_equal(ours, again)
-
-
 def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
     """A plan for one place is not used for another."""
-    world = painted_soup()
-    tracer = Tracer(world, build_bvh(world.triangles))
+    tracer = painted_tracer()
     answers = iter([1, 4])
     monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
     slab = Slab(CAMERA, 16, 64)
-    found = [tracer.plan.outer(rays.macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
+    found = [tracer.plan.outer(macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
     assert found == [1, 4, 1]
 
 
@@ -186,3 +143,51 @@ def test_a_device_without_float64_is_named_in_the_log(monkeypatch, caplog):
     monkeypatch.setattr(devices, "_context", lambda device: devices.cl.Context([real]))
     open_device()
     assert "float64" in caplog.text
+
+
+@pytest.mark.parametrize("make", [macropixels, views])
+@pytest.mark.parametrize("outer", [1, 2, 4])
+def test_probed_rays_are_rays_of_the_slab(make, outer):
+    place = np.array([[5, 9]])
+    bundles = make(Slab(CAMERA, 16, 16), place)
+    inside = np.arange(outer) - (outer - 1) / 2
+    around = place + np.stack(np.meshgrid(inside, inside), -1).reshape(-1, 2)
+    all_rays = dataclasses.replace(bundles, elements=bundles.lattice.centre_rays(around)).rays()
+    there = np.concatenate(all_rays, -1).reshape(-1, 6)
+    origins, directions = probed_blocks(bundles, outer)
+    assert origins.shape == directions.shape and origins.shape[1:] == (256, 3)
+    for ray in np.concatenate([origins, directions], -1).reshape(-1, 6)[::7]:
+        assert np.abs(there - ray).max(axis=1).min() < 1e-7
+
+
+def test_a_whole_picture_is_probed_by_a_few_rays():
+    slab = Slab(CAMERA, 16, 512)
+    v, u = np.mgrid[:512, :512]
+    origins, _ = probed_blocks(macropixels(slab, np.stack([u.ravel(), v.ravel()], 1)), 1)
+    assert len(origins) == PROBED_BLOCKS * PLACES
+
+
+def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
+    def hits(count):
+        """What a scene of squares ``count`` to the metre, two metres away, would answer."""
+
+        def closest_hit(origins, directions):
+            cell = np.floor((origins + 2.0 * directions)[:, :2] * count).astype(int)
+            return (cell[:, 0] % 4096 * 4096 + cell[:, 1] % 4096,)
+
+        return closest_hit
+
+    coarse, fine = hits(1), hits(400)
+    blurred = macropixels(Slab(CAMERA, 16, 512), np.array([[3, 200], [400, 7]]))
+    assert best_outer(coarse, blurred, "FRAMES") == 1
+    far = Slab(dataclasses.replace(CAMERA, focus_m=50.0), 16, 512)
+    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]])), "FRAMES") == 4
+
+
+def test_leaves_in_the_way_of_a_narrow_block_are_fewer():
+    rng = np.random.default_rng(3)
+    middle = rng.uniform([-1, -1, 3], [1, 1, 6], (4000, 3))
+    boxes = np.concatenate([middle - 0.01, middle + 0.01], 1).astype(np.float32)
+    bundles = macropixels(Slab(CAMERA, 16, 512), rng.integers(0, 512, (16, 2)))
+    wide, narrow = (leaves_a_ray(boxes, bundles, outer) for outer in (1, 4))
+    assert 0 < narrow < wide

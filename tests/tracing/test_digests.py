@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from digests import CASES, TABLE, digest, table
 
-from lfcore.opencl.device import open_device
+from lfcore import open_device
 
 pytestmark = pytest.mark.kernels
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from tracing_scenes import CAMERA, painted_soup
 
+from lfcore import Slab, Tracer
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels
-from lfcore.optics.slab import Slab
 from lfcore.refocus import strip_tables
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.header import header
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 RECORDS = layouts.RECORDS | strip_tables.RECORDS

@@ -7,16 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lfcore import FrameLayout, SensorPlane, Slab, Tracer, open_device
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
-from lfcore.opencl.device import open_device
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
-from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import reach
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 

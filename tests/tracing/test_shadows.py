@@ -1,24 +1,40 @@
-"""Shadows on blocks of one triangle or a few, whose occluders are found once a beam."""
+"""Shadows of blocks and of smooth surfaces, and points of surfaces that glow."""
+
+import functools
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, WALL, scene, soup, tracer_of, unit
+import trimesh
+from tracing_scenes import (
+    CAMERA,
+    SUN,
+    WALL,
+    bent_normals,
+    oracle_colours,
+    scene,
+    slab_colours,
+    soup,
+    tracer_of,
+    unit,
+)
 
-from lfcore.optics.bundles import macropixels
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore import FrameLayout, SensorPlane, Slab, Tracer
+from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.shading import radiance, shade
 from lfcore.oracle.slab import all_pixels, slab_rays
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
-from lfcore.storage.layout import FrameLayout
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.needs import Needs
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.reach import lean
 
 pytestmark = pytest.mark.kernels
 
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 NEAR = 4 * 2.0**-24
 """Of the depth: rays that lie so close to each other may differ by rounding."""
-SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
+
+
 # Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
 # more from below.
 FLOOR = [[[-9, -0.00925, 0.5], [9, -0.00925, 0.5], [0, -0.015, 12]]]
@@ -129,3 +145,134 @@ def test_what_else_is_traced_changes_no_shadow(name):
     assert np.ptp(kept) > 50
     np.testing.assert_array_equal(both, kept)
     np.testing.assert_array_equal(sums, alone)
+
+
+GRAZING = Light(DIRECTIONAL, unit(-1, -0.7, -0.15), (1.0, 1.0, 1.0))
+SIDE_LAMP = Light(POINT, (-3.2, -2.3, 1.1), (1.0, 1.0, 1.0))
+BUNDLES = views(Slab(CAMERA, 3, 128), np.array([[1, 1]]))
+
+
+def solid(mesh, normals, light=GRAZING, *, curved):
+    return scene(
+        mesh.triangles + [0, 0, 1.6],
+        normals=np.float32(normals),
+        materials=[Material("white", curved=curved)],
+        lights=[light],
+        ambient=(0.05, 0.05, 0.05),
+        background=(0.0, 0.0, 0.0),
+    )
+
+
+def sphere(subdivisions, light=GRAZING, *, curved):
+    mesh = trimesh.creation.icosphere(subdivisions, radius=0.45)
+    return solid(mesh, mesh.triangles / 0.45, light, curved=curved)
+
+
+def seen(world, **tracing):
+    tracer = Tracer(world, build_bvh(world.triangles), **tracing)
+    return tracer.bundle_radiance(BUNDLES)[0, ..., 0]
+
+
+@pytest.mark.parametrize(("light", "share"), [(GRAZING, 8), (SIDE_LAMP, 2.5)])
+@pytest.mark.parametrize("tracing", [{}, {"single_rays": True}])
+def test_a_coarse_sphere_is_shadowed_as_a_fine_one(light, share, tracing):
+    """Where it faces the camera and light grazes it; what is left is the polyhedron's shape."""
+    fine = seen(sphere(5, light, curved=False), **tracing)
+    y, x = np.mgrid[:128, :128] - np.mean(np.nonzero(fine), axis=1)[:, None, None]
+    grazed = (np.hypot(x, y) < 45) & (fine < 0.28)
+    before, after = (
+        (seen(sphere(2, light, curved=curved), **tracing) - fine)[grazed]
+        for curved in (False, True)
+    )
+    assert before.std() > share * after.std()
+    assert np.abs(before).max() > 0.08 and np.abs(after).max() < 0.012
+
+
+def test_curved_shadows_are_the_oracles():
+    """Of both sides: the sphere's back is open."""
+    ball = sphere(1, SIDE_LAMP, curved=True)
+    front = ball.triangles[:, :, 0].max(1) < 0.2
+    world = scene(
+        ball.triangles[front],
+        normals=ball.normals[front],
+        materials=ball.materials,
+        lights=ball.lights,
+    )
+    rays = (part[0].reshape(-1, 3).astype(np.float32) for part in BUNDLES.rays())
+    expected = radiance(world, *rays)[:, 0].reshape(128, 128)
+    assert (np.abs(seen(world) - expected) > 0.01).mean() < 2e-3
+    assert (np.abs(expected - seen(world, needs=Needs.of(sphere(1, curved=False)))) > 0.1).any()
+
+
+def test_a_flat_cube_keeps_its_bits():
+    mesh = trimesh.creation.box(
+        (0.5, 0.5, 0.5), trimesh.transformations.rotation_matrix(1, [1, 2, 3])
+    )
+    normals = np.repeat(mesh.face_normals[:, None], 3, axis=1)
+    worlds = [solid(mesh, normals, curved=curved) for curved in (False, True)]
+    assert not Needs.of(worlds[1]).curved
+    plain, curved = (seen(world) for world in worlds)
+    assert plain.tobytes() == curved.tobytes() and np.ptp(plain) > 0.1
+
+
+BEYOND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
+WHITE = (0.9, 0.9, 0.9)
+
+
+# By blocks of one element, one by one, and as the scene asks for.
+WAYS = [{"outer": 1, "single_rays": False}, {"outer": 1, "single_rays": True}, {}]
+
+
+# A sharp one and one that fades from its axis on: the wall has both rims in it.
+AXIS = (0.1, 0.2, np.sqrt(0.95))
+SPOTS = [
+    Light(POINT, (-0.5, -0.5, 0.5), WHITE, 3.0, normal=AXIS, cone=(1.0, 0.96)),
+    Light(POINT, (0.6, 0.5, 0.5), WHITE, 3.0, normal=AXIS, cone=(0.98, 0.979)),
+]
+
+
+def glowing(normals=False, spots=False):
+    """A ball with a light inside and a panel, around it what casts shadows, before a wall."""
+    ball = trimesh.creation.icosphere(1, radius=0.4).triangles + (0.5, -0.3, 3.0)
+    triangles = np.concatenate([BEYOND, soup(30, 1, 0.5), ball, soup(20, 4, 0.5), WALL])
+    inside = Light(POINT, (0.55, -0.25, 2.95), (0.8, 0.6, 0.4), 1.0, own=(31, 31 + len(ball)))
+    # A point above a wall's panel, which it would see nothing through.
+    panel = Light(POINT, (-1.0, -0.5, 2.0), WHITE, 2.0, normal=(0.6, 0.0, 0.8))
+    changes = {"lights": SPOTS if spots else [inside, panel], "ambient": (0.1, 0.1, 0.1)}
+    if normals:
+        changes["normals"] = bent_normals(triangles, np.random.default_rng(3), 0.1)
+        changes["materials"] = [Material("gloss", (0.6, 0.6, 0.6), (0.3, 0.3, 0.3), 20.0)]
+    return scene(triangles, **changes)
+
+
+RAYS = macropixels(Slab(CAMERA, 40, 4), all_pixels(Slab(CAMERA, 40, 4)))
+
+
+@functools.cache
+def truth(spots):
+    return oracle_colours(glowing(spots=spots), RAYS)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("spots", [False, True])
+def test_emitters_and_spots_are_the_oracles(device, way, spots):
+    here, expected = glowing(spots=spots), truth(spots)
+    assert (Needs.of(here).spots, Needs.of(here).emitters) == (spots, not spots)
+    found = tracer_of(here, device, **way).bundle_radiance(RAYS).reshape(-1, 3)
+    assert np.ptp(expected) > 0.15 and len(np.unique(expected.round(2))) > 10
+    assert (expected == 0.05).mean() > 0.1 or not spots  # dark beside the cones
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 2e-3
+
+
+def test_highlights_of_emitters_are_the_oracles(device):
+    found, expected = slab_colours(glowing(normals=True), Slab(CAMERA, 16, 6), device, **WAYS[0])
+    assert (np.abs(found - expected).max(-1) > 0.01).mean() < 4e-3
+
+
+def test_own_triangles_keep_their_numbers_when_others_are_left_out():
+    here = glowing()
+    small, _ = lean(here, build_bvh(here.triangles), CAMERA)
+    assert len(small.triangles) < len(here.triangles)
+    for before, after in zip(here.lights, small.lights, strict=True):
+        kept = here.triangles[slice(*before.own)]
+        np.testing.assert_array_equal(small.triangles[slice(*after.own)], kept)

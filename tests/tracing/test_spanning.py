@@ -1,4 +1,8 @@
-"""Blocks that span several elements: the same rays, the same surfaces, whatever is asked."""
+"""Blocks that span several elements, rays that are followed one by one, and bad input."""
+
+import statistics
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +10,7 @@ from tracing_scenes import (
     CAMERA,
     check_luma,
     closed_room,
+    crowd,
     lit_soup,
     mesh,
     scene,
@@ -14,12 +19,16 @@ from tracing_scenes import (
     tracer_of,
 )
 
+from lfcore import FrameLayout, Material, SensorPlane, Slab
+from lfcore.evaluation.stability.measurement import mismatches, oracle_hits
+from lfcore.evaluation.stability.shapes import random_rays, single
+from lfcore.evaluation.stability.shapes import soup as measured_soup
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
 from lfcore.optics.bundles import macropixels, views
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 from lfcore.oracle.slab import all_pixels, trace
-from lfcore.scene.appearance import Material
-from lfcore.storage.layout import FrameLayout
+from lfcore.tracing import chunks, job
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.plan import leaves_a_ray, probe
 
 pytestmark = pytest.mark.kernels
 
@@ -27,22 +36,6 @@ pytestmark = pytest.mark.kernels
 def spanning(world, spans, device=None):
     """A tracer that is told what its blocks span."""
     return tracer_of(world, device, outer=spans, single_rays=False)
-
-
-@pytest.mark.parametrize("make", [macropixels, views])
-def test_spanning_blocks_see_what_others_see(device, make):
-    world = scene(soup(3000, 1, 0.15))
-    slab = Slab(CAMERA, 20, 24)
-    size = slab.pixels if make is macropixels else slab.views
-    places = np.unique(np.random.default_rng(2).integers(0, size, (60, 2)), axis=0)
-    bundles = make(slab, places)
-    alone, depth = spanning(world, 1, device).bundle_hits(bundles, places)
-    for spans in (2, 4):
-        triangle, far = spanning(world, spans, device).bundle_hits(bundles, places)
-        assert (triangle != alone).mean() < 1e-3  # rays at edges
-        same = (triangle == alone) & (triangle >= 0)
-        assert same.sum() > 1000
-        assert np.abs(far[same] / depth[same] - 1).max() < 1e-4
 
 
 def rough_wall(slab, first, last):
@@ -109,8 +102,6 @@ def test_planes_are_those_of_blocks_of_one_element(spans):
 def test_chunks_do_not_part_groups(monkeypatch, room, sizes):
     """A chunk ends where a row of groups does, so that no group is traced twice; unless such a row
     takes more than twice the room of a chunk."""
-    from lfcore.tracing import chunks
-
     layout = FrameLayout("macropixels", 16, 16, "raster", 1, "yuv444p")
     monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
     tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
@@ -119,11 +110,133 @@ def test_chunks_do_not_part_groups(monkeypatch, room, sizes):
 
 
 def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypatch):
-    from lfcore.tracing import chunks
-
     layout = FrameLayout("macropixels", 64, 8, "raster", 1, "yuv444p")
     tracer, slab = spanning(lit_soup(), 1), Slab(CAMERA, 64, 8)
     for room, sizes in ((chunks.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
         monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
         tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0])
         assert [len(chunk.frames) for chunk in tracing] == sizes
+
+
+@pytest.mark.parametrize(("make", "way"), [(lit_soup, {"single_rays": True}), (crowd, {})])
+def test_single_rays_have_the_oracles_colours(device, make, way):
+    world = make()
+    slab = Slab(world.camera, 16, 5)
+    tracer = tracer_of(world, device, **way)
+    if not way:  # enough triangles a block that its shadow rays go one by one
+        seen, _ = tracer.slab_hits(slab, all_pixels(slab))
+        assert statistics.median(len(np.unique(block)) for block in seen) > 128
+    layout = FrameLayout("macropixels", 16, 5, "raster", 1, "yuv444p")
+    check_luma(traced(tracer, layout)[0], layout, trace(world, slab, all_pixels(slab)))
+
+
+def test_colours_without_float64_are_the_oracles(device, monkeypatch):
+    without = "#undef cl_khr_fp64\n#define double none\n" + job.header()
+    monkeypatch.setattr(job, "header", lambda: without)
+    test_single_rays_have_the_oracles_colours(device, lit_soup, {"single_rays": True})
+
+
+def test_coarse_pictures_of_dense_scenes_are_traced_ray_by_ray():
+    rng = np.random.default_rng(1)
+    middle = rng.uniform([-2, -2, 3], [2, 2, 6], (60_000, 1, 3))
+    tracer = tracer_of(middle + rng.normal(size=(60_000, 3, 3)) * 0.004)
+    assert tracer.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
+    assert not tracer.plan.single_rays(probe(Slab(CAMERA, 64, 512)))
+    room = tracer_of(closed_room())
+    assert not room.plan.single_rays(probe(Slab(CAMERA, 8, 16), macro=False))
+
+
+@pytest.mark.parametrize("make", [macropixels, views])
+def test_leaves_in_the_way_are_counted(make):
+    slab = Slab(CAMERA, 20, 24)
+    bvh = build_bvh(soup(2000, 3).astype(np.float32))
+    places = np.array([[3, 5], [11, 17]])
+    bundles = make(slab, places)
+    origins, directions = bundles.rays()
+    origins, directions = origins[:, :16, :16], directions[:, :16, :16]
+    lo, hi = bvh.leaf_boxes[:, None, :3], bvh.leaf_boxes[:, None, 3:]
+    met = 0
+    for o, d in zip(origins.reshape(2, -1, 3), directions.reshape(2, -1, 3), strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (lo - o) / d, (hi - o) / d
+        near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+        met += (np.maximum(near, 0) <= far).any(1).sum()
+    first = leaves_a_ray(bvh.leaf_boxes, bundles)
+    assert first == leaves_a_ray(bvh.leaf_boxes, bundles)
+    assert met / 4 < first * 2 * 16 * 16 < 4 * met
+
+
+def spent(tracer, slab, pixels):
+    begun = time.process_time()
+    tracer.slab_hits(slab, pixels)
+    return time.process_time() - begun
+
+
+def test_bad_triangles_cost_little(device):
+    """A scene, and the same with as many degenerate, duplicate and needle triangles again."""
+    clean = soup(4000, 2).astype(np.float32)
+    points = np.repeat(clean[:1500, :1], 3, axis=1)
+    lines = np.stack([clean[1500:2500, 0], clean[1500:2500, 1], clean[1500:2500, 1]], axis=1)
+    needles = np.stack([clean[2500:3000, 0], clean[2500:3000, 1], clean[2500:3000, 1] + 1e-6], 1)
+    bad = np.concatenate([clean, points, lines, needles, clean[3000:]]).astype(np.float32)
+    slab = Slab(CAMERA, 32, 64)
+    pixels = np.stack(np.meshgrid(np.arange(24), np.arange(24)), -1).reshape(-1, 2)
+    good, worse = (tracer_of(t, device) for t in (clean, bad))
+    first, second = good.slab_hits(slab, pixels), worse.slab_hits(slab, pixels)
+    neighbour = first[0] != second[0]
+    assert (second[0][neighbour] >= len(clean)).all()  # only a needle may stand before it
+    ratios = [spent(worse, slab, pixels) / spent(good, slab, pixels) for _ in range(7)]
+    assert statistics.median(ratios) < 2.5
+
+
+def test_bad_rays_cost_little(device):
+    tracer = tracer_of(soup(2000, 4), device)
+    rng = np.random.default_rng(0)
+    origins = np.zeros((200_000, 3), np.float32)
+    good = rng.normal(size=origins.shape).astype(np.float32)
+    bad = good.copy()
+    bad[::4], bad[1::4, 0], bad[2::4, 1] = 0, np.nan, np.inf
+    tracer.closest_hit(origins, good)
+
+    def seconds(directions):
+        begun = time.process_time()
+        tracer.closest_hit(origins, directions)
+        return time.process_time() - begun
+
+    assert statistics.median(seconds(bad) / seconds(good) for _ in range(5)) < 2.5
+
+
+PATTERNS = (np.nan, np.inf, -np.inf, 3e38, 1e-45)
+
+
+@pytest.fixture(scope="module")
+def tracer():
+    return TracerUnderTest()
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_sound_rays_do_not_notice_spoilt_ones(tracer, pattern):
+    mesh, rays = single(measured_soup(500)), random_rays(1000)
+    origins, directions = (part.copy() for part in rays)
+    origins[0::4, 0] = pattern
+    directions[2::4, 0] = pattern
+    clean, found = tracer.closest(mesh, *rays), tracer.closest(mesh, origins, directions)
+    for before, after in zip(clean, found, strict=True):
+        np.testing.assert_array_equal(after[1::2], before[1::2])
+    if not np.isfinite(pattern):
+        assert (found[0][0::2] == -1).all()
+
+
+@pytest.mark.parametrize("pattern", [*PATTERNS, "random bits"])
+def test_spoilt_triangles_are_never_met(tracer, pattern):
+    mesh, rays, rng = single(measured_soup(300)), random_rays(1000), np.random.default_rng(14)
+    if pattern == "random bits":
+        bad = rng.integers(0, 2**32, (300, 3, 3), np.uint32).view(np.float32)
+        bad = bad[~kept(bad)]
+    else:
+        bad = mesh.copy()
+        bad[np.arange(300), rng.integers(0, 3, 300), rng.integers(0, 3, 300)] = pattern
+    both = np.concatenate([mesh, bad])
+    keep = np.append(np.flatnonzero(kept(both)), -1)
+    hits = oracle_hits(both[keep[:-1]], rays)
+    assert mismatches(tracer.closest(both, *rays), replace(hits, triangle=keep[hits.triangle])) == 0

@@ -1,21 +1,38 @@
-"""Tiles: colours against the oracle, exact sums, frames, and independence of how work is cut."""
+"""Tiles: colours against the oracle, frames of every pixel format, exact sums of planes, and
+independence of how work is cut."""
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tracing_scenes import CAMERA, closed_room, crowd, lit_soup, scene, traced, tracer_of
+from stored_fields import segment_frames
+from tracing_scenes import (
+    CAMERA,
+    closed_room,
+    crowd,
+    lit_soup,
+    mesh,
+    painted_soup,
+    scene,
+    traced,
+    tracer_of,
+)
 
-from lfcore.opencl.device import open_device
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore import DeviceError, Encoding, FrameLayout, SensorPlane, Slab, Tracer, open_device
+from lfcore.optics import bundles
+from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.oracle import colour as truth
 from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.defaults import frame_layout
-from lfcore.storage.layout import FrameLayout
-from lfcore.storage.ycbcr import rgb_to_ycbcr
+from lfcore.storage.pixels import PIXEL_FORMATS
+from lfcore.storage.segment import SegmentWriter
+from lfcore.tracing import plane_buffers
+from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.chunks import grid_corner
+from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
 
 pytestmark = pytest.mark.kernels
 
@@ -82,17 +99,196 @@ def test_tiles_threads_and_order_do_not_matter(kind, make, way):
     assert (sums.sums == packed.sums).all()
 
 
-def test_a_uniform_room_is_uniform_in_every_plane(device):
-    tracer = tracer_of(scene(closed_room(), background=(0, 0, 0)), device)
-    layout = FrameLayout("macropixels", 33, 20, pixel_format="yuv420p")
-    frames, sums = traced(tracer, layout, PLANES)
-    for picture, plane in zip(sums.pictures(), PLANES, strict=True):
-        if plane.normalise == "aperture":
-            expected = np.float32([0.1, 0.2, 0.3])
-            reached = picture.any(axis=2)
-            assert reached.mean() > 0.6
-            assert np.abs(picture[reached] - expected).max() < 2.0**-19
-    luma, blue, red = layout.format.views(frames, layout.frame_width, layout.frame_height)
-    code = np.rint(rgb_to_ycbcr(truth.srgb_encode(np.array([0.1, 0.2, 0.3]))))
-    assert (luma[:, :33, :33] == code[0]).all()
-    assert (blue[:, :16, :16] == code[1]).all() and (red[:, :16, :16] == code[2]).all()
+# Every ray on its own pixel, several on one, most beside the picture, pixels moved unevenly, fewer
+# pixels than the slab's.
+MANY_PLANES = [
+    SensorPlane(2.0, 1.0),
+    SensorPlane(0.4, 1.0, aperture="square"),
+    SensorPlane(5.0, 1.7, aperture="polygon"),
+    SensorPlane(2.05, 1.0, aperture="square"),
+    SensorPlane(1.0, 1.0, keep_magnification=True),
+    SensorPlane(2.0, 1000.0),
+    SensorPlane(0.7, 1.0, pixels=4),
+    SensorPlane(5.0, 1.7, aperture="square", pixels=3, keep_magnification=True),
+    SensorPlane(1.0, 1.0, pixels=1),
+]
+# Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
+# lit, which is slow to build, in beams of one block an element and of several.
+SIZES = [
+    (3, 13, painted_soup), (16, 11, lit_soup), (16, 12, lit_soup), (20, 9, painted_soup),
+    (40, 5, lit_soup), (70, 4, painted_soup),
+]  # fmt: skip
+
+
+def fixed_point(colours):
+    """Whole numbers of 2^-20, as the kernels round: once to float32 after adding a half."""
+    clamped = np.clip(colours, 0, 1).astype(np.float64)
+    return (clamped * FIXED_ONE + 0.5).astype(np.float32).astype(np.uint64)
+
+
+def scattered(slab, plane, rays):
+    """(3, M, M) uint64: every ray of (M, M, N, N, 3), indexed [v, u, j, i], added alone."""
+    sums = np.zeros((slab.pixels, slab.pixels, 3), np.uint64)
+    where, mask = targets(slab, plane), plane.mask(slab)
+    v, u, j, i = np.nonzero(np.broadcast_to(mask, rays.shape[:4]))
+    x, y = where[u, i], where[v, j]
+    inside = (x >= 0) & (x < slab.pixels) & (y >= 0) & (y < slab.pixels)
+    kept = tuple(index[inside] for index in (v, u, j, i))
+    np.add.at(sums, (y[inside], x[inside]), rays[kept])
+    return np.moveaxis(sums, -1, 0)
+
+
+def formed(tracer, layout, planes=MANY_PLANES, **how):
+    return traced(tracer, layout, planes, **({"frames": False} | how))[1].sums
+
+
+@pytest.mark.parametrize(
+    "views, pixels, make, lanes", [(*size, None) for size in SIZES] + [(16, 11, painted_soup, 1)]
+)
+def test_sums_are_every_ray_alone(views, pixels, make, lanes, monkeypatch):
+    tracer = tracer_of(make(), open_device(threads=1, lanes=lanes))
+    slab = Slab(CAMERA, views, pixels)
+    places = all_pixels(slab)
+    colours = tracer.bundle_radiance(bundles.macropixels(slab, places), places)
+    rays = fixed_point(colours).reshape(pixels, pixels, views, views, 3)
+    layout = FrameLayout("macropixels", views, pixels, "serpentine", 1, "yuv444p")
+    sums = formed(tracer, layout)
+    for plane, found in zip(MANY_PLANES, sums, strict=True):
+        np.testing.assert_array_equal(found, scattered(slab, plane, rays), str(plane))
+    # Tiles that begin and end amid a beam.
+    for most in (2, 2 * pixels):
+        np.testing.assert_array_equal(formed(tracer, layout, max_rays=most * views**2), sums)
+    # Strips of several beams, even in a picture this small.
+    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+    np.testing.assert_array_equal(formed(tracer, layout), sums)
+
+
+@pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
+def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
+    """A beam of white rays on one pixel is 2^32."""
+    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+    white_room = scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
+    tracer = tracer_of(white_room, open_device(threads=1))
+    planes = [SensorPlane(CAMERA.focus_m, CAMERA.f_number, aperture="square")]
+    sums = formed(tracer, FrameLayout("macropixels", views, pixels), planes)
+    assert (sums == views**2 * FIXED_ONE).all()
+
+
+@pytest.mark.parametrize("pixels, span", [(4, 16), (12, 32), (32, 16)])
+@pytest.mark.parametrize("views, size", [(5, 16), (16, 27), (33, 8)])
+def test_strip_rows_by_walking_strips(pixels, span, views, size):
+    slab = Slab(CAMERA, views, size)
+    most = 0
+    for plane in MANY_PLANES:
+        where = targets(slab, plane)
+        for v in range(0, size, pixels):
+            for j in range(0, views, span):
+                part = where[v : v + pixels, j : j + span]
+                most = max(most, int(part.max() - part.min()) + 1)
+    found = strip_rows(slab, MANY_PLANES, pixels, span)
+    # Rows of pixels beside the picture may add to it, but no more than there are of them.
+    assert most <= found <= most + pixels
+
+
+def test_workers_are_as_many_as_memory_has_sums_for():
+    about = SimpleNamespace(max_mem_alloc_size=20 << 30, global_mem_size=64 << 30)
+    wide = SimpleNamespace(threads=64 * 132, device=about, name="a wide one")
+    assert workers_that_fit(wide, 1 << 10) == wide.threads
+    assert workers_that_fit(wide, 42 << 20) == (16 << 30) // (42 << 20)
+    with pytest.raises(DeviceError, match=r"17\.0 GiB, and a wide one has room for 16\.0.*fewer"):
+        workers_that_fit(wide, 17 << 30)
+
+
+def test_fewer_workers_give_the_same_sums(monkeypatch):
+    layout = FrameLayout("macropixels", 3, 13)
+    tracer = tracer_of(painted_soup(), open_device(threads=2))
+    many = formed(tracer, layout)
+    monkeypatch.setattr(plane_buffers, "workers_that_fit", lambda device, each: 1)
+    assert (formed(tracer, layout) == many).all()
+
+
+MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
+# (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
+# with empty slots, and with a margin around all.
+LAYOUTS = [
+    ("macropixels", 33, 6, 4), ("views", 3, 37, 2), ("views", 4, 5, 2),
+    ("macropixels", 18, (5, 8), 4), ("views", 3, (37, 20), 2),
+]  # fmt: skip
+
+
+def painted_wall():
+    """A wall of all colours without an edge: neighbours share those of their corners.
+
+    Rays that differ in their last bits differ no more than that in colour.
+    """
+    y, x = np.mgrid[-4:5, -4:5]
+    corners = np.stack([x, y, np.ones_like(x)], -1) * [0.1, 0.1, 1.6]
+    colours = np.random.default_rng(4).random((9, 9, 3)) ** 3
+    white = (1.2, 1.2, 1.2)
+    return scene(mesh(corners), colours=mesh(colours), ambient=white, background=(0, 0, 0))
+
+
+@pytest.fixture(scope="module")
+def tracers():
+    """One tracer each of one lane and of the device's own."""
+    world = painted_wall()
+    bvh = build_bvh(world.triangles)
+    return {lanes: Tracer(world, bvh, open_device(threads=2, lanes=lanes)) for lanes in (1, None)}
+
+
+def codes_of(encoded, form):
+    """(..., 3) float64 codes, not rounded, of sRGB-encoded (..., 3), in the order of planes."""
+    if form.rgb:
+        return encoded[..., [1, 2, 0]] * (2**form.bits - 1)
+    return truth.ycbcr(encoded, form.bits)
+
+
+def expected_planes(tracer, layout):
+    """Three planes (F, h, w) float64 of codes, not rounded: ray by ray, black where none is."""
+    slab, form = Slab.of(CAMERA, layout.views, layout.size), layout.format
+    tile = layout.tile(0, 0, *layout.outer)
+    elements = tile.elements()
+    places = elements + grid_corner(tile, slab)
+    light = tracer.bundle_radiance(MADE[layout.kind](slab, places), places)
+    codes = codes_of(truth.srgb_encode(np.clip(light, 0, 1)), form)
+    (columns, rows), (wide, high) = layout.inner, layout.slot
+    beyond = (0, 0), (0, high - rows), (0, wide - columns), (0, 0)
+    codes = np.pad(codes, beyond, mode="edge")
+    size, step = (layout.frame_height, layout.frame_width), form.subsampling
+    planes = np.empty((3, tile.frame_count, *size))
+    planes[:] = codes_of(np.zeros(3), form)[:, None, None, None]
+    for element, (frame, x, y) in zip(codes, tile.placement(elements), strict=True):
+        planes[0, frame, y : y + rows, x : x + columns] = element[:rows, :columns, 0]
+        for plane in (1, 2):
+            planes[plane, frame, y : y + high, x : x + wide] = element[..., plane]
+    small = [p.reshape(len(p), size[0] // step, step, -1, step).mean((2, 4)) for p in planes[1:]]
+    return [planes[0], *small]
+
+
+@pytest.mark.parametrize("name", sorted(PIXEL_FORMATS))
+@pytest.mark.parametrize(("kind", "views", "pixels", "pack"), LAYOUTS)
+def test_codes_are_those_of_the_formula(tracers, name, kind, views, pixels, pack):
+    layout = frame_layout(views, pixels, name, kind=kind, order="raster", pack=pack)
+    frames = traced(tracers[None], layout)[0]
+    planes = layout.format.views(frames, layout.frame_width, layout.frame_height)
+    # Half a code of rounding, and the error of the encoding.
+    limit = {8: 0.6, 10: 0.52, 12: 0.55}[layout.format.bits]
+    for found, expected in zip(planes, expected_planes(tracers[None], layout), strict=True):
+        assert np.abs(found - expected).max() < limit
+        assert np.unique(found).size > 10
+
+
+@pytest.mark.parametrize("name", ["gbrp", "yuv420p10le", "yuv444p"])  # each branch of frames.cl
+def test_one_lane_gives_the_same_codes(tracers, name):
+    layout = FrameLayout("views", 3, 37, "raster", 2, name)
+    narrow, wide = (traced(tracer, layout)[0] for tracer in tracers.values())
+    np.testing.assert_array_equal(narrow, wide)
+
+
+@pytest.mark.parametrize("name", ["gbrp", "yuv444p10le"])
+def test_a_lossless_codec_gives_the_codes_back(tracers, tmp_path, name):
+    layout = FrameLayout("views", 3, 37, pixel_format=name)
+    frames, spec = traced(tracers[None], layout)[0], Encoding("ffv1", name, preset=None, tune=None)
+    with SegmentWriter(tmp_path / "0.mp4", spec, layout.frame_width, layout.frame_height) as out:
+        out.write(frames)
+    np.testing.assert_array_equal(segment_frames(tmp_path / "0.mp4"), frames)

@@ -1,21 +1,21 @@
-"""Closest hits: the bundle kernel and the ray kernel against the float64 oracle and Embree."""
+"""Closest hits: bundles, blocks of one element and single rays against the oracle and Embree."""
 
 import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from tracing_scenes import CAMERA, check_hits, closed_room, scene, soup, tracer_of
+from tracing_scenes import CAMERA, LAMP, check_hits, closed_room, colours, scene, soup, tracer_of
 
+from lfcore import Slab, Tracer
 from lfcore.optics.bundles import macropixels, views
-from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import slab_hits
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.packets import PACKET_ROWS
-from lfcore.tracing.tracer import Tracer
 
 # How rays are followed: as the scene asks for, by blocks of some elements, or one by one.
 WAYS = [
@@ -55,9 +55,10 @@ def test_pixels_come_in_any_order_and_more_than_once(device):
         assert np.array_equal(again, triangle[chosen]) and np.array_equal(far, depth[chosen])
 
 
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("make", [macropixels, views])
-def test_bundles_of_either_kind_agree_with_embree(device, make):
-    tracer = tracer_of(soup(3000, 1, 0.15), device)
+def test_bundles_of_either_kind_agree_with_embree(device, make, way):
+    tracer = tracer_of(soup(3000, 1, 0.15), device, **way)
     slab = Slab(CAMERA, 33, 40)
     grid = slab.pixels if make is macropixels else slab.views
     places = np.unique(some_pixels(grid, 30), axis=0)
@@ -186,3 +187,76 @@ def test_a_scene_behind_the_lens_or_empty_is_missed(device):
             Slab(CAMERA, 4, 4), [[0, 0], [3, 2]]
         )
         assert (triangle == -1).all() and np.isinf(depth).all()
+
+
+def plate(z, size=40.0):
+    """One triangle that fills the picture."""
+    return np.array([[[-size, -size, z], [size, -size, z], [0, size, z]]])
+
+
+def edge_on():
+    """Triangles whose planes go through the lens: rays see them from both sides."""
+    rng = np.random.default_rng(3)
+    corners = rng.uniform([0, -0.6, 0.8], [0, 0.6, 4.0], (40, 3, 3))
+    corners[..., 0] = (
+        rng.uniform(-0.04, 0.04, (40, 1)) + rng.uniform(-0.02, 0.02, (40, 1)) * corners[..., 2]
+    )
+    return corners
+
+
+SEEN = np.array([0.0146, -0.0146, 1.0])
+"""The middle of what the first of two_pixels sees a metre away: a square of 25 mm."""
+
+
+def tiles(count, depths):
+    """Rectangles along rows and columns of what a pixel sees, some at the same depth."""
+    rng = np.random.default_rng(count)
+    lo = rng.uniform(-0.015, 0.005, (count, 2))
+    hi = lo + rng.uniform(0.004, 0.015, (count, 2))
+    z = 0.02 * rng.integers(0, depths, count)
+    a, b, c, d = (
+        np.stack([x[:, 0], y[:, 1], z], 1) for x, y in ((lo, lo), (hi, lo), (hi, hi), (lo, hi))
+    )
+    return SEEN + np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def crossing(count, seed):
+    """Triangles about as large as what a pixel sees, that pass through each other."""
+    return SEEN + np.random.default_rng(seed).uniform(-0.03, 0.03, (count, 3, 3))
+
+
+FEW = {
+    "tiles": np.concatenate([tiles(12, 3), plate(1.5)]),
+    "tiles in one plane": np.concatenate([tiles(10, 1), plate(1.0)]),
+    "crossing": np.concatenate([crossing(8, 1), plate(1.0)]),
+    "crossing before nothing": crossing(12, 2),
+    "mesh": np.concatenate([trimesh.creation.icosphere(1, 0.012).triangles + SEEN, plate(1.1)]),
+}
+SCENES = {
+    **FEW,
+    "large": soup(60, 1, 1.0),
+    "hidden": np.concatenate([soup(100, 4), plate(0.5)]),
+    "before a wall": np.concatenate([soup(20, 5), plate(5.0)]),
+    "edge-on": np.concatenate([edge_on(), plate(6.0)]),
+}
+
+
+def two_pixels(slab):
+    return [[slab.pixels // 2, slab.pixels // 2 - 1], [1, slab.pixels - 2]]
+
+
+@pytest.mark.parametrize("name", ["large", "hidden", "before a wall", "edge-on", *FEW])
+def test_triangles_are_the_oracles(device, name):
+    slab = Slab(CAMERA, 40, 24)
+    check_hits(tracer_of(SCENES[name], device, outer=1), slab, two_pixels(slab), least=0.1)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", ["mesh", "crossing"])
+def test_few_triangles_have_the_oracles_colours(device, name):
+    """A mesh of few triangles to a block, and one whose triangles pass through each other."""
+    slab = Slab(CAMERA, 100, 24)
+    world, pixels = scene(FEW[name], lights=[LAMP]), two_pixels(slab)
+    found, truth = colours(world, macropixels(slab, pixels), pixels, device, outer=1)
+    assert np.ptp(found) > 0.1
+    assert (np.abs(found - truth).max(-1) > 1e-4).mean() < 5e-3

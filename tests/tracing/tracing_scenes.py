@@ -7,16 +7,14 @@ import numpy as np
 import plain_scenes
 import trimesh
 
+from lfcore import Scene, Slab, Tracer
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.plane_sums import total
-from lfcore.optics.slab import Slab
 from lfcore.oracle import colour as truth
 from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import all_pixels, slab_hits
-from lfcore.scene.appearance import POINT, Light, Material
-from lfcore.scene.model import Scene
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.tracer import Tracer
 
 WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
 """Two triangles that fill the picture, behind all others."""
@@ -32,6 +30,10 @@ def scene(triangles, **changes):
 def unit(*vector):
     """The direction of a vector, the same numbers on every processor."""
     return tuple(each / math.hypot(*vector) for each in vector)
+
+
+LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0)
+SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.7, 0.7, 0.7))
 
 
 def soup(count, seed, size=0.3):
@@ -110,11 +112,15 @@ def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
     return np.concatenate(made) if made else None, total(slab, planes, parts) if planes else None
 
 
+def oracle_colours(world, bundles):
+    """Colours of every ray, not clipped, by the oracle: (R, 3)."""
+    return radiance(world, *(part.reshape(-1, 3) for part in bundles.rays()))
+
+
 def colours(world, bundles, places=None, device=None, **options):
     """Colours of every ray by the tracer, not clipped, and by the oracle: (R, 3) each."""
     found = tracer_of(world, device, **options).bundle_radiance(bundles, places)
-    rays = (part.reshape(-1, 3) for part in bundles.rays())
-    return found.reshape(-1, 3), radiance(world, *rays)
+    return found.reshape(-1, 3), oracle_colours(world, bundles)
 
 
 def slab_colours(world, slab, device=None, **options):

@@ -6,8 +6,7 @@ import pytest
 from stored_fields import tile_frames, write_field
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS, two_planes
 
-from lfcore.lightfield import LightField
-from lfcore.storage.layout import FrameLayout
+from lfcore import FrameLayout, LightField
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,8 @@
 """The page in a real browser: its pixels against refocusing, what hands do, what it cannot do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from plain_scenes import CHART
 from two_planes import FAR, NEAR, PIXELS
 from viewer_browser import (
     before_pages,
@@ -20,8 +19,6 @@ from viewer_browser import (
 
 from lfcore import Encoding, load_scene, record
 from lfcore.colour import srgb_codes
-
-CHART = Path(__file__).parents[2] / "scenes" / "chart"
 
 pytestmark = pytest.mark.browser
 

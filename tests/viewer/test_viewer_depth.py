@@ -1,12 +1,11 @@
 """The page of a file with depth in a real browser: its pictures against those of refocusing."""
 
 import shlex
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from plain_scenes import scene, wall
+from plain_scenes import SCENES, scene, wall
 from viewer_browser import (
     before_pages,
     choose,
@@ -19,14 +18,12 @@ from viewer_browser import (
 )
 
 import lfcore
-from lfcore import load_scene, record
+from lfcore import Material, load_scene, record
 from lfcore.cli import main
 from lfcore.colour import srgb_codes
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.stored_depth import read_rays
-from lfcore.scene.appearance import Material
 
-SCENES = Path(__file__).parents[2] / "scenes"
 LEAST_DB, MOST_OF_FILE = 38, 4
 
 pytestmark = pytest.mark.browser

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from plain_scenes import SCENES
 from two_planes import NEAR
 from viewer_browser import choose, pixels, psnr, settle, state, visit
 
@@ -24,7 +25,6 @@ from lfcore.colour import srgb_codes
 
 pytestmark = pytest.mark.browser
 
-BIKE = Path(__file__).parents[2] / "scenes" / "bike"
 TAB, RIGHT = "\ue004", "\ue014"
 PATIENCE_S = 60
 PREFERENCES = {
@@ -129,7 +129,7 @@ def _port(file: Path) -> int:
 
 
 def test_firefox_shows_what_refocus_makes(browser, tmp_path):
-    field = record(load_scene(BIKE), tmp_path / "bike.mkv", pixels=96)
+    field = record(load_scene(SCENES / "bike"), tmp_path / "bike.mkv", pixels=96)
     field.viewer().save(tmp_path / "bike.html")
     visit(browser, tmp_path / "bike.html")
     near, far = (field.disparity_of(end) for end in field.depth_range)

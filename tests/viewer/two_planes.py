@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from lfcore.optics.camera import Camera
-from lfcore.optics.slab import Slab
+from lfcore import Camera, Slab
 
 VIEWS, PIXELS = 9, 64
 NEAR, FAR = 1.25, -0.75

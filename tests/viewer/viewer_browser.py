@@ -5,10 +5,14 @@ import io
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+
+from lfcore.evaluation.metrics import psnr as psnr_of
 
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader",
@@ -84,16 +88,12 @@ def choose(browser, **given) -> None:
 
 def pixels(browser) -> np.ndarray:
     """(H, W, 3) uint8 of the canvas."""
-    from PIL import Image
-
     url = browser.execute_script("return lightFieldViewer.canvas.toDataURL('image/png')")
     data = base64.b64decode(url.partition(",")[2])
     return np.array(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    """Decibels of codes of 8 bits."""
-    return 10 * np.log10(255**2 / max(np.mean((a.astype(float) - b.astype(float)) ** 2), 1e-9))
+psnr = partial(psnr_of, peak=255)
 
 
 def complaints(browser) -> list[str]:

@@ -9,12 +9,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfcore import Camera, Encoding, SensorPlane, StorageError
+from lfcore import Camera, Encoding, FrameLayout, SensorPlane, StorageError
 from lfcore.cli import parser
 from lfcore.cli.command import encoder
 from lfcore.errors import SettingsError
 from lfcore.storage import defaults
-from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings, schema
 
@@ -78,19 +77,17 @@ def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
 
 
 def test_scenes_by_name_and_by_path(tmp_path):
-    mesh = tmp_path / "teapot.glb"
-    mesh.touch()
+    names = ["teapot-2.1_final+", "größe", "-1"]
+    meshes = [tmp_path / f"{name}.glb" for name in names]
+    for file in (*meshes, tmp_path / "bike.yaml"):
+        file.touch()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").touch()
-    found = cases.scene_files(["bike", str(mesh), str(tmp_path / "mine")])
-    assert list(found) == ["bike", "teapot", "mine"]
+    found = cases.scene_files(["bike", *map(str, meshes), str(tmp_path / "mine")])
+    assert list(found) == ["bike", *names, "mine"]
     assert found["bike"].endswith("scenes/bike/scene.yaml")
-
-
-def test_a_scene_that_is_not_there(tmp_path):
     with pytest.raises(SettingsError, match=r"scenes: there is no scene 'bikke'"):
         cases.scene_files(["bikke"])
-    (tmp_path / "bike.yaml").touch()
     with pytest.raises(SettingsError, match="two scenes are called 'bike'"):
         cases.scene_files(["bike", str(tmp_path / "bike.yaml")])
 
@@ -118,12 +115,6 @@ def test_names_that_no_scene_can_have(tmp_path, file, words):
     with pytest.raises(SettingsError, match=words) as caught:
         cases.scene_files([str(path)])
     assert "configuration: scenes" in str(caught.value) and str(path) in str(caught.value)
-
-
-@pytest.mark.parametrize("file", ["teapot-2.1_final+.glb", "größe.ply", "-1.obj"])
-def test_names_that_scenes_have(tmp_path, file):
-    (tmp_path / file).touch()
-    assert list(cases.scene_files([str(tmp_path / file)])) == [file.rsplit(".", 1)[0]]
 
 
 def test_planes_of_the_scene_or_of_the_configuration():
@@ -197,36 +188,29 @@ def test_a_hundred_thousand_tiles_are_a_plan_of_hundreds_of_jobs():
     assert 10 * costs.MARGIN <= minutes <= 10 * costs.MARGIN + 2
 
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-
-
 def load(name):
-    return yaml.safe_load((CONFIG / name).read_text())
+    return yaml.safe_load((ROOT / "config" / name).read_text())
 
 
 def complete():
     """The default configuration with its studies."""
     made = load("config.yaml")
-    for file in (CONFIG / "studies").iterdir():
+    for file in (ROOT / "config" / "studies").iterdir():
         made |= yaml.safe_load(file.read_text())
     return made
 
 
 def test_the_files_of_the_project_hold_every_key_and_its_default():
-    assert check_settings(complete()) == check_settings({})
+    given = complete()
+    settings = check_settings(given)
+    assert settings == check_settings({}) and given == complete(), "what is given is not changed"
+    assert settings["layout"] == check_settings({"layout": {"order": "serpentine"}})["layout"]
     assert VALIDATOR.is_valid(complete())
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "thesis.yaml", "smoke.yaml", "micro.yaml"])
 def test_the_configurations_of_the_project(name):
     assert check_settings(complete() | load(name))["pixels"] == load(name).get("pixels", 128)
-
-
-def test_what_is_given_is_not_changed():
-    config = {"layout": {"kind": "views"}}
-    settings = check_settings(config)
-    assert config == {"layout": {"kind": "views"}}
-    assert settings["layout"] == {"kind": "views", "order": "serpentine", "pack": None}
 
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())

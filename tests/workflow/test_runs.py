@@ -1,15 +1,129 @@
-"""Profiles that Snakemake and its plugins know, a linted workflow, and one that is deployed."""
+"""Runs that are killed or meet in one folder; profiles; a workflow that is deployed."""
 
 import importlib.util
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
+from lfcore.workflow.job import RUN
+from robustness.kills import make_run
 from robustness.object_storage import KEYS
 from robustness.outcome import ROOT
+
+pytestmark = pytest.mark.workflow
+
+SNAKEFILE = f"""
+import os
+os.environ.update({RUN}=str(os.getpid()))
+
+rule slow:
+    output: "made"
+    log: "log"
+    script: "slow.py"
+"""
+# It appends to a trace until it is told to hurry.
+SLOW = """
+import time
+from pathlib import Path
+from lfcore.workflow.job import job
+
+with job(snakemake.log[0], snakemake.threads):
+    Path(snakemake.output[0]).write_text("half")
+    with open("trace", "a") as trace:
+        while not Path("hurry").exists():
+            trace.write("x")
+            trace.flush()
+            time.sleep(0.05)
+    Path(snakemake.output[0]).write_text("whole")
+"""
+MAKE, BARE = make_run(""), (sys.executable, "-m", "snakemake", "--cores", "1")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "Snakefile").write_text(SNAKEFILE)
+    (tmp_path / "slow.py").write_text(SLOW)
+    shutil.copytree(ROOT / "profiles" / "default", tmp_path / "profiles" / "default")
+    return tmp_path
+
+
+def start(folder, command):
+    """A run of the little workflow; its output is in ``folder/terminal``."""
+    with (folder / "terminal").open("ab") as terminal:
+        return subprocess.Popen(
+            command, cwd=folder, stdout=terminal, stderr=subprocess.STDOUT,
+            env=os.environ | {"PYTHONPATH": str(ROOT)}, start_new_session=True,
+        )  # fmt: skip
+
+
+def until(condition, seconds=240.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.02)
+
+
+def locks(folder):
+    return list((folder / ".snakemake" / "locks").glob("*"))
+
+
+def said(folder):
+    return (folder / "terminal").read_text()
+
+
+@pytest.mark.parametrize("command", [MAKE, BARE], ids=["make", "snakemake"])
+def test_a_run_goes_on_by_itself_after_a_kill(folder, command):
+    """Its job has ended before the next run writes, and no lock is in the way."""
+    killed = start(folder, command)
+    trace = folder / "trace"
+    until(trace.exists)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    time.sleep(0.5)
+    written = trace.stat().st_size
+    time.sleep(0.5)
+    assert trace.stat().st_size == written and locks(folder)
+    (folder / "hurry").touch()
+    assert start(folder, MAKE).wait(240) == 0, said(folder)
+    assert (folder / "made").read_text() == "whole"
+
+
+def test_two_runs_wait_for_a_third(folder):
+    first = start(folder, MAKE)
+    until((folder / "trace").exists)
+    others = [start(folder, MAKE), start(folder, MAKE)]
+    until(lambda: said(folder).count("Waiting for the run") == 2)
+    (folder / "hurry").touch()
+    assert [run.wait(240) for run in (first, *others)] == [0, 0, 0], said(folder)
+    assert said(folder).count("Nothing to be done") == 2
+
+
+def test_a_bare_snakemake_that_has_just_begun_keeps_its_lock(folder):
+    bare = start(folder, BARE)
+    until(lambda: locks(folder))
+    assert start(folder, MAKE).wait(240) == 1
+    assert "cannot be locked" in said(folder) and locks(folder)
+    (folder / "hurry").touch()
+    assert bare.wait(240) == 0, said(folder)
+    assert (folder / "made").read_text() == "whole"
+
+
+def test_a_job_that_begins_after_its_run_has_died_ends():
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    program = "from lfcore.workflow.job import end_with_run; end_with_run(); print('goes on')"
+    for run, words in ((gone.pid, ""), (os.getpid(), "goes on\n")):
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=os.environ | {RUN: str(run)},
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.stdout == words
+
 
 PLUGINS = {
     "slurm": ["snakemake_executor_plugin_slurm"],
@@ -36,7 +150,6 @@ def parsed(*profiles):
     )
 
 
-@pytest.mark.workflow
 def test_every_key_of_every_profile_is_an_option(tmp_path):
     profiles = sorted((ROOT / "profiles").iterdir())
     assert {profile.name for profile in profiles} == {"default", *PLUGINS}
@@ -49,7 +162,6 @@ def test_every_key_of_every_profile_is_an_option(tmp_path):
     assert wrong.returncode and "no-such-option" in wrong.stderr
 
 
-@pytest.mark.workflow
 def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
     needed("kubernetes")
     moto = pytest.importorskip("moto.server")
@@ -77,7 +189,6 @@ def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
     assert not list(tmp_path.glob("results"))
 
 
-@pytest.mark.workflow
 def test_the_workflow_is_linted_where_only_snakemake_is_installed(checkout, tmp_path):
     """As the workflow catalog does."""
     (tmp_path / "lfcore.py").write_text("raise ImportError('there is no lfcore here')\n")
@@ -88,7 +199,6 @@ def test_the_workflow_is_linted_where_only_snakemake_is_installed(checkout, tmp_
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.workflow
 def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
     pytest.importorskip("snakedeploy")
     words = ("deploy-workflow", str(checkout.folder), str(tmp_path), "--branch=main", "--force")
