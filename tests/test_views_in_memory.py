@@ -135,9 +135,6 @@ def test_other_objects_pickle(field):
         assert repr(pickle.loads(pickle.dumps(thing))) == repr(thing)
     again = pickle.loads(pickle.dumps(scene))
     np.testing.assert_array_equal(again.triangles, scene.triangles)
-
-
-def test_devices_pickle_by_name():
     device = lfcore.open_device(threads=1)
     again = pickle.loads(pickle.dumps(device))
     assert (again.name, again.threads, again.lanes) == (device.name, 1, device.lanes)

@@ -52,22 +52,16 @@ def test_a_terminal_sees_a_bar_and_that_kernels_are_built(monkeypatch):
     assert "tracing: " in terminal.getvalue().splitlines()[-1]
 
 
-def test_a_log_has_one_line(clock, capsys):
+def test_the_last_line_has_seconds_and_a_rate_without_those_of_building(clock, capsys):
     with lines.progress("tracing", "rays") as report:
         clock.now += 1.0
         report(1, 2)
     assert capsys.readouterr().err == "tracing: 1.0 s\n"
-
-
-def test_builds_of_several_threads_count_once(clock, capsys):
     with lines.progress("tracing"):
         with program_cache._telling():
             build(clock, 2.0)
             clock.now += 1.0
     assert capsys.readouterr().err == "tracing: 3.0 s, 3.0 s of them building kernels\n"
-
-
-def test_the_rate_leaves_out_seconds_of_building(clock, capsys):
     with lines.progress("tracing", rays=8_000_000):
         build(clock, 3.0)
         clock.now += 4.0

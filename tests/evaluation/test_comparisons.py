@@ -314,14 +314,11 @@ def test_what_is_no_direct_lens(tracer):
         direct_thin_lens(tracer, turned, 4.0, 4)
 
 
-def test_errors_of_known_pictures():
+def test_errors_and_overview_of_known_pictures():
     black, grey = np.zeros((12, 12, 3)), np.full((12, 12, 3), 0.5)
     found = errors(grey, black)
     assert found["rmse"] == pytest.approx(0.5)
     assert found["psnr_db"] == pytest.approx(20 * np.log10(1 / 0.735357), abs=1e-3)
-
-
-def test_an_overview_averages():
     image = np.random.default_rng(1).random((8, 12, 3)).astype(np.float32)
     small = overview(image, 5)
     assert small.shape == (2, 4, 3)

@@ -117,9 +117,6 @@ def test_each_row_stands_beside_the_thesis():
     assert table.seconds.tolist() == [1.235, 1.235]
     retrieval = make_table("table_7_3", [quality("cabin", 64)])
     assert retrieval.thesis_psnr_db.tolist() == [45.268]
-
-
-def test_a_scene_of_ones_own_has_no_thesis_figures():
     table = make_table("table_7_1", [quality("teapot", 16)])
     assert table.thesis_seconds.isna().all()
     assert "–" in readable(table)["thesis seconds"].tolist()
@@ -133,6 +130,12 @@ def test_sizes_in_both_conventions():
     assert measured["raw_bytes_float32"] == row.raw_bytes_float32 == 768 * 2**20
     assert measured["ratio_float32"] == pytest.approx(row.compression_ratio, rel=1e-3)
     assert measured["ratio_uint8"] == pytest.approx(measured["ratio_float32"] / 4)
+    assert [human_bytes(n) for n in (0, 1000, 1536, 3 * 2**30)] == [
+        "0 B",
+        "1000 B",
+        "1.5 KiB",
+        "3 GiB",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -161,11 +164,6 @@ def test_files(tmp_path):
     assert lines[0] == "# A title" and lines[-1] == "A caption."
     assert sum(line.startswith("| bike") for line in lines) == 2
     assert {p.name for p in tmp_path.iterdir()} == {"t.csv", "t.md"}
-
-
-def test_sizes_for_people():
-    sizes = [human_bytes(n) for n in (0, 1000, 1536, 3 * 2**30)]
-    assert sizes == ["0 B", "1000 B", "1.5 KiB", "3 GiB"]
 
 
 def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):
@@ -220,7 +218,7 @@ def shown(axis):
     }
 
 
-def test_curves_of_unequal_m_have_axes_of_their_own():
+def test_curves_share_an_axis_with_the_thesis_if_m_is_its():
     panels = (QUALITY[0], TIME)
     ours, thesis, time = curves_over_n(of_scenes(128), panels).axes
     assert ours.get_title() == "M = 128" and thesis.get_title() == "the thesis, M = 512"
@@ -232,9 +230,6 @@ def test_curves_of_unequal_m_have_axes_of_their_own():
     assert points["a", "-"][0][1] == pytest.approx(1e9 / (16 * 128) ** 2)
     assert points["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
     assert time.get_title() == "M = 128; dashed: the thesis, M = 512"
-
-
-def test_curves_of_the_thesis_s_m_share_an_axis():
     quality, time = curves_over_n(of_scenes(512), (QUALITY[0], TIME)).axes
     assert set(shown(quality)) == {("a", "-"), ("b", "-"), ("_", "--")}
     assert shown(time)["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
@@ -265,9 +260,6 @@ def test_page_is_whole_and_self_contained(tmp_path):
     assert base64.b64decode(data) == (tmp_path / "p.png").read_bytes()
     assert not re.search(r"(src|href)=\"(?:https?:|/)", text)
     assert "not shown</dt><dd>stale.csv</dd>" in text
-
-
-def test_a_caption_with_a_mistake_is_an_error():
     with pytest.raises(jinja2.UndefinedError):
         to_html("{{ snakemake.config['absent'] }}", {})
 

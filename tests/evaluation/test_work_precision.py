@@ -39,15 +39,12 @@ def grey():
     return Reference(planes, pictures, np.array([60.0, 50.0]), np.zeros((2, 32, 32), np.float32))
 
 
-def test_a_point_is_of_the_worst_plane(grey):
+def test_a_point_is_of_the_worst_plane_and_judged_beside_the_truths_own_error(grey):
     made = grey.pictures + np.float32([0.001, 0.02])[:, None, None, None]
     row = point(grey, made, rays=2048, scene="s")
     assert set(row) == set(COLUMNS) and row["rays_per_pixel"] == 2
     assert (row["worst_plane_m"], row["truth_known_db"], row["note"]) == (3.0, 50.0, None)
     assert row["psnr_true_db"] < 40 < row["mean_psnr_true_db"]
-
-
-def test_errors_near_the_truths_own_are_not_judged(grey):
     for off, note in ((0.02, None), (0.002, NOT_JUDGED)):
         row = point(grey, grey.pictures + np.float32(off), rays=1)
         assert row["note"] == note and row["psnr_true_db"] > 30
@@ -149,9 +146,6 @@ def test_a_peer_needs_what_independent_samples_need(grey):
         assert row["rays"] == pytest.approx(2 * samples * 64**2, rel=0.1)
         assert row["seconds"] == pytest.approx(row["rays"] * 1e-6)
         assert (row["expected_db"], row["psnr_true_db"]) == (target, None)
-
-
-def test_a_peer_that_is_not_installed_says_so(grey):
     missing = lambda *_: Rendered("P", None, note="left out: P is not installed")  # noqa: E731
     (row,) = peer_rows(SCENE, grey.planes, 64, [40, 45], peers={"P": missing})
     assert row["note"] == "left out: P is not installed" and row["seconds"] is None
@@ -212,10 +206,12 @@ def test_labels_cover_neither_one_another_nor_points():
     assert len(many) <= len(DIRECTIONS) * len(DISTANCES_PT), "no room, no label"
 
 
-def test_two_lattices_agree_on_the_truth(reference):
+def test_two_lattices_agree_on_the_truth_unless_alike(reference, chart):
     side = reference.size.width
     assert reference.pictures.shape == (2, side, side, 3)
     assert (reference.known_db > 45).all()
+    with pytest.raises(OpticsError, match="too alike"):
+        true_pictures(chart, reference.planes, 24, (Lattice(8, 3), Lattice(8, 4)))
 
 
 def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
@@ -226,11 +222,6 @@ def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
     light = chart.bundle_radiance(crossed_views(slab).bundles())[inside].clip(0, 1).mean(0)
     plain = light.reshape(side, 3, side, 3, 3).mean((1, 3))
     assert inner_psnr(plain, reference.pictures[0]) > 40
-
-
-def test_alike_lattices_are_no_reference(chart, reference):
-    with pytest.raises(OpticsError, match="too alike"):
-        true_pictures(chart, reference.planes, 24, (Lattice(8, 3), Lattice(8, 4)))
 
 
 def test_a_quality_is_recorded_and_compared_with_the_recipe(tmp_path, chart, reference):

@@ -352,7 +352,7 @@ def test_hci_has_every_views_depth_and_disparity(chart, traced, tmp_path, device
     assert back.metric
 
 
-def test_nerfstudio_has_millimetres(chart, traced, tmp_path):
+def test_nerfstudio_has_millimetres_and_without_the_scene_it_is_said(chart, traced, tmp_path):
     export_lightfield(traced, "nerfstudio", tmp_path / "out", scene=chart)
     data = json.loads((tmp_path / "out" / "transforms.json").read_text())
     frame = data["frames"][7]
@@ -361,9 +361,6 @@ def test_nerfstudio_has_millimetres(chart, traced, tmp_path):
     depth = depth_of_views(open_tracer(chart), field.slab, np.array([[2, 1]]))[0]
     expected = np.where(np.isfinite(depth), np.rint(1e3 * depth), 0)
     np.testing.assert_array_equal(mm, expected)
-
-
-def test_without_the_scene_it_is_said(traced, tmp_path):
     for name in ("hci", "nerfstudio"):
         (note,) = export_lightfield(traced, name, tmp_path / name)
         assert "--scene" in note

@@ -60,16 +60,10 @@ def test_gap_to_the_next_triangle():
     assert hits.triangle[0] == 0 and hits.gap[0] == pytest.approx(8)
     assert not hits.clear()[0] and hits.clear(ulp=4)[0]
     assert one((0.25, 0.25, 0), (0, 0, 1)).gap[0] == np.inf
-
-
-def test_nothing_is_said_beyond_the_margins_that_were_measured():
     hits = one((0.25, 0.25, 0), (0, 0, 1))
     with pytest.raises(ValueError, match="up to 64"):
         hits.clear(64)
     assert one((0.25, 0.25, 0), (0, 0, 1), near=100).clear(64)[0]
-
-
-def test_equal_depths_give_the_lowest_number():
     copies = np.concatenate([UNIT + np.float32([0, 0, 1]), UNIT, UNIT, UNIT])
     hits = one((0.25, 0.25, 0), (0, 0, 1), copies)
     assert hits.triangle[0] == 1 and hits.gap[0] == 0

@@ -249,13 +249,10 @@ def test_the_same_light_from_any_number_of_threads(tmp_path):
     assert (again.values == one.values).all() and again.error == one.error
 
 
-def test_scenes_that_lack_it_are_refused_by_a_tracer():
+def test_what_cannot_be_baked_or_traced_is_refused():
     scene = world(plain_scenes.wall(2.0))
     with pytest.raises(lfcore.SceneError, match="not baked"):
         lfcore.Tracer(scene, None)
-
-
-def test_white_above_white_is_refused():
     with pytest.raises(lfcore.SceneError, match=r"material matt: diffuse.*1\.5.*Give at most 1"):
         lfcore.bake(world(plain_scenes.wall(2.0), 1.5))
 

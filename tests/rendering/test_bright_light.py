@@ -97,15 +97,12 @@ def test_views_above_white_come_back(tmp_path):
     np.testing.assert_allclose(field.views(0, 0, 2, 2), views, rtol=0.05, atol=0.5)
 
 
-def test_exposure():
+def test_exposure(tmp_path):
     light = np.float32([[[0.2, 0.1, 0.4], [8.0, 4.0, 2.0]]])
     np.testing.assert_allclose(lfcore.exposed(light, -1), light / 2)
     soft = lfcore.exposed(light, 0, True)
     np.testing.assert_array_equal(soft[0, 0], light[0, 0])
     np.testing.assert_allclose(soft[0, 1], np.array([1, 0.5, 0.25]) * (1 - 1 / 32))
-
-
-def test_pictures_are_exposed_and_exr_keeps_all(tmp_path):
     light = np.full((4, 4, 3), 8.0, np.float32)
     lfcore.write_picture(tmp_path / "a.png", light, exposure_ev=-4)
     np.testing.assert_array_equal(read_codes(tmp_path / "a.png"), srgb_codes(light / 16))

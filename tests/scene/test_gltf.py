@@ -89,16 +89,13 @@ def test_punctual_lights(write):
     np.testing.assert_allclose(spot.cone, (1, math.sqrt(0.5)))
 
 
-def test_lights_of_a_file_replace_the_default(write, write_scene):
+def test_lights_of_a_file_replace_the_default_and_move_with_their_object(write, write_scene):
     path = write(lights("point", "point"))
     assert [light.kind for light in build_scene(path).lights] == [POINT, POINT]
     sun = [{"towards_light": [0, 1, 0], "colour": [1, 1, 1]}]
     scene = build_scene(write_scene({"objects": [{"file": path.name}], "lights": sun}))
     assert [light.kind for light in scene.lights] == [DIRECTIONAL]
     assert "2 lights: the scene has its own" in scene.summary()
-
-
-def test_lights_move_with_their_object(write, write_scene):
     entry = {"file": write(lights("point")).name, "transform": [{"translate_m": [5, 0, 0]}]}
     pose = {"position_m": [6, 2, 9], "look_at_m": [6, 2, 0]}
     scene = build_scene(write_scene({"objects": [entry], "camera": {"pose": pose}}))
@@ -115,16 +112,13 @@ def camera(tree):
         add_node(tree, camera=number, translation=[0.5, 0.5, 4 + number])
 
 
-def test_the_first_perspective_camera_looks(write):
+def test_the_first_perspective_camera_looks_unless_the_scene_has_a_pose(write, write_scene):
     scene = build_scene(write(camera))
     assert scene.camera.field_width == pytest.approx(2 * math.tan(0.5))
     assert scene.camera.focus_m == pytest.approx(5)
     # From (0.5, 0.5, 5) along -z: x to the right, y down.
     np.testing.assert_allclose(scene.triangles[0, 0], (-0.5, 0.5, 5), atol=1e-6)
     assert "camera 'plan'" in scene.summary() and "camera 2" in scene.summary()
-
-
-def test_a_pose_of_the_scene_wins(write, write_scene):
     pose = {"position_m": [0, 0, 9], "look_at_m": [0, 0, 0]}
     description = {"objects": [{"file": write(camera).name}], "camera": {"pose": pose}}
     scene = build_scene(write_scene(description))
@@ -152,14 +146,12 @@ def test_a_texture_is_moved(made):
     assert notes == []
 
 
-def test_unlit_is_a_glow(made):
+def test_what_glows(made):
     unlit = lambda tree: use(tree, "KHR_materials_unlit", {})  # noqa: E731
     part, notes = made(unlit, baseColorFactor=[1.0, 0.2, 0, 1])
     assert part.surface.emission == pytest.approx((1, 0.2, 0), abs=2e-3)
     assert part.surface.diffuse == part.surface.specular == (0, 0, 0) and notes == []
 
-
-def test_emission_with_its_strength_and_texture(made):
     def strong(tree):
         use(tree, "KHR_materials_emissive_strength", {"emissiveStrength": 5.0})
 

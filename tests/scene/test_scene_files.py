@@ -108,7 +108,7 @@ def test_a_packed_pbrt_scene_and_a_packed_mesh(write):
     assert names(folder / "main.pbrt.gz") == ["main.pbrt.gz", "m.ply.gz"]
 
 
-def test_buffers_and_images_of_gltf(write):
+def test_files_of_gltf_and_ply(write):
     inline = "data:application/octet-stream;base64," + base64.b64encode(b"pic.png").decode()
     document = {
         "buffers": [{"uri": "b.bin"}, {"uri": inline}, {}],
@@ -117,6 +117,13 @@ def test_buffers_and_images_of_gltf(write):
     folder = write(m_gltf=json.dumps(document), b_bin="")
     (folder / "my pic.png").touch()
     assert names(folder / "m.gltf") == ["m.gltf", "b.bin", "my pic.png"]
+    folder = write(m_ply="ply\nformat ascii 1.0\ncomment TextureFile skin.png\n", skin_png="")
+    assert names(folder / "m.ply") == ["m.ply", "skin.png"]
+    images = {"images": [{"uri": "skin.png"}]}
+    trimesh.creation.box().export(
+        folder / "m.glb", tree_postprocessor=lambda tree: tree.update(images)
+    )
+    assert names(folder / "m.glb") == ["m.glb", "skin.png"]
 
 
 def test_every_file_that_an_exporter_writes_is_found(tmp_path):
@@ -125,16 +132,6 @@ def test_every_file_that_an_exporter_writes_is_found(tmp_path):
         (tmp_path / name).write_bytes(data)
     found = set(names(tmp_path / "model.gltf"))
     assert found == {path.name for path in tmp_path.iterdir()}
-
-
-def test_images_beside_a_glb_and_textures_of_a_ply(write):
-    folder = write(m_ply="ply\nformat ascii 1.0\ncomment TextureFile skin.png\n", skin_png="")
-    assert names(folder / "m.ply") == ["m.ply", "skin.png"]
-    images = {"images": [{"uri": "skin.png"}]}
-    trimesh.creation.box().export(
-        folder / "m.glb", tree_postprocessor=lambda tree: tree.update(images)
-    )
-    assert names(folder / "m.glb") == ["m.glb", "skin.png"]
 
 
 @pytest.mark.parametrize(
@@ -153,14 +150,11 @@ def test_what_cannot_be_parsed_is_itself_alone(write, text):
         assert names(folder / name) == [name]
 
 
-def test_aliases_may_be_used(write_scene, tetrahedron):
+def test_aliases_and_whole_floats_may_be_used(write_scene, tetrahedron):
     skin = "&skin {diffuse: [1, 0, 0]}"
     entry = f"file: {tetrahedron.name}, material:"
     path = write_scene(f"objects: [{{{entry} {skin}}}, {{{entry} *skin}}]")
     assert len(build_scene(path).materials) == 1
-
-
-def test_whole_floats_count_as_integers(write_scene):
     scene = build_scene(write_scene("objects: [{builder: sphere, seed: 1.0}]"))
     other = build_scene(write_scene("objects: [{builder: sphere, seed: 1}]"))
     assert (scene.textures[0] == other.textures[0]).all()
@@ -273,7 +267,7 @@ def test_array_of_the_wrong_shape_is_refused(tmp_path, scene):
         load_scene(tmp_path / "scene.npz")
 
 
-def test_needs_of_everything(scene):
+def test_needs(scene):
     assert Needs.of(scene) == Needs(
         textures=True, cut_outs=False, physical=False, smooth_normals=False, curved=False,
         vertex_colours=False,
@@ -281,10 +275,7 @@ def test_needs_of_everything(scene):
         directional_lights=1, falloff=True, coloured_lights=True, emitters=False, spots=False,
         baked=False, sky=False, stops=5,
     )  # fmt: skip
-
-
-def test_needs_shrink_with_the_scene(scene):
-    """Materials that no triangle has and lights that are black do not count."""
+    # Materials that no triangle has and lights that are black do not count.
     bare = dataclasses.replace(
         scene,
         material_ids=np.zeros(5, np.int32),

@@ -104,14 +104,6 @@ def test_impossible_layouts_are_refused(change):
         FrameLayout.from_json(good | change)
 
 
-def test_elements_outside_a_tile_are_refused():
-    tile = FrameLayout("views", 4, 8).tile(0, 2, 4, 2)
-    with pytest.raises(StorageError, match="outside"):
-        tile.placement([[0, 1]])
-    with pytest.raises(StorageError, match="does not fit"):
-        tile.layout.tile(1, 1, 4, 1)
-
-
 def pictures(seed: int, shape=(2, 24, 32, 3)) -> np.ndarray:
     return np.random.default_rng(seed).random(shape).astype(np.float32)
 
@@ -185,3 +177,8 @@ def test_misfits_are_refused():
         frames_from_rgb(pictures(0), "nv12")
     with pytest.raises(StorageError, match="frames must be"):
         rgb_from_frames(np.zeros((2, 100), np.uint8), "yuv444p", 8, 8)
+    tile = FrameLayout("views", 4, 8).tile(0, 2, 4, 2)
+    with pytest.raises(StorageError, match="outside"):
+        tile.placement([[0, 1]])
+    with pytest.raises(StorageError, match="does not fit"):
+        tile.layout.tile(1, 1, 4, 1)

@@ -133,6 +133,9 @@ def test_outside_is_refused(stored):
     ]:
         with pytest.raises(StorageError):
             wrong()
+    for call in (default_kind, default_pack, chosen_encoding, macropixel_pack):
+        with pytest.raises(StorageError, match="positive"):
+            call(0)
 
 
 def join_with(stored, tmp_path, segments, tiles=None):
@@ -263,12 +266,6 @@ def test_files_of_earlier_programs_open(name, version, size, mean):
     assert about["version"] == version and field.picture_size == size
     assert (field.depth_video is not None) == (name == "depth")
     assert abs(display_values(field.refocus()).mean() - mean) < 0.3
-
-
-def test_impossible_views_are_refused():
-    for call in (default_kind, default_pack, chosen_encoding, macropixel_pack):
-        with pytest.raises(StorageError, match="positive"):
-            call(0)
 
 
 @pytest.mark.parametrize("views, pixels", [(8, 64), (128, 4)])

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stored_fields import segment_frames
 from tracing_scenes import (
     CAMERA,
     closed_room,
@@ -20,7 +19,7 @@ from tracing_scenes import (
     tracer_of,
 )
 
-from lfcore import DeviceError, Encoding, FrameLayout, SensorPlane, Slab, Tracer, open_device
+from lfcore import DeviceError, FrameLayout, SensorPlane, Slab, Tracer, open_device
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.oracle import colour as truth
@@ -28,7 +27,6 @@ from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.pixels import PIXEL_FORMATS
-from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing import plane_buffers
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.chunks import grid_corner
@@ -190,16 +188,13 @@ def test_strip_rows_by_walking_strips(pixels, span, views, size):
     assert most <= found <= most + pixels
 
 
-def test_workers_are_as_many_as_memory_has_sums_for():
+def test_workers_are_as_many_as_memory_has_sums_for(monkeypatch):
     about = SimpleNamespace(max_mem_alloc_size=20 << 30, global_mem_size=64 << 30)
     wide = SimpleNamespace(threads=64 * 132, device=about, name="a wide one")
     assert workers_that_fit(wide, 1 << 10) == wide.threads
     assert workers_that_fit(wide, 42 << 20) == (16 << 30) // (42 << 20)
     with pytest.raises(DeviceError, match=r"17\.0 GiB, and a wide one has room for 16\.0.*fewer"):
         workers_that_fit(wide, 17 << 30)
-
-
-def test_fewer_workers_give_the_same_sums(monkeypatch):
     layout = FrameLayout("macropixels", 3, 13)
     tracer = tracer_of(painted_soup(), open_device(threads=2))
     many = formed(tracer, layout)
@@ -283,12 +278,3 @@ def test_one_lane_gives_the_same_codes(tracers, name):
     layout = FrameLayout("views", 3, 37, "raster", 2, name)
     narrow, wide = (traced(tracer, layout)[0] for tracer in tracers.values())
     np.testing.assert_array_equal(narrow, wide)
-
-
-@pytest.mark.parametrize("name", ["gbrp", "yuv444p10le"])
-def test_a_lossless_codec_gives_the_codes_back(tracers, tmp_path, name):
-    layout = FrameLayout("views", 3, 37, pixel_format=name)
-    frames, spec = traced(tracers[None], layout)[0], Encoding("ffv1", name, preset=None, tune=None)
-    with SegmentWriter(tmp_path / "0.mp4", spec, layout.frame_width, layout.frame_height) as out:
-        out.write(frames)
-    np.testing.assert_array_equal(segment_frames(tmp_path / "0.mp4"), frames)

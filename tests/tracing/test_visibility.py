@@ -170,7 +170,7 @@ def test_copies_at_one_place_go_to_the_lowest_index(device, tracing):
     assert expected.max() < 60 and (found.ravel() != expected).mean() < 1e-3  # rays at edges
 
 
-def test_degenerate_triangles_and_bad_rays_are_missed(device):
+def test_what_is_degenerate_behind_the_lens_or_not_there_is_missed(device):
     point = np.tile(np.float32([0, 0, 1]), (5, 3, 1))
     tracer = tracer_of(np.concatenate([point, soup(50, 6)]), device)
     bad = np.float32([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, 0]])
@@ -178,9 +178,6 @@ def test_degenerate_triangles_and_bad_rays_are_missed(device):
     assert (triangle == -1).all() and np.isinf(distance).all() and np.isnan(weights).all()
     seen, _ = tracer.slab_hits(Slab(CAMERA, 16, 16), some_pixels(16, 16))
     assert ((seen == -1) | (seen >= 5)).all()
-
-
-def test_a_scene_behind_the_lens_or_empty_is_missed(device):
     behind = soup(50, 7) * [1, 1, -1]
     for triangles in (behind, np.zeros((0, 3, 3))):
         triangle, depth = tracer_of(triangles, device).slab_hits(

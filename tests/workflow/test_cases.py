@@ -127,6 +127,12 @@ def test_planes_of_the_scene_or_of_the_configuration():
         SensorPlane(2.5, 2.0),
         SensorPlane(3, 8, aperture="square"),
     ]
+    given = [{"focus_m": "near"}, {"focus_m": "50%", "blur": "0.3%"}, {"focus_m": "far"}]
+    near, middle, far = cases.sensor_planes(given, CAMERA, (2.0, 3.0, 4.0))
+    assert (near.focus_m, far.focus_m) == (2.0, 4.0) and near.f_number == CAMERA.f_number
+    assert middle.focus_m == pytest.approx(1 / 0.375)
+    diameter = CAMERA.focal_length_m / middle.f_number
+    assert diameter * (0.375 - 0.25) / CAMERA.field_width == pytest.approx(0.003)
 
 
 @pytest.mark.parametrize(
@@ -141,15 +147,6 @@ def test_planes_of_the_scene_or_of_the_configuration():
 def test_planes_that_the_lens_cannot_form(plane, words):
     with pytest.raises(SettingsError, match=words):
         cases.sensor_planes([{"focus_m": 2}, plane], CAMERA, ())
-
-
-def test_planes_in_words_refer_to_the_focus_distances():
-    given = [{"focus_m": "near"}, {"focus_m": "50%", "blur": "0.3%"}, {"focus_m": "far"}]
-    near, middle, far = cases.sensor_planes(given, CAMERA, (2.0, 3.0, 4.0))
-    assert (near.focus_m, far.focus_m) == (2.0, 4.0) and near.f_number == CAMERA.f_number
-    assert middle.focus_m == pytest.approx(1 / 0.375)
-    diameter = CAMERA.focal_length_m / middle.f_number
-    assert diameter * (0.375 - 0.25) / CAMERA.field_width == pytest.approx(0.003)
 
 
 def test_an_aperture_stack_closes_by_stops():

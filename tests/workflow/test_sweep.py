@@ -13,7 +13,7 @@ from lfcore.evaluation.sweep import sweep_figure, sweep_rows
 from lfcore.evaluation.table_files import read_rows, write_rows
 from lfcore.rendering.prepared import open_tracer
 from lfcore.workflow import cases
-from lfcore.workflow.sweep import joined, overridden, plan, read_sweep
+from lfcore.workflow.sweep import joined, plan, read_sweep
 
 ROOT = Path(__file__).resolve().parents[2]
 BASE = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
@@ -87,17 +87,6 @@ def test_sweeps_say_what_is_wrong(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(SettingsError, match=words):
         read_sweep(path)
-
-
-def test_a_sweep_that_is_not_there(tmp_path):
-    with pytest.raises(SettingsError, match="cannot be read"):
-        read_sweep(tmp_path / "absent.tsv")
-
-
-def test_dotted_keys_nest():
-    base = {"a": {"b": 0, "e": 4}, "f": 5}
-    made = overridden(base, {"a.b": 1, "a.c": 2, "d.g": 3})
-    assert made == {"a": {"b": 1, "e": 4, "c": 2}, "f": 5, "d": {"g": 3}} and base["a"]["b"] == 0
 
 
 @pytest.mark.workflow
