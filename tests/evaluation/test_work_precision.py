@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from lfcore import DeviceError, Lattice, LightField, OpticsError, SensorPlane, Slab, StorageError
 from lfcore.errors import SettingsError
 from lfcore.evaluation import chosen_rays
-from lfcore.evaluation.chosen_rays import CHOSEN, chosen_rays_table, chosen_row, thesis_row
+from lfcore.evaluation.chosen_rays import chosen_rays_table, chosen_row, thesis_row
 from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference, inner_psnr, true_pictures
@@ -248,7 +248,7 @@ def test_a_quality_is_recorded_and_compared_with_the_recipe(tmp_path, chart, ref
     assert theirs["lattice"] == "64 x 1" and theirs["rays"] == (64 * side) ** 2
     assert (theirs["seconds"], theirs["read_seconds"]) == (6.0, 14.0)
     table = chosen_rays_table([theirs, ours, more])
-    assert list(table.columns) == list(CHOSEN)
+    assert list(table.columns) == list(chosen_rays.COLUMNS)
     assert table.size_share.tolist()[:2] == [1.0, 0.25] and table.rays_share[0] == 1
     assert table.seconds_share[1] == pytest.approx(ours["seconds"] / 6, rel=0.01)
 
@@ -260,6 +260,6 @@ def test_a_quality_beyond_the_budget_names_its_key(tmp_path, chart, reference):
 
 
 def test_shares_are_of_each_scenes_first_row():
-    row = dict.fromkeys(CHOSEN) | {"rays": 10, "seconds": 2.0, "bytes": 100}
+    row = dict.fromkeys(chosen_rays.COLUMNS) | {"rays": 10, "seconds": 2.0, "bytes": 100}
     rows = [row | {"scene": name, "rays": rays} for name in "ab" for rays in (10, 5)]
     assert chosen_rays.chosen_rays_table(rows).rays_share.tolist() == [1, 0.5, 1, 0.5]

@@ -129,7 +129,8 @@ def test_folders_in_any_order(order, wide, tmp_path):
     parsed, numbers = Order.parse(order), {}
     for index in range(8):
         column, row = parsed.place(index, 4, 2)
-        numbers[1 - row if parsed.up else row, 3 - column if parsed.left else column] = index
+        column, row = 3 - column if "left" in order else column, 1 - row if "up" in order else row
+        numbers[row, column] = index
     pictures(tmp_path / "in", wide.views, lambda *place: f"shot {numbers[place]}.png")
     options = ReadOptions((4, 2), parsed)
     grid, field = taken_back(tmp_path / "in", tmp_path, options=options)
