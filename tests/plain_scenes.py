@@ -1,14 +1,15 @@
-"""Scenes of a few triangles, with nothing that they do not need."""
+"""Scenes of a few triangles, with nothing that they do not need; and calls that are refused."""
 
 from pathlib import Path
 
 import numpy as np
+import pytest
 import trimesh
 
-from lfcore import Material
+from lfcore import LfcoreError, Material
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 
-__all__ = ["CAMERA", "CHART", "SCENES", "balls", "scene", "wall"]
+__all__ = ["CAMERA", "CHART", "SCENES", "balls", "refused", "scene", "wall"]
 SCENES = Path(__file__).parents[1] / "scenes"
 CHART = SCENES / "chart"
 
@@ -36,3 +37,10 @@ def balls():
     """A ball of radius 1, and a smaller one before it to the left, as seen from the front."""
     near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
     return trimesh.util.concatenate([trimesh.creation.icosphere(3), near])
+
+
+def refused(words, call, *arguments, **more):
+    """The call raises an error of the library that says this in one line."""
+    with pytest.raises(LfcoreError, match=words) as caught:
+        call(*arguments, **more)
+    assert "\n" not in str(caught.value)

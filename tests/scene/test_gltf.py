@@ -60,9 +60,6 @@ def add_node(tree, **node):
     tree["scenes"][0].setdefault("nodes", []).append(len(tree["nodes"]) - 1)
 
 
-# -- lights and cameras ------------------------------------------------------------------------
-
-
 def lights(*kinds):
     def change(tree):
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
@@ -124,9 +121,6 @@ def test_the_first_perspective_camera_looks_unless_the_scene_has_a_pose(write, w
     scene = build_scene(write_scene(description))
     np.testing.assert_allclose(scene.triangles[0, 0], (0, 0, 9), atol=1e-6)
     assert "the scene has another" in scene.summary()
-
-
-# -- materials ---------------------------------------------------------------------------------
 
 
 def test_a_texture_is_moved(made):
@@ -273,9 +267,6 @@ def test_a_glossy_material_says_that_it_is_approximated_and_takes_no_palette(mad
     np.testing.assert_allclose(part.surface.texture[0, 0], [255, 0, 0], atol=1)
     with pytest.raises(SceneError, match="has a palette"):
         made(glossy, baseColorTexture=picture().quantize())
-
-
-# -- the rest ----------------------------------------------------------------------------------
 
 
 def test_what_is_left_out_is_listed_by_name(made):

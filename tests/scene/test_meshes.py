@@ -81,13 +81,6 @@ def test_coordinates_without_a_material_do_not_darken(tmp_path, kind, exported):
     assert np.ptp(part.uvs) == 1
 
 
-def test_a_picture_of_two_texels_a_side_is_kept_with_its_material(textured):
-    path, _ = textured
-    Image.new("RGB", (2, 2), (100, 100, 100)).save(path.parent / "skin.png")
-    (part,) = load_mesh(path)
-    assert (part.surface.texture == 100).all()
-
-
 def test_a_texture_for_a_mesh_without_coordinates_is_refused(write_scene, minimal, tmp_path):
     Image.new("RGB", (2, 2)).save(tmp_path / "skin.png")
     minimal["objects"][0]["material"] = {"texture": "skin.png"}
@@ -140,6 +133,10 @@ def test_texture_override_and_removal(textured, write_scene):
     entry["material"] = {"texture": None}
     scene = build_scene(write_scene({"objects": [entry]}))
     assert scene.textures == [] and len(scene.uvs) == 0 and scene.materials[0].texture == -1
+    path, _ = textured
+    Image.new("RGB", (2, 2), (100, 100, 100)).save(path.parent / "skin.png")
+    (part,) = load_mesh(path)
+    assert (part.surface.texture == 100).all()
 
 
 def test_glb_with_pbr_texture_normals_and_node_transform(tmp_path):

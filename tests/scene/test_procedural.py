@@ -141,9 +141,6 @@ def test_parameters_beyond_measure(builder, parameters, words):
         build(builder, parameters, 0)
 
 
-# -- the assignment's scenes: book, hillside behind trees
-
-
 def test_the_book_leans_back_and_faces_the_cameras():
     cover = next(part for part in book.build(0) if part.surface.name == "cover")
     edges = [cover.triangles[0, k] - cover.triangles[0, 0] for k in (1, 2)]

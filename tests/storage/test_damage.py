@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_scenes import refused
 
-from lfcore import StorageError
 from lfcore.storage.index import _covers
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import TAG
@@ -86,20 +86,17 @@ def test_a_cluster_that_lost_its_time(tmp_path, whole):
         changed[time] ^= 0x10
         path = tmp_path / "lost.mkv"
         path.write_bytes(changed)
-        with pytest.raises(StorageError, match=re.escape(str(path))):
-            LightFieldFile.open(path).verify()
+        refused(re.escape(str(path)), LightFieldFile.open(path).verify)
         assert salvaged(path, pixels).damage
 
 
 def test_files_that_are_too_short_or_too_long(tmp_path, whole):
     (data, pixels), path = whole, tmp_path / "a.mkv"
     path.write_bytes(data[: len(data) * 7 // 10])
-    with pytest.raises(StorageError, match=r"ends after \d+ of \d+ bytes.* 4 segments can still"):
-        LightFieldFile.open(path)
+    refused(r"ends after \d+ of \d+ bytes.* 4 segments can still", LightFieldFile.open, path)
     assert 1 <= len(salvaged(path, pixels).segments) <= 3
     path.write_bytes(data + b"more")
-    with pytest.raises(StorageError, match="4 bytes follow"):
-        LightFieldFile.open(path)
+    refused("4 bytes follow", LightFieldFile.open, path)
 
 
 def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
@@ -114,14 +111,11 @@ def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     path = tmp_path / "flipped.mkv"
     path.write_bytes(changed)
     light_field = LightFieldFile.open(path)
-    with pytest.raises(StorageError, match=r"segment 2 .*check sum"):
-        next(light_field.frames(2))
+    refused(r"segment 2 .*check sum", next, light_field.frames(2))
     assert (light_field.macropixel(0, 0, codes=True) == pixels[0, 0]).all()
     tile = middle.segments[2].tile
-    with pytest.raises(StorageError, match="segment 2"):
-        light_field.macropixel(tile.column, tile.row, codes=True)
-    with pytest.raises(StorageError, match=r"3 of 4 segments can still be read, not 2"):
-        light_field.verify()
+    refused("segment 2", light_field.macropixel, tile.column, tile.row, codes=True)
+    refused(r"3 of 4 segments can still be read, not 2", light_field.verify)
     assert [damage.segment.index for damage in salvaged(path, pixels).damage] == [2]
 
 
@@ -152,29 +146,24 @@ def test_a_missing_segment(tmp_path, stored, whole, missing):
     gone = LightFieldFile.open(stored.path).segments[missing]
     path = tmp_path / "short.mkv"
     remux(stored.path, path, lambda number: not gone.first <= number < gone.stop)
-    with pytest.raises(StorageError, match=f"segment {missing} is missing"):
-        LightFieldFile.open(path)
+    refused(f"segment {missing} is missing", LightFieldFile.open, path)
     assert [d.segment.index for d in salvaged(path, whole[1]).damage] == [missing]
 
 
 def test_a_missing_frame(tmp_path, stored):
     path = tmp_path / "short.mkv"
     remux(stored.path, path, lambda number: number != 41)
-    with pytest.raises(StorageError, match=r"segment 1 .* has 35 of its 36 frames"):
-        list(LightFieldFile.open(path).frames(1))
+    refused(r"segment 1 .* has 35 of its 36 frames", list, LightFieldFile.open(path).frames(1))
 
 
 def test_foreign_files(tmp_path, stored):
     path = tmp_path / "f.mkv"
     for data in (b"", b"no video at all" * 100, stored.segments[0].read_bytes()):
         path.write_bytes(data)
-        with pytest.raises(StorageError, match="not a Matroska file"):
-            LightFieldFile.open(path)
+        refused("not a Matroska file", LightFieldFile.open, path)
     remux(stored.path, path, text="")
-    with pytest.raises(StorageError, match="no light field"):
-        LightFieldFile.open(path)
-    with pytest.raises(StorageError, match="cannot be read"):
-        LightFieldFile.open(tmp_path / "absent.mkv")
+    refused("no light field", LightFieldFile.open, path)
+    refused("cannot be read", LightFieldFile.open, tmp_path / "absent.mkv")
 
 
 @pytest.mark.parametrize("change, words", [
@@ -190,8 +179,7 @@ def test_metadata_that_contradict(tmp_path, stored, change, words):
     else:
         text = signed(text, lambda data: data["layout"].update({key: value}))
     remux(stored.path, tmp_path / "x.mkv", text=text)
-    with pytest.raises(StorageError, match=words):
-        LightFieldFile.open(tmp_path / "x.mkv")
+    refused(words, LightFieldFile.open, tmp_path / "x.mkv")
 
 
 def signed(text, change):

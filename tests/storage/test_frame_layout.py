@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_scenes import refused
 
 from lfcore import StorageError
 from lfcore.colour import srgb_decode, srgb_encode, to_uint8
@@ -171,14 +172,9 @@ def test_padding_repeats_the_border():
 
 
 def test_misfits_are_refused():
-    with pytest.raises(StorageError, match="even"):
-        frames_from_rgb(pictures(0, (1, 5, 5, 3)), "yuv420p")
-    with pytest.raises(StorageError, match="unknown pixel format"):
-        frames_from_rgb(pictures(0), "nv12")
-    with pytest.raises(StorageError, match="frames must be"):
-        rgb_from_frames(np.zeros((2, 100), np.uint8), "yuv444p", 8, 8)
+    refused("even", frames_from_rgb, pictures(0, (1, 5, 5, 3)), "yuv420p")
+    refused("unknown pixel format", frames_from_rgb, pictures(0), "nv12")
+    refused("frames must be", rgb_from_frames, np.zeros((2, 100), np.uint8), "yuv444p", 8, 8)
     tile = FrameLayout("views", 4, 8).tile(0, 2, 4, 2)
-    with pytest.raises(StorageError, match="outside"):
-        tile.placement([[0, 1]])
-    with pytest.raises(StorageError, match="does not fit"):
-        tile.layout.tile(1, 1, 4, 1)
+    refused("outside", tile.placement, [[0, 1]])
+    refused("does not fit", tile.layout.tile, 1, 1, 4, 1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_scenes import refused
 from stored_fields import segment_frames
 
 from lfcore import Encoding, FrameLayout, LightField, StorageError
@@ -134,8 +135,7 @@ def test_outside_is_refused(stored):
         with pytest.raises(StorageError):
             wrong()
     for call in (default_kind, default_pack, chosen_encoding, macropixel_pack):
-        with pytest.raises(StorageError, match="positive"):
-            call(0)
+        refused("positive", call, 0)
 
 
 def join_with(stored, tmp_path, segments, tiles=None):
@@ -161,12 +161,9 @@ def test_segments_that_do_not_fit_are_refused(tmp_path, stored):
         (other, "other settings"), (short, "has 5 frames"), (small, "32 x 32"), (cut, "cut.mp4"),
         (tmp_path / "none.mp4", "no such file"),
     ]:  # fmt: skip
-        with pytest.raises(StorageError, match=words):
-            join_with(stored, tmp_path, [*good[:2], wrong, good[3]])
-    with pytest.raises(StorageError, match="3 segments for 4 tiles"):
-        join_with(stored, tmp_path, good[:3])
-    with pytest.raises(StorageError, match="exactly once"):
-        join_with(stored, tmp_path, good[:3], stored.tiles[:3])
+        refused(words, join_with, stored, tmp_path, [*good[:2], wrong, good[3]])
+    refused("3 segments for 4 tiles", join_with, stored, tmp_path, good[:3])
+    refused("exactly once", join_with, stored, tmp_path, good[:3], stored.tiles[:3])
     with pytest.raises(StorageError, match="exactly once"):
         join_with(stored, tmp_path, [good[0], *good[:3]], [stored.tiles[0], *stored.tiles[:3]])
     assert not (tmp_path / "x.mkv").exists()
@@ -208,16 +205,14 @@ def test_batches_join_to_the_same_bytes(tmp_path, make_store, codec):
 def test_a_batch_that_is_damaged_is_named(tmp_path, stored):
     batch = tmp_path / "0.batch"
     write_batch(batch, stored.segments[:-1])
-    with pytest.raises(StorageError, match="3 segments for 4 tiles"):
-        join_with(stored, tmp_path, [batch])
+    refused("3 segments for 4 tiles", join_with, stored, tmp_path, [batch])
     write_batch(batch, stored.segments)
     data = batch.read_bytes()
     changed = bytearray(data)
     changed[data.index(b"\x1f\x43\xb6\x75") + 400] ^= 4
     for wrong in (data[: len(data) // 2], bytes(changed), stored.path.read_bytes(), b""):
         batch.write_bytes(wrong)
-        with pytest.raises(StorageError, match="batch: "):
-            join_with(stored, tmp_path, [batch])
+        refused("batch: ", join_with, stored, tmp_path, [batch])
         assert not (tmp_path / "x.mkv").exists()
 
 

@@ -1,5 +1,4 @@
-"""What reaches a kernel is checked before a kernel sees it, and results follow from the job; how
-elements make up packets, and packets strips."""
+"""Arguments are checked, host and kernels agree about records, and results follow from the job."""
 
 import dataclasses
 from contextlib import contextmanager
@@ -7,17 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plain_scenes import refused
 from tracing_scenes import CAMERA, painted_soup
 
 from lfcore import FrameLayout, SensorPlane, Slab, Tracer, open_device
-from lfcore.errors import DeviceError, OpticsError, SceneError
 from lfcore.opencl import device as devices
+from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels, views
-from lfcore.tracing import chunks
+from lfcore.refocus import strip_tables
+from lfcore.tracing import chunks, layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
+from lfcore.tracing.header import header
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.plan import PLACES, PROBED_BLOCKS, best_outer, leaves_a_ray, probed_blocks
+from lfcore.tracing.plan import PLACES, PROBED_BLOCKS, best_outer, probed_blocks
 
 SLAB = Slab(CAMERA, 8, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2)
@@ -37,10 +39,6 @@ ALL = macropixels(SLAB, PIXELS)
 
 
 def test_arguments_that_cannot_be_are_refused(tracer):
-    def refused(words, call, *arguments, **more):
-        with pytest.raises((DeviceError, OpticsError), match=words):
-            call(*arguments, **more)
-
     for threads in (-1, 0):
         refused("threads", open_device, threads=threads)
     for outer in (0, 3, 8):
@@ -130,8 +128,7 @@ def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
 def test_arrays_beyond_32_bit_indices_are_refused():
     limit = SimpleNamespace(size=MOST_NUMBERS)
     check_indices([limit])
-    with pytest.raises(SceneError, match="too large"):
-        check_indices([limit, SimpleNamespace(size=MOST_NUMBERS + 1)])
+    refused("too large", check_indices, [limit, SimpleNamespace(size=MOST_NUMBERS + 1)])
 
 
 def test_a_device_without_float64_is_named_in_the_log(monkeypatch, caplog):
@@ -184,10 +181,47 @@ def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
     assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]])), "FRAMES") == 4
 
 
-def test_leaves_in_the_way_of_a_narrow_block_are_fewer():
-    rng = np.random.default_rng(3)
-    middle = rng.uniform([-1, -1, 3], [1, 1, 6], (4000, 3))
-    boxes = np.concatenate([middle - 0.01, middle + 0.01], 1).astype(np.float32)
-    bundles = macropixels(Slab(CAMERA, 16, 512), rng.integers(0, 512, (16, 2)))
-    wide, narrow = (leaves_a_ray(boxes, bundles, outer) for outer in (1, 4))
-    assert 0 < narrow < wide
+RECORDS = layouts.RECORDS | strip_tables.RECORDS
+
+
+def offsets_on(device, tmp_path, name):
+    """The size of a record and the offsets of its fields, as the device's compiler has them."""
+    fields = RECORDS[name].names
+    at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in fields]
+    body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
+    file = tmp_path / f"{name}.cl"
+    file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
+    kernel = cl.Kernel(
+        build_program(device, [str(file)], {}, header(**strip_tables.RECORDS)), "ask"
+    )
+    answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
+    kernel(device.queue, (1,), None, buffer)
+    cl.enqueue_copy(device.queue, answer, buffer)
+    return answer.tolist()
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", RECORDS)
+def test_every_field_has_its_offset(device, tmp_path, name):
+    layout = RECORDS[name]
+    known = [layout.itemsize, *(layout.fields[field][1] for field in layout.names)]
+    assert offsets_on(device, tmp_path, name) == known
+
+
+def test_a_record_takes_a_value_for_every_field():
+    made = layouts.record(layouts.IMAGE_ARGUMENTS, mode=2, across=5)
+    assert made["across"] == 5 and made["mode"] == 2
+    for wrong in ({"across": 5}, {"across": 5, "mode": 2, "modes": 2}):
+        with pytest.raises(TypeError, match="mode"):
+            layouts.record(layouts.IMAGE_ARGUMENTS, **wrong)
+
+
+@pytest.mark.kernels
+def test_a_kernel_takes_every_argument_by_name(tracer):
+    kernel = tracer.job("HITS", macropixels(Slab(CAMERA, 16, 16), np.zeros((1, 2), int))).kernel
+    known = layouts.PARAMETERS.keys() - set().union(*layouts.SINKS.values())
+    known |= layouts.SINKS["HITS"].keys()
+    with pytest.raises(TypeError, match="depth"):
+        kernel(1, **dict.fromkeys(known - {"depth"}))
+    with pytest.raises(TypeError, match="frames"):
+        kernel(1, **dict.fromkeys([*known, "frames"]))

@@ -24,16 +24,6 @@ def default_jobs(checkout):
     return checkout.planned("--", "results/tables")
 
 
-def test_smoke(checkout):
-    jobs = checkout.planned(*SMOKE, *TARGET)
-    assert jobs["parse"] == jobs["build"] == jobs["evaluate"] == 3
-    # Small ones are a job each, two tiles or not.
-    assert jobs["trace"] == jobs["join"] == jobs["retrieve"] == 3 * 3
-    assert jobs["contact_sheets"] == 3
-    assert jobs["page"] == jobs["thesis_tables"] == jobs["curves"] == 1
-    assert STORE_REPORTS.isdisjoint(jobs)
-
-
 def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
     jobs = default_jobs
     assert jobs["join"] == 18 and jobs["chosen_rays_scene"] == jobs["work_precision_scene"] == 3
