@@ -20,8 +20,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
-import numpy as np
-
 from lfcore.errors import LfcoreError, StorageError
 
 try:
@@ -152,6 +150,8 @@ def read_arrays(
     remedy: str = "Delete it and run again",
 ) -> Read:
     """What ``read`` makes of the arrays of an npz file."""
+    import numpy as np  # help needs no arrays
+
     try:
         with np.load(path, allow_pickle=False) as archive:
             return read(archive)

@@ -8,14 +8,18 @@ import argparse
 import contextlib
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from typing import Any, NoReturn
 
 from lfcore import __version__
 from lfcore.cli.interrupt import ending, interruptible, leave_at_once
 from lfcore.errors import LfcoreError, one_line
 
+# Before NumPy is loaded: threads of BLAS spin, here for nothing.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 COMMANDS = {
     "record": ("render", "a light field file from a scene"),
     "render": ("render", "pictures straight from a scene, without storing a light field"),
@@ -40,6 +44,24 @@ EPILOG = """examples:
 
 'lfcore COMMAND --help' explains each command with examples.
 """
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, and whose values may be ``-1.5px``."""
+
+    def __init__(self, *args: Any, **options: Any):
+        super().__init__(*args, **options)
+        self.formatter_class, self.allow_abbrev = argparse.RawDescriptionHelpFormatter, False
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown and " " in self.prog:  # a command, which the whole program would not name
+            self.error(f"unknown: {' '.join(unknown)}")
+        return found, unknown
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,8 +117,6 @@ def _failed(message: str, status: int = 1) -> int:
 
 def parser(argv: Sequence[str] | None = None) -> argparse.ArgumentParser:
     """The parser; by default with all commands' options, else with those of the one in ``argv``."""
-    from lfcore.cli.command import Parser
-
     top = Parser("lfcore", description=DESCRIPTION, epilog=EPILOG)
     top.add_argument("--version", action="version", version=f"lfcore {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -1,4 +1,4 @@
-"""The base of all commands: parser, ``--json``, options that more than one of them has, opening
+"""The base of all commands: ``--json``, options that more than one of them has, opening
 files and devices, refusing options."""
 
 from __future__ import annotations
@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +17,7 @@ import numpy as np
 import lfcore
 from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
-from lfcore.errors import DeviceError, OpticsError, one_line
+from lfcore.errors import DeviceError, OpticsError
 from lfcore.pictures import check_codes, write_pictures
 from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
@@ -135,24 +134,6 @@ def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
     return [
         flag(name) for name, value in found.items() if value is not False and value not in ([], {})
     ]
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and whose values may be ``-1.5px``."""
-
-    def __init__(self, *args: Any, **options: Any):
-        super().__init__(*args, **options)
-        self.formatter_class, self.allow_abbrev = argparse.RawDescriptionHelpFormatter, False
-        self._negative_number_matcher = re.compile(r"-\.?\d")
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        found, unknown = super().parse_known_args(args, namespace)
-        if unknown and " " in self.prog:  # a command, which the whole program would not name
-            self.error(f"unknown: {' '.join(unknown)}")
-        return found, unknown
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """``lfcore depth``."""
 
+from __future__ import annotations
+
 import argparse
 import math
 from functools import partial

@@ -1,5 +1,7 @@
 """``lfcore info`` and ``lfcore devices``."""
 
+from __future__ import annotations
+
 import argparse
 import json
 import os

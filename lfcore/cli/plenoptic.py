@@ -1,5 +1,7 @@
 """``lfcore plenoptic``."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Callable
 from pathlib import Path
