@@ -98,14 +98,16 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 }
 
 // Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.
-inline vi overlap(vf *e, int edge_on, vf *depth)
+inline vi overlap(const Triangles *t, uint lane, vf *e, vf *depth)
 {
-    if (edge_on) {
+    if (t->edge_on >> lane & 1) {
         const vi sign = sign_of(e[DENOMINATOR]);
         for (int k = 0; k < FUNCTIONS; ++k) e[k] = flip_sign(e[k], sign);
     }
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
-    return GE(min(e[0], min(e[1], e[2])), (vf)(0.0f)) & GT(e[DENOMINATOR], (vf)(0.0f));
+    if (t->edge_on >> lane & 1)
+        *depth = clamp(*depth, (vf)(t->near[lane]), (vf)(t->far[lane]));
+    return GE(min(e[0], min(e[1], e[2])), (vf)(-t->slack[lane])) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
 // A triangle's functions along each of the block's rows: base + x along + u across.
@@ -138,7 +140,7 @@ inline void make_rows(const Triangles *t, uint lane, float half_extent, Triangle
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
                         const CutOuts *cut_outs, const Coverage *to)
 {
-    const int edge_on = t->edge_on >> lane & 1, holes = has_holes(cut_outs, id);
+    const int holes = has_holes(cut_outs, id);
     TriangleRows f;
     make_rows(t, lane, rays->half_extent, &f);
     int changed = 0;
@@ -150,7 +152,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             vf e[FUNCTIONS], depth;
             for (int k = 0; k < FUNCTIONS; ++k)
                 e[k] = AT_OFFSETS(at.x, at.u, f.base[k][row], f.along[k][row], f.across[k][row]);
-            vi mask = overlap(e, edge_on, &depth);
+            vi mask = overlap(t, lane, e, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);

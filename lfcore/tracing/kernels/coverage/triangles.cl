@@ -178,7 +178,8 @@ typedef struct {
     uint keep;                        // lanes that may be hit
     uint covers;                      // lanes that every ray of the block is inside of
     uint edge_on;                     // lanes that some ray sees edge-on: n . D changes its sign
-    float near[LANES];                // where each begins
+    float near[LANES], far[LANES];    // where each begins and ends
+    float slack[LANES];               // error of the edge functions of those seen edge-on
     int rows[LANES];                  // rows that each can touch, a bit each
     int columns[LANES];               // and columns
     WideAffine functions[FUNCTIONS];  // signed so that n . D > 0 unless edge-on
@@ -203,6 +204,7 @@ inline vi place_edges(const Bundle *r, const vf *error, Triangles *out)
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
         covers &= GE(c, spread + NOTHING_LEFT);
     }
+    VSTORE(pick((vf)(0.0f), max(error[0], max(error[1], error[2])), edge_on), out->slack);
     out->covers = row_bits(covers);
     out->edge_on = row_bits(edge_on);
     return ~(flat | (outside & ~edge_on));
@@ -251,6 +253,7 @@ inline vi place_extents(const Bundle *r, global const Leaf *leaf, float z_far, T
     out->y = make_axis(r, v, 1);
     const vf near = least3(out->x.z);
     VSTORE(near, out->near);
+    VSTORE(most3(out->x.z), out->far);
     return ~(beside_rays(&out->x) | beside_rays(&out->y) | GT(near, (vf)(z_far)));
 }
 
