@@ -97,16 +97,16 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
     return LT(new, old) | (EQ(new, old) & LT((vi)(id), old_id));
 }
 
-// Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.
+// Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.  Those
+// of a triangle seen edge-on get their signs and errors here.
 inline vi overlap(const Triangles *t, uint lane, vf *e, vf *depth)
 {
+    *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
     if (t->edge_on >> lane & 1) {
         const vi sign = sign_of(e[DENOMINATOR]);
         for (int k = 0; k < FUNCTIONS; ++k) e[k] = flip_sign(e[k], sign);
-    }
-    *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
-    if (t->edge_on >> lane & 1)
         *depth = clamp(*depth, (vf)(t->near[lane]), (vf)(t->far[lane]));
+    }
     return GE(min(e[0], min(e[1], e[2])), (vf)(-t->slack[lane])) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 

@@ -179,7 +179,7 @@ typedef struct {
     uint covers;                      // lanes that every ray of the block is inside of
     uint edge_on;                     // lanes that some ray sees edge-on: n . D changes its sign
     float near[LANES], far[LANES];    // where each begins and ends
-    float slack[LANES];               // error of the edge functions of those seen edge-on
+    float slack[LANES];               // edge functions' error of those that are edge-on
     int rows[LANES];                  // rows that each can touch, a bit each
     int columns[LANES];               // and columns
     WideAffine functions[FUNCTIONS];  // signed so that n . D > 0 unless edge-on
