@@ -40,7 +40,8 @@ def balls():
 
 
 def refused(words, call, *arguments, **more):
-    """The call raises an error of the library that says this in one line."""
+    """The error of the library that a call raises, which says this in one line."""
     with pytest.raises(LfcoreError, match=words) as caught:
         call(*arguments, **more)
     assert "\n" not in str(caught.value)
+    return caught.value

@@ -40,9 +40,7 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
     ],
 )
 def test_what_is_refused_names_its_key(change, words):
-    with pytest.raises(SettingsError, match=words) as caught:
-        lfcore.sample_scene(PLAIN | change, 0)
-    assert "\n" not in str(caught.value)
+    refused(words, lfcore.sample_scene, PLAIN | change, 0)
 
 
 def test_folders_and_disks_that_do_not_do(tmp_path):

@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 
 from lfcore import DeviceError, SceneError, StorageError, Tracer
-from lfcore.evaluation.stability import (
-    light,
-    measurement,
-    naive,
-    primitives,
-    shapes,
-    tested_tracer,
-)
+from lfcore.evaluation.stability import light, measurement, naive, primitives, shapes, tested_tracer
 from lfcore.evaluation.stability.cases import CASES
 from lfcore.evaluation.stability.measurement import (
     COLUMNS,

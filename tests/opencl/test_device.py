@@ -165,12 +165,6 @@ def entries(cache):
     return sorted(cache.glob("*.bin"))
 
 
-def count_builds(monkeypatch):
-    built = []
-    monkeypatch.setattr(program_cache, "_watchers", [lambda begins: begins and built.append(1)])
-    return built
-
-
 DAMAGE = {
     "empty": lambda whole: b"",
     "half written": lambda whole: whole[: len(whole) // 2],
@@ -180,16 +174,16 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", [*DAMAGE, "refused by the driver"])
-def test_damaged_entries_are_built_again(device, cache, monkeypatch, damage):
+def test_damaged_entries_are_built_again(device, cache, damage):
     assert twice(device) == 42
-    (entry,) = entries(cache)
+    (entry,), told = entries(cache), []
     if damage in DAMAGE:
         entry.write_bytes(DAMAGE[damage](entry.read_bytes()))
     else:
         program_cache._write(entry, b"no program of any driver's")
-    built = count_builds(monkeypatch)
-    assert twice(device) == 42
-    assert len(built) == 1
+    with program_cache.watching(told.append):
+        assert twice(device) == 42
+    assert told == [True, False]
     assert program_cache._read(entry, lambda binary: binary) is not None, "it is whole again"
 
 

@@ -70,13 +70,10 @@ def test_gap_to_the_next_triangle():
     assert one((0.25, 0.25, 0), (0, 0, 1), copies, exclude=[1]).triangle[0] == 2
 
 
-INVALID = [np.nan, np.inf, -np.inf]
-
-
 def test_invalid_rays_miss_and_leave_the_others_alone():
     origins = np.tile(np.float32([0.25, 0.25, 0]), (20, 1))
     directions = np.tile(np.float32([0, 0, 1]), (20, 1))
-    for i, value in enumerate(INVALID):
+    for i, value in enumerate([np.nan, np.inf, -np.inf]):
         origins[i, i] = value
         directions[5 + i, i] = value
     directions[10] = 0

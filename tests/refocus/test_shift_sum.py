@@ -290,7 +290,13 @@ def stack(count, near=1.2, far=6.0, **changes):
     return [SensorPlane(float(1 / delta), WIDE_LENS.f_number, **changes) for delta in dioptres]
 
 
-def layered_views(slab):
+@pytest.fixture(scope="module")
+def slab():
+    return Slab(WIDE_LENS, 16, 96)
+
+
+@pytest.fixture(scope="module")
+def views(slab):
     """Views of two textured layers, one before and one behind the recorded focus."""
     s, x = slab.lens_positions(), slab.pixel_tangents()
     views = np.empty((slab.views, slab.views, slab.pixels, slab.pixels, 3), np.float32)
@@ -304,16 +310,6 @@ def layered_views(slab):
             seen = np.broadcast_to(far | (np.abs(across) < 0.15), wave.shape)
             views[j, i][seen] = colour[seen]
     return views
-
-
-@pytest.fixture(scope="module")
-def slab():
-    return Slab(WIDE_LENS, 16, 96)
-
-
-@pytest.fixture(scope="module")
-def views(slab):
-    return layered_views(slab)
 
 
 def test_error_against_the_exact_stack(slab, views):

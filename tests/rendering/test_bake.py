@@ -16,14 +16,7 @@ from lfcore.rendering.bake_points import Points, lattice
 from lfcore.rendering.bake_rays import Surroundings
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.baked import NO_SKY
-from lfcore.scene.sky import (
-    octahedral,
-    octahedron,
-    panorama_places,
-    radiance,
-    solid_angles,
-    suns,
-)
+from lfcore.scene.sky import octahedral, octahedron, panorama_places, radiance, solid_angles, suns
 
 pytestmark = pytest.mark.kernels
 WHITE = np.ones((2, 2, 3), np.float32)

@@ -28,12 +28,6 @@ def tracer():
     return open_tracer(scene)
 
 
-def expected_depth(slab, s):
-    """The near wall ends at x = 0: rays with x(NEAR) < 0 meet it."""
-    x = s * (1 - NEAR * slab.camera.delta) + NEAR * slab.pixel_tangents()
-    return np.where(x < 0, NEAR, FAR)
-
-
 @pytest.mark.parametrize("size", [(16, 16), (16, 9), (7, 16)])
 def test_depth_of_every_view_by_hand(tracer, size):
     slab, (width, height) = Slab.of(CAMERA, 4, size), size
@@ -41,7 +35,10 @@ def test_depth_of_every_view_by_hand(tracer, size):
     assert depth.shape == (16, height, width)
     assert depth.dtype == np.float32
     for (i, _), picture in zip(depths.all_samples(slab), depth, strict=True):
-        row = expected_depth(slab, slab.lens_positions()[i])[left : left + width]
+        # The near wall ends at x = 0: rays with x(NEAR) < 0 meet it.
+        s = slab.lens_positions()[i]
+        x = s * (1 - NEAR * slab.camera.delta) + NEAR * slab.pixel_tangents()[left : left + width]
+        row = np.where(x < 0, NEAR, FAR)
         np.testing.assert_allclose(picture, np.broadcast_to(row, (height, width)), rtol=1e-6)
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import http.server
+import operator
 import re
 import threading
 
@@ -24,24 +25,15 @@ class Server(http.server.ThreadingHTTPServer):
         self.data, self.ranges, self.sent = path.read_bytes(), ranges, 0
         super().__init__(("127.0.0.1", 0), Handler)
         self.url = f"http://127.0.0.1:{self.server_address[1]}/{path.name}"
-
-    def __enter__(self):
         threading.Thread(target=self.serve_forever, daemon=True).start()
-        return self
 
     def __exit__(self, *error):
         self.shutdown()
-        self.server_close()
+        super().__exit__(*error)
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
-    def do_HEAD(self):
-        self.answer(head=True)
-
     def do_GET(self):
-        self.answer()
-
-    def answer(self, head=False):
         server, data = self.server, self.server.data
         if "missing" in self.path:
             self.send_error(404)
@@ -58,9 +50,11 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.send_header("Accept-Ranges", "bytes")
         self.send_header("Content-Length", str(high - low))
         self.end_headers()
-        if not head:
+        if self.command == "GET":
             server.sent += high - low
             self.wfile.write(data[low:high])
+
+    do_HEAD = do_GET
 
     def log_message(self, format, *arguments):
         pass
@@ -83,15 +77,13 @@ def test_a_view_or_macropixel_costs_its_tiles(large):
         # The head, the index and the first frame, however many clusters there are.
         assert len(scan(large.path, clusters=True).elements) > 10
         assert opening <= 64 << 10
-        if field.layout.kind == "views":
-            read, tile = (lambda f: f.view(3, 2, codes=True)), (3, 2)
-        else:
-            read, tile = (lambda f: f.macropixel(40, 30, codes=True)), (40, 30)
+        name, (x, y) = (
+            ("view", (3, 2)) if field.layout.kind == "views" else ("macropixel", (40, 30))
+        )
+        read = operator.methodcaller(name, x, y, codes=True)
         np.testing.assert_array_equal(read(field), read(local))
-        held = sum(
-            field.segments[index].bytes
-            for index in field.segments.meeting(*tile, tile[0] + 1, tile[1] + 1)
-        )  # fmt: skip
+        meeting = field.segments.meeting(x, y, x + 1, y + 1)
+        held = sum(field.segments[index].bytes for index in meeting)
         assert held < 0.3 * size
         assert server.sent <= 1.2 * held + (64 << 10)
         before = server.sent

@@ -86,12 +86,7 @@ def holes_and_metal() -> Scene:
     )
 
 
-WORLDS = {
-    "lit": lit_soup,
-    "textured": textured_soup,
-    "fine": fine_soup,
-    "holes": holes_and_metal,
-}
+WORLDS = {"lit": lit_soup, "textured": textured_soup, "fine": fine_soup, "holes": holes_and_metal}
 Case = Callable[[Tracer], Iterator[np.ndarray]]
 
 

@@ -184,28 +184,20 @@ def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
 RECORDS = layouts.RECORDS | strip_tables.RECORDS
 
 
-def offsets_on(device, tmp_path, name):
-    """The size of a record and the offsets of its fields, as the device's compiler has them."""
-    fields = RECORDS[name].names
-    at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in fields]
-    body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
-    file = tmp_path / f"{name}.cl"
-    file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
-    kernel = cl.Kernel(
-        build_program(device, [str(file)], {}, header(**strip_tables.RECORDS)), "ask"
-    )
-    answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
-    kernel(device.queue, (1,), None, buffer)
-    cl.enqueue_copy(device.queue, answer, buffer)
-    return answer.tolist()
-
-
 @pytest.mark.kernels
 @pytest.mark.parametrize("name", RECORDS)
 def test_every_field_has_its_offset(device, tmp_path, name):
-    layout = RECORDS[name]
+    """As the device's compiler has them."""
+    layout, file = RECORDS[name], tmp_path / f"{name}.cl"
+    at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in layout.names]
+    body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
+    file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
+    program = build_program(device, [str(file)], {}, header(**strip_tables.RECORDS))
+    answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
+    cl.Kernel(program, "ask")(device.queue, (1,), None, buffer)
+    cl.enqueue_copy(device.queue, answer, buffer)
     known = [layout.itemsize, *(layout.fields[field][1] for field in layout.names)]
-    assert offsets_on(device, tmp_path, name) == known
+    assert answer.tolist() == known
 
 
 def test_a_record_takes_a_value_for_every_field():

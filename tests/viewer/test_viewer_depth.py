@@ -6,16 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from plain_scenes import SCENES, scene, wall
-from viewer_browser import (
-    before_pages,
-    choose,
-    chromium,
-    complaints,
-    needed,
-    pixels,
-    psnr,
-    visit,
-)
+from viewer_browser import before_pages, choose, chromium, complaints, needed, pixels, psnr, visit
 
 import lfcore
 from lfcore import Material, load_scene, record
