@@ -105,15 +105,15 @@ def worktrees():
 def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, capsys):
     out, before = tmp_path / "against.csv", worktrees()
     small = ["--views", "4", "--pixels", "32", "--mrays", "0.01", "--rounds", "1"]
-    words = ["against", revision, "--scenes", "bike", *small, "--out", str(out)]
+    words = ["against", revision, "--scenes", "chart", *small, "--out", str(out)]
     monkeypatch.setattr("sys.argv", words)
     against.main()
     rows = list(csv.DictReader(out.open()))
     assert [(row["work"], row["scene"]) for row in rows] == [
-        (work, "bike") for work in against.WORK
+        (work, "chart") for work in against.WORK
     ]
     assert worktrees() == before  # the other checkout is gone
-    assert "hits, bike, N = 4" in capsys.readouterr().err
+    assert "hits, chart, N = 4" in capsys.readouterr().err
 
 
 def test_an_unknown_commit_is_named():

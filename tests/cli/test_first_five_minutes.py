@@ -226,14 +226,9 @@ def check(words: list[str], output: Path, model: Model, place: str) -> None:
             assert picture.std() > 0.02 or "--macropixel" in words, words
     alone = words[0] in ("render", "refocus") and len(files) == 1 and output.suffix == ".png"
     focus = words[words.index("--focus") + 1] if "--focus" in words else ""
-    stopped = {"--f-number", "--blur", "--views", "--from"} & set(words)
-    if (
-        not alone
-        or stopped
-        or not model.bare
-        or output.stem == "ghosts"
-        or place in ("stanford", "hci-ground-truth")
-    ):
+    blurred = bool({"--f-number", "--blur", "--views", "--from"} & set(words))
+    elsewhere = output.stem == "ghosts" or place in ("stanford", "hci-ground-truth")
+    if blurred or elsewhere or not (alone and model.bare):
         return
     if focus in ("near", "far") or _number(focus):
         inside, beyond = blurs(picture, model, model.distance(focus))

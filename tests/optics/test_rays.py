@@ -96,14 +96,9 @@ def test_grids_are_centred_and_even(views, pixels):
 
 
 slabs = st.builds(
-    Slab,
-    st.builds(
-        Camera,
-        st.just(0.05),
-        st.just(0.036),
-        st.sampled_from([1.0, 2.8]),
-        st.sampled_from([0.5, 3.0, math.inf]),
-    ),
+    lambda number, focus, views, pixels: Slab(Camera(0.05, 0.036, number, focus), views, pixels),
+    st.sampled_from([1.0, 2.8]),
+    st.sampled_from([0.5, 3.0, math.inf]),
     st.integers(1, 6),
     st.integers(1, 6),
 )

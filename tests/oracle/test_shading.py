@@ -64,11 +64,8 @@ def test_shading_normals_are_interpolated_and_turned_to_the_viewer(side):
     # Half of (0, 0, -1) and (0, 0.8, -0.6), normalised: the cosine is sqrt(0.8).
     triangle = np.float32([[[-1, 0, 2], [1, -9, 2], [1, 9, 2]]])
     normals = np.float32([[[0, 0, -1], [0, 0.8, -0.6], [0, 0.8, -0.6]]]) * side
-    found = radiance(
-        scene(triangle, normals=normals, lights=[lamp((0, 0, -1), kind=DIRECTIONAL)]),
-        np.float32([[0, 0, 0]]),
-        np.float32([[0, 0, 1]]),
-    )
+    world = scene(triangle, normals=normals, lights=[lamp((0, 0, -1), kind=DIRECTIONAL)])
+    found = radiance(world, np.float32([[0, 0, 0]]), np.float32([[0, 0, 1]]))
     assert found[0] == pytest.approx(np.array([0.05, 0.1, 0.15]) + 0.5 * np.sqrt(0.8), abs=1e-7)
 
 

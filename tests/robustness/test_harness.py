@@ -49,10 +49,7 @@ PLANTED = {
     "recursion": (recurse, "traceback"),
     "memory": (lambda: bytearray(1 << 30), "memory"),
     "wrong": (lie, "silent wrong"),
-    "segfault": (
-        lambda: ctypes.string_at(0),
-        "crash",
-    ),  # a driver may swallow a signal that is sent
+    "segfault": (lambda: ctypes.string_at(0), "crash"),  # a driver may swallow a sent signal
     "abort": (os.abort, "crash"),
     "status": (lambda: os._exit(7), "crash"),
     "busy": (spin, "time"),

@@ -19,14 +19,7 @@ from lfcore.tracing.header import header
 pytestmark = pytest.mark.kernels
 
 KERNELS = Path(__file__).with_name("bounds.cl")
-DEFINES = {
-    "TEXTURES": 0,
-    "SINGLE_RAYS": 0,
-    "SMOOTH": 0,
-    "VERTEX_COLOURS": 0,
-    "CURVED": 0,
-    "BAKED": 0,
-}
+DEFINES = dict.fromkeys("TEXTURES SINGLE_RAYS SMOOTH VERTEX_COLOURS CURVED BAKED".split(), 0)
 CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
 
 

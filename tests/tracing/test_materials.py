@@ -45,20 +45,13 @@ def maps():
     return [smooth(24, 20, 0.2, 0.9), smooth(12, 12, 0.1, 0.9), normals, smooth(9, 9, 0.0, 1.0)]
 
 
-ALL = {
-    "texture": 0,
-    "metal_texture": 1,
-    "normal_texture": 2,
-    "normal_scale": 0.7,
-    "emission_texture": 3,
-}
+MAPS = {"texture": 0, "metal_texture": 1, "normal_texture": 2, "emission_texture": 3}
+METAL = {"metallic": 0.9, "roughness": 0.8, "normal_scale": 0.7}
 MATERIALS = {
     "factors": [Material("a", (0.7, 0.5, 0.3), metallic=0.6, roughness=0.4, texture=0)],
     "smooth metal": [Material("a", (0.9, 0.7, 0.3), metallic=1.0, roughness=0.1, texture=0)],
     "maps": [
-        Material(
-            "a", (0.9, 0.8, 0.7), emission=(0.1, 0.2, 0.1), metallic=0.9, roughness=0.8, **ALL
-        ),
+        Material("a", (0.9, 0.8, 0.7), emission=(0.1, 0.2, 0.1), **METAL, **MAPS),
         Material("b", (0.7, 0.6, 0.5), (0.3, 0.3, 0.3), 20.0, texture=0),
         Material("c", (0.7, 0.6, 0.5), (0.3, 0.3, 0.3), 20.0, normal_texture=2),
     ],

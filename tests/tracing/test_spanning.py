@@ -75,11 +75,7 @@ def test_planes_are_those_of_blocks_of_one_element(spans):
     """Surfaces that only shine have one colour however they are evaluated: sums are equal."""
     shining = Material("shining", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, (0.3, 0.5, 0.7))
     world = scene(closed_room(), materials=[shining], ambient=(0.0,) * 3)
-    planes = [
-        SensorPlane(2.0, 1.0),
-        SensorPlane(0.6, 2.0, aperture="square"),
-        SensorPlane(5.0, 1.4),
-    ]
+    planes = [SensorPlane(2.0, 1.0), SensorPlane(0.6, 2.0, "square"), SensorPlane(5.0, 1.4)]
     for kind in ("macropixels", "views"):
         for size in ((16, 13), (21, 13)):
             layout = FrameLayout(kind, *size, "raster", 1, "yuv444p")

@@ -71,13 +71,8 @@ def test_a_lossy_page_is_near_refocusing(browser, field, tmp_path, form):
 
 def test_coloured_edges_keep_their_colour(browser, tmp_path):
     """The chart is saturated red, green and blue: with chroma of half size, at most 30 dB."""
-    field = record(
-        load_scene(CHART),
-        tmp_path / "chart.mkv",
-        views=9,
-        pixels=64,
-        encoding=Encoding(depth=False),
-    )
+    chart, file, encoding = load_scene(CHART), tmp_path / "chart.mkv", Encoding(depth=False)
+    field = record(chart, file, views=9, pixels=64, encoding=encoding)
     field.viewer(format="avif", jpeg_quality=90).save(tmp_path / "chart.html")
     visit(browser, tmp_path / "chart.html")
     for distance, a in ((1.0, 9), (1.33, 5), (2.0, 2)):

@@ -40,19 +40,14 @@ class Firefox:
 
     def __init__(self, port: int):
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
-        self._count = 0
+        self._stream, self._count = self._socket.makefile("rb"), 0
         self._read()  # the greeting
         self.command("WebDriver:NewSession")
         self.command("WebDriver:SetWindowRect", width=1100, height=900)
 
     def _read(self) -> Any:
-        length = b""
-        while not length.endswith(b":"):
-            length += self._socket.recv(1)
-        data = b""
-        while len(data) < int(length[:-1]):
-            data += self._socket.recv(1 << 20)
-        return json.loads(data)
+        length = b"".join(iter(lambda: self._stream.read(1), b":"))
+        return json.loads(self._stream.read(int(length)))
 
     def command(self, name: str, **parameters: Any) -> Any:
         self._count += 1

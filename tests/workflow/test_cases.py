@@ -284,15 +284,9 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
     tracer = open_tracer(scene, open_device(threads=1))
     ((group, *_),) = sweep.members
     study = sweep.study(group, "chart", 4)
-    one = study["fine"]
-    rows = sweep_rows(
-        tracer,
-        Slab(scene.camera, 4, 16),
-        cases.tiles(one, 4),
-        [SensorPlane(2.0, 2.0)],
-        {case: cases.encoding(settings, 4) for case, settings in study.items()},
-        tmp_path,
-    )
+    slab, planes = Slab(scene.camera, 4, 16), [SensorPlane(2.0, 2.0)]
+    specs = {case: cases.encoding(settings, 4) for case, settings in study.items()}
+    rows = sweep_rows(tracer, slab, cases.tiles(study["fine"], 4), planes, specs, tmp_path)
     table = joined(sweep.overrides, [row | {"made_of": ""} for row in rows[::-1]])
     assert table.case.tolist() == ["fine", "coarse"]
     assert table.columns[:4].tolist() == ["case", "pixels", "encoding.crf", "scene"]
