@@ -77,19 +77,6 @@ def test_a_shadow_from_beyond_the_picture_stays():
     assert reach.reached(scene, scene.camera).tolist() == [True, True, False]
 
 
-def test_a_pruned_tree_is_one():
-    triangles = soup(2, 1000)
-    keep = np.random.default_rng(0).random(1000) < 0.1
-    pruned = reach.prune(build_bvh(triangles), keep)
-    used = pruned.leaf_ids >= 0
-    number = pruned.leaf_ids[used]
-    assert sorted(number) == list(range(keep.sum()))
-    corners = pruned.leaves.transpose(0, 2, 1)[used].reshape(-1, 3, 3)
-    np.testing.assert_array_equal(corners, triangles[keep][number])
-    assert pruned.statistics().depth >= 1
-    assert reach.prune(build_bvh(triangles), np.zeros(1000, bool)).leaf_count == 0
-
-
 def test_lights_on_the_far_side_reach_nothing():
     wall = np.float32([[[-1, -1, 2], [1, -1, 2], [0, 1, 2]]])
     before, beyond = (Light(POINT, (0, 0, z), WHITE) for z in (1.0, 3.0))
