@@ -57,7 +57,7 @@ def of(result, method, filter):
 
 
 @pytest.mark.kernels
-def test_one_filter_one_picture(result):
+def test_one_filter_makes_one_picture_and_the_table_is_whole(result):
     """Slicing, views and photograph see the same rays: only 8-bit frames lie between."""
     slicing = of(result, "slicing", "nearest")
     for method in ("shift-sum on views", "shift-sum on the plenoptic"):
@@ -66,10 +66,6 @@ def test_one_filter_one_picture(result):
         assert difference.mean() < 0.002
     bilinear = [of(result, f"shift-sum on {what}", "bilinear") for what in ("views", "the p")]
     assert np.abs(bilinear[0] - bilinear[1]).max() < 0.015
-
-
-@pytest.mark.kernels
-def test_table_is_whole_and_plausible(result):
     table = pd.DataFrame(result.rows)
     assert len(table) == 3 * 6
     ours = table[table.method != "traced directly"]

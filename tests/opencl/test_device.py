@@ -91,12 +91,9 @@ def test_drivers_of_an_environment_are_found_and_places_that_are_none_left_out(
 LANES = "tracing/kernels/simd/lanes.cl"
 
 
-def test_a_device_is_chosen_by_part_of_its_name(device):
+def test_a_device_is_chosen_by_part_of_its_name_with_threads_and_lanes_that_it_has(device):
     assert open_device(device.name[1:-1].upper()).name == device.name
     refused(r"named like 'abacus'.*Found: .*", open_device, "abacus")
-
-
-def test_threads_are_at_most_what_there_is_and_lanes_a_width_of_rows(device):
     name = device.name
     assert open_device(name, threads=1).threads == 1
     assert open_device(name, threads=10**6).threads == open_device(name).threads

@@ -581,7 +581,7 @@ def scene(folder):
     return build_pbrt_scene(folder / "scene.pbrt")
 
 
-def test_everything_else_is_listed_with_file_and_line(scene, folder):
+def test_what_has_a_counterpart_is_there_and_all_else_is_listed_with_file_and_line(scene, folder):
     lines = (folder / "scene.pbrt").read_text().splitlines()
     for kind, starts in LISTED.items():
         notes = [note for note in scene.notes if note.kind == kind]
@@ -592,9 +592,6 @@ def test_everything_else_is_listed_with_file_and_line(scene, folder):
             assert note.file == folder / "scene.pbrt"
             word = note.what.removeprefix("parameter ").split('"')[1]
             assert word in " ".join(lines[note.line - 1 : note.line + 2]), str(note)
-
-
-def test_what_has_a_counterpart_is_there(scene):
     names = {material.name for material in scene.materials}
     assert len(names) == len(scene.materials) == 8
     kinds = [light.kind for light in scene.lights]

@@ -24,16 +24,15 @@ def default_jobs(checkout):
     return checkout.planned("--", "results/tables")
 
 
-def test_the_default_run_has_a_row_for_each_scene_and_resolution(default_jobs):
+def test_the_default_run_has_a_row_for_each_scene_and_resolution_and_quick_tables_of_arrays(
+    default_jobs, checkout
+):
     jobs = default_jobs
     assert jobs["join"] == 18 and jobs["chosen_rays_scene"] == jobs["work_precision_scene"] == 3
     # Large light fields are several jobs, so that two cores share them.
     assert jobs["trace"] > jobs["join"]
     assert set(jobs) >= STORE_REPORTS and jobs["retrieval_scene"] == jobs["equivalence_scene"] == 3
-
-
-def test_tables_of_camera_arrays_are_quick_ones(checkout, default_jobs):
-    """Of the assignment's scenes the large one is not traced for results/tables/."""
+    # Of the assignment's scenes the large one is not traced for results/tables/.
     jobs = default_jobs
     assert jobs["array_tables"] == jobs["assignment_reconstruction"] == 1
     assert jobs["assignment_trace"] == 2 and "assignment_see_through" not in jobs
@@ -128,12 +127,9 @@ def again(checkout, *arguments):
     return {rule: count for rule, count in jobs.items() if not rule.startswith("results/")}
 
 
-def test_a_second_run_has_nothing_to_do(made):
+def test_the_smallest_run_has_every_rule_and_script_and_a_second_nothing_to_do(made):
     assert again(made, "--", TABLES, ASSIGNMENT) == {}
-
-
-def test_the_smallest_run_has_every_rule_and_script(made):
-    """But for those of sweeps, skies and data sets."""
+    # But for those of sweeps, skies and data sets.
     listed = made.snakemake(*MICRO, "--list-rules").stdout.splitlines()
     targets = {"tables", "assignment"}
     rules = {rule for rule in listed if re.fullmatch(r"\w+", rule)} - targets

@@ -108,16 +108,13 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
         full_size.read_run(tmp_path)
 
 
-def test_the_page_shows_every_picture(smoke):
+def test_each_plane_is_a_picture_the_page_has_them_and_no_raw_frames_are_left(smoke):
     text = (smoke.folder / "results" / "tables" / "index.html").read_text()
     # Three figures a scene, and one of curves a table.
     assert text.count("data:image/png;base64,") == 3 * 2 + 3
     for scene in SCENES:
         assert f"<figcaption>{scene}</figcaption>" in text
     assert "Error against run time" not in text  # a section of other configurations
-
-
-def test_each_plane_is_a_picture_and_no_raw_frames_and_tiles_are_left(smoke):
     for source in ("on_the_fly", "from_video"):
         assert len(list(smoke.folder.glob(f"results/bike/M32/N64/planes/{source}/*.png"))) == 5
     files = (path for path in (smoke.folder / "results").rglob("[!.]*") if path.is_file())
