@@ -28,7 +28,9 @@ SPREADS = ((1.7, 2.3), (0.6, 0.8), (1.99, 2.01), (5.0, 40.0))
 """Depths of a wall's vertices in metres: in focus, near, nearly flat, far."""
 
 
-def rough_wall(slab: Slab, pixels: np.ndarray, depths_m, rng: np.random.Generator) -> np.ndarray:
+def rough_wall(
+    slab: Slab, pixels: np.ndarray, depths_m: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
     """Triangles (T, 3, 3) of a wall without holes: one vertex on a ray of each of K x K pixels."""
     count = len(pixels)
     s, t = rng.choice(slab.lens_positions(), (2, count, count))
@@ -44,7 +46,7 @@ def rough_wall(slab: Slab, pixels: np.ndarray, depths_m, rng: np.random.Generato
 def sphere(rng: np.random.Generator) -> np.ndarray:
     """Triangles of a sphere around the lens."""
     mesh = trimesh.creation.icosphere(int(rng.integers(2, 6)), radius=rng.uniform(1.5, 9))
-    return np.float32(mesh.triangles + rng.uniform(-0.3, 0.3, 3))
+    return (mesh.triangles + rng.uniform(-0.3, 0.3, 3)).astype(np.float32)
 
 
 def tracer_of(triangles: np.ndarray, **options) -> Tracer:
@@ -68,7 +70,9 @@ def blocks(rng: np.random.Generator, *, wall: bool) -> np.ndarray:
     side = min(160, 512 // slab.views)
     first = int(rng.integers(MARGIN, PIXELS - side - MARGIN))
     seen, reach = np.arange(first, first + side), np.arange(first - MARGIN, first + side + MARGIN)
-    corners = rough_wall(slab, reach, rng.choice(SPREADS), rng) if wall else sphere(rng)
+    corners = (
+        rough_wall(slab, reach, SPREADS[rng.integers(len(SPREADS))], rng) if wall else sphere(rng)
+    )
     tracer = tracer_of(corners, outer=int(rng.choice([1, 2, 4])), single_rays=False)
     if rng.random() < 0.5:
         pixels = np.stack(np.meshgrid(seen, seen), -1).reshape(-1, 2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.errors import OpticsError, check_known
+from lfcore.errors import OpticsError, check_kind, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -151,6 +151,7 @@ def bake(
     -----
     Source: docs/notebook/true-picture.md.
     """
+    _check_scene(scene)
     asked: dict[str, Any] = {"bounces": bounces, "bake_error": error, "bake_mib": mib, "sky": sky}
     given = {name: value for name, value in asked.items() if value is not None}
     check({"objects": [{"file": "-"}], **given}, file=scene.name)
@@ -230,6 +231,7 @@ def render(
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
     check_keywords("render", more, ("aperture", *OF_LENS))
+    _check_scene(scene)
     size = Size.of(pixels)
     if quality is not None:
         if views is not None or filter != "depth":
@@ -251,6 +253,10 @@ def render(
     else:
         made = _nearest(tracer, camera, wanted, lattice, size, progress)
     return made[0] if planes is None else made
+
+
+def _check_scene(scene: object) -> None:
+    check_kind(scene, Scene, "scene", remedy="Read one with load_scene")
 
 
 def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
@@ -323,6 +329,8 @@ def render_to_quality(
     -----
     Source: docs/notebook/true-picture.md.
     """
+    _check_scene(scene)
+    check_kind(quality, Quality, "quality")
     if quality.focus_range_m is not None:
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
@@ -339,6 +347,9 @@ def _wanted_planes(
         return [scene.plane(pixels=size, **asked)]
     for name, value in asked.items():
         exclude_twice(**{name: value, "planes": planes})
+    check_kind(planes, Sequence, "planes", "a sequence of SensorPlanes")
+    for plane in planes:
+        check_kind(plane, SensorPlane, "planes")
     return list(planes)
 
 
@@ -447,8 +458,11 @@ def record(
     from lfcore.rendering.record import record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
-    size = Size.of(pixels)
     check_keywords("record", more, OF_LENS, ())
+    _check_scene(scene)
+    check_kind(quality, Quality | None, "quality", "a Quality")
+    check_kind(encoding, Encoding | None, "encoding", "an Encoding")
+    size = Size.of(pixels)
     scene, camera, content = recorded_lens(scene, size, focus_m, f_number, **more)
     encoding = encoding or Encoding()
     tracer = open_tracer(scene, device)
@@ -604,6 +618,7 @@ def trace_array(
     from lfcore.rendering.photograph import photograph
     from lfcore.rendering.shutter import trace_shutter
 
+    _check_scene(scene)
     if array is None:
         return photograph(
             scene, samples_per_pixel, instants, device=opened(device), progress=progress

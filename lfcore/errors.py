@@ -85,6 +85,15 @@ def check_known(
         raise kind(f"unknown {what or key} {value!r}", key=key, remedy=remedy)
 
 
+def check_kind(
+    value: object, kind: Any, key: str, what: str | None = None, *, remedy: str | None = None
+) -> None:
+    """Raise an error for a value of another class than ``kind``."""
+    if not isinstance(value, kind):
+        what = what or f"a {kind.__name__}"
+        raise LfcoreError(f"must be {what}, not {value!r}", key=key, remedy=remedy)
+
+
 def unknown_keyword(call: str, name: str, known: Iterable[str]) -> TypeError:
     """The error of a public ``call`` that has no keyword ``name``."""
     hint = did_you_mean(name, known)

@@ -49,6 +49,8 @@ def check_codes(path: str | Path, bits: int, exposure: bool) -> None:
         raise LfcoreError(
             "holds all light", file=path, key="--exposure", remedy="Leave it out, or write a .png"
         )
+    if bits not in (8, 16):
+        raise LfcoreError(f"must be 8 or 16, not {bits!r}", key="bits")
     if bits != 8 and Path(path).suffix.lower() not in DEEP:
         raise LfcoreError(
             f"has no codes of {bits} bits", file=path, key="--bits", remedy="Write a .png"
@@ -118,6 +120,14 @@ def write_pictures(
 
 def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits: int = 8) -> bytes:
     """The file that :func:`write_picture` writes by a name with this suffix, ``.npy`` apart."""
+    coloured = picture.shape[2:] == (3,)
+    if not (picture.ndim == 2 or coloured) or not (
+        picture.dtype.kind == "f" or picture.dtype in (np.uint8, np.uint16)
+    ):
+        raise LfcoreError(
+            f"{picture.dtype} of shape {picture.shape} is no picture",
+            remedy="Give (H, W, 3) floats of linear light, or uint8 or uint16 of sRGB codes",
+        )
     if suffix == ".exr":
         from lfcore.exr import exr_bytes
 

@@ -249,3 +249,43 @@ def test_a_size_is_a_side_or_a_width_and_a_height(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["render", "scene.yaml", "-o", str(tmp_path / "a.png"), "--pixels", "9x"])
     assert "'9x' is no size. It must be a whole number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "key, values",
+    {
+        "scene": ["model.glb", None],
+        "quality": [40],
+        "planes": [lfcore.SensorPlane(2.0, 2.0), [2.0]],
+        "focus_m": [[1.0, 2.0]],
+        "f_number": ["f/2"],
+        "pixels": [b"x", (3,), (1, 2, 3)],
+        "device": [0],
+    }.items(),
+)
+def test_values_of_another_kind_are_refused(recorded, key, values):
+    for value in values:
+        asked = {"scene": recorded[0], key: value}
+        assert refused("", lambda asked=asked: lfcore.render(**asked)).key == key
+
+
+def test_values_of_another_kind_are_refused_by_other_calls(recorded, model, tmp_path):
+    scene, field = recorded
+    for key, call in {
+        "encoding": lambda: lfcore.record(scene, tmp_path / "a.mkv", encoding="libx265"),
+        "quality": lambda: lfcore.record(scene, tmp_path / "a.mkv", quality=40),
+        "light": lambda: lfcore.load_scene(model, light="soft"),
+        "light_points": lambda: lfcore.load_scene(model, light_points=-1),
+        "threads": lambda: lfcore.open_device(threads=1.5),
+        "focus_m": lambda: field.refocus([1.0, 2.0]),
+        "distance_m": lambda: field.disparity_of(0.0),
+        "lights[0]": lambda: lfcore.Scene.from_triangles(
+            scene.triangles, lights=[lfcore.Light(7, (0, 0, 1), (1, 1, 1))]
+        ),
+        "bits": lambda: lfcore.write_picture(tmp_path / "a.png", np.zeros((2, 2, 3)), bits=12),
+    }.items():
+        assert refused("", call).key == key
+    for picture in (None, 0.5, np.zeros(3), np.zeros((2, 2, 4)), np.zeros((2, 2, 3), int)):
+        for name in ("a.png", "a.exr", "a.pfm"):
+            refused("picture", lfcore.write_picture, tmp_path / name, picture)
+    assert not list(tmp_path.iterdir())

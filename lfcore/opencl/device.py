@@ -13,12 +13,13 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lfcore.errors import DeviceError
+from lfcore.errors import DeviceError, check_kind
 from lfcore.opencl import drivers, program_cache
 
 drivers.prepare()
@@ -207,8 +208,9 @@ def open_device(
     DeviceError
         No driver, none whose name fits, or an ``LFCORE_THREADS`` that is no number.
     """
-    if threads is not None and threads < 1:
-        raise DeviceError(f"must be at least 1, not {threads}", key="threads")
+    if threads is not None and not (isinstance(threads, Integral) and threads >= 1):
+        raise DeviceError(f"must be a whole number, at least 1, not {threads!r}", key="threads")
+    check_kind(name, str | None, "device", "a part of its name")
     name = name or os.environ.get("LFCORE_DEVICE")
     device = _choose(name)
     on_cpu = is_cpu(device)

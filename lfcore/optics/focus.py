@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_kind
 
 ENDS = (2.0, 98.0)
 """The percentiles of the depths seen that are the near end and the far end."""
@@ -100,6 +101,7 @@ def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
     """Metres of a focus that may be a word about the depths ``seen``, None if unknown."""
     focus = check_words(focus)
     if not isinstance(focus, str):
+        check_kind(focus, Real, "focus_m", "a number of metres or a word")
         return float(focus)
     if seen is None:
         raise OpticsError(

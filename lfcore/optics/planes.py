@@ -13,11 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from numbers import Real
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, check_known, unknown_keyword
+from lfcore.errors import OpticsError, answers_typos, check_kind, check_known, unknown_keyword
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
@@ -157,6 +158,8 @@ class SensorPlane:
         Not checked against what the camera can form: see :meth:`check`.
         """
         check_keywords("SensorPlane.of", options)
+        for key, value in (("focus_m", focus_m), ("f_number", f_number)):
+            check_kind(value, Real | None, key, "a number")
         more: dict[str, Any] = {**options}
         more["normalise"] = "aperture" if more.get("normalise", True) else "lens"
         return cls(

@@ -33,16 +33,16 @@ class Size(NamedTuple):
         if isinstance(pixels, str):
             sides = re.fullmatch(r"(\d{1,9})(?:[x\u00d7](\d{1,9}))?", pixels.strip())
             if sides:
-                pixels = [int(side) for side in sides.groups() if side]
-        if not isinstance(pixels, Sequence) or isinstance(pixels, str):
-            pixels = [pixels]  # type: ignore[list-item]
+                pixels = [int(side or sides[1]) for side in sides.groups()]
+        if not isinstance(pixels, Sequence) or isinstance(pixels, (str, bytes)):
+            pixels = [pixels, pixels]  # type: ignore[list-item]
         found = [_whole(side, MOST_PIXELS) for side in pixels]
-        if not all(found) or len(found) not in (1, 2):
+        if not all(found) or len(found) != 2:
             raise OpticsError(
                 f"must be a whole number from 1 to {MOST_PIXELS}, or two such as 1920x1080, not "
                 f"{given!r}", key="pixels",
             )  # fmt: skip
-        return cls(found[0], found[-1])
+        return cls(*found)
 
     @property
     def longer(self) -> int:

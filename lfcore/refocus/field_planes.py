@@ -245,8 +245,15 @@ class FieldPlanes(LightFieldFile):
         -------
         float
             Pixels by which points at that distance move from one view to the next.
+
+        Raises
+        ------
+        OpticsError
+            The distance is not above 0.
         """
         slab = self.require_slab()
+        if not distance_m > 0:
+            raise OpticsError(f"must be above 0, not {distance_m!r}", key="distance_m")
         return (1.0 / distance_m - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
 
     def f_number_of(self, aperture_views: float) -> float:

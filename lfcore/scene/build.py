@@ -6,12 +6,13 @@ import dataclasses
 import math
 import os
 from collections.abc import Mapping
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import OpticsError, SceneError, check_kind
 from lfcore.optics.camera import check_focus
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
@@ -50,6 +51,10 @@ def build_scene(
 ) -> Scene:
     """Read a scene and everything it names; as :func:`lfcore.load_scene`."""
     path = Path(path)
+    if light is not None:
+        check_kind(light, Mapping, "light")
+    if not isinstance(light_points, Integral) or light_points < 1:
+        raise SceneError(f"must be a whole number, not {light_points!r}", key="light_points")
     if path.is_dir():
         path = path / "scene.yaml"
     _check_up(up, path)

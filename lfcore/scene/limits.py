@@ -12,7 +12,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import LARGEST_COORDINATE
 from lfcore.scene.model import Scene
 
@@ -47,6 +47,8 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
 
 
 def _check_light(light: Light, file: str | Path, key: str) -> None:
+    if light.kind not in (POINT, DIRECTIONAL):
+        raise SceneError(f"unknown kind of light {light.kind!r}", file=file, key=key)
     if light.kind == POINT:
         most = LARGEST_COORDINATE
         _check(light.vector, -most, most, file, f"{key}: metres from the camera")

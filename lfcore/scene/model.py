@@ -347,7 +347,7 @@ class Scene:
                 focus_m = lens.focus_m
         if focus_at is not None:
             focus_m = focus_at_place(self.triangles, camera.field_width, focus_at, pixels)
-        elif isinstance(focus_m, str):
+        elif focus_m is not None:
             focus_m = focus_distance(focus_m, self.depth_range)
         if blur is not None:
             f_number = f_number_of_blur(
