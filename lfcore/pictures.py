@@ -180,8 +180,6 @@ def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
 def _pfm_bytes(picture: np.ndarray) -> bytes:
     """A Portable FloatMap: little-endian, last row first."""
     picture = np.asarray(picture, "<f4")
-    if picture.ndim not in (2, 3) or picture.shape[2:] not in ((), (3,)):
-        raise LfcoreError(f"a float map is (H, W) or (H, W, 3), not {picture.shape}")
     kind = "Pf" if picture.ndim == 2 else "PF"
     head = f"{kind}\n{picture.shape[1]} {picture.shape[0]}\n-1.0\n".encode("ascii")
     return head + np.ascontiguousarray(picture[::-1]).tobytes()

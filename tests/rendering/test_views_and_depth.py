@@ -73,7 +73,7 @@ def test_all_in_focus_has_both_walls_sharp(tracer, size):
 
 
 def test_float_maps_and_archives(tmp_path):
-    refused("float map", write_picture, tmp_path / "b.pfm", np.zeros(3, np.float32))
+    refused("no picture", write_picture, tmp_path / "b.pfm", np.zeros(3, np.float32))
     slab = Slab(CAMERA, 1, 2)
     depths.save_depth(tmp_path / "d.npz", slab, [(0, 0)], np.full((1, 2, 2), 2.0, np.float32))
     with np.load(tmp_path / "d.npz") as archive:
