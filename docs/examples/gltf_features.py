@@ -10,23 +10,23 @@ import io
 import json
 import struct
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-FLOATS, WORDS = 5126, 5125  # component types
-KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+TYPES = (5125, np.uint32), (5126, np.float32)
+"""The component types of whole numbers and of floats."""
+KINDS = [None, "SCALAR", "VEC2", "VEC3", "VEC4"]
 
 
 class Glb:
     """A glTF tree and its binary chunk, to which parts are added."""
 
     def __init__(self):
-        self.data = b""
-        names = "buffers bufferViews accessors images textures materials meshes nodes cameras"
-        self.tree = {name: [] for name in names.split()}
-        self.tree |= {"asset": {"version": "2.0", "generator": "lfcore example"}, "scene": 0}
+        self.data, asset = b"", {"version": "2.0", "generator": "lfcore example"}
+        self.tree = defaultdict(list, asset=asset, scene=0)
 
     def add(self, kind, **entry):
         self.tree[kind].append(entry)
@@ -38,13 +38,16 @@ class Glb:
         self.data += data
         return self.add("bufferViews", buffer=0, byteOffset=start, byteLength=len(data))
 
-    def accessor(self, values, component=FLOATS):
-        array = np.ascontiguousarray(values, np.float32 if component == FLOATS else np.uint32)
-        entry = {"bufferView": self.view(array.tobytes()), "componentType": component}
-        entry |= {"count": len(array), "type": KINDS[1 if array.ndim == 1 else array.shape[1]]}
-        if component == FLOATS:
-            entry |= {"min": array.min(0).tolist(), "max": array.max(0).tolist()}
-        return self.add("accessors", **entry)
+    def accessor(self, values):
+        """Floats, (K,) or (K, 2 to 4), or whole numbers (K,)."""
+        array = np.asarray(values)
+        component, kind = TYPES[array.dtype.kind == "f"]
+        array = array.astype(kind).reshape(len(array), -1)
+        ends = {"min": array.min(0).tolist(), "max": array.max(0).tolist()}
+        return self.add(
+            "accessors", bufferView=self.view(array.tobytes()), componentType=component,
+            count=len(array), type=KINDS[array.shape[1]], **ends,
+        )  # fmt: skip
 
     def texture(self, picture, **more):
         stream = io.BytesIO()
@@ -53,15 +56,8 @@ class Glb:
         return {"index": self.add("textures", source=image), **more}
 
     def mesh(self, shape, material, **node):
-        positions, normals, uvs, faces, *colours = shape
-        attributes = {"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs}
-        if colours:
-            attributes["COLOR_0"] = colours[0]
-        primitive = {
-            "attributes": {name: self.accessor(values) for name, values in attributes.items()},
-            "indices": self.accessor(np.ravel(faces), WORDS),
-            "material": material,
-        }
+        made = {name: self.accessor(values) for name, values in shape.items()}
+        primitive = {"indices": made.pop("indices"), "attributes": made, "material": material}
         return self.add("nodes", mesh=self.add("meshes", primitives=[primitive]), **node)
 
     def write(self, path):
@@ -75,16 +71,20 @@ class Glb:
         Path(path).write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
-def square(width, height, facing="z"):
-    """A square upright in x and y, its foot at the origin, or flat in x and z about it."""
+def square(width, height):
+    """A square upright in x and y, its foot at the origin."""
     x, y = width / 2, height
-    corners = np.array([[-x, 0, 0], [x, 0, 0], [x, y, 0], [-x, y, 0]])
-    normal = [0, 0, 1]
-    if facing == "y":
-        corners = np.stack([corners[:, 0], 0 * x * corners[:, 0], y / 2 - corners[:, 1]], 1)
-        normal = [0, 1, 0]
-    uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-    return corners, np.tile(normal, (4, 1)), uvs, [[0, 1, 2], [0, 2, 3]]
+    return {
+        "POSITION": np.array([[-x, 0, 0], [x, 0, 0], [x, y, 0], [-x, y, 0]], float),
+        "NORMAL": np.tile([0.0, 0.0, 1.0], (4, 1)),
+        "TEXCOORD_0": np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float),
+        "indices": [0, 1, 2, 0, 2, 3],
+    }
+
+
+def turned(axis, angle):
+    """The rotation of a node, a quaternion, about x (0), y (1) or z (2)."""
+    return [*(np.sin(angle / 2) * np.eye(3)[axis]).tolist(), np.cos(angle / 2)]
 
 
 def ball(radius, rings):
@@ -100,7 +100,9 @@ def ball(radius, rings):
     # The triangles of no area at both poles, every other one, are left out.
     keep = np.ones(len(faces), bool)
     keep[1 : 4 * rings : 2] = keep[-4 * rings :: 2] = False
-    return radius * normals, normals, np.stack([u.ravel(), v.ravel()], 1), faces[keep]
+    uvs = np.stack([u.ravel(), v.ravel()], 1)
+    return {"POSITION": radius * normals, "NORMAL": normals, "TEXCOORD_0": uvs,
+            "indices": faces[keep].ravel()}  # fmt: skip
 
 
 def grid(size):
@@ -175,13 +177,14 @@ def pbr(metallic, roughness, **more):
 def add_things(glb, rings=32):
     """Add the objects; balls have this number of rings."""
 
-    def made(shape, place, name, surface, **entry):
+    def made(shape, place, name, surface, turn=(0, 0), **entry):
         material = glb.add("materials", name=name, pbrMetallicRoughness=surface, **entry)
-        glb.mesh(shape, material, translation=place)
+        glb.mesh(shape, material, translation=place, rotation=turned(*turn))
 
-    turned = {"KHR_texture_transform": {"scale": [5, 5], "rotation": 0.3}}
-    floor = glb.texture(checks((0.75, 0.72, 0.68), (0.5, 0.48, 0.46)), extensions=turned)
-    made(square(6, 6, "y"), [0, 0, 0], "floor", pbr(0, 0.9, baseColorTexture=floor))
+    fine = {"KHR_texture_transform": {"scale": [5, 5], "rotation": 0.3}}
+    floor = glb.texture(checks((0.75, 0.72, 0.68), (0.5, 0.48, 0.46)), extensions=fine)
+    flat = 0, -np.pi / 2
+    made(square(6, 6), [0, 0, 3], "floor", pbr(0, 0.9, baseColorTexture=floor), flat)
     gold = pbr(1, 0.3, baseColorFactor=[1, 0.77, 0.34, 1])
     made(ball(0.35, rings), [-0.95, 0.35, 0.2], "gold", gold)
     banded = pbr(1, 1, baseColorFactor=[0.6, 0.75, 0.9, 1])
@@ -195,9 +198,7 @@ def add_things(glb, rings=32):
     green = pbr(0, 0.8, baseColorTexture=glb.texture(leaf()))
     material = glb.add("materials", name="leaf", pbrMetallicRoughness=green, **cut)
     for x, z, turn in ((-1.5, -0.6, 0.3), (-0.9, -0.9, -0.2), (1.35, -0.3, -0.5)):
-        half = turn / 2
-        where = {"translation": [x, 0, z], "rotation": [0, np.sin(half), 0, np.cos(half)]}
-        glb.mesh(square(0.8, 1.3), material, **where)
+        glb.mesh(square(0.8, 1.3), material, translation=[x, 0, z], rotation=turned(1, turn))
     soft = pbr(0, 0.9, baseColorTexture=glb.texture(veil()))
     clear = {"doubleSided": True, "alphaMode": "BLEND"}
     made(square(0.9, 0.9), [0.25, 0, -0.75], "veil", soft, **clear)
@@ -209,13 +210,8 @@ def add_things(glb, rings=32):
     sign, unlit = {"baseColorTexture": glb.texture(rainbow())}, {"KHR_materials_unlit": {}}
     made(square(3.2, 0.5), [0, 1.0, -1.6], "sign", sign, extensions=unlit)
     tent = np.array([[-0.2, 0, 0.2], [0.2, 0, 0.2], [0, 0, -0.15], [0, 0.35, 0.05]])
-    sides = [[0, 1, 3], [1, 2, 3], [2, 0, 3]]
-    corners = tent[np.ravel(sides)]
-    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    normals = np.repeat(normals / np.linalg.norm(normals, axis=1, keepdims=True), 3, 0)
     paint = np.array([[1, 0.1, 0.1, 1], [0.1, 1, 0.1, 1], [0.1, 0.1, 1, 1], [1, 1, 0.6, 1]])
-    faces = np.arange(9).reshape(3, 3)
-    shape = corners, normals, np.zeros((9, 2)), faces, paint[np.ravel(sides)]
+    shape = {"POSITION": tent, "indices": [0, 1, 3, 1, 2, 3, 2, 0, 3], "COLOR_0": paint}
     made(shape, [0.3, 0, 0.75], "tent", pbr(0, 1))
 
 

@@ -91,7 +91,8 @@ def test_a_mesh_compressed_by_draco(tmp_path, how):
 
 def test_a_mesh_that_is_not_compressed_beside_one_that_is(tmp_path):
     glb = draco()
-    glb.mesh((POINTS, np.float32([[0, 0, 1]] * 4), UVS, FACES), 0, translation=[3, 0, 0])
+    shape = {"POSITION": POINTS, "TEXCOORD_0": UVS, "indices": FACES.ravel()}
+    glb.mesh(shape, 0, translation=[3, 0, 0])
     first, second = sorted(
         load_mesh(written(tmp_path, glb)), key=lambda part: part.triangles.max()
     )  # fmt: skip
@@ -233,7 +234,8 @@ def test_what_colours_of_vertices_lose_is_said(tmp_path):
                   {"name": "sign", "extensions": {"KHR_materials_unlit": {}}},
                   {"name": "wall"}):  # fmt: skip
         glb.tree["materials"].append({**entry, "pbrMetallicRoughness": EXAMPLE["pbr"](0, 1)})
-        glb.mesh((*EXAMPLE["square"](1, 1), faded), len(glb.tree["materials"]) - 1)
+        shape = EXAMPLE["square"](1, 1) | {"COLOR_0": faded}
+        glb.mesh(shape, len(glb.tree["materials"]) - 1)
     glb.write(tmp_path / "colours.glb")
     notes = build_scene(tmp_path / "colours.glb").notes
     assert {note.what for note in notes if note.kind == "left out"} == {

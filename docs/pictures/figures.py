@@ -1,6 +1,6 @@
-"""Draw the figures of docs/optics.md into docs/pictures/.
+"""Draws the figures of docs/optics.md and docs/architecture.md.
 
-python -m docs.site.optics_figures
+python -m docs.pictures.figures
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
-FOLDER = Path(__file__).resolve().parents[1] / "pictures"
+FOLDER = Path(__file__).parent
 BLUE, RED, GREEN, GREY = "#2a63b0", "#c0392b", "#2e7d4f", "#555555"
 VIEWS = PIXELS = 9
 
@@ -36,17 +36,13 @@ def parametrisation(axes) -> None:
             axes.plot(z, s * (1 - z * delta) + z * tangent, color=colour, linewidth=0.9)
         axes.plot(2.0, 2.0 * tangent, "o", color=colour)
     axes.plot([0, 0], [-0.27, 0.27], color="black", linewidth=3)
-    axes.plot(
-        np.zeros(9), (np.arange(9) - 4) * one.lens_pitch_m, "o", color="white", ms=3.5, mec="black"
-    )
+    axes.plot(np.zeros(9), one.lens_positions(), "o", color="white", ms=3.5, mec="black")
     axes.axvline(2.0, color=GREEN, linestyle="--")
     axes.text(1.97, -0.64, "in focus, d = 2 m", color=GREEN, ha="right")
     axes.text(0.05, 0.31, "lens: s")
     axes.text(2.6, 0.34, "pixel u", color=RED)
     axes.text(2.6, -0.33, "pixel u'", color=BLUE)
-    axes.set_xlabel("depth z, m")
-    axes.set_ylabel("x, m")
-    axes.set_ylim(-0.7, 0.75)
+    axes.set(xlabel="depth z, m", ylabel="x, m", ylim=(-0.7, 0.75))
 
 
 def disparity(axes) -> None:
@@ -61,8 +57,7 @@ def disparity(axes) -> None:
     far = -one.camera.delta * one.lens_pitch_m / one.pixel_pitch
     axes.axhline(far, color=GREY, linestyle=":")
     axes.text(4.2, far + 0.04, "infinity", color=GREY)
-    axes.set_xlabel("depth z, m")
-    axes.set_ylabel("disparity, pixels")
+    axes.set(xlabel="depth z, m", ylabel="disparity, pixels")
 
 
 def epipolar(axes) -> None:
@@ -73,10 +68,7 @@ def epipolar(axes) -> None:
     ):  # fmt: skip
         axes.plot(u - slope * views, views, "o-", color=colour, ms=4)
         axes.text(u + 0.12, 4.35, name, color=colour, ha="center")
-    axes.set_xlabel("pixel u")
-    axes.set_ylabel("view i")
-    axes.set_xlim(-0.5, 9)
-    axes.set_ylim(-4.6, 5.0)
+    axes.set(xlabel="pixel u", ylabel="view i", xlim=(-0.5, 9), ylim=(-4.6, 5.0))
 
 
 def apertures(figure) -> None:
@@ -92,35 +84,59 @@ def apertures(figure) -> None:
         opened = plane.lens_aperture(many).contains(places[None, :], places[:, None])
         axes.imshow(opened, cmap="Greys_r", vmin=-0.3, vmax=1.1)
         axes.set_title(name, fontsize=10)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.set(xticks=[], yticks=[])
 
 
 def blur(axes) -> None:
     """The diameter of a point's blur over depth, for three apertures, and the gap between views."""
     one = Slab(Camera(0.085, 0.036, 1.2, 3.0), 16, 512)
     z = np.linspace(1.5, 9.0, 300)
+    apart = np.abs(1 / z - 1 / 3)
     for number, colour in ((1.2, RED), (2.8, BLUE), (8.0, GREEN)):
         width = one.camera.focal_length_m / number
-        axes.plot(
-            z, np.abs(1 / z - 1 / 3) * width / one.pixel_pitch, color=colour, label=f"f/{number:g}"
-        )
-    gap = np.abs(1 / z - 1 / 3) * one.lens_pitch_m / one.pixel_pitch
+        axes.plot(z, apart * width / one.pixel_pitch, color=colour, label=f"f/{number:g}")
+    gap = apart * one.lens_pitch_m / one.pixel_pitch
     axes.plot(z, gap, color=GREY, linestyle="--", label="between two of 16 views, f/1.2")
     axes.axhline(1, color="black", linewidth=0.7)
     axes.text(9.4, 1, "one pixel", fontsize=9, va="center")
-    axes.set_xlabel("depth z, m")
-    axes.set_ylabel("blur, pixels")
-    axes.set_ylim(0, 30)
+    axes.set(xlabel="depth z, m", ylabel="blur, pixels", ylim=(0, 30))
     axes.legend()
+
+
+STAGES = [
+    ("traversal", "packet of rays", "leaves, nearest first"),
+    ("coverage", "edge functions, depth", "regions"),
+    ("surface", "plane equations", "samples"),
+    ("shadows", "shafts, occluders", "shadow masks"),
+    ("shading", "Blinn-Phong, GGX", "colours"),
+    ("output", "encode, add up", "frames, sensor planes"),
+]
+
+
+def way_of_a_block(axes) -> None:
+    """The stages of a tile, from rays to colours."""
+    for k, (name, inside, out) in enumerate(STAGES):
+        x = 1.8 * k
+        axes.add_patch(plt.Rectangle((x, 0), 1.25, 1, facecolor="#e8eef7", edgecolor="#345"))
+        axes.text(x + 0.625, 0.66, f"{name}/", ha="center", weight="bold", fontsize=11)
+        axes.text(x + 0.625, 0.3, inside.replace(", ", ",\n"), ha="center", va="center", fontsize=8)
+        axes.annotate("", (x + 1.8, 0.5), (x + 1.25, 0.5), arrowprops={"arrowstyle": "->"})
+        axes.text(x + 1.52, -0.32, out.replace(", ", ",\n"), ha="center", fontsize=9, color="#a40")
+        axes.plot([x + 1.52, x + 1.52], [-0.12, 0.46], color="#a40", linewidth=0.8, linestyle=":")
+    axes.text(3.05, 1.25, "a block is known by its regions alone from here on", fontsize=9)
+    axes.plot([3.32, 3.32], [0.55, 1.2], color="#a40", linewidth=0.8)
+    axes.axis("off")
+    axes.set(xlim=(-0.1, 11.4), ylim=(-0.55, 1.5))
 
 
 def main() -> None:
     # The same bytes whenever it is drawn.
     plt.rcParams |= {"svg.hashsalt": "lfcore", "font.size": 10}
     for name, draw, size in (
-        ("optics_rays", parametrisation, (7, 3.6)), ("optics_disparity", disparity, (6, 3.2)),
-        ("optics_epipolar", epipolar, (6, 3.2)), ("optics_blur", blur, (6.5, 3.4)),
+        ("optics_rays.svg", parametrisation, (7, 3.6)),
+        ("optics_disparity.svg", disparity, (6, 3.2)),
+        ("optics_epipolar.svg", epipolar, (6, 3.2)), ("optics_blur.svg", blur, (6.5, 3.4)),
+        ("way_of_a_block.png", way_of_a_block, (11, 3)),
     ):  # fmt: skip
         figure, axes = plt.subplots(figsize=size)
         draw(axes)
@@ -128,12 +144,13 @@ def main() -> None:
         _save(figure, name)
     figure = plt.figure(figsize=(9, 2.5))
     apertures(figure)
-    _save(figure, "optics_apertures")
+    _save(figure, "optics_apertures.svg")
 
 
 def _save(figure, name: str) -> None:
     figure.tight_layout()
-    figure.savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+    dpi = 110 if name.endswith(".png") else "figure"
+    figure.savefig(FOLDER / name, dpi=dpi, metadata={"Date": None})
     plt.close(figure)
 
 
