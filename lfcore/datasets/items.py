@@ -16,11 +16,11 @@ import tarfile
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 from pathlib import Path
+from types import SimpleNamespace
 from typing import IO, Any, cast
 
 import numpy as np
@@ -163,21 +163,6 @@ def blur_px(camera: Camera, pixels: int, depth: np.ndarray, focus_m: float) -> n
 # -- light fields -----------------------------------------------------------------------------
 
 
-@dataclass
-class _Views:
-    """What :func:`lfcore.exchange.hci.parameters` asks of views."""
-
-    slab: Slab
-    name: str
-
-    def __post_init__(self) -> None:
-        self.rows = self.columns = self.slab.views
-        self.width = self.height = self.slab.pixels
-
-    def disparity(self, depth: np.ndarray) -> np.ndarray:
-        return disparity(self.slab, depth)
-
-
 def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Views and their disparities, in the layouts that are asked for."""
     slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
@@ -188,7 +173,7 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
     for number, shown in enumerate(codes.reshape(count, *codes.shape[2:])):
         shown[:] = srgb_codes(views.view(tracer, slab, number, pattern))
     reach = float(depths.min()), float(depths.max())
-    _add_hci(item, _Views(slab, tracer.scene.name), codes, depths)
+    _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
         if "mat" in of.also:
             arrays.mat_array(file := io.BytesIO(), codes)
@@ -207,16 +192,20 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
     }  # fmt: skip
 
 
-def _add_hci(item: Item, grid: _Views, codes: np.ndarray, depths: np.ndarray) -> None:
+def _add_hci(item: Item, slab: Slab, name: str, codes: np.ndarray, depths: np.ndarray) -> None:
     """As HCI's 4D benchmark, with the disparity of every view."""
-    slab, middle = grid.slab, len(depths) // 2
+    middle = len(depths) // 2
     for number, picture in enumerate(codes.reshape(-1, *codes.shape[2:])):
         item.add(f"input_Cam{number:03d}.png", picture)
         item.add(f"gt_disp_lowres_Cam{number:03d}.pfm", disparity(slab, depths[number]))
     item.add("gt_disp_lowres.pfm", disparity(slab, depths[middle]))
     item.add("gt_depth_lowres.pfm", depths[middle])
     reach = float(depths.min()), float(depths.max())
-    text = hci.parameters(grid, KnownGeometry.of_slab(slab), reach)  # type: ignore[arg-type]
+    grid: Any = SimpleNamespace(
+        name=name, columns=slab.views, rows=slab.views, width=slab.pixels, height=slab.pixels,
+        disparity=partial(disparity, slab),
+    )  # fmt: skip
+    text = hci.parameters(grid, KnownGeometry.of_slab(slab), reach)
     item.files["parameters.cfg"] = text.encode()
 
 
@@ -263,14 +252,12 @@ def make_batch(
         tar, record = (drafts / f"{index:06d}.{kind}" for kind in ("tar", "json"))
         if not record.exists():  # written after its tar file
             found = _tried(description, index, device)
-            write_json(record, _kept(tar, index, found))
+            _write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in found.files.items()))
+            write_json(record, found.record)
         made.append(json.loads(record.read_text(encoding="utf-8")))
         if progress:
             progress(done, len(indices))
-    with _tar(shard) as whole:
-        for index in indices:
-            for name, data in members(drafts / f"{index:06d}.tar"):
-                _put(whole, name, data)
+    _write_tar(shard, (file for i in indices for file in members(drafts / f"{i:06d}.tar")))
     write_json(records, made)
     shutil.rmtree(drafts, ignore_errors=True)
     return made
@@ -289,25 +276,14 @@ def _tried(description: Description, index: int, device: Device) -> Item:
     return item
 
 
-def _kept(tar: Path, index: int, item: Item) -> dict:
-    with _tar(tar) as whole:
-        for name, data in item.files.items():
-            _put(whole, f"{index:06d}.{name}", data)
-    return item.record
-
-
-@contextmanager
-def _tar(path: str | Path) -> Iterator[tarfile.TarFile]:
+def _write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
     with whole_file(path) as file:
         stream = cast(IO[bytes], file)
         with tarfile.open(fileobj=stream, mode="w|", format=tarfile.USTAR_FORMAT) as whole:
-            yield whole
-
-
-def _put(whole: tarfile.TarFile, name: str, data: bytes) -> None:
-    member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
-    member.size = len(data)
-    whole.addfile(member, io.BytesIO(data))
+            for name, data in files:
+                member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
+                member.size = len(data)
+                whole.addfile(member, io.BytesIO(data))
 
 
 def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:

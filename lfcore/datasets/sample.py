@@ -82,19 +82,16 @@ def _simple(name: str) -> Parts | None:
 
 def _furnished(name: str) -> Parts:
     look, rng = surfaces(1), np.random.default_rng(1)
-    if name == "tower":
-        return toys.ring_tower()
-    if name == "train":
-        return toys.train()
-    if name == "book":
-        return furniture.book((0.05, 0.25, 0.18), 2, look["books"], look["paper"])
-    if name == "armchair":
-        return furniture.armchair(1, look)
-    if name == "plant":
-        return furniture.potted_plant(rng, look)
-    if name == "table":
-        return furniture.tulip_table(rng, look)
-    return {"lamp": furniture.table_lamp, "globe": furniture.globe}[name](look)
+    return {
+        "tower": toys.ring_tower,
+        "train": toys.train,
+        "book": lambda: furniture.book((0.05, 0.25, 0.18), 2, look["books"], look["paper"]),
+        "armchair": lambda: furniture.armchair(1, look),
+        "plant": lambda: furniture.potted_plant(rng, look),
+        "table": lambda: furniture.tulip_table(rng, look),
+        "lamp": lambda: furniture.table_lamp(look),
+        "globe": lambda: furniture.globe(look),
+    }[name]()
 
 
 @cache
@@ -149,7 +146,7 @@ def _stable(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         hull = trimesh.PointCloud(np.unique(points.round(3), axis=0)).convex_hull
         poses, shares = hull.compute_stable_poses(threshold=LEAST_PROBABLE)
     except Exception:  # Qhull refuses what is flat
-        return _standing(points)
+        poses = ()
     if not len(poses):
         return _standing(points)
     found = rotate("x", -90) @ poses  # its floor is z = 0
@@ -235,7 +232,12 @@ def sample(
 
 def described(given: Description | str | Path | Mapping[str, Any]) -> Description:
     """A description in any of its forms; raises :class:`SettingsError`."""
-    Description = _class()
+    try:  # it is checked by pydantic, which the library itself does without
+        from lfcore.datasets.description import Description
+    except ImportError:
+        raise SettingsError(
+            "data sets need the package pydantic", remedy="pip install 'lfcore[workflow]'"
+        ) from None
     if isinstance(given, Description):
         return given
     if isinstance(given, Mapping):
@@ -253,17 +255,6 @@ def camera_of(description: Description) -> Camera:
         return Camera(focal, sensor, focal / diameter, lens.focus_m[0])
     middle = 2 / (1 / min(lens.focus_m) + 1 / max(lens.focus_m))
     return Camera(focal, sensor, lens.f_number, middle)
-
-
-def _class() -> type[Description]:
-    """Checked by pydantic, which the library itself does without."""
-    try:
-        from lfcore.datasets.description import Description
-    except ImportError:
-        raise SettingsError(
-            "data sets need the package pydantic", remedy="pip install 'lfcore[workflow]'"
-        ) from None
-    return Description
 
 
 @dataclass
@@ -438,9 +429,7 @@ class _Draw:
         repeats = 2 * self.span(self.of.materials.repeats)
         floor = self._surface("floor")
         start = (-side / 2, 0, side / 2)
-        return [
-            upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)
-        ]  # fmt: skip
+        return [upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)]
 
 
 def _painted(part: SurfaceMesh, surface: Surface, repeats: float) -> SurfaceMesh:
