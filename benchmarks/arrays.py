@@ -13,7 +13,9 @@ from pathlib import Path
 
 from benchmarks.measured.rows import in_turn, rates, report, say
 from benchmarks.measured.sample import SCENES
-from benchmarks.peers.method import Method, SkippedError, clocked
+from benchmarks.peers.method import Method, clocked
+from benchmarks.peers.mitsuba_array import MitsubaArray
+from benchmarks.tracer import skipping
 from lfcore.opencl.device import open_device
 from lfcore.optics.array import CameraArray
 from lfcore.rendering.array import trace_array
@@ -62,13 +64,10 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
     ]
     peer = None
     if "mitsuba" in options.peers:
-        try:
-            from benchmarks.peers.mitsuba_array import MitsubaArray
-
-            peer = MitsubaArray(tracer.scene, device.threads)
-            methods.append(peer.method(array))
-        except SkippedError as reason:
-            say(f"SKIPPED mitsuba on {name}: {reason}")
+        with skipping("mitsuba"):
+            opened = MitsubaArray(tracer.scene, device.threads)
+            methods.append(opened.method(array))
+            peer = opened
     runs = in_turn(methods, options.repeats)
     if peer is not None:
         peer.close()
@@ -87,11 +86,9 @@ def traced(options: argparse.Namespace, name: str, device) -> list[dict]:
 
 def main() -> None:
     options, device = parse(), open_device()
-
-    def measure() -> list[dict]:
-        return [row for name in options.scenes for row in traced(options, name, device)]
-
-    report(options.out, measure)
+    report(options.out, lambda: [
+        row for name in options.scenes for row in traced(options, name, device)
+    ])  # fmt: skip
 
 
 if __name__ == "__main__":

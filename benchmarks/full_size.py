@@ -7,8 +7,7 @@ All of it is read from the results of one run; what the run did not make is not 
 
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -60,47 +59,38 @@ class FullSizeError(LfcoreError):
     """Results that are not a whole run at full size."""
 
 
-@dataclass(frozen=True)
-class FullRun:
-    """The three tables of a run by name, and the rays to choose."""
+Tables = dict[str, pd.DataFrame]
+"""The three tables of a run by name, and the rays to choose where they are there."""
 
-    tables: dict[str, pd.DataFrame]
-    choice: pd.DataFrame | None
 
-    @property
-    def first(self) -> pd.DataFrame:
-        return self.tables["table_7_1"]
+def hours(tables: Tables, cores: int, *, thesis: bool = False) -> float:
+    """Of all cells: what they took of one thread, shared by ``cores``, and retrieval; the thesis's
+    as it gives them."""
+    column = "thesis_seconds" if thesis else "seconds"
+    traced, stored, retrieved = (float(tables[name][column].sum()) for name in THESIS)
+    shared = traced + stored
+    return ((shared if thesis else shared / cores) + retrieved) / 3600
 
-    def seconds(self, cores: int, *, thesis: bool = False) -> float:
-        """Of all cells: what they took of one thread, shared by ``cores``, and retrieval; the
-        thesis's as it gives them."""
-        column = "thesis_seconds" if thesis else "seconds"
-        total = {name: float(table[column].sum()) for name, table in self.tables.items()}
-        shared = total["table_7_1"] + total["table_7_2"]
-        return (shared if thesis else shared / cores) + total["table_7_3"]
 
-    def _reason(self, place: int, column: str) -> str:
-        """What is known of a cell that may have made it worse, in row ``place`` of the tables."""
-        if column == "seconds":
-            return "Seconds are of one core."
-        stored = self.tables["table_7_2"].loc[place]
-        smaller = stored.thesis_video_bytes / stored.video_bytes
-        return f"Our file is {smaller:.1f} times smaller."
-
-    def compared(self) -> Iterator[tuple[str, bool]]:
-        """Cells that the thesis has, too, in words; whether ours is better."""
-        for name, columns in COMPARED.items():
-            for place, row in enumerate(self.tables[name].to_dict("records")):
-                for column, more in columns.items():
-                    ours, theirs = row[column], row[f"thesis_{column}"]
-                    # What others are held against, the largest N, cannot be bettered.
-                    if pd.isna(theirs) or math.isinf(theirs) or (column == "ssim" and theirs == 1):
-                        continue
-                    better = ours > theirs if more else ours < theirs
-                    words = f"{shown(column, ours)} ({shown(column, theirs)})"
-                    table = THESIS[name].partition(":")[0]
-                    cell = f"{table}, {row['scene']}, N = {row['N']}, {LABELS[column]}"
-                    yield f"{cell}: {words}. {self._reason(place, column)}", better
+def compared(tables: Tables) -> Iterator[tuple[str, bool]]:
+    """Cells that the thesis has, too, in words; whether ours is better."""
+    stored = tables["table_7_2"]
+    smaller = (stored.thesis_video_bytes / stored.video_bytes).tolist()
+    for name, columns in COMPARED.items():
+        for place, row in enumerate(tables[name].to_dict("records")):
+            for column, more in columns.items():
+                ours, theirs = row[column], row[f"thesis_{column}"]
+                # What others are held against, the largest N, cannot be bettered.
+                if pd.isna(theirs) or math.isinf(theirs) or (column == "ssim" and theirs == 1):
+                    continue
+                better = ours > theirs if more else ours < theirs
+                words = f"{shown(column, ours)} ({shown(column, theirs)})"
+                table = THESIS[name].partition(":")[0]
+                cell = f"{table}, {row['scene']}, N = {row['N']}, {LABELS[column]}"
+                reason = f"Our file is {smaller[place]:.1f} times smaller."
+                if column == "seconds":
+                    reason = "Seconds are of one core."
+                yield f"{cell}: {words}. {reason}", better
 
 
 def shown(column: str, value: float) -> str:
@@ -112,7 +102,7 @@ def shown(column: str, value: float) -> str:
     return "inf" if math.isinf(value) else f"{value:.{DIGITS[column]}f}"
 
 
-def read_run(results: Path) -> FullRun:
+def read_run(results: Path) -> Tables:
     """What a run left in its folder ``results``.
 
     Raises :class:`FullSizeError` for a table, a cell or a picture that is not there.
@@ -125,16 +115,11 @@ def read_run(results: Path) -> FullRun:
                 "is not there", file=file, remedy="Let the run end: make results/tables/ first"
             )
         made[name] = pd.read_csv(file)
-    keys = [list(zip(table.scene, table.N, table.M, strict=True)) for table in made.values()]
-    if not keys[0] or any(each != keys[0] for each in keys):
-        raise FullSizeError("have not the same cells", file=results / "tables")
     choice = results / "tables" / "chosen_rays.csv"
-    return FullRun(made, pd.read_csv(choice) if choice.is_file() else None)
+    return made | {"chosen_rays": pd.read_csv(choice)} if choice.is_file() else made
 
 
-def publish(
-    results: Path, provenance: dict[str, str], settings: dict, to: Path = FOLDER
-) -> FullRun:
+def publish(results: Path, provenance: dict[str, str], settings: dict, to: Path = FOLDER) -> Tables:
     """Write tables, figure, pictures and settings of the run in ``results`` to the folder ``to``.
 
     Parameters
@@ -142,34 +127,30 @@ def publish(
     provenance : what is known of the run: command, commit, processor, date.
     settings : the checked configuration that it was made with.
     """
-    run = read_run(results)
+    tables = read_run(results)
+    first = tables["table_7_1"]
     asked = {(scene, n) for scene in settings["scenes"] for n in settings["views"]}
-    there = set(zip(run.first.scene, run.first.N, strict=True))
-    if asked != there or set(run.first.M) != {settings["pixels"]}:
+    there = set(zip(first.scene, first.N, strict=True))
+    if asked != there or set(first.M) != {settings["pixels"]}:
         raise FullSizeError(
             "holds other scenes, N or M than the configuration asks for",
             file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",
         )  # fmt: skip
-    written = dict(run.tables)
-    if run.choice is not None:
-        written["chosen_rays"] = run.choice
     make_folder(to)
-    for name, table in written.items():
+    for name, table in tables.items():
         Result(provenance, table).write(to / f"{name}.csv")
     write_text(to / SETTINGS, head(provenance) + yaml.safe_dump(settings, sort_keys=False))
-    save_figure(to / FIGURE, against_thesis(run))
-    stacks = list(_stacks(results, run, to))
-    write_text(to / "index.md", page(run, provenance, stacks))
-    return run
+    save_figure(to / FIGURE, against_thesis(tables))
+    stacks = list(_stacks(results, first.scene.unique(), to))
+    write_text(to / "index.md", page(tables, provenance, stacks))
+    return tables
 
 
-def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
+def _stacks(results: Path, scenes: Iterable[str], to: Path) -> Iterator[tuple[str, str]]:
     """Write the focal and aperture stack of each scene, pixel for pixel; titles and files."""
-    for scene in run.first.scene.unique():
+    for scene in scenes:
         for name in ("focal", "aperture"):
             stack = results / scene / "figures" / f"{name}_stack.npz"
-            if not stack.is_file():
-                raise FullSizeError(f"is not there, of which the {name} stack is made", file=stack)
             pictures, planes = load_stack(stack)
             if name == "aperture":  # the dimmed half repeats the other
                 pictures, planes = pictures[len(planes) // 2 :], planes[len(planes) // 2 :]
@@ -183,11 +164,11 @@ def _stacks(results: Path, run: FullRun, to: Path) -> Iterator[tuple[str, str]]:
             yield f"{scene}, {name} stack: {', '.join(dict.fromkeys(labels))}", file
 
 
-def against_thesis(run: FullRun) -> Figure:
+def against_thesis(tables: Tables) -> Figure:
     """Error, size and time over N, one colour a scene: ours, and dashed the thesis's."""
-    decoded, stored = run.tables["table_7_3"], run.tables["table_7_2"]
-    times = sum(table.seconds for table in run.tables.values())
-    theirs = sum(table.thesis_seconds for table in run.tables.values())
+    traced, stored, decoded = (tables[name] for name in THESIS)
+    times = traced.seconds + stored.seconds + decoded.seconds
+    theirs = sum(tables[name].thesis_seconds for name in THESIS)
     panels = (
         ("PSNR of stored pictures, dB", decoded.psnr_db, decoded.thesis_psnr_db, False),
         ("stored, MiB", stored.video_bytes / 2**20, stored.thesis_video_bytes / 2**20, True),
@@ -195,13 +176,13 @@ def against_thesis(run: FullRun) -> Figure:
     )
     figure = Figure(figsize=(12, 3.9), layout="constrained")
     for axis, (label, ours, thesis, logarithmic) in zip(figure.subplots(1, 3), panels, strict=True):
-        for index, (scene, rows) in enumerate(run.first.groupby("scene", sort=False)):
+        for index, (scene, rows) in enumerate(traced.groupby("scene", sort=False)):
             place = rows.index
             axis.plot(rows.N, ours[place], "o-", color=f"C{index}", label=str(scene), markersize=5)
             axis.plot(rows.N, thesis[place], "x--", color=f"C{index}", markersize=5)
         if logarithmic:
             log_ticks(axis.yaxis)
-        views_axis(axis, run.first.N)
+        views_axis(axis, traced.N)
         axis.set_ylabel(label)
     axis.plot([], [], "x--", color="0.4", label="the thesis")
     handles, labels = axis.get_legend_handles_labels()
@@ -209,14 +190,14 @@ def against_thesis(run: FullRun) -> Figure:
     return figure
 
 
-def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]) -> str:
+def page(tables: Tables, provenance: dict[str, str], stacks: list[tuple[str, str]]) -> str:
     """docs/results/index.md."""
-    (pixels,) = run.first.M.unique()
-    cells = list(run.compared())
+    (pixels,) = tables["table_7_1"].M.unique()
+    cells = list(compared(tables))
     worse = [words for words, better in cells if not better]
     improved = f"{len(cells) - len(worse)} of its {len(cells)} numbers are improved"
     cores = int(re.findall(r"(\d+) cores", provenance["processor"])[0])
-    ours, theirs = run.seconds(cores) / 3600, run.seconds(cores, thesis=True) / 3600
+    ours, theirs = hours(tables, cores), hours(tables, cores, thesis=True)
     lines = [
         "# The thesis's tables at full size",
         "",
@@ -231,9 +212,9 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
         "",
     ]
     for name, title in THESIS.items():
-        lines += [f"## {title}", "", *_markdown(run.tables[name], COMPARED[name]), ""]
-    if run.choice is not None:
-        choice = run.choice[list(CHOICE)].rename(columns=CHOICE)
+        lines += [f"## {title}", "", *_markdown(tables[name], COMPARED[name]), ""]
+    if "chosen_rays" in tables:
+        choice = tables["chosen_rays"][list(CHOICE)].rename(columns=CHOICE)
         lines += ["## Fewer rays, with depth", "", *markdown(choice), ""]
     if cells:
         lines += ["## Not better than the thesis's", ""]
@@ -243,7 +224,7 @@ def page(run: FullRun, provenance: dict[str, str], stacks: list[tuple[str, str]]
     for title, file in stacks:
         lines += [f"![{title}]({file})", ""]
     more = f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
-    lines += [*wrapped(Result(provenance, run.first).source()), "", more, ""]
+    lines += [*wrapped(Result(provenance, tables["table_7_1"]).source()), "", more, ""]
     return "\n".join(lines)
 
 

@@ -31,7 +31,7 @@ from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import matt
 from benchmarks.peers.method import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath
-from benchmarks.publish import Result, of_this_run, read_result
+from benchmarks.publish import Result, of_this_run, with_kept
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
@@ -235,19 +235,11 @@ def main() -> None:
             if "price" in options.parts:
                 rows += price(lights[-1][1], options)
             if options.pictures:
-                contact_sheet(options.pictures / f"{name}.png", list(kept.values()), list(kept),
-                              columns=3, panel_px=480)  # fmt: skip
-    command = "python -m benchmarks.light --out light.csv"
-    provenance = of_this_run(command)
-    table = (
-        pd.DataFrame(rows).assign(pixels=options.pixels, commit=provenance["commit"]).astype(str)
-    )
-    if options.out.exists():
-        old = read_result(options.out).rows
-        known = set(zip(table.scene, table.part, strict=True))
-        others = [pair not in known for pair in zip(old.scene, old.part, strict=True)]
-        table = pd.concat([table, old[others]])
-    Result(provenance, table.fillna("")).write(options.out)
+                cells = [(picture, label) for label, picture in kept.items()]
+                contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
+    made = pd.DataFrame(rows).assign(pixels=options.pixels)
+    table = with_kept(made, options.out, "scene", "part")
+    Result(of_this_run("python -m benchmarks.light --out light.csv"), table).write(options.out)
     if options.figure:
         figure(table, options.figure)
 

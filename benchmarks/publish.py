@@ -101,10 +101,7 @@ def head(provenance: dict[str, str]) -> str:
 
 def read_result(path: Path) -> Result:
     """A result file.  Raises :class:`PublishError` for one that does not say what it is of."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise PublishError(f"cannot be read: {error.strerror}", file=path) from None
+    text = path.read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.startswith("# ")]
     provenance = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
     missing = [key for key in OF_RUN if not provenance.get(key)]
@@ -131,14 +128,17 @@ def of_this_run(command: str, commit: str = "", **more: str) -> dict[str, str]:
     return dict(zip(OF_RUN, (command, commit, processor, today), strict=True)) | more
 
 
-def with_kept(found: pd.DataFrame, name: str, key: str) -> pd.DataFrame:
-    """Rows of a run that made some of a result, and those kept of others; each says its commit."""
+def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
+    """Rows of a run that made some of a result, and those kept of others; each says its commit.
+
+    ``keys`` are the columns, of texts, that tell what a row is of.
+    """
     found = found.assign(commit=of_this_run("")["commit"])
-    file = RESULTS / f"{name}.csv"
-    if not file.exists():
-        return found
-    old = read_result(file).rows
-    return pd.concat([found, old[~old[key].isin(found[key])]])[found.columns]
+    if file.exists():
+        old = read_result(file).rows.set_index(list(keys))
+        kept = old[~old.index.isin(found.set_index(list(keys)).index)]
+        found = pd.concat([found, kept.reset_index()])
+    return found.fillna("")
 
 
 def tables(folder: Path) -> pd.DataFrame:
@@ -204,6 +204,11 @@ def true_picture(folder: Path) -> pd.DataFrame:
     })  # fmt: skip
 
 
+TAKERS = {
+    "peers": peers, "true_picture": true_picture, "against": against, "drivers": against,
+}  # fmt: skip
+
+
 def published(text: str) -> str:
     """A document with the table of each of its places."""
     last = {place[2]: place.start() for place in PLACE.finditer(text)}
@@ -251,14 +256,6 @@ def documents() -> dict[Path, str]:
     return {path: published(path.read_text(encoding="utf-8")) for path in paths}
 
 
-def take_full(results: Path, configuration: Path, provenance: dict[str, str]) -> None:
-    """Publish the run at full size in ``results``: docs/results/."""
-    from benchmarks import full_size
-
-    settings = check_settings({"scenes": list(DEFAULT_SCENES)} | read_yaml(configuration))
-    full_size.publish(results, provenance, settings, ROOT / "docs" / "results")
-
-
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("benchmarks.publish", description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if one is stale")
@@ -276,15 +273,12 @@ def main(argv: list[str] | None = None) -> int:
             note = {"note": options.note} if options.note else {}
             provenance = of_this_run(options.command, options.commit, **note)
         if options.take == "full":
-            take_full(options.folder, options.configfile, provenance)
+            from benchmarks.full_size import publish
+
+            given = {"scenes": list(DEFAULT_SCENES)} | read_yaml(options.configfile)
+            publish(options.folder, provenance, check_settings(given))
         elif options.take:
-            takers = {
-                "peers": peers,
-                "true_picture": true_picture,
-                "against": against,
-                "drivers": against,
-            }
-            rows = takers.get(options.take, tables)(options.folder)
+            rows = TAKERS.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
         for path in stale:

@@ -116,55 +116,51 @@ def cases(name: str, pixels: int, kept: Path | None) -> Iterator[Case]:
     yield Case(tracer, "all three", planes, truths)
 
 
-def rows_of(case: Case, repeats: int, targets: list[float]) -> Iterator[dict]:
-    fixed = case.fixed(repeats)
+Made = tuple[float, np.ndarray, Lattice, float]
+"""The expected dB, the pictures, the rays, and the core seconds."""
+
+
+def rendered(case: Case, repeats: int, target: float) -> Made:
+    given = case.tracer, case.tracer.scene.camera, case.planes, case.pixels, Quality(target)
+    made, seconds = least_clocked(lambda: QualitySearch(*given).pictures(), repeats)
+    return float(made.expected_db.min()), made.pictures, made.lattice, seconds
+
+
+def stored(case: Case, target: float) -> Made:
+    """From a light field that is recorded for the quality."""
+    focus = [plane.focus_m for plane in case.planes]
+    quality = Quality(target, focus_range_m=(min(focus), max(focus)))
+    with tempfile.TemporaryDirectory() as folder:
+        given = case.tracer.scene, Path(folder) / "a.mkv"
+        record = partial(lfcore.record, *given, pixels=case.pixels, quality=quality)
+        field, seconds = clocked(record, clock=time.process_time)
+        with field:
+            slab, expected = field.require_slab(), field.content["expected"]["db"]
+            lattice = Lattice(slab.views, slab.pixels / case.pixels)
+            return expected, field.refocus_many(case.planes), lattice, seconds
+
+
+def rows_of(
+    case: Case, name: str, make: Callable[[float], Made], targets: list[float], fixed: list[tuple]
+) -> Iterator[dict]:
+    """A row per quality, beside the cheapest of the ``fixed`` lattices that reaches it."""
     for target in targets:
-        row: dict = {"planes": case.name, "asked dB": f"{target:g}"}
-
-        def run(target=target):
-            camera, quality = case.tracer.scene.camera, Quality(target)
-            return QualitySearch(case.tracer, camera, case.planes, case.pixels, quality).pictures()
-
+        row: dict = {"planes": name, "asked dB": f"{target:g}"}
         try:
-            made, seconds = least_clocked(run, repeats)
+            expected_db, pictures, lattice, seconds = make(target)
         except OpticsError as error:
             yield row | {"refused": error.problem}
             continue
         row |= {
-            "expected dB": f"{made.expected_db.min():.1f}",
-            "dB": f"{case.worst_db(made.pictures):.1f}",
-            "lattice": str(made.lattice),
-            "core s": f"{seconds:.3g}",
-        }
-        for least, db, lattice in fixed:
+            "expected dB": f"{expected_db:.1f}", "dB": f"{case.worst_db(pictures):.1f}",
+            "lattice": str(lattice), "core s": f"{seconds:.3g}",
+        }  # fmt: skip
+        for least, db, cheapest in fixed:
             if db >= target:
-                row |= {"cheapest": str(lattice), "its dB": f"{db:.1f}", "its s": f"{least:.3g}"}
+                row |= {"cheapest": str(cheapest), "its dB": f"{db:.1f}", "its s": f"{least:.3g}"}
                 row["times"] = f"{seconds / least:.2f}"
                 break
         yield row
-
-
-def stored_rows(case: Case, targets: list[float]) -> Iterator[dict]:
-    """A row per quality of a light field that is recorded for it."""
-    focus = [plane.focus_m for plane in case.planes]
-    for target in targets:
-        row: dict = {"planes": "stored", "asked dB": f"{target:g}"}
-        quality = Quality(target, focus_range_m=(min(focus), max(focus)))
-        with tempfile.TemporaryDirectory() as folder:
-            path, begun = Path(folder) / "a.mkv", time.process_time()
-            try:
-                field = lfcore.record(case.tracer.scene, path, pixels=case.pixels, quality=quality)
-            except OpticsError as error:
-                yield row | {"refused": error.problem}
-                continue
-            with field:
-                seconds, slab = time.process_time() - begun, field.require_slab()
-                yield row | {
-                    "expected dB": f"{field.content['expected']['db']:.1f}",
-                    "dB": f"{case.worst_db(field.refocus_many(case.planes)):.1f}",
-                    "lattice": str(Lattice(slab.views, slab.pixels / case.pixels)),
-                    "core s": f"{seconds:.3g}",
-                }
 
 
 def summary(rows: pd.DataFrame) -> str:
@@ -197,9 +193,10 @@ def main() -> None:
     rows: list[dict] = []
     for name in asked.scenes:
         for case in cases(name, asked.pixels, asked.truths):
-            found = list(rows_of(case, asked.repeats, asked.targets))
+            make = partial(rendered, case, asked.repeats)
+            found = [*rows_of(case, case.name, make, asked.targets, case.fixed(asked.repeats))]
             if asked.stored and case.name == "all three":
-                found += stored_rows(case, asked.targets)
+                found += rows_of(case, "stored", partial(stored, case), asked.targets, [])
             for row in found:
                 rows.append({"scene": Path(name).stem} | row)
                 say(" ".join(map(str, rows[-1].values())))

@@ -57,6 +57,9 @@ CYCLES = {
     "Cycles": Samples(1, ""),
     "Cycles + OIDN": Samples(1, "", "picture"),
 }
+PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
+    "mitsuba": (MITSUBA, MitsubaLens), "cycles": (CYCLES, CyclesLens),
+}  # fmt: skip
 RAYS = (1, 4, 16, 64, 256)
 CONVERGED = 1024
 """Samples per pixel of a peer's own converged picture."""
@@ -154,15 +157,13 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
     for name in options.scenes:
         path = SCENES / name if (SCENES / name).exists() else Path(name)
         scene = replace(load_scene(path), name=path.stem)
-        for of_cycles in (False, True):
-            shown = replace(matt(scene), name=f"{scene.name}, matt") if of_cycles else scene
-            kinds, open_peer = (CYCLES, CyclesLens) if of_cycles else (MITSUBA, MitsubaLens)
-            if ("cycles" if of_cycles else "mitsuba") not in options.peers:
-                continue
+        for peer_name in options.peers:
+            is_matt, (kinds, open_peer) = peer_name == "cycles", PEERS[peer_name]
+            shown = replace(matt(scene), name=f"{scene.name}, matt") if is_matt else scene
             try:
                 opened = open_peer(shown, options.threads)
             except SkippedError as skipped:
-                say(f"SKIPPED {open_peer.__name__}: {skipped}")
+                say(f"SKIPPED {peer_name}: {skipped}")
                 continue
             tracer = open_tracer(shown)
             try:
@@ -182,14 +183,13 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     planes = [SensorPlane(focus, scene.camera.f_number) for focus in (near, middle, far)]
     say(f"{scene.name}, {pixels} pixels: converged pictures")
     truths = true_pictures(tracer, planes, pixels, TRUTH).pictures
-    theirs = truths.copy()
-    own_truth = [1] if "Mitsuba" in kinds else [0, 1, 2]
-    for index in own_truth:
+    theirs, has_own_truth = truths.copy(), kinds is CYCLES
+    converged = replace(next(iter(kinds.values())), per_pixel=CONVERGED)
+    for index in range(len(planes)) if has_own_truth else [1]:
         camera = focused_camera(scene.camera, planes[index])
-        converged = Samples(CONVERGED, "multijitter" if "Mitsuba" in kinds else "")
         theirs[index], _ = opened.picture(camera, pixels, converged, 0)
     agrees = inner_psnr(truths[1], theirs[1])
-    judge = truths if "Mitsuba" in kinds else theirs
+    judge = theirs if has_own_truth else truths
     kept[scene.name, pixels, "true", ""] = truths[1]
     rows = list(rows_of(
         scene, list(ours(tracer, planes, pixels, options.most_rays)), truths, pixels,
@@ -238,15 +238,15 @@ def crops(table: pd.DataFrame, kept: dict[tuple, np.ndarray], folder: Path) -> N
         true = kept[scene, pixels, "true", ""]
         x, y = busiest(true)
         window = np.s_[y : y + CROP_PX, x : x + CROP_PX]
-        pictures, labels = [true[window]], ["converged"]
+        cells = [(true[window], "converged")]
         for method, curve in rows.groupby("method", sort=False):
             seconds = curve["core s"].astype(float)
             if (seconds <= CROP_SECONDS).any() and "together" not in method:
                 best = curve.loc[curve["middle dB"][seconds <= CROP_SECONDS].astype(float).idxmax()]
-                pictures.append(kept[scene, pixels, method, best["setting"]][window])
-                labels.append(f"{method}, {best['setting']}: {best['middle dB']} dB")
+                label = f"{method}, {best['setting']}: {best['middle dB']} dB"
+                cells.append((kept[scene, pixels, method, best["setting"]][window], label))
         name = f"{scene}-{pixels}".replace(", ", "-")
-        contact_sheet(folder / f"{name}.png", pictures, labels, columns=4, panel_px=360)
+        contact_sheet(folder / f"{name}.png", cells, 4, panel_px=360)
 
 
 def busiest(picture: np.ndarray) -> tuple[int, int]:
@@ -265,7 +265,7 @@ def main() -> None:
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--crops", type=Path, help="folder of crops at equal time")
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
-    parser.add_argument("--peers", nargs="+", default=["mitsuba", "cycles"])
+    parser.add_argument("--peers", nargs="+", default=list(PEERS), choices=PEERS)
     parser.add_argument("--pixels", nargs="+", type=int, default=[128])
     parser.add_argument("--most-rays", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=3)

@@ -3,12 +3,11 @@
 make test SUPPORT=yes
 """
 
-import datetime
 import platform
 
 import pandas as pd
 
-from benchmarks.publish import RESULTS, Result, of_this_run, read_result
+from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
 
 KEY = ["system", "Python", "OpenCL drivers", "tests"]
 
@@ -20,14 +19,10 @@ def keep(devices: list[str], chosen: str, counts: dict[str, int]) -> None:
     """
     run = of_this_run(f"SUPPORT=yes pytest {chosen}")
     system = f"{platform.system()} {platform.machine()}"
-    today = datetime.date.today().isoformat()
     names = [device.partition(" (")[2].removesuffix(")") for device in devices]
     identity = [system, platform.python_version(), ", ".join(names), chosen]
     row = dict(zip(KEY, identity, strict=True)) | {
         name: str(counts.get(name, 0)) for name in ("passed", "failed", "skipped")
     }
-    rows = pd.DataFrame([row | {"date": today, "commit": run["commit"]}])
     file = RESULTS / "support.csv"
-    if file.exists():
-        rows = pd.concat([read_result(file).rows, rows]).drop_duplicates(KEY, keep="last")
-    Result(run, rows).write(file)
+    Result(run, with_kept(pd.DataFrame([row | {"date": run["date"]}]), file, *KEY)).write(file)

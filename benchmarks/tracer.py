@@ -10,7 +10,7 @@ same sampled rays; see benchmarks/README.md for the columns and the rules.
 
 import argparse
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -114,33 +114,13 @@ PEERS: dict[str, Callable] = {"embree": EmbreePackets, "mitsuba": MitsubaPicture
 """What makes a peer of a scene and the number of threads."""
 
 
-class Peers:
-    """The chosen peers with one scene; one that cannot run is skipped, and a line says so."""
-
-    def __init__(self, tracer: Tracer, wanted: Sequence[str]):
-        self._open = dict[str, Any]()
-        for name in wanted:
-            with self._skipping(name):
-                self._open[name] = PEERS[name](tracer.scene, tracer.device.threads)
-
-    @contextmanager
-    def _skipping(self, name: str) -> Iterator[None]:
-        try:
-            yield
-        except SkippedError as error:
-            say(f"SKIPPED {name}: {error}")
-            self._open.pop(name, None)
-
-    def methods(self, sample) -> list[Method]:
-        out: list[Method] = []
-        for name, peer in list(self._open.items()):
-            with self._skipping(name):
-                out += peer.methods(sample)
-        return out
-
-    def close(self) -> None:
-        for peer in self._open.values():
-            peer.close()
+@contextmanager
+def skipping(name: str) -> Iterator[None]:
+    """A line says why a peer cannot run."""
+    try:
+        yield
+    except SkippedError as error:
+        say(f"SKIPPED {name}: {error}")
 
 
 def all_rows(options) -> list[dict]:
@@ -148,20 +128,26 @@ def all_rows(options) -> list[dict]:
     for name in options.scenes:
         say(f"building {name}")
         tracer = open_tracer(build_scene(SCENES / name / "scene.yaml"))
-        peers = Peers(tracer, options.peers)
+        peers = {}
+        for peer in options.peers:
+            with skipping(peer):
+                peers[peer] = PEERS[peer](tracer.scene, tracer.device.threads)
         for views in options.views:
             say(f"{name}, N = {views}")
             rows += [{"scene": name, **row} for row in _rows(tracer, views, options, peers)]
-        peers.close()
+        for opened in peers.values():
+            opened.close()
     return rows
 
 
-def _rows(tracer: Tracer, views: int, options, peers: Peers) -> list[dict]:
+def _rows(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> list[dict]:
     scene = tracer.scene
     sample = sample_slab(Slab(scene.camera, views, options.pixels), options.mrays)
     planes = planes_of(scene)
-    methods = [visibility(tracer, sample)]
-    methods += [algorithm1(tracer, sample, planes), *peers.methods(sample)]
+    methods = [visibility(tracer, sample), algorithm1(tracer, sample, planes)]
+    for name, peer in peers.items():
+        with skipping(name):
+            methods += peer.methods(sample)
     rows = []
     for work in ("visibility", "algorithm1"):
         chosen = [method for method in methods if method.work == work]

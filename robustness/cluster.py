@@ -14,7 +14,6 @@ import argparse
 import hashlib
 import re
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -26,7 +25,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from robustness import kills
 from robustness.disks import PAGE, small_disk
+from robustness.kills import started
 from robustness.local_slurm import CannotRun, LocalSlurm, local_slurm, missing
 from robustness.outcome import ROOT
 
@@ -98,27 +99,22 @@ def run(
     folder: Path,
     name: str,
     words: tuple[str, ...],
-    beside: Callable[[], None] = lambda: None,
+    beside: Callable[[], None],
 ) -> Run:
     """A run of the workflow through SLURM; ``beside`` is called now and then meanwhile."""
     folder.mkdir(exist_ok=True)
     before, begun = {one["number"] for one in slurm.jobs()}, time.monotonic()
     command = [sys.executable, "-m", "snakemake", *PROFILE, "--directory", str(folder), *words]
-    with (folder / "terminal").open("w+") as terminal:
-        process = subprocess.Popen(
-            command, cwd=ROOT, env=slurm.environment, stdout=terminal, stderr=subprocess.STDOUT
-        )
-        try:
-            while process.poll() is None:
-                time.sleep(0.5)
-                beside()
-        finally:
-            if process.poll() is None:
-                process.terminate()
-                process.wait()
-        terminal.seek(0)
-        said = terminal.read()
-    seconds = time.monotonic() - begun
+    process = started(command, folder / "terminal", slurm.environment)
+    try:
+        while process.poll() is None:
+            time.sleep(0.5)
+            beside()
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            process.wait()
+    said, seconds = (folder / "terminal").read_text(), time.monotonic() - begun
     mine = [one for one in slurm.jobs() if one["number"] not in before]
     table = re.search(r"^total +(\d+)$", said, re.MULTILINE)
     jobs = int(table[1]) if table else 0
@@ -127,13 +123,13 @@ def run(
 
 def digests(folder: Path) -> dict[str, str]:
     """Name and SHA-256 of each result that holds no seconds, and of tables without theirs."""
-    files = {file for pattern in KEPT for file in folder.glob(pattern)}
-    found = {str(file.relative_to(folder)): file.read_bytes() for file in sorted(files)}
+    found = kills.digests({file for pattern in KEPT for file in folder.glob(pattern)}, folder)
     for file in sorted(folder.glob(FOUND)):
         table = pd.read_csv(file)
         timed = [name for name in table.columns if any(word in name for word in SECONDS)]
-        found[str(file.relative_to(folder))] = table.drop(columns=timed).to_csv().encode()
-    return {name: hashlib.sha256(data).hexdigest() for name, data in found.items()}
+        untimed = table.drop(columns=timed).to_csv().encode()
+        found[str(file.relative_to(folder))] = hashlib.sha256(untimed).hexdigest()
+    return found
 
 
 TABLES = tuple(f"results/tables/table_7_{number}.csv" for number in (1, 2, 3))
@@ -147,12 +143,18 @@ DISK_BYTES = 256 << 20
 """The size of the disk that fills, which holds all that the run makes."""
 
 
+SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"), "--", "results/tables/")
+KILLS = 2
+"""The submissions that are cancelled."""
+
+
 class Fault:
-    """Undisturbed; what happens to a node is a subclass."""
+    """Undisturbed; a subclass is what happens, and knows the ``undisturbed`` run."""
 
-    name = "a small run"
+    name: str = "a small run"
+    words: tuple[str, ...] = SMALL
 
-    def __init__(self, slurm: LocalSlurm, folder: Path):
+    def __init__(self, slurm: LocalSlurm, folder: Path, undisturbed: Run | None):
         self.slurm, self.folder, self.happened = slurm, folder, False
 
     def beside(self) -> None:
@@ -220,6 +222,37 @@ class Disk(Fault):
         yield from more_was_asked(done, failed)
 
 
+class Smoke(Fault):
+    """The smoke workflow, undisturbed."""
+
+    name, words = "smoke", SMOKE
+
+
+class Cancelled(Smoke):
+    """Submissions are cancelled in the middle of their work."""
+
+    name = f"smoke, {KILLS} cancelled"
+
+    def __init__(self, slurm: LocalSlurm, folder: Path, undisturbed: Run | None):
+        super().__init__(slurm, folder, undisturbed)
+        assert undisturbed is not None
+        # Half of what one takes: in the middle of its work, however fast the machine is.
+        self.after_s = undisturbed.inside_s / max(1, len(undisturbed.submissions)) / 2
+        self.since, self.cancelled = dict[str, float](), list[str]()
+
+    def beside(self) -> None:
+        for number in self.slurm.running() if len(self.cancelled) < KILLS else ():
+            begun = self.since.setdefault(number, time.monotonic())
+            if number not in self.cancelled and time.monotonic() - begun > self.after_s:
+                self.slurm.command("scancel", number)
+                self.cancelled.append(number)
+                return
+
+    def missed(self, done: Run) -> Iterator[str]:
+        if len(self.cancelled) < KILLS:
+            yield f"only {len(self.cancelled)} submissions ran long enough to be cancelled"
+
+
 FAULTS = {"node": Node, "disk": Disk}
 
 
@@ -251,7 +284,7 @@ def memory_mib(text: str) -> float:
     return float(text.rstrip("KMGT")) * {"K": 1 / 1024, "M": 1, "G": 1024, "T": 1 << 20}[text[-1]]
 
 
-def one_of(fault: type[Fault], folder: Path) -> Run:
+def one_of(fault: type[Fault], folder: Path, undisturbed: Run | None) -> Run:
     """A run that meets ``fault``, on a SLURM of its own."""
     place = folder / fault.__name__.lower()
     place.mkdir()
@@ -260,66 +293,24 @@ def one_of(fault: type[Fault], folder: Path) -> Run:
             (place / "results").mkdir()
             stack.enter_context(small_disk(place / "results", DISK_BYTES))
         slurm = stack.enter_context(local_slurm(folder / f"s{fault.__name__[0]}"))
-        met = fault(slurm, place)
-        done = run(slurm, place, fault.name, SMALL, beside=met.beside)
+        met = fault(slurm, place, undisturbed)
+        done = run(slurm, place, fault.name, fault.words, met.beside)
         done.wrong += met.missed(done)
     return done
 
 
-def all_of(folder: Path, names: list[str]) -> list[Run]:
-    """An undisturbed run, and one for each fault of ``names``, compared with it."""
+def all_of(folder: Path, faults: Sequence[type[Fault]]) -> list[Run]:
+    """A run that meets each of ``faults``, compared with the first, which is undisturbed; the
+    others are not made where that fails."""
     runs: list[Run] = []
-    for fault in (Fault, *(FAULTS[name] for name in names)):
-        runs.append(one_of(fault, folder))
+    for fault in faults:
+        runs.append(one_of(fault, folder, runs[0] if runs else None))
         if len(runs) > 1:
             runs[-1].compare(runs[0])
         print(runs[-1].summary(), flush=True)
         if runs[0].status:
             break
     return runs
-
-
-SMOKE = ("--configfile", str(ROOT / "config" / "smoke.yaml"), "--", "results/tables/")
-KILLS = 2
-"""The submissions that are cancelled."""
-
-
-def cancelling(
-    slurm: LocalSlurm, kills: int, after_s: float
-) -> tuple[Callable[[], None], list[str]]:
-    """What cancels ``kills`` submissions ``after_s`` from their start, and their numbers."""
-    done: list[str] = []
-    since: dict[str, float] = {}
-
-    def cancel() -> None:
-        for number in slurm.running() if len(done) < kills else ():
-            begun = since.setdefault(number, time.monotonic())
-            if number not in done and time.monotonic() - begun > after_s:
-                slurm.command("scancel", number)
-                done.append(number)
-                return
-
-    return cancel, done
-
-
-def smoke(folder: Path) -> list[Run]:
-    """Both runs, of which the second is not made where the first failed."""
-    with local_slurm(folder / "slurm") as slurm:
-        undisturbed = run(slurm, folder / "undisturbed", "smoke", SMOKE)
-        print(undisturbed.summary(), flush=True)
-        if undisturbed.status:
-            return [undisturbed]
-        # Half of what one takes: in the middle of its work, however fast the machine is.
-        after_s = undisturbed.inside_s / max(1, len(undisturbed.submissions)) / 2
-        cancel, done = cancelling(slurm, KILLS, after_s)
-        disturbed = run(
-            slurm, folder / "disturbed", f"smoke, {KILLS} cancelled", SMOKE, beside=cancel
-        )
-        if len(done) < KILLS:
-            disturbed.wrong.append(f"only {len(done)} submissions ran long enough to be cancelled")
-        disturbed.compare(undisturbed)
-        print(disturbed.summary(), flush=True)
-    return [undisturbed, disturbed]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -337,12 +328,10 @@ def main(arguments: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory(prefix="lf", dir="/tmp") as name:
         folder = Path(name)
         folder.chmod(0o755)
+        names = FAULTS if "all" in options.faults else options.faults
+        faults = [Fault, *(FAULTS[name] for name in names)] if names else [Smoke, Cancelled]
         try:
-            if options.faults:
-                names = list(FAULTS) if "all" in options.faults else options.faults
-                runs = all_of(folder, names)
-            else:
-                runs = smoke(folder)
+            runs = all_of(folder, faults)
         except CannotRun as error:
             print(error)
             return 1
@@ -356,9 +345,9 @@ def publish(runs: list[Run], faults: Sequence[str]) -> None:
     from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
 
     of_faults = f'FAULTS="{" ".join(faults)}" ' if faults else ""
-    rows = with_kept(pd.DataFrame([one.row() for one in runs]), "cluster", "run")
-    provenance = of_this_run(f"make cluster {of_faults}PUBLISH=1")
-    Result(provenance, rows).write(RESULTS / "cluster.csv")
+    file = RESULTS / "cluster.csv"
+    rows = with_kept(pd.DataFrame([one.row() for one in runs]), file, "run")
+    Result(of_this_run(f"make cluster {of_faults}PUBLISH=1"), rows).write(file)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """Disks that fill while a file is written: it is whole and right, or refused and gone."""
 
-from __future__ import annotations
-
 import ctypes
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,9 +35,8 @@ MOST_TRIES = 40
 """Sizes of a disk that are tried for a file; small files are tried page by page."""
 
 
-@dataclass(frozen=True)
-class Writer:
-    """Writes one file of a fixed content."""
+class Writer(NamedTuple):
+    """``write`` makes the ``file``, of a fixed content."""
 
     name: str
     file: str
@@ -141,11 +140,11 @@ def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]
         run.clean()
         results = run.folder / "results"
         results.mkdir()
-        with small_disk(results, pages[index] * PAGE) as disk:
+        with small_disk(results, pages[index] * PAGE) as resize:
             status, said = run.run()
             if status == 0 or "Traceback" in said:
                 return Outcome("silent wrong", f"status {status} on a full disk", said)
-            disk.grow(1 << 30)
+            resize(1 << 30)
             status, said = run.run()
             if status:
                 return Outcome("silent wrong", f"then status {status}", said)
@@ -158,48 +157,40 @@ def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]
     return [(pages[index], outcome) for index, outcome in found]
 
 
-class small_disk:
-    """A file system of that size in memory at ``folder``, seen by this process alone.
+REMOUNT, DETACH = 32, 2
+NEW_USER, NEW_MOUNTS, PRIVATE_RECURSIVE = 0x10000000, 0x00020000, (1 << 18) | (1 << 14)
+LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+@contextmanager
+def small_disk(folder: Path, size: int) -> Iterator[Callable[[int], None]]:
+    """A file system of that size in memory at ``folder``, seen by this process alone; a function
+    that changes its size.
 
     It needs the rights to mount, or a system whose users may make name spaces of their own.
     """
 
-    _libc = ctypes.CDLL(None, use_errno=True)
-    _entered = False
+    def mount(size: int, flags: int = REMOUNT) -> None:
+        _call(LIBC.mount, b"none", bytes(folder), b"tmpfs", flags, b"size=%d" % size)
 
-    def __init__(self, folder: Path, size: int):
-        self.folder, self.size = folder, size
-
-    def __enter__(self) -> small_disk:
-        if not small_disk._entered:
-            own_mounts(self._libc)
-            small_disk._entered = True
-        self._mount(0, self.size)
-        return self
-
-    def _mount(self, flags: int, size: int) -> None:
-        _call(self._libc.mount, b"none", bytes(self.folder), b"tmpfs", flags, b"size=%d" % size)
-
-    def __exit__(self, *_) -> None:
-        _call(self._libc.umount2, bytes(self.folder), 2)  # MNT_DETACH: whatever is open there
-
-    def grow(self, size: int) -> None:
-        self._mount(REMOUNT, size)
+    own_mounts()
+    mount(size, 0)
+    try:
+        yield mount
+    finally:
+        _call(LIBC.umount2, bytes(folder), DETACH)  # whatever is open there
 
 
-REMOUNT = 32
-NEW_USER, NEW_MOUNTS, PRIVATE_RECURSIVE = 0x10000000, 0x00020000, (1 << 18) | (1 << 14)
-
-
-def own_mounts(libc: ctypes.CDLL) -> None:
+@cache
+def own_mounts() -> None:
     """Leave the system's mounts: what is mounted from now on ends with this process."""
     user, group = os.getuid(), os.getgid()
-    _call(libc.unshare, NEW_MOUNTS if user == 0 else NEW_MOUNTS | NEW_USER)
+    _call(LIBC.unshare, NEW_MOUNTS if user == 0 else NEW_MOUNTS | NEW_USER)
     if user:
         Path("/proc/self/setgroups").write_text("deny")
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
         Path("/proc/self/gid_map").write_text(f"0 {group} 1")
-    _call(libc.mount, b"none", b"/", None, PRIVATE_RECURSIVE, None)
+    _call(LIBC.mount, b"none", b"/", None, PRIVATE_RECURSIVE, None)
 
 
 def _call(function, *arguments) -> None:

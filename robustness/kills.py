@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -128,12 +128,9 @@ class Killed:
     def _end(self, after: float, way: str, tally: Tally, note: str) -> bool:
         """Start and kill; whether it was still running then."""
         process = self.start()
-        try:
-            process.wait(after)
-            process.communicate()
+        with suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=after)
             return False
-        except subprocess.TimeoutExpired:
-            pass
         began = time.monotonic()
         if not _strike(process.pid, way):
             process.communicate()
@@ -157,6 +154,15 @@ class Killed:
             yield f"a traceback: {said[-300:]}"
         if self.drafts():
             yield f"left behind at once: {self.drafts()}"
+
+
+def started(words: Sequence[str], said: Path, environment: Mapping[str, str]) -> subprocess.Popen:
+    """A process in a session of its own, whose output is added to the file ``said``."""
+    with said.open("ab") as file:
+        return subprocess.Popen(
+            words, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=file,
+            stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
 
 
 def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:

@@ -20,6 +20,8 @@ from pathlib import Path
 
 import psutil
 
+from robustness.kills import started
+
 PROGRAMS = ("munged", "munge", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
 PLUGIN = "snakemake-executor-plugin-slurm"
 PATHS = "/usr/sbin:/usr/bin:/sbin:/bin"
@@ -67,8 +69,7 @@ class LocalSlurm:
         return [dict(zip(keys, line.split(), strict=False)) for line in text.splitlines()]
 
     def start_node(self) -> None:
-        node = str(shutil.which("slurmd", path=PATHS))
-        self._node = self.start(node, "-D", "-N", "node", "-f", self.environment["SLURM_CONF"])
+        self._node = self.start("slurmd", "-D", "-N", "node", "-f", self.environment["SLURM_CONF"])
         _until(
             lambda: self.command("sinfo", "-h", "-o", "%T").strip() == "idle", 40,
             "slurmd did not start", self.folder / "slurmd.log",
@@ -105,24 +106,14 @@ class LocalSlurm:
         return found - ours
 
     def start(self, *words: str) -> subprocess.Popen:
-        with (self.folder / f"{Path(words[0]).name}.out").open("wb") as out:
-            self._servers.append(
-                subprocess.Popen(
-                    words,
-                    env=self.environment,
-                    stdin=subprocess.DEVNULL,
-                    stdout=out,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,
-                )
-            )
+        self._servers.append(started(words, self.folder / f"{words[0]}.out", self.environment))
         return self._servers[-1]
 
     def stop(self) -> None:
         """Cancel what runs, then end the servers that were started, by their numbers."""
-        with suppress(CannotRun, subprocess.TimeoutExpired):
+        with suppress(subprocess.TimeoutExpired):
             self.command("scancel", "-u", getpass.getuser(), check=False)
-            _until(lambda: not self.command("squeue", "-h", "-t", "R,CG"), 15)
+        _until(lambda: not self.command("squeue", "-h", "-t", "R,CG"), 15)
         for server in reversed(self._servers):
             server.terminate()
             try:
@@ -133,13 +124,11 @@ class LocalSlurm:
 
 
 @contextmanager
-def local_slurm(folder: Path, *, cores: int = 2, memory_mib: int = 16000) -> Iterator[LocalSlurm]:
+def local_slurm(folder: Path) -> Iterator[LocalSlurm]:
     """A :class:`LocalSlurm` below ``folder``, an absolute path that is short.
 
-    Raises :class:`CannotRun` where a program is missing or a server does not start.
+    Raises :class:`CannotRun` where a server does not start.
     """
-    if absent := missing():
-        raise CannotRun(f"{', '.join(absent)} not found: apt-get install slurm-wlm munge; make")
     for name in ("state", "spool", "munge", "bin"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     (folder / "munge").chmod(0o711)
@@ -149,7 +138,7 @@ def local_slurm(folder: Path, *, cores: int = 2, memory_mib: int = 16000) -> Ite
     conf, port = folder / "slurm.conf", _free_port()
     places = {"folder": folder, "user": getpass.getuser(), "port": port, "node_port": port + 1}
     text = CONFIGURATION.read_text(encoding="utf-8")
-    conf.write_text(text.format(**places, cores=cores, memory_mib=memory_mib))
+    conf.write_text(text.format(**places))
     # Snakemake's job step starts its srun without SLURM_CONF, which a site has in /etc.
     shim = folder / "bin" / "srun"
     real = shutil.which("srun", path=PATHS)
@@ -175,39 +164,30 @@ def _free_port() -> int:
 
 
 def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
-    def program(name: str) -> str:
-        return str(shutil.which(name, path=PATHS))
-
     munge = folder / "munge"
     slurm.start(
-        program("munged"), "--foreground", "--force", f"--key-file={munge}/key",
+        "munged", "--foreground", "--force", f"--key-file={munge}/key",
         f"--socket={munge}/socket", f"--pid-file={munge}/pid", f"--log-file={munge}/log",
         f"--seed-file={munge}/seed",
     )  # fmt: skip
     ready = ("munge", "-n", f"--socket={munge}/socket")
-    _until(lambda: _succeeds(slurm, *ready), 20, "munged did not start", munge / "log")
-    slurm.start(program("slurmctld"), "-D", "-i", "-f", str(conf))
+    _until(lambda: slurm.command(*ready), 20, "munged did not start", munge / "log")
+    slurm.start("slurmctld", "-D", "-i", "-f", str(conf))
     log = folder / "slurmctld.log"
-    _until(lambda: _succeeds(slurm, "scontrol", "ping"), 30, "slurmctld did not start", log)
+    _until(lambda: slurm.command("scontrol", "ping"), 30, "slurmctld did not start", log)
     slurm.start_node()
 
 
-def _succeeds(slurm: LocalSlurm, *words: str) -> bool:
-    with suppress(CannotRun, subprocess.TimeoutExpired):
-        slurm.command(*words)
-        return True
-    return False
-
-
 def _until(
-    condition: Callable[[], bool], seconds: float, problem: str = "", log: Path | None = None
+    condition: Callable[[], object], seconds: float, problem: str = "", log: Path | None = None
 ) -> None:
     """Wait for ``condition``; where it does not come, :class:`CannotRun` with the log's end."""
     end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            if not problem:
+    while time.monotonic() < end:
+        with suppress(CannotRun, subprocess.TimeoutExpired):
+            if condition():
                 return
-            said = log.read_text(errors="replace").splitlines()[-3:] if log and log.exists() else []
-            raise CannotRun(f"{problem}: {' '.join(said)}")
         time.sleep(0.2)
+    if problem:
+        said = log.read_text(errors="replace").splitlines()[-3:] if log and log.exists() else []
+        raise CannotRun(f"{problem}: {' '.join(said)}")

@@ -20,10 +20,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from robustness.kills import make_run
+import fsspec
+from fsspec import AbstractFileSystem
+
+from robustness.kills import make_run, started
 from robustness.outcome import ROOT
 
-PACKAGES = ("moto", "boto3", "s3fs", "snakemake_storage_plugin_s3")
+PACKAGES = ("moto", "s3fs", "snakemake_storage_plugin_s3")
 KEPT = (".mkv", "on_the_fly.npz", "from_video.npz", "scene.npz", "bvh.npz")
 """Objects without seconds, which must be the same to the last bit."""
 KEYS = {"SNAKEMAKE_STORAGE_S3_ACCESS_KEY": "any", "SNAKEMAKE_STORAGE_S3_SECRET_KEY": "any"}
@@ -44,75 +47,54 @@ def server() -> Iterator[str]:
         threaded.stop()
 
 
-def client_of(url: str):
-    """Who makes buckets there, and reads them."""
-    import boto3
-
-    return boto3.client(
-        "s3", endpoint_url=url, region_name="us-east-1", aws_access_key_id="any",
-        aws_secret_access_key="any",
-    )  # fmt: skip
-
-
 def start(url: str, folder: Path, prefix: str) -> subprocess.Popen:
     """A run whose results are objects below ``prefix``."""
     folder.mkdir(exist_ok=True)
-    with (folder / "terminal").open("ab") as terminal:
-        return subprocess.Popen(
-            make_run(
-                f"--workflow-profile profiles/s3 --storage-s3-endpoint-url {url} "
-                f"--default-storage-prefix {prefix} --configfile config/micro.yaml "
-                f"--config {SMALL} -- results/tables/index.html",
-                str(folder),
-            ),
-            cwd=ROOT,
-            env=os.environ | KEYS,
-            stdout=terminal,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+    arguments = (
+        f"--workflow-profile profiles/s3 --storage-s3-endpoint-url {url} "
+        f"--default-storage-prefix {prefix} --configfile config/micro.yaml "
+        f"--config {SMALL} -- results/tables/index.html"
+    )
+    return started(make_run(arguments, str(folder)), folder / "terminal", os.environ | KEYS)
 
 
-def objects(client, bucket: str) -> dict[str, str]:
-    found = {}
-    for page in client.get_paginator("list_objects_v2").paginate(Bucket=bucket):
-        for one in page.get("Contents", ()):
-            if one["Key"].endswith(KEPT):
-                body = client.get_object(Bucket=bucket, Key=one["Key"])["Body"].read()
-                found[one["Key"].partition("results/")[2]] = hashlib.sha256(body).hexdigest()
-    return found
+def objects(store: AbstractFileSystem, bucket: str) -> dict[str, str]:
+    """Name and SHA-256 of each object that is kept."""
+    kept = (name for name in store.find(bucket) if name.endswith(KEPT))
+    return {
+        name.partition("results/")[2]: hashlib.sha256(store.cat(name)).hexdigest() for name in kept
+    }
 
 
-def check(folder: Path, url: str, client) -> list[str]:
+def check(folder: Path, url: str) -> list[str]:
     """What is wrong; empty when all is well."""
+    store = fsspec.filesystem(
+        "s3", key="any", secret="any", endpoint_url=url, use_listings_cache=False
+    )
     for bucket in ("undisturbed", "killed"):
-        client.create_bucket(Bucket=bucket)
+        store.mkdir(bucket)
     begun = time.monotonic()
     if start(url, folder / "undisturbed", "s3://undisturbed/run").wait():
         return [(folder / "undisturbed" / "terminal").read_text()[-3000:]]
-    wanted = objects(client, "undisturbed")
+    wanted = objects(store, "undisturbed")
     print(f"undisturbed: {len(wanted)} objects in {time.monotonic() - begun:.0f} s", flush=True)
     first = start(url, folder / "killed", "s3://killed/run")
     while first.poll() is None and not any(
-        name.endswith("0000.segments") for name in _names(client, "killed")
+        name.endswith("0000.segments") for name in store.find("killed")
     ):
         time.sleep(0.2)
     if first.poll() is not None:
         return ["the run ended before it was killed"]
     os.killpg(first.pid, signal.SIGKILL)
     first.wait()
-    before = len(objects(client, "killed"))
+    before = len(objects(store, "killed"))
     status = start(url, folder / "killed", "s3://killed/run").wait()
-    found = objects(client, "killed")
+    found = objects(store, "killed")
     same = found == wanted
     print(f"killed after {before} objects, gone on with: status {status}, {len(found)} objects, "
           f"{'identical' if same else 'DIFFERENT'}", flush=True)  # fmt: skip
     wrong = [] if same and not status else [(folder / "killed" / "terminal").read_text()[-3000:]]
     return wrong + where_it_lies(url)
-
-
-def _names(client, bucket: str) -> list[str]:
-    return [one["Key"] for one in client.list_objects_v2(Bucket=bucket).get("Contents", ())]
 
 
 def where_it_lies(url: str) -> list[str]:
@@ -136,7 +118,7 @@ def main() -> int:
         print(f"SKIPPED: {', '.join(absent)} not found (pip install 'lfcore[s3,dev]')")
         return 0
     with tempfile.TemporaryDirectory() as name, server() as url:
-        wrong = check(Path(name), url, client_of(url))
+        wrong = check(Path(name), url)
     print("\n".join(wrong))
     return int(bool(wrong))
 

@@ -8,11 +8,9 @@ import numpy as np
 
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch, members, unpack
+from lfcore.datasets.items import make_batch, unpack
 from lfcore.exchange import arrays
-from lfcore.exr import read_exr
 from lfcore.opencl.device import open_device
-from lfcore.pictures import read_codes
 
 PACKAGES = ["numpy<2.3", "torch", "torchvision", "OpenEXR", "opencv-python-headless", "pillow",
             "h5py", "scipy", "scikit-image", "matplotlib", "einops", "xlwt", "webdataset",
@@ -49,25 +47,9 @@ def made(work: Path, name: str, keys: Mapping[str, object]) -> Path:
     return folder
 
 
-def stack_of(folder: Path, index: int) -> np.ndarray:
-    """(5, H, W, 3) codes of a stack."""
-    files = sorted((folder / "data").glob(f"{index:06d}_*All.tif"))
-    return np.stack([read_codes(file) for file in files])
-
-
-def depth_of(folder: Path, index: int) -> np.ndarray:
-    return read_exr(folder / "data" / f"{index:06d}Dpt.exr")[0][..., 0].astype(np.float32)
-
-
 def field_of(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Views by row and column, and the middle one's disparity, of the first HDF5 file."""
     file = folder / "data/hdf5/train/000000.h5"
     views, disparity = (arrays.data_set(file, name) for name in ("LF", "disp_lowres"))
     assert views is not None and disparity is not None
     return views, disparity[len(views) // 2, len(views) // 2]
-
-
-def names_in(folder: Path) -> list[str]:
-    """Fields of the first sample of the shard, as webdataset names them."""
-    first = [name.partition(".")[2] for name, _ in members(folder / "shard.tar")]
-    return sorted(set(first))

@@ -24,6 +24,7 @@ import pandas as pd
 
 from benchmarks.interop import data_sets
 from benchmarks.publish import Result, of_this_run, with_kept
+from lfcore.datasets.items import stored_items
 from lfcore.exchange import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
@@ -260,9 +261,11 @@ def dfv(bench: Bench) -> list[str]:
     folder = data_sets.made(bench.work, "stacks", data_sets.STACKS)
     python = bench.environment("data-sets", data_sets.PACKAGES)
     made = bench.read(python, "dfv_reader.py", bench.source("dfv"), f"{folder}/data/")
+    (item,) = stored_items([folder / "shard.tar"], [0])
+    stack = [item.codes(name) for name in sorted(item.pictures()) if name.startswith("focus")]
     return [
-        same(made["stack"], data_sets.stack_of(folder, 0), "a stack"),
-        same(made["depth"], data_sets.depth_of(folder, 0), "its depth"),
+        same(made["stack"], np.stack(stack), "a stack"),
+        same(made["depth"], item.floats("depth.exr"), "its depth"),
         same(made["batch"], np.array([2, 5, 3, 256, 256]), "a batch's shape"),
     ]
 
@@ -286,9 +289,10 @@ def training_tools(bench: Bench) -> list[str]:
     card = folder / "croissant.json"
     made = bench.read(python, "webdataset_reader.py", folder / "shard.tar", card)
     names = [name for name in made["names"].tolist() if not name.startswith("_")]
+    (item,) = stored_items([folder / "shard.tar"], [0])
     return [
         same(made["keys"], np.array(["000000", "000001"]), "webdataset: samples"),
-        same(np.array(names), np.array(data_sets.names_in(folder)), "their fields"),
+        same(np.array(names), np.array(sorted(item.files)), "their fields"),
         near(np.minimum(made["db"], 30), np.full(2, 30.0), 0, "mlcroissant: items of 30 dB"),
     ]
 
@@ -354,7 +358,7 @@ def main() -> None:
         print(f"{title}: {said}", flush=True)
         rows.append({"reader": title, "compared": said})
     if arguments.out:
-        found = with_kept(pd.DataFrame(rows), "interop", "reader")
+        found = with_kept(pd.DataFrame(rows), arguments.out, "reader")
         Result(of_this_run("python -m benchmarks.interop.run"), found).write(arguments.out)
 
 

@@ -47,13 +47,15 @@ def rates(runs: list[Run]) -> dict[str, float]:
 
 def write_csv(path: Path, rows: Sequence[dict]) -> None:
     """Write ``rows``, whole or not at all; columns in order of first appearance."""
-    write_text(path, _table(rows).to_csv(index=False, lineterminator="\n"))
+    text = pd.DataFrame(rows).to_csv(index=False, lineterminator="\n", float_format=_shown)
+    write_text(path, text)
 
 
 def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:
     """``rows`` as aligned columns on standard output."""
-    table = _table(rows).drop(columns=list(leave_out), errors="ignore")
-    print(table.to_string(index=False), flush=True)
+    table = pd.DataFrame(rows).drop(columns=list(leave_out), errors="ignore")
+    shown = table.astype(object).where(table.notna(), "")
+    print(shown.to_string(index=False, float_format=_shown), flush=True)
 
 
 def report(path: Path, measure: Callable[[], list[dict]]) -> None:
@@ -67,11 +69,5 @@ def report(path: Path, measure: Callable[[], list[dict]]) -> None:
     print_table(rows, leave_out=beside)
 
 
-def _table(rows: Sequence[dict]) -> pd.DataFrame:
-    return pd.DataFrame(rows, dtype=object).map(_shown)
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, float) and not np.isnan(value):
-        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
-    return "" if pd.isna(value) else str(value)
+def _shown(value: float) -> str:
+    return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"

@@ -3,10 +3,10 @@
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from multiprocessing import get_context
+from typing import Any
 
 from lfcore import timing
 from lfcore.optics.camera import Camera
@@ -71,22 +71,27 @@ class Samples:
 class Renderer:
     """A scene in another renderer, in a process of its own, that ``prepare(*arguments)`` loads.
 
-    ``render(camera, pixels, samples, seed)`` makes a picture there.  Raises :class:`SkippedError`
-    where the process does not begin, with what it ``needs``.
+    A compiler that fails ends only that: :class:`SkippedError`, with what the renderer ``needs``.
+    ``render(camera, pixels, samples, seed)`` makes a picture there.
     """
 
     def __init__(self, prepare: Callable, arguments: tuple, render: Callable, needs: str):
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), prepare, arguments)
-        self._render = render
+        self._render, self._needs = render, needs
+        self.ask(int)
+
+    def ask(self, work: Callable, *arguments: object) -> Any:
+        """What ``work(*arguments)`` returns there."""
         try:
-            self._pool.submit(int).result()
-        except BrokenProcessPool as error:
+            return self._pool.submit(work, *arguments).result()
+        except (RuntimeError, ImportError) as error:
             self.close()
-            raise SkippedError(f"does not run, see above ({error}); it needs {needs}") from None
+            why = f"does not run, see above ({error}); it needs {self._needs}"
+            raise SkippedError(why) from None
 
     def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
         """((pixels, pixels, 3) float32 linear light, core seconds)."""
-        return self._pool.submit(self._render, camera, pixels, samples, seed).result()
+        return self.ask(self._render, camera, pixels, samples, seed)
 
     def close(self) -> None:
         self._pool.shutdown()

@@ -12,19 +12,15 @@ import itertools
 import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from benchmarks.peers.method import Method, Run, Samples, SkippedError, check_installed
+from benchmarks.peers.method import Method, Renderer, Run, Samples, check_installed, clocked
 from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
-from lfcore.timing import clocked
 
 NAME = "mitsuba llvm_ad_rgb"
 SAMPLES = 32
@@ -97,21 +93,19 @@ def _load(slab) -> str:
     return describe.mitsuba.__version__
 
 
-def _render(samples: int, seed: int) -> tuple[float, float, np.ndarray]:
+def _clocked(samples: int, rays: int, seed: int) -> Run:
     render = partial(_here["describe"].mitsuba.render, _here["scene"], spp=samples, seed=seed)
-    work = partial(clocked, lambda: np.asarray(render()), clock=time.process_time)
-    (picture, cpu), wall = clocked(work)
-    return wall, cpu, picture
+    return clocked(lambda: np.asarray(render()), rays)
 
 
-class MitsubaPicture:
-    """One scene in Mitsuba, in a process of its own: a compiler that fails ends only that."""
+class MitsubaPicture(Renderer):
+    """One scene in Mitsuba, whose rate is measured."""
 
     def __init__(self, scene: Scene, threads: int):
         check_installed("mitsuba")
         self.llvm, self._threads = chosen_llvm(), threads
-        arguments = scene, threads, self.llvm
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _open, arguments)
+        needs = f"LLVM, found: {self.llvm or 'none'}"
+        super().__init__(_open, (scene, threads, self.llvm), render, needs)
 
     def methods(self, sample) -> list[Method]:
         """The rate of one whole picture of the sample's slab, SAMPLES rays per pixel and run.
@@ -126,25 +120,9 @@ class MitsubaPicture:
     def rendered(
         self, work: str, load: Callable, what: object, samples: int, rays: int, note: str
     ) -> Method:
-        """The rate of pictures of the scene that ``load(what)`` makes, with ``rays`` rays in all.
-
-        Raises :class:`SkippedError` if Mitsuba does not run.
-        """
-        seeds = itertools.count(1)
-        try:
-            version = self._pool.submit(load, what).result()
-            self._pool.submit(_render, 1, 0).result()
-        except (BrokenProcessPool, RuntimeError, ImportError) as error:
-            self.close()
-            why = f"{error}; LLVM: {self.llvm or 'none found'}"
-            raise SkippedError(f"it does not run here, see above ({why})") from None
-
-        def run() -> Run:
-            wall, cpu, _ = self._pool.submit(_render, samples, next(seeds)).result()
-            return Run(wall, cpu, rays)
-
+        """The rate of pictures of the scene that ``load(what)`` makes, of ``rays`` in all."""
+        version, seeds = self.ask(load, what), itertools.count(1)
+        self.ask(_clocked, 1, 0, 0)
         parts = (f"Mitsuba {version}", f"{self._threads} threads", note, Path(self.llvm or "").name)
+        run = lambda: self.ask(_clocked, samples, rays, next(seeds))  # noqa: E731
         return Method(NAME, work, run, ", ".join(parts))
-
-    def close(self) -> None:
-        self._pool.shutdown()

@@ -15,10 +15,11 @@ import lfcore
 from lfcore.errors import OpticsError, SettingsError
 from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision.points import core_clock, point
+from lfcore.evaluation.work_precision.study import BY_DEPTH, grid_row, recording_seconds
 from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lattice import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.prepared import hierarchy_of, open_tracer
+from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked_warm
@@ -30,7 +31,6 @@ COLUMNS = (
 )  # fmt: skip
 """The last three are fractions of the scene's first row, the thesis's recipe."""
 SHARES = {"rays_share": "rays", "seconds_share": "seconds", "size_share": "bytes"}
-THESIS, CHOSEN = "nearest pixel", "by depth"
 MOST_RAYS = 65536
 """The budget in rays per pixel: hard scenes take long instead of failing."""
 
@@ -48,12 +48,7 @@ def thesis_row(
     ``jobs`` are the records of tracing, storing and retrieving it; ``traced`` and ``retrieved``
     (P, H, W, 3), linear light, are pictures formed on the fly, and from the file.
     """
-    trace, store, retrieve = jobs
-    return _row(
-        scene, reference, traced, retrieved, method=THESIS, lattice=Lattice(views, 1.0),
-        seconds=trace["seconds"] + store["encode_seconds"] + store["join_seconds"],
-        bytes=store["video_bytes"], read_seconds=retrieve["seconds"] * retrieve["threads"],
-    )  # fmt: skip
+    return _row(scene, reference, traced, grid_row(reference, views, retrieved, jobs))
 
 
 def chosen_row(
@@ -63,18 +58,11 @@ def chosen_row(
 
     Raises :class:`SettingsError` for a quality that needs more rays than the budget.
     """
-    clock, planes, size = core_clock(device), reference.planes, reference.size
+    planes, size = reference.planes, reference.size
     focus = sorted(plane.focus_m for plane in planes)
     quality = Quality(quality_db, MOST_RAYS, (focus[0], focus[-1]))
-    hierarchy_of(scene)  # the clock counts rays and frames, not the tree
-
-    def record() -> None:
-        lfcore.record(
-            scene, path, pixels=size, quality=quality, device=device,
-        ).close()  # fmt: skip
-
     try:
-        _, seconds = clocked_warm(record, programs_made, clock=clock)
+        seconds = recording_seconds(scene, path, device, pixels=size, quality=quality)
     except OpticsError as error:
         if error.key != "quality_db":
             raise
@@ -83,30 +71,24 @@ def chosen_row(
         raise SettingsError(problem, key=key, remedy=error.remedy) from None
     with lfcore.LightField.open(path) as field:
         read = partial(field.refocus_many, planes, device=device)
-        retrieved, read_seconds = clocked_warm(read, programs_made, clock=clock)
+        retrieved, read_seconds = clocked_warm(read, programs_made, clock=core_clock(device))
         slab, content = field.require_slab(), field.metadata.content
     lattice = Lattice(slab.views, slab.pixels / size.longer)
     tracer = open_tracer(scene, device)
     traced = pictures_by_depth(tracer, scene.camera, planes, size, lattice)
-    return _row(
-        scene.name, reference, traced, retrieved, method=CHOSEN, lattice=lattice,
-        quality_db=quality_db, expected_db=content["expected"]["db"], seconds=seconds,
-        bytes=Path(path).stat().st_size, read_seconds=read_seconds,
+    made = point(
+        reference, retrieved, rays=slab.rays, method=BY_DEPTH, setting=str(lattice),
+        expected_db=content["expected"]["db"], record_seconds=seconds, seconds=read_seconds,
+        bytes=Path(path).stat().st_size,
     )  # fmt: skip
+    return _row(scene.name, reference, traced, made) | {"quality_db": quality_db}
 
 
-def _row(
-    scene: str,
-    reference: Reference,
-    traced: np.ndarray,
-    retrieved: np.ndarray,
-    *,
-    lattice: Lattice,
-    **measured: object,
-) -> dict:
-    row = point(reference, retrieved, rays=lattice.rays(reference.size), scene=scene, **measured)
-    row |= {"lattice": str(lattice), "rays_per_pixel": lattice.rays_per_pixel}
-    row |= {"M": reference.size.as_given, "psnr_traced_db": min(reference.psnr(traced))}
+def _row(scene: str, reference: Reference, traced: np.ndarray, made: Mapping) -> dict:
+    """The row of a point of error against run time: its time is that of recording."""
+    row = {**made, "scene": scene, "M": reference.size.as_given, "lattice": made["setting"]}
+    row |= {"seconds": made["record_seconds"], "read_seconds": made["seconds"]}
+    row["psnr_traced_db"] = min(reference.psnr(traced))
     return {name: row.get(name) for name in COLUMNS}
 
 

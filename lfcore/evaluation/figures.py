@@ -34,30 +34,31 @@ matplotlib.rcParams.update({
 })  # fmt: skip
 
 
-class Sheet(NamedTuple):
-    """Pictures in linear light, their labels, and the number per row (None: all)."""
+Cell = tuple[np.ndarray, str]
+"""A picture in linear light, and its label."""
 
-    pictures: list[np.ndarray]
-    labels: list[str]
+
+class Sheet(NamedTuple):
+    """Labelled pictures, and the number per row (None: all)."""
+
+    cells: list[Cell]
     columns: int | None = None
 
 
 def contact_sheet(
     path: str | Path,
-    pictures: Sequence[np.ndarray],
-    labels: Sequence[str],
-    *,
+    cells: Sequence[Cell],
     columns: int | None = None,
+    *,
     panel_px: int = PANEL_PX,
 ) -> None:
     """Write pictures (H, W, 3), linear light in [0, 1], each above its label, as one PNG.
 
     ``columns`` are pictures per row, by default all; pictures smaller than ``panel_px`` are
-    enlarged to this width.  Raises :class:`ValueError` without a picture, or a label per picture.
+    enlarged to this width.
     """
-    if not labels:
-        raise ValueError("pictures without labels make no sheet")
-    panels = np.stack([_panel(srgb_codes(picture), panel_px) for picture in pictures])
+    panels = np.stack([_panel(srgb_codes(picture), panel_px) for picture, _ in cells])
+    labels = [label for _, label in cells]
     write_picture(path, sheet_of(panels, columns or len(panels), GAP_PX, labels))
 
 

@@ -130,11 +130,6 @@ def full_needs(filled: Scene, field: str) -> Needs:
     return replace(needs, **{field: value or type(value)(True)})
 
 
-COLUMNS = (
-    "scene", "feature", "what", "seconds_full", "seconds_left_out", "bytes_saved", "identical",
-)  # fmt: skip
-
-
 class LeftOutError(LfcoreError):
     """A picture changes when an unneeded feature is left out."""
 
@@ -162,10 +157,10 @@ class Program:
         return finished(self.tracing())
 
     @cached_property
-    def made(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """Frames, copied, and plane sums."""
+    def made(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frames and plane sums."""
         tracing = self.tracing()
-        frames = [chunk.frames.copy() for chunk in tracing]
+        frames = np.concatenate([chunk.frames.copy() for chunk in tracing] or [np.empty(0)])
         assert tracing.plane_sums is not None  # of a tracing that has ended
         return frames, tracing.plane_sums.sums
 
@@ -200,7 +195,7 @@ class Comparison:
         full, lean, identical = self.full, self.lean, self.identical
         (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
         if identical is None:
-            identical = not (full.frames and lean.frames) or same(frames, lean_frames)
+            identical = not (full.frames and lean.frames) or np.array_equal(frames, lean_frames)
             identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
         saved = full.bytes - lean.bytes if self.saved is None else self.saved
         full_time, lean_time = measure_in_turn((full.run, lean.run), repeats=repeats)
@@ -212,11 +207,6 @@ class Comparison:
             "bytes_saved": int(saved),
             "identical": identical,
         }
-
-
-def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
-    """Whether arrays agree to the last bit."""
-    return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
 def check_identical(rows: Iterable[dict]) -> None:
@@ -239,7 +229,7 @@ def left_out(
     repeats: int = 5,
     features: str | Sequence[str] = "all",
 ) -> list[dict]:
-    """Rows with :data:`COLUMNS` of everything that is left out for ``scene``.
+    """A row for everything that is left out for ``scene``.
 
     ``features`` are fields of :class:`Needs`, ``all`` of which are compared unless some are named.
     """

@@ -19,14 +19,13 @@ from lfcore.evaluation.table_files import readable, write_markdown
 from lfcore.files import write_text
 
 HERE = Path(__file__).parent
-MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
 
 @dataclass(frozen=True)
 class Section:
     """A table (CSV), figures, or both, under one title and caption.
 
-    ``figures`` maps a label (a scene's name, or empty) to a picture file.
+    ``figures`` maps a label (a scene's name, or empty) to a PNG file.
     """
 
     name: str
@@ -57,7 +56,7 @@ def write_page(
     ``introduction`` is reStructuredText, ``facts`` are machine, device and versions, ``config`` is
     ``snakemake.config`` in captions, and ``viewers`` are pages of light fields, in this page's
     folder or below, named for their scenes.  Raises :class:`OSError` for a table or picture that
-    cannot be read, :class:`ValueError` for a figure of a type that a page cannot show.
+    cannot be read.
     """
     folder, viewers = Path(path).parent, list(viewers)
     if left := _left_over(Path(path), sections, viewers):
@@ -129,10 +128,7 @@ def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict
 
 
 def _data_url(picture: Path) -> str:
-    media = MEDIA_TYPES.get(picture.suffix.lower())
-    if media is None:
-        raise ValueError(f"{picture}: a page shows {', '.join(MEDIA_TYPES)}, not this")
-    return f"data:{media};base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
+    return f"data:image/png;base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
 
 
 def fill(text: str, config: Mapping[str, object]) -> str:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.figures import Cell, contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
 from lfcore.progress import Progress
@@ -38,8 +38,8 @@ def take(
 
 def panels(
     tracer: Tracer, camera: PlenopticCamera, pixels: np.ndarray, focus_m: Sequence[float]
-) -> tuple[list[np.ndarray], list[str]]:
-    """Pictures (linear light) and labels of one row of the sheet.
+) -> list[Cell]:
+    """One row of the sheet.
 
     The photograph reduced to one pixel per microlens, a detail of it around the middle with its
     microlenses, views from the left and right of the lens, and the photograph refocused at each
@@ -47,18 +47,17 @@ def panels(
     """
     samples, middle = camera.samples, camera.samples // 2
     recorded = f"focus {camera.camera.focus_m:.3g} m"
-    shown = [reduced(pixels, samples), detail(pixels, samples)]
-    labels = [
-        f"{len(pixels)} x {len(pixels)}, {recorded}, reduced",
-        f"{LENSES_SHOWN} x {LENSES_SHOWN} microlenses",
+    cells = [
+        (reduced(pixels, samples), f"{len(pixels)} x {len(pixels)}, {recorded}, reduced"),
+        (detail(pixels, samples), f"{LENSES_SHOWN} x {LENSES_SHOWN} microlenses"),
     ]
     for i, name in ((INSET, "left"), (samples - 1 - INSET, "right")):
-        shown.append(srgb_decode(sub_aperture(pixels, samples, i, middle)))
-        labels.append(f"view from the {name} of the lens")
+        view = srgb_decode(sub_aperture(pixels, samples, i, middle))
+        cells.append((view, f"view from the {name} of the lens"))
     planes = [SensorPlane(focus, camera.camera.f_number) for focus in focus_m]
-    shown += list(refocus_photograph(camera, pixels, planes, device=tracer.device))
-    labels += [f"refocused to {focus:.3g} m" for focus in focus_m]
-    return shown, labels
+    refocused = refocus_photograph(camera, pixels, planes, device=tracer.device)
+    labels = (f"refocused to {focus:.3g} m" for focus in focus_m)
+    return [*cells, *zip(refocused, labels, strict=True)]
 
 
 def reduced(pixels: np.ndarray, samples: int) -> np.ndarray:
@@ -81,11 +80,10 @@ def detail(pixels: np.ndarray, samples: int) -> np.ndarray:
     return srgb_decode(inside.repeat(times, axis=0).repeat(times, axis=1))
 
 
-def plenoptic_sheet(path: str | Path, rows: Sequence[tuple[list[np.ndarray], list[str]]]) -> None:
+def plenoptic_sheet(path: str | Path, rows: Sequence[list[Cell]]) -> None:
     """A row per photograph, as :func:`panels` gives them; all panels of one size."""
-    pictures = [_fitted(picture) for shown, _ in rows for picture in shown]
-    labels = [label for _, names in rows for label in names]
-    contact_sheet(path, pictures, labels, columns=len(rows[0][0]), panel_px=PANEL_PX)
+    cells = [(_fitted(picture), label) for row in rows for picture, label in row]
+    contact_sheet(path, cells, len(rows[0]), panel_px=PANEL_PX)
 
 
 def _fitted(picture: np.ndarray) -> np.ndarray:

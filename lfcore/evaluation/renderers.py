@@ -23,7 +23,7 @@ from types import ModuleType
 import numpy as np
 
 from lfcore.errors import LfcoreError, SceneError
-from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.figures import Cell, contact_sheet
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.opencl.device import programs_made
 from lfcore.optics.camera import Camera
@@ -210,15 +210,12 @@ def renderers_sheet(
     path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
 ) -> None:
     """All pictures, a row per focus distance, above enlarged details."""
-    pictures: list[np.ndarray] = []
-    labels: list[str] = []
+    cells: list[Cell] = []
     for focus, row in zip(focus_m, rendered, strict=True):
         made = [(one.method, one.picture) for one in row if one.picture is not None]
-        pictures += [picture for _, picture in made]
-        labels += [f"{method}, {focus:.3g} m" for method, _ in made]
-        pictures += [detail(picture) for _, picture in made]
-        labels += ["detail"] * len(made)
-    contact_sheet(path, pictures, labels, columns=len(pictures) // (2 * len(focus_m)))
+        cells += [(picture, f"{method}, {focus:.3g} m") for method, picture in made]
+        cells += [(detail(picture), "detail") for _, picture in made]
+    contact_sheet(path, cells, len(cells) // (2 * len(focus_m)))
 
 
 def detail(picture: np.ndarray) -> np.ndarray:

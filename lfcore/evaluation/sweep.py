@@ -1,7 +1,7 @@
 """One tracing, stored by several encoders: time, size, and the loss of the pictures."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -46,14 +46,18 @@ def sweep_rows(
         tracing = tracer.trace_tile(slab, tile, planes)
         size = tile.layout.frame_width, tile.layout.frame_height
         with ExitStack() as stack:
-            writers = {}
-            for case, spec in specs.items():
-                writer = SegmentWriter(files[case], spec, *size)
-                writers[case] = stack.enter_context(_timed_to_its_end(writer, watch, case))
+            ends = {case: stack.enter_context(ExitStack()) for case in specs}
+            writers = {
+                case: ends[case].enter_context(SegmentWriter(files[case], spec, *size))
+                for case, spec in specs.items()
+            }
             for chunk in watch.each("trace", iter(tracing)):
                 for case, writer in writers.items():
                     with watch.part(case):
                         writer.write(chunk.frames)
+            for case, end in ends.items():  # the last frames are encoded
+                with watch.part(case):
+                    end.close()
         assert tracing.plane_sums is not None  # of a tracing that has ended
         return tracing.plane_sums
 
@@ -76,17 +80,6 @@ def sweep_rows(
                 **_retrieved(tracer, file, planes, pictures, slab.rays),
             })  # fmt: skip
         return rows
-
-
-@contextmanager
-def _timed_to_its_end(
-    writer: SegmentWriter, watch: Stopwatch, case: str
-) -> Iterator[SegmentWriter]:
-    """The writer, whose end is timed: only then are the last frames encoded."""
-    with ExitStack() as end:
-        yield end.enter_context(writer)
-        with watch.part(case):
-            end.close()
 
 
 def _retrieved(

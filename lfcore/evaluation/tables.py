@@ -5,7 +5,6 @@ scene and N; other scenes have empty cells.
 """
 
 import functools
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from lfcore.evaluation.metrics import picture_quality
-from lfcore.evaluation.table_files import TableError, table_of
+from lfcore.evaluation.table_files import table_of
 from lfcore.evaluation.true_picture import Reference, load_reference
 from lfcore.files import read_json
 from lfcore.optics.plane_pictures import load_stack
@@ -63,34 +62,18 @@ def thesis_figures() -> pd.DataFrame:
     return figures.set_index(list(KEY))
 
 
-def columns(name: str) -> tuple[str, ...]:
-    """The columns of the table ``name``, a key of :data:`MEASURED`."""
-    return (*KEY, *MEASURED[name], *CONTEXT, *OF_THESIS[name])
-
-
 def make_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
-    """The table ``name`` (a key of :data:`MEASURED`) with rows in the order of the records.
+    """The table ``name`` (a key of :data:`MEASURED`) of its records, as :func:`scene_records`
+    makes them, in their order.
 
-    Raises :class:`TableError` when a record lacks a column, has one too many, or two records
-    share scene and N.
+    Raises :class:`TableError` when a record lacks a column or has one too many.
     """
-    table = table_of(records, (*KEY, *MEASURED[name], *CONTEXT), DECIMALS)
-    for scene, n in table.loc[table.duplicated(list(KEY)), list(KEY)].itertuples(index=False):
-        raise TableError(f"{name} has two records for scene {scene} and N = {n}")
+    rows = [row for row in records if row["table"] == name]
+    table = table_of(rows, ("table", *KEY, *MEASURED[name], *CONTEXT), DECIMALS)
+    table = table.drop(columns="table")
     beside = OF_THESIS[name]
     figures = thesis_figures()[list(beside.values())].set_axis(list(beside), axis=1)
     return table.join(figures, on=list(KEY))
-
-
-def read_records(scenes: Iterable[Mapping], name: str) -> list[dict]:
-    """Records of one table from those of all scenes, as :mod:`scene_records` makes them.
-
-    JSON knows no infinity: the quality of a picture against itself is null there.
-    """
-    records = [dict(row) for scene in scenes for row in scene[name]]
-    return [
-        row | {"psnr_db": math.inf} if row.get("psnr_db", 0) is None else row for row in records
-    ]
 
 
 def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
@@ -116,42 +99,33 @@ class Resolution:
 
 def scene_records(
     scene: str, pixels: int | str, files: Sequence[Resolution], truth: str | Path
-) -> dict[str, list[dict]]:
-    """Rows of tables 7.1, 7.2 and 7.3.
+) -> list[dict]:
+    """Rows of tables 7.1, 7.2 and 7.3, each with the name of its ``table``.
 
     The last of ``files`` is the thesis's own reference of table 7.1; ``truth`` is a file of true
-    pictures of the same planes.  Raises :class:`TableError` where its planes are others.
+    pictures of the same planes.
     """
-    rows: dict[str, list[dict]] = {"table_7_1": [], "table_7_2": [], "table_7_3": []}
+    rows = []
     best, true = load_stack(files[-1].on_the_fly)[0], load_reference(truth)
     for one in files:
         traced, pictures = read_json(one.trace), load_stack(one.on_the_fly)[0]
         context = {"scene": scene, "N": one.views, "M": pixels, "triangles": traced["triangles"]}
         made = context | {key: traced[key] for key in ("device", "threads", "seconds")}
-        rows["table_7_1"].append(made | _quality(one.on_the_fly, best, true))
+        rows.append({"table": "table_7_1"} | made | _quality(one.on_the_fly, best, true))
         if one.from_video is None or one.store is None or one.retrieve is None:
             continue
         stored, retrieved = read_json(one.store), read_json(one.retrieve)
         made = context | {key: stored[key] for key in ("device", "threads")}
         made["seconds"] = stored["encode_seconds"] + stored["join_seconds"]
         size = sizes(rays=traced["rays"], video_bytes=stored["video_bytes"])
-        rows["table_7_2"].append(made | size)
+        rows.append({"table": "table_7_2"} | made | size)
         made = context | {key: retrieved[key] for key in ("device", "threads", "seconds")}
-        rows["table_7_3"].append(made | _quality(one.from_video, pictures, true))
+        rows.append({"table": "table_7_3"} | made | _quality(one.from_video, pictures, true))
     return rows
 
 
 def _quality(stack_file: str | Path, reference: np.ndarray, true: Reference) -> dict:
-    """Quality of pictures against others, and in dB against the true ones, averaged over planes.
-
-    JSON knows no infinity: the quality of a picture against itself is null.
-    """
-    pictures, planes = load_stack(stack_file)
-    if planes != true.planes:
-        raise TableError(
-            "shows other planes than the true pictures", file=stack_file, remedy="Make both again"
-        )
-    true_db = np.mean(true.psnr(pictures))
-    found: dict = picture_quality(pictures, reference)
-    found["psnr_db"] = found["psnr_db"] if np.isfinite(found["psnr_db"]) else None
-    return found | {"psnr_true_db": float(true_db)}
+    """Quality of pictures against others, and in dB against the true ones, averaged over planes."""
+    pictures, _ = load_stack(stack_file)
+    true_db = float(np.mean(true.psnr(pictures)))
+    return {**picture_quality(pictures, reference), "psnr_true_db": true_db}

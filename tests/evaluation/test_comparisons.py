@@ -19,13 +19,11 @@ from lfcore.evaluation.assignment.arrays import array_of, errors, overview, squa
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.left_out import (
-    COLUMNS,
     FEATURES,
     LeftOutError,
     check_identical,
     full_needs,
     left_out,
-    same,
 )
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.evaluation.stability.tested_tracer import bare_scene
@@ -103,12 +101,13 @@ def test_a_microlens_in_focus_is_of_one_colour(pictures):
 
 
 def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
-    shown, labels = panels(chart, *pictures[1], (1.0, 2.0))
-    assert len(shown) == len(labels) == 6
+    row = panels(chart, *pictures[1], (1.0, 2.0))
+    assert len(row) == 6
     # Refocused, the text of the far plane comes back.
-    sharp, blurred = (np.abs(np.diff(p[:32].mean(-1), axis=1)).mean() for p in (shown[5], shown[0]))
+    shown = row[5][0], row[0][0]
+    sharp, blurred = (np.abs(np.diff(p[:32].mean(-1), axis=1)).mean() for p in shown)
     assert sharp > 1.3 * blurred
-    plenoptic_sheet(tmp_path / "sheet.png", [(shown, labels)])
+    plenoptic_sheet(tmp_path / "sheet.png", [row])
     assert Image.open(tmp_path / "sheet.png").width > 6 * 384
     write_picture(tmp_path / "photo.png", pictures[1][1])
     assert np.array_equal(np.asarray(Image.open(tmp_path / "photo.png")), pictures[1][1])
@@ -176,7 +175,6 @@ def test_pictures_are_identical_without_what_is_left_out(plain):
     device = open_device(threads=1)
     bvh = build_bvh(plain.triangles)
     made = left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
-    assert all(set(row) == set(COLUMNS) for row in made)
     found = {row["feature"]: row for row in made}
     assert set(found) == {f.field for f in FEATURES} - {"directional_lights"} | {
         "frames", "planes", "lens_blocks", "triangles", "dark_lights",
@@ -198,10 +196,7 @@ def test_a_picture_loads_no_video_library_and_none_that_filters_textures():
     assert done.stdout == "set()\n", done.stderr
 
 
-def test_what_differs_is_not_called_identical_and_is_an_error():
-    zero, one = np.zeros(3), np.array([0.0, 0.0, 1e-30])
-    assert same([zero], [zero.copy()])
-    assert not same([zero], [one]) and not same([zero], [zero, zero])
+def test_a_row_that_differs_is_an_error():
     rows = [{"scene": "s", "feature": name, "identical": name != "fog"} for name in ("a", "fog")]
     check_identical(rows[:1])
     with pytest.raises(LeftOutError, match="s, fog"):
@@ -286,8 +281,6 @@ def test_monte_carlo_converges_at_its_rate(tracer):
 def test_the_slope_of_a_power(power, scale):
     counts = [2, 4, 32]
     assert slope(counts, [scale * n**power for n in counts]) == pytest.approx(power, abs=1e-9)
-    for counts, values in (((4, 4), (1.0, 1.0)), ((1, 2), (1.0, 0.0))):
-        refused("slope", slope, counts, values)
 
 
 def test_what_is_no_direct_lens(tracer):
@@ -307,7 +300,6 @@ def test_errors_and_overview_of_known_pictures():
     assert small.shape == (2, 4, 3)
     np.testing.assert_allclose(small[1, 2], image[3:6, 6:9].mean((0, 1)), rtol=1e-5)
     np.testing.assert_array_equal(overview(image, 40), image)
-    refused("picture_px", overview, image, 0)
 
 
 GRID = {"bounds_m": [-1, 1, -2, 2], "fov_deg": 40}

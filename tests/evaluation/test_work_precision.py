@@ -239,7 +239,7 @@ def test_a_quality_is_recorded_and_compared_with_the_recipe(tmp_path, chart, ref
     assert more["rays"] > 2 * ours["rays"]
 
     jobs = (
-        {"seconds": 3.0},
+        {"seconds": 3.0, "rays": (64 * side) ** 2},
         {"encode_seconds": 2.0, "join_seconds": 1.0, "video_bytes": 4 * ours["bytes"]},
         {"seconds": 7.0, "threads": 2},
     )

@@ -20,11 +20,12 @@ from tracing_scenes import (
 
 from benchmarks.leaks import rough_wall
 from lfcore import FrameLayout, Material, SensorPlane, Slab
-from lfcore.evaluation.stability.measurement import mismatches, oracle_hits
+from lfcore.evaluation.stability.measurement import mismatches
 from lfcore.evaluation.stability.shapes import random_rays, single
 from lfcore.evaluation.stability.shapes import soup as measured_soup
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
 from lfcore.optics.bundles import macropixels, views
+from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.tracing import chunks, job
 from lfcore.tracing.bvh import build_bvh
@@ -225,5 +226,5 @@ def test_spoilt_triangles_are_never_met(tracer, pattern):
         bad[np.arange(300), rng.integers(0, 3, 300), rng.integers(0, 3, 300)] = pattern
     both = np.concatenate([mesh, bad])
     keep = np.append(np.flatnonzero(kept(both)), -1)
-    hits = oracle_hits(both[keep[:-1]], rays)
+    hits = closest_hits(both[keep[:-1]], *rays)
     assert mismatches(tracer.closest(both, *rays), replace(hits, triangle=keep[hits.triangle])) == 0

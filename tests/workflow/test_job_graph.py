@@ -48,10 +48,9 @@ def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     # What is not stored cannot be read.
     assert "retrieval" not in jobs and jobs["equivalence"] == jobs["equivalence_scene"] == 1
     assert {"retrieve", "viewer", "contact_sheets", "trace_stacks"}.isdisjoint(jobs)
-    assert jobs["curves"] == 1 and jobs["parse"] == 1
+    assert jobs["parse"] == 1
     only_views = checkout.planned(*SMOKE, "--config", "reports=[sub_aperture_views]", *TARGET)
     assert only_views["trace_stacks"] == only_views["contact_sheets"] == 3
-    assert "curves" not in only_views
 
 
 def test_light_is_baked_for_a_scene_with_a_sky_alone(checkout, tmp_path):

@@ -1,4 +1,4 @@
-# Pictures against pictures: metrics of each scene, then the tables over all scenes.
+# Pictures against pictures: metrics of each scene, then the tables over all scenes and their curves over N.
 MEASURED = {
     "scene": "results/{scene}/scene.npz",
     "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
@@ -34,7 +34,12 @@ rule thesis_tables:
     input:
         of_scenes("evaluation.json"),
     output:
-        [table(name) for name in THESIS_TABLES],
+        csv=[table(name) for name in THESIS_TABLES],
+        curves=[
+            f"results/tables/figures/{name}_curves.png"
+            for name in THESIS_TABLES
+            if "quality" in REPORTS
+        ],
     log:
         "logs/thesis_tables.log",
     group:

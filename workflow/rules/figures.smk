@@ -1,6 +1,5 @@
 # Pictures of the thesis: focal stack (4.2), aperture stack (4.3, 4.4), corner views (6.3), the
-# plenoptic photograph (4.6), other ray tracers beside ours (4.5), and quality over N. Stacks are
-# sliced by depth.
+# plenoptic photograph (4.6), and other ray tracers beside ours (4.5). Stacks are sliced by depth.
 import importlib.util
 import shutil
 
@@ -57,24 +56,6 @@ if TRACED_STACKS:
             views=VIEWS[-1],
         script:
             "../scripts/contact_sheets.py"
-
-
-rule curves:
-    input:
-        [f"results/tables/{name}.csv" for name in THESIS_TABLES],
-    output:
-        [f"results/tables/figures/{name}_curves.png" for name in THESIS_TABLES],
-    log:
-        "logs/curves.log",
-    group:
-        REPORT_GROUP
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        version=version("report"),
-        tables=THESIS_TABLES,
-    script:
-        "../scripts/curves.py"
 
 
 rule plenoptic_photograph:

@@ -8,10 +8,10 @@ from lfcore.workflow.job import job
 WIDTH = 512
 
 with job(snakemake.log[0], snakemake.threads):
-    pictures, labels = [], []
+    cells = []
     for name, file in zip(snakemake.params.scenes, snakemake.input, strict=True):
         found = read_array(file)
         (nx, ny), (w, h) = found.array.cameras, found.array.tile
-        pictures.append(overview(found.image, WIDTH))
-        labels.append(f"{name}: {nx} x {ny} cameras of {w} x {h}")
-    contact_sheet(snakemake.output[0], pictures, labels, panel_px=WIDTH)
+        label = f"{name}: {nx} x {ny} cameras of {w} x {h}"
+        cells.append((overview(found.image, WIDTH), label))
+    contact_sheet(snakemake.output[0], cells, panel_px=WIDTH)

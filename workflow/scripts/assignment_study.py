@@ -20,6 +20,6 @@ with job(snakemake.log[0], snakemake.threads):
     study, progress = STUDIES[params.study], log_progress(params.study)
     sheets, record = study(device_or_tracer, **files, **params.settings, progress=progress)
     for file, sheet in zip(snakemake.output.figures, sheets, strict=True):
-        contact_sheet(file, sheet.pictures, sheet.labels, columns=sheet.columns, panel_px=300)
+        contact_sheet(file, *sheet, panel_px=300)
     write_json(snakemake.output.record, record)
     print(record)

@@ -13,13 +13,13 @@ def recipes(path, by_depth, thesis, truth, views):
     """The thesis's recipe, slicing by depth and the true picture, a row each."""
     true = load_reference(truth)
     ways = {f"N = {views}": load_stack(thesis)[0], "by depth": load_stack(by_depth)[0]}
-    pictures, labels = [], []
+    cells = []
     for name, stack in ways.items():
-        pictures += list(stack)
-        labels += [f"{name}: {db:.1f} dB" for db in true.psnr(stack)]
-    pictures += list(true.pictures)
-    labels += [f"true, focus {plane.focus_m:.3g} m" for plane in true.planes]
-    contact_sheet(path, pictures, labels, columns=len(true.planes))
+        labels = (f"{name}: {db:.1f} dB" for db in true.psnr(stack))
+        cells += zip(stack, labels, strict=True)
+    labels = (f"true, focus {plane.focus_m:.3g} m" for plane in true.planes)
+    cells += zip(true.pictures, labels, strict=True)
+    contact_sheet(path, cells, len(true.planes))
 
 
 with job(snakemake.log[0], snakemake.threads):
@@ -37,4 +37,4 @@ with job(snakemake.log[0], snakemake.threads):
             labels = [f"f/{one.f_number:.2g}, {DIMMING[one.normalise]}" for one in planes]
         else:
             labels = CORNERS
-        contact_sheet(sheet, pictures, labels, columns=columns)
+        contact_sheet(sheet, list(zip(pictures, labels, strict=True)), columns)

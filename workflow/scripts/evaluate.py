@@ -1,7 +1,7 @@
 """Rows of the thesis's tables for one scene: pictures against pictures, seconds, sizes."""
 
+from lfcore.evaluation.table_files import write_rows
 from lfcore.evaluation.tables import Resolution, scene_records
-from lfcore.files import write_json
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
@@ -11,5 +11,4 @@ with job(snakemake.log[0], snakemake.threads):
         parts += [given.from_video, given.store, given.retrieve]
     files = map(Resolution, params.views, *parts)
     scene, pixels = snakemake.wildcards.scene, params.pixels
-    records = scene_records(scene, pixels, list(files), given.truth)
-    write_json(snakemake.output[0], records)
+    write_rows(snakemake.output[0], scene_records(scene, pixels, list(files), given.truth))

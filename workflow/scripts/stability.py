@@ -1,8 +1,7 @@
 """All stability sweeps of the tracer, as a table, a heat map and plots of error growth."""
 
 from lfcore.evaluation.stability import report
-from lfcore.evaluation.stability.cases import chosen, run_all
-from lfcore.evaluation.stability.measurement import check_passed
+from lfcore.evaluation.stability.measurement import COLUMNS, check_passed
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
@@ -12,11 +11,11 @@ with job(snakemake.log[0], snakemake.threads):
     params, output = snakemake.params, snakemake.output
     device = open_device(params.device or None, threads=snakemake.threads)
     tracer = TracerUnderTest(device, rays=params.rays)
-    measured = run_all(tracer, chosen(params.cases), progress=log_progress("cases"))
+    measured = report.run_all(tracer, report.chosen(params.cases), progress=log_progress("cases"))
     table = report.stability_table(measured)
     print(report.summary(table))
     check_passed(measured)
-    write_csv(output.csv, table)
-    write_csv(output.cases, report.cases_table(measured))
+    write_csv(output.csv, table[COLUMNS])
+    write_csv(output.cases, report.cases_table(table))
     report.heat_map(output.heat_map, table)
     report.error_growth(output.error_growth, table)

@@ -1,11 +1,14 @@
-"""The thesis's tables over all scenes."""
+"""The thesis's tables over all scenes, and their columns over N, ours and the thesis's."""
 
-from lfcore.evaluation.table_files import write_csv
-from lfcore.evaluation.tables import make_table, read_records
-from lfcore.files import read_json
+from lfcore.evaluation.figures import PANELS, curves_over_n, save_figure
+from lfcore.evaluation.table_files import read_rows, write_csv
+from lfcore.evaluation.tables import make_table
 from lfcore.workflow.job import job
 
 with job(snakemake.log[0], snakemake.threads):
-    scenes = [read_json(path) for path in snakemake.input]
-    for name, file in zip(snakemake.params.tables, snakemake.output, strict=True):
-        write_csv(file, make_table(name, read_records(scenes, name)))
+    records, output = read_rows(snakemake.input), snakemake.output
+    tables = {name: make_table(name, records) for name in snakemake.params.tables}
+    for table, file in zip(tables.values(), output.csv, strict=True):
+        write_csv(file, table)
+    for name, file in zip(tables, output.curves, strict=False):  # none, or one for each table
+        save_figure(file, curves_over_n(tables[name], PANELS[name]))

@@ -1,20 +1,11 @@
-"""Read a data set of focal stacks with DFV's own loader: SOURCE, FOLDER/ and output.
-
-torch is the real one; of torchvision, operators that a build lacks are declared, and not run.
-"""
+"""Read a data set of focal stacks with DFV's own loader: SOURCE, FOLDER/ and output."""
 
 import importlib.util
 import sys
 
 import numpy as np
 import torch
-
-try:
-    import torchvision  # noqa: F401
-except RuntimeError:
-    library = torch.library.Library("torchvision", "FRAGMENT")
-    for name in ("nms", "qnms"):
-        library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+import whole_torchvision  # noqa: F401
 
 source, folder, out = sys.argv[1:]
 spec = importlib.util.spec_from_file_location("FoD500", f"{source}/dataloader/FoD500.py")

@@ -1,7 +1,5 @@
 """Make training data with BasicLFSR's own script and read them with its loader: SOURCE, FOLDER/,
 work folder and output.
-
-torch is the real one; of torchvision, operators that a build lacks are declared, and not run.
 """
 
 import os
@@ -10,14 +8,7 @@ import sys
 from types import SimpleNamespace
 
 import numpy as np
-import torch
-
-try:
-    import torchvision  # noqa: F401
-except RuntimeError:
-    library = torch.library.Library("torchvision", "FRAGMENT")
-    for name in ("nms", "qnms"):
-        library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+import whole_torchvision  # noqa: F401
 
 source, folder, work, out = sys.argv[1:]
 sys.path.insert(0, source)

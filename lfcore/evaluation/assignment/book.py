@@ -88,7 +88,7 @@ def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
         "filter_m": FILTER_M,
         "lens_m": LENS_M,
     }
-    return Sheet(pictures, list(found)), record
+    return Sheet(list(zip(pictures, found, strict=True))), record
 
 
 def bent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -107,8 +107,8 @@ def focal_surfaces(field: DeviceField, size: int) -> Sheet:
         "sphere, far side at 7.2 m": surfaces.SphereSurface(np.array([0.0, 0.0, 4.2]), 3.0),
         "function: near in the middle": surfaces.FunctionSurface(bent),
     }
-    pictures = [monte_carlo(field, camera, surface, SAMPLES).image for surface in chosen.values()]
-    return Sheet(pictures, list(chosen), 2)
+    made = ((monte_carlo(field, camera, one, SAMPLES).image, name) for name, one in chosen.items())
+    return Sheet(list(made), 2)
 
 
 def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[Sheet, dict]:
@@ -122,12 +122,11 @@ def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[She
     camera = VirtualCamera(np.array([0.0, 0.0, film_z]), np.eye(3), 40.0, (size, size))
     surface = surfaces.parallel(AUTHORS_FOCUS_M)
     full = 2 * float(lens.aperture_m[lens.radius_m == 0][0])
-    pictures, labels = [], []
+    cells = []
     for part in (1.0, 0.5, 0.25):
         used = sharp.stopped_down(full * part)
         made = realistic(field, camera, used, surface, SAMPLES, film_diagonal_m=diagonal)
-        pictures.append(made.image)
-        labels.append(f"double Gauss, stop {1000 * full * part:.0f} mm")
+        cells.append((made.image, f"double Gauss, stop {1000 * full * part:.0f} mm"))
     f_number = lens.focused(math.inf).working_f_number
     radius = length / f_number / 2
     image_m = sharp.image_distance_m
@@ -135,10 +134,10 @@ def realistic_lens(field: DeviceField, size: int, file: str | Path) -> tuple[She
     place = np.array([0.0, 0.0, AUTHORS_FOCUS_M - length * image_m / (image_m - length)])
     fov_deg = math.degrees(2 * math.atan(diagonal / math.sqrt(8) / image_m))
     thin = VirtualCamera(place, np.eye(3), fov_deg, (size, size), radius)
-    pictures.append(monte_carlo(field, thin, surface, SAMPLES).image)
-    labels.append(f"thin lens of {2000 * radius:.0f} mm")
-    corners = [float(picture[: size // 8, -(size // 8) :].mean()) for picture in pictures]
+    made = monte_carlo(field, thin, surface, SAMPLES)
+    cells.append((made.image, f"thin lens of {2000 * radius:.0f} mm"))
+    corners = [float(picture[: size // 8, -(size // 8) :].mean()) for picture, _ in cells]
     record = {"focal_length_m": length, "f_number": f_number}
     record["corner_light_open"] = corners[0] / corners[-1]
     record["corner_light_stopped"] = corners[2] / corners[-1]
-    return Sheet(pictures, labels, 2), record
+    return Sheet(cells, 2), record

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
-from lfcore.errors import LfcoreError
 from lfcore.evaluation.assignment.arrays import (
     array_of,
     array_record,
@@ -49,6 +49,11 @@ SAMPLES = 4
 SAMPLERS = ("independent", "stratified", "halton")
 CONVERGENCE_PX = 64
 CONVERGENCE_CAMERAS = 16
+STYLES = {
+    "isaksen": ("Isaksen", "s"), "monte_carlo": ("Monte Carlo", "o-"),
+    "quadrature": ("quadrature", "^"),
+}  # fmt: skip
+"""The name and the marks of each method in the figure."""
 
 
 def reconstruction(
@@ -140,17 +145,7 @@ def convergence(
 
 
 def slope(counts: Sequence[float], values: Sequence[float]) -> float:
-    """Exponent p of ``values ~ counts^p``, by least squares on logarithms.
-
-    Raises :class:`LfcoreError` for fewer than two different counts, or a value that is not
-    positive.
-    """
-    if len(set(counts)) < 2 or len(counts) != len(values) or min(*counts, *values) <= 0:
-        raise LfcoreError(
-            "a slope needs positive values at two or more counts",
-            key="monte_carlo_samples",
-            remedy="Give at least two different numbers of samples",
-        )
+    """Exponent p of ``values ~ counts^p``, by least squares on logarithms."""
     return float(np.polyfit(np.log(counts), np.log(values), 1)[0])
 
 
@@ -158,23 +153,20 @@ def reconstruction_figure(rows: Sequence[Mapping], slopes: Mapping[str, Mapping]
     """Error over run time, one curve a method; error over samples, one curve a sampler."""
     figure = Figure(figsize=(11, 4.4))
     left, right = figure.subplots(1, 2)
-    for index, cameras in enumerate(sorted({row["cameras_per_dim"] for row in rows})):
-        for method, mark in (("isaksen", "s"), ("monte_carlo", "o"), ("quadrature", "^")):
-            part = [r for r in rows if (r["cameras_per_dim"], r["method"]) == (cameras, method)]
-            line = "-" if method == "monte_carlo" else ""
-            times, values = [r["seconds"] for r in part], [r["rmse"] for r in part]
-            left.plot(times, values, mark + line, color=f"C{index}", markersize=5)
+    for index, (cameras, some) in enumerate(pd.DataFrame(rows).groupby("cameras_per_dim")):
+        for method, (_, style) in STYLES.items():
+            part = some[some.method == method]
+            left.plot(part.seconds, part.rmse, style, color=f"C{index}", markersize=5)
         left.plot([], [], "-", color=f"C{index}", label=f"{cameras} cameras per side")
-    for method, mark in (("Isaksen", "s"), ("Monte Carlo", "o"), ("quadrature", "^")):
-        left.plot([], [], mark, color="0.4", label=method)
+    for name, style in STYLES.values():
+        left.plot([], [], style[0], color="0.4", label=name)
     left.set(xlabel="seconds", ylabel="RMSE against the traced thin lens")
     for sampler, found in slopes.items():
         label = f"{sampler}, slope {found['slope']:.2f}"
         right.plot(found["counts"], found["rmse"], "o-", label=label)
     right.set(xlabel="rays per pixel", ylabel="RMSE against the fine quadrature")
     for axis in (left, right):
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        axis.set(xscale="log", yscale="log")
         axis.legend(fontsize=8)
     return figure
 
@@ -218,14 +210,13 @@ def see_through(
         lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples, progress=progress)
     )
     (pinhole, _), (seen, seconds) = from_field(focus, 0.0), from_field(focus, lens)
-    in_front = [from_field(focus_m, radius)[0] for _, focus_m, radius in near]
-    pictures = [pinhole.image, seen.image, direct, *(made.image for made in in_front)]
-    labels = [
-        "light field, pinhole",
-        f"light field, focus {focus:g} m",
-        f"traced directly, focus {focus:g} m",
-        *(f"{name}, focus {focus_m:g} m" for name, focus_m, _ in near),
+    cells = [
+        (pinhole.image, "light field, pinhole"),
+        (seen.image, f"light field, focus {focus:g} m"),
+        (direct, f"traced directly, focus {focus:g} m"),
     ]
+    for name, focus_m, radius in near:
+        cells.append((from_field(focus_m, radius)[0].image, f"{name}, focus {focus_m:g} m"))
     columns = field.array.columns_m
     spacing = columns[1] - columns[0]
     measured = {
@@ -241,7 +232,7 @@ def see_through(
         # Disparity of the nearest object between neighbouring cameras aimed at the background.
         "jump_px": spacing * abs(1 / near[0][1] - 1 / focus) / field.array.pixel_pitch,
     }
-    return [Sheet(pictures, labels, 3)], measured
+    return [Sheet(cells, 3)], measured
 
 
 def sampling(
@@ -277,18 +268,18 @@ def _compared(
     sizes: Sequence[tuple[int, int]],
 ) -> tuple[Sheet, list[dict]]:
     """Arrays by cameras per side and pixels per camera; tiny pictures are skipped."""
-    pictures, labels, records = [], [], []
+    cells, records = [], []
     for cameras, tile in sizes:
         if tile < SMALLEST_TILE:
             continue
         field = square_field(tracer, cameras, grid["bounds_m"], grid["fov_deg"], tile, SAMPLES)
         made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), FINE_LENS, 2).image
         found = errors(made, reference)
-        pictures.append(made)
-        labels.append(f"{cameras} x {cameras} of {tile} x {tile}: {found['psnr_db']:.1f} dB")
+        label = f"{cameras} x {cameras} of {tile} x {tile}: {found['psnr_db']:.1f} dB"
+        cells.append((made, label))
         records.append({"cameras_per_dim": cameras, "tile_px": tile, **found})
-    columns = len(pictures) // 2 + 1
-    return Sheet([*pictures, reference], [*labels, "traced directly"], columns), records
+    columns = len(cells) // 2 + 1
+    return Sheet([*cells, (reference, "traced directly")], columns), records
 
 
 def time(
@@ -323,4 +314,4 @@ def time(
     ]
     labels.append(f"{counts[-1]} instants")
     record = {"counts": counts, "seconds": seconds, "rmse": [error["rmse"] for error in found]}
-    return [Sheet(pictures, labels, 3)], record
+    return [Sheet(list(zip(pictures, labels, strict=True)), 3)], record

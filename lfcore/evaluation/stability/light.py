@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lfcore.evaluation.stability import naive
 from lfcore.evaluation.stability.measurement import Bound, Measurement, measured, sweep
@@ -165,7 +166,8 @@ def bright_texel(tracer: TracerUnderTest, contrast: float) -> Measurement:
 def closed_room(tracer: TracerUnderTest, turn: float) -> Measurement:
     """A closed room in a bright sky is black; its walls are turned about an axis askew."""
     bound = Bound(0.0, "share of the sky's light", "a closed room is dark")
-    mesh = single(_room(0.0) @ _turned(math.radians(turn)))
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    mesh = single(_room(0.0) @ Rotation.from_rotvec(turn * axis, degrees=True).as_matrix())
     return _compared("closed room", bound, tracer, _scene(mesh, BRIGHT, bounces=3), 0.0)
 
 
@@ -228,13 +230,6 @@ def _room(width: float) -> np.ndarray:
         across = strip if width else side
         parts.append(grid(1, 1, [start, -HALF, -BACK], [across, 0, 0], [0, side, 0]))
     return np.concatenate(parts)
-
-
-def _turned(angle: float) -> np.ndarray:
-    """(3, 3) rotation about (1, 2, 2) / 3."""
-    axis = np.array([1.0, 2.0, 2.0]) / 3
-    cross = np.cross(np.eye(3), axis)
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
 def _scene(

@@ -13,12 +13,13 @@ import numpy as np
 
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.stability import naive
-from lfcore.evaluation.stability.shapes import Rays, single
+from lfcore.evaluation.stability.shapes import Rays
 from lfcore.evaluation.stability.tested_tracer import ClosestHit, Found, TracerUnderTest, check_kept
 from lfcore.oracle.crossings import ULP
 from lfcore.oracle.intersect import Hits, closest_hits
 
-COLUMNS = ("case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit")
+COLUMNS = ["case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit"]
+"""The columns that are published."""
 LIMITS = {"coordinates": "out of range", "small triangles": "too small"}
 """The documented limits (``docs/stability.md``), and the program's words beyond each."""
 NO_ANSWER = math.inf
@@ -84,10 +85,6 @@ class Measurement:
             return "fail"
         return "pass" if math.isfinite(self.error) and self.error <= self.bound else "fail"
 
-    def as_dict(self) -> dict[str, object]:
-        """All fields, and the verdict."""
-        return {**vars(self), "verdict": self.verdict}
-
     def __str__(self) -> str:
         found = f"said {self.said!r}" if self.said else f"error {self.error:g}"
         beyond = f", beyond the limit of {self.limit}" if self.limit else ""
@@ -152,11 +149,6 @@ def measured(
     )  # fmt: skip
 
 
-def oracle_hits(triangles: np.ndarray, rays: Rays) -> Hits:
-    """The oracle's hits of the same float32 numbers."""
-    return closest_hits(single(triangles), *rays)
-
-
 def leaks(found: Found, hits: Hits) -> float:
     """Share of the rays that miss although the oracle hits."""
     ids = found[0].ravel()
@@ -187,20 +179,6 @@ def condition_of_depth(hits: Hits) -> float:
     return float(hits.grazing[hits.triangle >= 0].max(initial=1.0))
 
 
-def compared(
-    case: str,
-    bound: Bound,
-    error: Callable[[ClosestHit], float],
-    closest: ClosestHit,
-    *,
-    condition: float = math.nan,
-) -> Measurement:
-    """``error`` of Moeller and Trumbore's method, and of ``closest``."""
-    by_naive = functools.partial(error, naive.moeller_trumbore)
-    ours = functools.partial(error, closest)
-    return measured(case, bound, by_naive, ours, condition=condition)
-
-
 def choice_and_depth(
     case: str,
     closest: ClosestHit,
@@ -214,7 +192,7 @@ def choice_and_depth(
 
     ``epsilon`` is Moeller and Trumbore's; ``limit`` is the one that the mesh exceeds.
     """
-    hits = oracle_hits(mesh, rays)
+    hits = closest_hits(mesh, *rays)
     naive_found = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
 
     @functools.cache

@@ -1,7 +1,7 @@
-"""Stability sweeps as a report: a table, the cases and their bounds, a heat map, error growth."""
+"""All cases in the order of the report, a table of them, their bounds, a heat map, error growth."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from lfcore.errors import did_you_mean
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.stability.measurement import COLUMNS, Measurement
+from lfcore.evaluation.stability import light, primitives
+from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
+from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
+from lfcore.progress import Progress, silent
 
 DECADES = 3
 """The decades from its bound at which an error's colour saturates."""
@@ -20,14 +24,53 @@ OURS, NAIVE = "#1f6f8b", "#c8553d"
 COLOURS = LinearSegmentedColormap.from_list("bound", [OURS, "#e8f1f2", "#f6e3c5", "#b3261e"])
 
 
+CASES: tuple[Case, ...] = (
+    primitives.edge_rays, primitives.vertex_rays, primitives.any_vertex_rays,
+    primitives.triangle_sizes, primitives.far_from_the_origin, primitives.long_rays,
+    primitives.tiny_triangles, primitives.large_triangles,
+    primitives.scaled_scene, primitives.far_sphere,
+    primitives.needles, primitives.nearly_coplanar, primitives.grazing,
+    primitives.axes, primitives.any_axes, primitives.flat_boxes,
+    light.self_shadow, light.far_self_shadow, light.thin_gap, light.thin_gap_far,
+    light.bright_texel, light.closed_room, light.albedo, light.slit, light.scaled_light,
+)  # fmt: skip
+
+
+def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
+    """The cases of these names, or ``all``.
+
+    Raises :class:`StabilityError` for a name that no case has.
+    """
+    known = {case.name: case for case in CASES}
+    if names == "all":
+        return CASES
+    for name in names:
+        if name not in known:
+            raise StabilityError(
+                f"no stability sweep is called {name!r}", key="analysis.stability_cases",
+                remedy=did_you_mean(name, known),
+            )  # fmt: skip
+    return tuple(known[name] for name in names)
+
+
+def run_all(
+    tracer: TracerUnderTest, cases: Sequence[Case] = CASES, *, progress: Progress = silent
+) -> list[Measurement]:
+    """Measurements of these cases; ``progress(done, total)`` counts cases."""
+    made: list[Measurement] = []
+    for number, case in enumerate(cases, 1):
+        made.extend(case(tracer))
+        progress(number, len(cases))
+    return made
+
+
 def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
-    """Rows with the columns of ``stability.csv``, in the order of running."""
-    return pd.DataFrame([one.as_dict() for one in measurements], columns=COLUMNS)
+    """Rows of all fields and the verdict, in the order of running."""
+    return pd.DataFrame([{**vars(one), "verdict": one.verdict} for one in measurements])
 
 
-def cases_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
+def cases_table(table: pd.DataFrame) -> pd.DataFrame:
     """A row per case: its sweep, largest condition number, bound and origin of the bound."""
-    table = pd.DataFrame([one.as_dict() for one in measurements])
     verdict = {name: table.verdict == name for name in ("pass", "refused", "fail")}
     grouped = table.assign(**verdict).groupby("case", sort=False)
     return grouped.agg(

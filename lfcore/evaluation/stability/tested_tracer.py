@@ -18,7 +18,6 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import Material
 from lfcore.scene.assemble import sound
 from lfcore.scene.model import Scene
-from lfcore.tracing.tracer import Tracer
 
 CAMERA = Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=2.0)
 
@@ -76,7 +75,7 @@ class TracerUnderTest:
         keep = np.flatnonzero(kept(triangles))
         elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
         bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
-        triangle, depth = self._tracer(bare_scene(triangles[keep])).bundle_hits(bundles)
+        triangle, depth = open_tracer(bare_scene(triangles[keep]), self.device).bundle_hits(bundles)
         return np.append(keep, -1)[triangle[:, 0, 0]], depth[:, 0, 0]
 
     def any_closest(
@@ -84,16 +83,14 @@ class TracerUnderTest:
     ) -> Found:
         """The same for any origins and directions, by the kernel for single rays."""
         keep = np.flatnonzero(kept(triangles))
-        found = self._tracer(bare_scene(triangles[keep])).closest_hit(origins, directions)
-        return np.append(keep, -1)[found[0]], found[1]
+        tracer = open_tracer(bare_scene(triangles[keep]), self.device)
+        triangle, t, *_ = tracer.closest_hit(origins, directions)
+        return np.append(keep, -1)[triangle], t
 
     def slab_hits(self, triangles: np.ndarray, slab: Slab, pixels: np.ndarray) -> Found:
         """Triangle and depth, (P, N, N), for triangles, a slab and pixels (P, 2)."""
-        return self._tracer(bare_scene(triangles)).slab_hits(slab, pixels)
+        return open_tracer(bare_scene(triangles), self.device).slab_hits(slab, pixels)
 
     def picture(self, scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:
         """(M, M, 3) linear light."""
-        return trace_planes(self._tracer(scene), slab, [plane])[0]
-
-    def _tracer(self, scene: Scene) -> Tracer:
-        return open_tracer(scene, self.device)
+        return trace_planes(open_tracer(scene, self.device), slab, [plane])[0]

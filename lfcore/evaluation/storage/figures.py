@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lfcore.colour import srgb_decode
-from lfcore.evaluation.equivalence import Equivalence, Made
-from lfcore.evaluation.figures import contact_sheet, log_ticks, save_figure, views_axis
+from lfcore.evaluation.equivalence import Equivalence
+from lfcore.evaluation.figures import Cell, contact_sheet, log_ticks, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
 STYLES = {"libx264": "-", "libx265": "--", "libsvtav1": ":"}
@@ -143,23 +143,19 @@ def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[fl
 
     The first column is the reference; its map is empty.
     """
-    sheet: list[tuple[np.ndarray, str]] = []
+    sheet: list[Cell] = []
     reference, errors = found.made[0], list(found.errors())
     for k, focus in enumerate(focus_m):
         truth = reference.pictures[k]
         sheet.append((truth, f"{reference.method}, {focus:.3g} m"))
-        sheet += [(made.pictures[k], _method_name(made)) for made, _ in errors]
+        for made, _ in errors:
+            method = made.method.replace("the plenoptic photograph", "photograph")
+            sheet.append((made.pictures[k], f"{method}, {made.filter}"))
         sheet.append((np.ones_like(truth), f"errors x {ERROR_GAIN}:"))
         for _, error in errors:
             rms = np.sqrt(np.square(error[k]).mean())
             sheet.append((_error_picture(error[k]), f"{rms:.2f} codes rms"))
-    pictures, labels = zip(*sheet, strict=True)
-    contact_sheet(path, pictures, labels, columns=1 + len(errors))
-
-
-def _method_name(made: Made) -> str:
-    short = made.method.replace("the plenoptic photograph", "photograph")
-    return f"{short}, {made.filter}"
+    contact_sheet(path, sheet, 1 + len(errors))
 
 
 def _error_picture(error: np.ndarray) -> np.ndarray:

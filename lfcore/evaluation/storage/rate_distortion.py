@@ -23,7 +23,6 @@ import numpy as np
 import pandas as pd
 
 from lfcore.colour import srgb_encode
-from lfcore.errors import StorageError
 from lfcore.evaluation.metrics import PEAK, decibels, mse, picture_quality, ssim
 from lfcore.evaluation.tables import sizes
 from lfcore.opencl.device import Device
@@ -125,9 +124,6 @@ class Frames:
     """
 
     def __init__(self, sample: Sample, layout: FrameLayout):
-        """Raises :class:`StorageError` for a layout of another light field."""
-        if (layout.views, layout.pixels) != (sample.slab.views, sample.slab.pixels):
-            raise StorageError(f"{layout} is not of {sample.slab}", key="layout")
         self.sample, self.layout = sample, layout
         (self.tile,) = layout.tiles(layout.rays, least=1)
         elements, (across, down) = self.tile.elements(), map(np.arange, layout.inner)

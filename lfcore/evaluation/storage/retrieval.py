@@ -20,10 +20,6 @@ from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import clocked
 
-COLUMNS = [
-    "scene", "N", "M", "layout", "pixel_format", "segments", "file_bytes", "what",
-    "measured_share", "decoded_frames_share", "seconds", "ratio_to_decoding",
-]  # fmt: skip
 RECTANGLE = 8
 """The side of the rectangle of (u, v), in pixels."""
 DECODING = "decoding alone"
@@ -49,7 +45,7 @@ def retrieval_rows(
     repeats: int,
     progress: Progress = silent,
 ) -> list[dict]:
-    """Rows of one file (columns :data:`COLUMNS`).
+    """Rows of one file.
 
     Planes, so many of ``planes`` at a time, are spread evenly in dioptres between ``focus_m``, and
     formed from at most ``rays`` by ``device``, of one thread: seconds are CPU seconds of this

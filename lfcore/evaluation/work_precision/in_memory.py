@@ -46,30 +46,24 @@ def memory_rows(
 
     Tracing the views is not counted.  Methods make squares, and wide pictures are a part of these.
     """
-    planes, samples = reference.planes, monte_carlo_samples
+    planes = reference.planes
     for n in sorted(views):
         slab = Slab.of(tracer.scene.camera, n, reference.size)
         field = trace_views(tracer, replace(slab, extent=None))
         left, top, width, height = slab.held.pixels
         shown = np.s_[:, top : top + height, left : left + width]
-        works = {name: (f"N = {n}", method(field, planes)) for name, method in METHODS.items()}
+        works = [(name, f"N = {n}", method(field, planes)) for name, method in METHODS.items()]
         if n == max(views):
-            works |= {
-                f"fast stack, N = {n}: {each:g} px": (
-                    f"{each:g} px",
-                    _by_views(focal_stack_views, field, planes, tolerance_px=each),
-                )
-                for each in TOLERANCES_PX
-            }
-            works |= {
-                f"Monte Carlo, N = {n}: {each}": (f"{each}", _monte_carlo(field, planes, each))
-                for each in samples
-            }
-        for name, (setting, work) in works.items():
+            for each in TOLERANCES_PX:
+                work = _by_views(focal_stack_views, field, planes, tolerance_px=each)
+                works.append((f"fast stack, N = {n}", f"{each:g} px", work))
+            for count in monte_carlo_samples:
+                work = _monte_carlo(field, planes, count)
+                works.append((f"Monte Carlo, N = {n}", str(count), work))
+        for name, setting, work in works:
             yield timed_point(
-                reference, partial(_shown, work, shown), tracer.device,
-                panel=IN_MEMORY, method=name.split(":")[0],
-                setting=setting, rays=field.slab.rays,
+                reference, partial(_shown, work, shown), tracer.device, panel=IN_MEMORY,
+                method=name, setting=setting, rays=field.slab.rays,
             )  # fmt: skip
 
 

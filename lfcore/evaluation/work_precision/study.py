@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -103,6 +104,14 @@ def quality_rows(
         )  # fmt: skip
 
 
+def recording_seconds(scene: Scene, file: str | Path, device: Device, **how: Any) -> float:
+    """Record as :func:`lfcore.record`; the clock counts rays and frames, not the tree."""
+    hierarchy_of(scene)
+    record = partial(lfcore.record, scene, file, device=device, **how)
+    _, seconds = clocked_warm(lambda: record().close(), programs_made, clock=core_clock(device))
+    return seconds
+
+
 def recorded_row(
     scene: Scene,
     reference: Reference,
@@ -117,24 +126,19 @@ def recorded_row(
 
     ``setting``, the name of the point, is ``lattice`` by default.
     """
-    hierarchy_of(scene)  # the clock counts rays and frames, not the tree
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "lightfield.mkv"
-
-        def record() -> None:
-            lfcore.record(
-                scene, file, views=lattice, pixels=reference.size, encoding=encoding,
-                device=device,
-            ).close()  # fmt: skip
+        file, size = Path(folder) / "lightfield.mkv", reference.size
+        seconds = recording_seconds(
+            scene, file, device, views=lattice, pixels=size, encoding=encoding
+        )
 
         def read() -> np.ndarray:
             with lfcore.LightField.open(file) as field:
                 return field.refocus_many(reference.planes, device=device)
 
-        _, seconds = clocked_warm(record, programs_made, clock=core_clock(device))
         return timed_point(
             reference, read, device, panel=FROM_FILE, method=method,
-            setting=setting or str(lattice), rays=lattice.rays(reference.size),
+            setting=setting or str(lattice), rays=lattice.rays(size),
             record_seconds=seconds, bytes=file.stat().st_size,
         )  # fmt: skip
 
