@@ -7,7 +7,6 @@ kernel sees it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,15 +80,16 @@ def fill_arrays(
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
         some = [one.part(slice(start, stop)) for one in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
-        groups = Groups.of(job.shape, some[0], places)
-        launches = groups.launches(_groups_per_launch(job.shape, first) if progress else count)
+        most = _groups_per_launch(job.shape, first) if progress else count
+        launches = list(
+            zip(*(Groups.of(job.shape, one, places).launches(most) for one in some), strict=True)
+        )
         for number, launch in enumerate(launches):
-            for order, bundles in enumerate(some):
+            for order, (bundles, groups) in enumerate(zip(some, launch, strict=True)):
                 if job.sink == "IMAGE":
                     mode = (ADD if order else 0) | (STREAM if stream else 0)
                     inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
-                one = launch if not order else replace(launch, centre_rays=bundles.elements)
-                job.launch(bundles, one, **written, **inputs)
+                job.launch(bundles, groups, **written, **inputs)
             if progress:
                 device.queue.finish()
                 progress(start + (stop - start) * (number + 1) // len(launches), count)

@@ -56,7 +56,7 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6}
+SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6, "IMAGE": 1.6}
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
 PLACES = 4
@@ -167,10 +167,10 @@ class Plan:
     def shape(self, bundles: Bundles, sink: str, *, grouped: bool = True) -> PacketShape:
         """How these rays are cut into packets.
 
-        Neighbouring elements may share blocks for ``sink`` HITS and FRAMES; ``grouped``: whether
-        the elements' places are known, so that they can share packets.
+        ``grouped``: whether the elements' places are known, so that they can share packets, and
+        those of a lattice blocks.
         """
-        outer = self.outer(bundles, sink) if grouped and sink != "IMAGE" else 1
+        outer = self.outer(bundles, sink) if grouped else 1
         single = self.single_rays(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
         shape = PacketShape.for_inner(inner, 1 if single else outer, single)
@@ -178,10 +178,10 @@ class Plan:
 
     def outer(self, bundles: Bundles, sink: str) -> int:
         """Elements along each axis that a block spans."""
-        if self._forced_outer is not None:
-            return self._forced_outer
         if bundles.lattice is None:
             return 1
+        if self._forced_outer is not None:
+            return self._forced_outer
         key = sink, *_seen(bundles)
         if key not in self._known:
             self._known[key] = best_outer(self._closest_hit, bundles, sink)

@@ -71,6 +71,23 @@ def test_colours_and_shadows_are_the_oracles(device, kind, spans, lit_rays):
     check_luma(frames, layout, rays.reshape(-1, *rays.shape[2:]))
 
 
+@pytest.mark.parametrize("make", [macropixels, views])
+def test_radiance_is_that_of_blocks_of_one_element(device, make):
+    """Of some elements and an inner grid that is no multiple of a block, two sets added up."""
+    slab = Slab(CAMERA, 10, 14)
+    size = slab.pixels if make is macropixels else slab.views
+    places = np.unique(np.random.default_rng(4).integers(0, size, (60, 2)), axis=0)
+    bundles = make(slab, places)
+    alone = spanning(lit_soup(), 1, device).bundle_radiance(bundles, places)
+    for spans in (2, 4):
+        tracer = spanning(lit_soup(), spans, device)
+        found = tracer.bundle_radiance(bundles, places)
+        assert found.std() > 0.1
+        assert (np.abs(found - alone).max(-1) > 1e-3).mean() < 2e-3  # rays at edges
+        twice = tracer.mosaic_radiance([bundles, bundles], places, 1)
+        np.testing.assert_array_equal(twice, 2 * found.reshape(twice.shape))
+
+
 @pytest.mark.parametrize("spans", [2, 4])
 def test_planes_are_those_of_blocks_of_one_element(spans):
     """Surfaces that only shine have one colour however they are evaluated: sums are equal."""

@@ -28,28 +28,31 @@ inline void write_row(global const float *c, int mode, global float *to)
     }
 }
 
-// Write the colours of a block of one element, as far as the block lies in the inner grid, to
+// Write a block's colours, as far as the block lies in the inner grid, element after element to
 // `radiance` (E / across * rows, across * columns, 3).
 inline void write_radiance(const Packet *packet, int block, global const float *colours,
                            const ImageArguments *image, global float *radiance)
 {
     const Rays *rays = packet->rays;
     const int across = image->across, mode = image->mode;
-    const int element = block_element(packet, block, 0, 0);
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
-    const ulong row = result_row(rays, element / across, where.y);
-    const ulong column = (ulong)(element % across) * rays->columns + where.x;
     const ulong pitch = 3 * (ulong)across * rays->columns;
-    global float *to = radiance + row * pitch + 3 * column;
-    for (int y = 0; y < inside.y; ++y, to += pitch) {
-        global const float *c = colours + y * BLOCK;
-        if (inside.x == BLOCK) {
-            write_row(c, mode, to);
-            continue;
-        }
-        for (int x = 0; x < inside.x; ++x) {
-            const float3 colour = (float3)(c[x], c[x + BLOCK_RAYS], c[x + 2 * BLOCK_RAYS]);
-            vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);
+    for (int part = 0; part < OUTER * OUTER; ++part) {
+        const int u = part % OUTER, v = part / OUTER, element = block_element(packet, block, u, v);
+        if (element < 0) continue;
+        global const float *c = colours + (v * BLOCK + u) * INNER;
+        const ulong column = (ulong)(element % across) * rays->columns + where.x;
+        global float *to = radiance + result_row(rays, element / across, where.y) * pitch +
+                           3 * column;
+        for (int y = 0; y < inside.y; ++y, c += BLOCK, to += pitch) {
+            if (inside.x == BLOCK) {
+                write_row(c, mode, to);
+                continue;
+            }
+            for (int x = 0; x < inside.x; ++x) {
+                const float3 colour = (float3)(c[x], c[x + BLOCK_RAYS], c[x + 2 * BLOCK_RAYS]);
+                vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);
+            }
         }
     }
 }
