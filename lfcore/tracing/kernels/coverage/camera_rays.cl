@@ -5,23 +5,21 @@
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
-// Take the nearest of LANES triangles into `hit` if it is nearer; of equal ones the lowest number.
-inline void hit_leaf(const Tree *tree, const Ray *r, int leaf, int lane, Hit *hit)
+// Take the nearest of LANES sheared triangles into `hit` if it is nearer; of equal ones the lowest
+// number.
+inline void take_nearest(const CutOuts *cut_outs, const Ray *r, const Sheared *s,
+                         global const int *ids, Hit *hit)
 {
-    global const int *ids = leaf_numbers(tree, leaf, lane);
-    Sheared s;
-    shear_leaf(r, leaf_corners(tree, leaf, lane), &s);
-    if (!row_any(s.mask)) return;
-    uint bits = row_bits(s.mask & LE(s.time, (vf)(hit->t)));
+    uint bits = row_any(s->mask) ? row_bits(s->mask & LE(s->time, (vf)(hit->t))) : 0;
     if (!bits) return;
     private float times[LANES], first[LANES], second[LANES];
-    VSTORE(s.time, times);
-    VSTORE(TO_VF(s.e[0] / s.sum), first);
-    VSTORE(TO_VF(s.e[1] / s.sum), second);
+    VSTORE(s->time, times);
+    VSTORE(TO_VF(s->e[0] / s->sum), first);
+    VSTORE(TO_VF(s->e[1] / s->sum), second);
     for (; bits; bits &= bits - 1) {
         const uint k = lowest(bits);
         if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
-        if (!is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
+        if (!is_solid(cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
         hit->t = times[k];
         hit->id = ids[k];
         hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
@@ -40,7 +38,11 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_leaf(tree, &volume, hit.t * SWEEP_SLACK, &stack)) >= 0;)
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) hit_leaf(tree, &r, leaf, lane, &hit);
+        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+            Sheared s;
+            shear_leaf(&r, leaf_corners(tree, leaf, lane), &s);
+            take_nearest(&tree->cut_outs, &r, &s, leaf_numbers(tree, leaf, lane), &hit);
+        }
     hit.t = ldexp(hit.t, -exponent);
     return hit.id < 0 ? MISS : hit;
 }

@@ -7,28 +7,22 @@
 // `far`. What lies within the margin of the ray's own surface is not in between.
 inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int own, int2 light)
 {
-    for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+    Hit hit = {far, -1};
+    for (int lane = 0; lane < NODE_WIDTH && hit.id < 0; lane += LANES) {
         global const Leaf *at = leaf_corners(tree, leaf, lane);
         global const int *ids = leaf_numbers(tree, leaf, lane);
         Sheared s;
         shear_leaf(r, at, &s);
         if (!row_any(s.mask)) continue;
-        s.mask &= LT(s.time, (vf)(far)) & ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
-        if (!row_any(s.mask)) continue;
+        s.mask &= ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
         Vec v[3];
         load_corners(at, 0.0f, v);
         const Vec n = face_normal(v);
         const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
         s.mask &= GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
-        if (!CUT_OUTS && row_any(s.mask)) return 1;
-        private float times[LANES];
-        VSTORE(s.time, times);
-        for (uint bits = row_bits(s.mask); bits; bits &= bits - 1) {
-            const uint k = lowest(bits);
-            if (is_solid(&tree->cut_outs, ids[k], r->origin + times[k] * r->direction)) return 1;
-        }
+        take_nearest(&tree->cut_outs, r, &s, ids, &hit);
     }
-    return 0;
+    return hit.id >= 0;
 }
 
 // The leaf that blocks the ray nearer than `far`, or -1.
