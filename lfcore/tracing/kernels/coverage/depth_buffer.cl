@@ -57,14 +57,13 @@ inline void find_farthest(Coverage *c)
 // in proportion to each.
 inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }
 
-// Least and most depth over a rectangle: the quotient is linear-fractional with a denominator of
-// one sign, so the extremes are at the corners.  (0, 0) where rounding errors may be large.
+// Least and most depth over a rectangle; (0, 0) where rounding errors may be large.
 inline float2 depth_range(Affine numerator, Affine denominator, Rectangle grid)
 {
-    const float4 n = corner_values(numerator, grid), d = corner_values(denominator, grid);
-    const float4 z = n / d;
-    if (!are_even(n) || !are_even(d)) return 0.0f;
-    return (float2)(least_of(z) * (1.0f - DEPTH_SLACK), most_of(z) * (1.0f + DEPTH_SLACK));
+    const int even = are_even(corner_values(numerator, grid)) &&
+                     are_even(corner_values(denominator, grid));
+    const float2 slack = (float2)(1.0f - DEPTH_SLACK, 1.0f + DEPTH_SLACK);
+    return even ? slack * quotient_range(numerator, denominator, grid) : 0.0f;
 }
 
 // A triangle that every ray of a block of one element passes through: accept it or reject it at
@@ -76,13 +75,12 @@ inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
     const Affine denominator = affine_of(t->functions + DENOMINATOR, lane);
     const Rectangle grid = {0.0f, 0.0f, c->half_extent, c->half_extent};
     const float2 z = depth_range(numerator, denominator, grid);
-    const float near = z.x, far = z.y;
-    if (!(near > 0.0f)) return 0;
-    if (near > c->z_far) return 1;
-    if (!(far < c->z_near)) return 0;
+    if (!(z.x > 0.0f)) return 0;
+    if (z.x > c->z_far) return 1;
+    if (!(z.y < c->z_near)) return 0;
     c->covering_triangle = id;
-    c->z_near = near;
-    c->z_far = far;
+    c->z_near = z.x;
+    c->z_far = z.y;
     c->numerator = numerator;
     c->denominator = denominator;
     return 1;

@@ -112,6 +112,14 @@ inline float4 corner_values(Affine f, Rectangle r)
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }
 
+// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
+// one sign: the quotient is linear-fractional, so they are in the corners.
+inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
+{
+    const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
+    return (float2)(least_of(q), most_of(q));
+}
+
 // The least and the most of three quantities, over all rays and lane by lane.
 typedef struct { float lo[3], hi[3]; } Box;
 typedef struct { vf low[3], high[3]; } Ranges;

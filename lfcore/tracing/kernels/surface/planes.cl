@@ -76,13 +76,6 @@ inline vf read_lanes(global const float *from, const TriangleRow *triangles, int
     return VLOAD(found);
 }
 
-inline Vec read_corners(const Scene *s, const TriangleRow *triangles, int k)
-{
-    global const float *from = s->corners + 3 * k;
-    return (Vec){read_lanes(from, triangles, 9), read_lanes(from + 1, triangles, 9),
-                 read_lanes(from + 2, triangles, 9)};
-}
-
 // A slot as a function over the block, of the weights `e` of the corners.
 inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
                               const WideAffine *e)
@@ -115,7 +108,10 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
 {
     Vec at[3], v[3];
     WideAffine e[3];
-    for (int k = 0; k < 3; ++k) v[k] = at[k] = read_corners(s, triangles, k);
+    global const float *from = s->corners;
+    for (int k = 0; k < 3; ++k, from += 3)
+        v[k] = at[k] = (Vec){read_lanes(from, triangles, 9), read_lanes(from + 1, triangles, 9),
+                             read_lanes(from + 2, triangles, 9)};
     shear_corners(r, v);
     out->weights = edge_functions(r, v, e);
     // The sum of the weights is negative when the corners turn towards the viewer.

@@ -11,14 +11,6 @@ inline Rectangle region_rectangle(global const Region *r, float half_extent)
                        0.5f * (right - left), 0.5f * (bottom - top)};
 }
 
-// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
-// one sign: the quotient is linear-fractional, so they are in the corners.
-inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
-{
-    const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
-    return (float2)(least_of(q), most_of(q));
-}
-
 // A lower bound of an affine function at all rays in a rectangle.
 inline float least_over(Affine f, Rectangle at)
 {

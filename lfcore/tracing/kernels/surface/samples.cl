@@ -81,18 +81,14 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     return s;
 }
 
-// The sign bit where a normal points away from the viewer.
-inline vi turned_away_from(Vec n, Vec direction)
+// Give interpolated normals unit length, and turn them to the viewer, and tangents with them.
+inline void turn_to_viewer(Vec direction, SampleRow *s)
 {
-    return GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
-}
-
-// Of unit length and, where it was interpolated, turned to the viewer.
-inline Vec viewed_normal(Vec n, Vec direction)
-{
-    if (!SMOOTH) return n;
+    Vec n = row_vector(s, NORMAL);
     n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
-    return turn_vectors(n, turned_away_from(n, direction));
+    const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+    set_vector(s, NORMAL, turn_vectors(n, away));
+    if (PHYSICAL) set_vector(s, TANGENT, turn_vectors(row_vector(s, TANGENT), away));
 }
 
 // One block on its way from regions to colours.
@@ -185,10 +181,7 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         const Vec point = {fma(s.depth, direction.x, row_ox(r, row)),
                            fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
-        const Vec normal = row_vector(&s, NORMAL);
-        const vi away = SMOOTH ? turned_away_from(normal, direction) : (vi)(0);
-        set_vector(&s, NORMAL, viewed_normal(normal, direction));
-        if (PHYSICAL) set_vector(&s, TANGENT, turn_vectors(row_vector(&s, TANGENT), away));
+        if (SMOOTH) turn_to_viewer(direction, &s);
 #if BAKED
         const vf x = s.of[PLACE], y = s.of[PLACE + 1];
         set_vector(&s, BAKED_LIGHT, affine ? affine_row(&light, x, y)
