@@ -27,7 +27,7 @@ BESIDE = {
     "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays"},
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
-    "rays one by one": {"follow_packet", "sweep_overlaps", "extents_of_boxes", "Ray", "Sweep"},
+    "rays one by one": {"follow_packet", "sweep_overlaps", "Ray", "Sweep"},
     "textures": {"read_maps", "set_up_texture", "map_row", "patch_row", "read_patch",
                  "TexelPatch"},
     "highlights": {"highlight"},

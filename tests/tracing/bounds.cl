@@ -171,19 +171,19 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
 
 // A corner of a box, where it is after a time of 1, and the places of an obstacle's sides in its
 // way along x and y: the ratio of the times that the kernels find.
-kernel void sweeps(global const float *in, global const Leaf *leaf, global float *out)
+kernel void sweeps(global const float *in, global Boxes *obstacle, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
+    obstacle += get_global_id(0);
     const float3 corner = vload3(0, in), rate = vload3(1, in) - corner;
     const Sweep sweep = make_sweep(corner, corner, rate, rate);
     vf near[2];
     for (int k = 0; k < 2; ++k) {
-        Ranges obstacle;
         for (int a = 0; a < 3; ++a) {
-            obstacle.low[a] = a == k ? in[6 + k] : -FAR;
-            obstacle.high[a] = FAR;
+            obstacle->low[a][0] = a == k ? in[6 + k] : -FAR;
+            obstacle->high[a][0] = FAR;
         }
-        sweep_overlaps(&sweep, &obstacle, FAR, near + k);
+        sweep_overlaps(&sweep, obstacle, FAR, near + k);
     }
     vstore2((float2)(FIRST(near[0]) / FIRST(near[1]), SWEEP_SLACK - 1.0f), get_global_id(0), out);
 }

@@ -82,7 +82,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
         return;
     }
     const Frustum frustum = packet_frustum(p);
-    const Volume volume = {FRUSTUM, &frustum};
+    const Volume volume = {&frustum, 0};
     Stack stack;
     start_walk(&stack);
     // Several blocks of one element hit much the same triangles.  Compaction does not pay in a

@@ -303,10 +303,7 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     PictureEdges edges;
-    const Ranges extents = extents_of_leaf(corners);
-    vf near;
-    const vi may = sweep_overlaps(&l->rays.shaft, &extents, l->rays.end, &near) &
-                   ~are_of_light(l->rays.light_triangles, ids);
+    const vi may = ~are_of_light(l->rays.light_triangles, ids);
     const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];

@@ -103,9 +103,8 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume that a walk is for: its kind, and a Frustum or a Sweep.
-enum { FRUSTUM, SWEEP };
-typedef struct { int kind; const void *of; } Volume;
+// The volume that a walk is for is one of these.
+typedef struct { const Frustum *frustum; const Sweep *sweep; } Volume;
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins.
 // STACK suffices for a tree of MOST_LEVELS: all but one of each node's children wait there.
@@ -132,13 +131,8 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vf begin = VLOAD(boxes->low[2]);
-        vi meets;
-        if (volume->kind == FRUSTUM) {
-            meets = frustum_overlaps((const Frustum *)volume->of, boxes, far);
-        } else {
-            const Ranges extents = extents_of_boxes(boxes);
-            meets = sweep_overlaps((const Sweep *)volume->of, &extents, far, &begin);
-        }
+        const vi meets = volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
+                                       : frustum_overlaps(volume->frustum, boxes, far);
         VSTORE(begin, near + lane);
         bits |= row_bits(meets) << lane;
     }
@@ -154,7 +148,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
         const uint lane = 31 - clz(bits);
         bits ^= 1u << lane;
         int at = stack->size++;
-        for (; volume->kind == SWEEP && at > base && stack->near[at - 1] < near[lane]; --at) {
+        for (; volume->sweep && at > base && stack->near[at - 1] < near[lane]; --at) {
             stack->near[at] = stack->near[at - 1];
             stack->child[at] = stack->child[at - 1];
         }
