@@ -51,10 +51,8 @@ inline int make_cubic(global const float *colours, CubicEncoding *e)
     const float4 middle = 0.5f * (from + to);
     const float4 half_width = max(0.5f * (to - from), NARROWEST * middle);
     private float nodes[16];
-    vstore4(middle + NODE_A * half_width, 0, nodes);
-    vstore4(middle + NODE_B * half_width, 1, nodes);
-    vstore4(middle - NODE_B * half_width, 2, nodes);
-    vstore4(middle - NODE_A * half_width, 3, nodes);
+    const float node[4] = {NODE_A, NODE_B, -NODE_B, -NODE_A};
+    for (int k = 0; k < 4; ++k) vstore4(middle + node[k] * half_width, k, nodes);
     for (int at = 0; at < 16; at += LANES) VSTORE(encode_srgb(VLOAD(nodes + at)), nodes + at);
     const float4 n0 = vload4(0, nodes), n1 = vload4(1, nodes), n2 = vload4(2, nodes);
     const float4 n3 = vload4(3, nodes), outer = n0 - n3, inner = n1 - n2;

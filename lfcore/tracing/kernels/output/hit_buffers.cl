@@ -14,9 +14,9 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
     const Rays *rays = p->rays;
     const int2 where = block_position(p, block), inside = block_inside(p, block);
     for (int part = 0; part < OUTER * OUTER; ++part) {
-        const int u = part % OUTER, v = part / OUTER, element = block_element(p, block, u, v);
+        const int element = block_element(p, block, part);
         if (element < 0) continue;
-        global const uint *row = from + (v * BLOCK + u) * INNER;
+        global const uint *row = from + first_ray(part);
         global uint *out = to + result_row(rays, element, where.y) * rays->columns + where.x;
         for (int y = 0; y < inside.y; ++y, row += BLOCK, out += rays->columns)
             if (inside.x == INNER)

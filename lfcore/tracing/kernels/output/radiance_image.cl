@@ -38,9 +38,9 @@ inline void write_radiance(const Packet *packet, int block, global const float *
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
     const ulong pitch = 3 * (ulong)across * rays->columns;
     for (int part = 0; part < OUTER * OUTER; ++part) {
-        const int u = part % OUTER, v = part / OUTER, element = block_element(packet, block, u, v);
+        const int element = block_element(packet, block, part);
         if (element < 0) continue;
-        global const float *c = colours + (v * BLOCK + u) * INNER;
+        global const float *c = colours + first_ray(part);
         const ulong column = (ulong)(element % across) * rays->columns + where.x;
         global float *to = radiance + result_row(rays, element / across, where.y) * pitch +
                            3 * column;

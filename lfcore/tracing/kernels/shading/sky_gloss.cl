@@ -28,17 +28,16 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     global const float *shares = gloss + 4 * (GLOSS_LEVELS + 1) * GLOSS_SIDE * GLOSS_SIDE;
     const vf cosine = clamp(dot3(s->normal, s->to_viewer), (vf)(0.0f), (vf)(1.0f));
     const Vec mirrored = fma3(2.0f * cosine, s->normal, scale3(s->to_viewer, (vf)(-1.0f)));
-    const RayVectors normal = by_ray(s->normal), out = by_ray(mirrored), lit = by_ray(s->light);
     private float seen[LANES], rough[LANES], share[2][LANES];
-    RayVectors sky;
+    Vec sky;
     VSTORE(cosine, seen);
     VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
     for (int k = 0; k < LANES; ++k) {
-        const float3 open = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&normal, k)).xyz;
-        const float3 open_part = clamp(ray_vector(&lit, k) / max(open, 1e-20f), 0.0f, 1.0f);
+        const float3 open = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
+        const float3 open_part = clamp(ray_vector(&s->light, k) / max(open, 1e-20f), 0.0f, 1.0f);
         const float4 ab = map_between(shares, GLOSS_SHARES, seen[k] * (GLOSS_SHARES - 1),
                                       rough[k] * (GLOSS_SHARES - 1));
-        set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&out, k), rough[k]).xyz * open_part);
+        set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&mirrored, k), rough[k]).xyz * open_part);
         share[0][k] = ab.x;
         share[1][k] = ab.y;
     }
@@ -46,5 +45,5 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     const Vec gloss_share = {fma(a, f0(s, s->albedo.x), b), fma(a, f0(s, s->albedo.y), b),
                              fma(a, f0(s, s->albedo.z), b)};
     const Vec diffuse = scale3(times3(s->albedo, minus3(spread3(1.0f), gloss_share)), rest);
-    return plus3(times3(diffuse, s->light), times3(gloss_share, row_of(&sky)));
+    return plus3(times3(diffuse, s->light), times3(gloss_share, sky));
 }

@@ -17,36 +17,18 @@ inline float3 cross_product(float3 a, float3 b)
     return (float3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-// The unit vector along a, whose squares may overflow or underflow; 0 along 0.
 inline float largest_component(float3 a) { return max(fabs(a.x), max(fabs(a.y), fabs(a.z))); }
-inline float3 direction_of(float3 a)
-{
-    a /= max(largest_component(a), LEAST_LENGTH);
-    return a / max(sqrt(inner_product(a, a)), LEAST_LENGTH);
-}
 
-// A row of vectors, ray by ray.
-typedef struct { float of[3][LANES]; } RayVectors;
-
-inline RayVectors by_ray(Vec a)
+// The vector of ray `k` of a row.
+inline float3 ray_vector(const Vec *row, int k)
 {
-    RayVectors v;
-    VSTORE(a.x, v.of[0]);
-    VSTORE(a.y, v.of[1]);
-    VSTORE(a.z, v.of[2]);
-    return v;
+    const float *at = (const float *)row + k;
+    return (float3)(at[0], at[LANES], at[2 * LANES]);
 }
-inline Vec row_of(const RayVectors *v)
+inline void set_ray_vector(Vec *row, int k, float3 a)
 {
-    return (Vec){VLOAD(v->of[0]), VLOAD(v->of[1]), VLOAD(v->of[2])};
-}
-inline float3 ray_vector(const RayVectors *v, int k)
-{
-    return (float3)(v->of[0][k], v->of[1][k], v->of[2][k]);
-}
-inline void set_ray_vector(RayVectors *v, int k, float3 a)
-{
-    v->of[0][k] = a.x;
-    v->of[1][k] = a.y;
-    v->of[2][k] = a.z;
+    float *at = (float *)row + k;
+    at[0] = a.x;
+    at[LANES] = a.y;
+    at[2 * LANES] = a.z;
 }

@@ -98,13 +98,13 @@ inline float4 map_between(global const float *map, int side, float x, float y)
 inline Vec sky_row(const Scene *s, const Bundle *r, Row row)
 {
     const int side = s->numbers->sky_side;
-    const RayVectors d = by_ray(direction_row(r, row));
-    RayVectors light;
+    const Vec d = direction_row(r, row);
+    Vec light;
     for (int k = 0; k < LANES; ++k) {
         const float3 along = ray_vector(&d, k);
         const float scale = 0.5f * side / (fabs(along.x) + fabs(along.y) + 1.0f);
         const float2 at = fma(along.xy, scale, 0.5f * side - 0.5f);
         set_ray_vector(&light, k, map_between(s->sky, side, at.x, at.y).xyz);
     }
-    return row_of(&light);
+    return light;
 }

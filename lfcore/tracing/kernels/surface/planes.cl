@@ -93,7 +93,7 @@ inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int 
     return f;
 }
 
-// Unit vectors along a, whose squares may overflow or underflow.
+// Unit vectors along a, whose squares may overflow or underflow; 0 along 0.
 inline Vec directions_of(Vec a)
 {
     const Vec size = absolute3(a);

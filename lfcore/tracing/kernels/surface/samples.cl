@@ -49,16 +49,8 @@ typedef struct {
     vi first, side;  // of the grid of baked light
 } SampleRow;
 
-inline Vec row_vector(const SampleRow *s, int first)
-{
-    return (Vec){s->of[first], s->of[first + 1], s->of[first + 2]};
-}
-inline void set_vector(SampleRow *s, int first, Vec a)
-{
-    s->of[first] = a.x;
-    s->of[first + 1] = a.y;
-    s->of[first + 2] = a.z;
-}
+// Three of them, from `first` on.
+inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->of + first); }
 
 inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
@@ -84,11 +76,11 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 // Give interpolated normals unit length, and turn them to the viewer, and tangents with them.
 inline void turn_to_viewer(Vec direction, SampleRow *s)
 {
-    Vec n = row_vector(s, NORMAL);
-    n = scale3(n, inverse_sqrt(max(dot3(n, n), (vf)(LEAST_LENGTH))));
-    const vi away = GT(dot3(n, direction), (vf)(0.0f)) & (vi)(0x80000000);
-    set_vector(s, NORMAL, turn_vectors(n, away));
-    if (PHYSICAL) set_vector(s, TANGENT, turn_vectors(row_vector(s, TANGENT), away));
+    Vec *n = vectors_at(s, NORMAL), *tangent = vectors_at(s, TANGENT);
+    *n = scale3(*n, inverse_sqrt(max(dot3(*n, *n), (vf)(LEAST_LENGTH))));
+    const vi away = GT(dot3(*n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+    *n = turn_vectors(*n, away);
+    if (PHYSICAL) *tangent = turn_vectors(*tangent, away);
 }
 
 // One block on its way from regions to colours.
@@ -184,8 +176,8 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         if (SMOOTH) turn_to_viewer(direction, &s);
 #if BAKED
         const vf x = s.of[PLACE], y = s.of[PLACE + 1];
-        set_vector(&s, BAKED_LIGHT, affine ? affine_row(&light, x, y)
-                                           : baked_row(scene, x, y, s.first, s.side));
+        *vectors_at(&s, BAKED_LIGHT) = affine ? affine_row(&light, x, y)
+                                              : baked_row(scene, x, y, s.first, s.side);
 #endif
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }

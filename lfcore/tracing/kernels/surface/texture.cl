@@ -67,7 +67,8 @@ inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     if (!TEXTURED) return (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     const float4 e = coordinate_edges(s, triangle);
     const float turn = e.x * e.w - e.z * e.y < 0.0f ? -1.0f : 1.0f;
-    const float3 along = direction_of(turn * (e.w * a - e.y * b)), up = turn * (e.x * b - e.z * a);
+    const Vec tangent = directions_of(spread3(turn * (e.w * a - e.y * b)));
+    const float3 along = ray_vector(&tangent, 0), up = turn * (e.x * b - e.z * a);
     const float side = inner_product(cross_product(towards, along), up);
     return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
 }

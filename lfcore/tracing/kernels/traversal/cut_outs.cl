@@ -53,7 +53,7 @@ inline uint stopped_rays(const CutOuts *c, int triangle, const Bundle *r, Row ro
                          uint bits)
 {
     const Vec d = direction_row(r, row), o = {row_ox(r, row), (vf)(row_oy(r, row)), (vf)(0.0f)};
-    const RayVectors place = by_ray(fma3(depth, d, o));
+    const Vec place = fma3(depth, d, o);
     uint stopped = 0;
     for (uint left = bits; left; left &= left - 1) {
         const uint k = lowest(left);

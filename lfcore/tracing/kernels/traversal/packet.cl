@@ -79,11 +79,12 @@ inline int2 cell_position(const Packet *p, int cell) { return p->at + p->rays->c
 
 inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1; }
 
-// The element of a block's rays at place (u, v) of its OUTER x OUTER, or -1.
-inline int block_element(const Packet *p, int block, int u, int v)
+// The element of part `part` of a block's OUTER x OUTER, or -1, and its first ray in the block.
+inline int block_element(const Packet *p, int block, int part)
 {
-    return p->element[OUTER > 1 ? v * OUTER + u : p->rays->block[block].element];
+    return p->element[OUTER > 1 ? part : p->rays->block[block].element];
 }
+inline int first_ray(int part) { return (part / OUTER * BLOCK + part % OUTER) * INNER; }
 
 // The element of a cell, or -1 if it has no rays or none that are wanted.
 inline int cell_element(const Packet *p, int cell)
@@ -97,7 +98,7 @@ inline int cell_element(const Packet *p, int cell)
 // The centre ray that a block's offsets are relative to.
 inline float4 centre_ray_of(const Packet *p, int block)
 {
-    return p->rays->elements[OUTER > 1 ? p->group : block_element(p, block, 0, 0)];
+    return p->rays->elements[OUTER > 1 ? p->group : block_element(p, block, 0)];
 }
 
 // The rays about a place of the inner grid, `half_extent` columns and rows beyond `at`.
@@ -138,7 +139,7 @@ inline Packet make_packet(const Rays *rays, int strip, int height, int step)
     const int first = first_element(&p);
     for (int block = 0; block < rays->blocks; ++block) {
         const int2 at = block_position(&p, block);
-        const int there = OUTER > 1 ? first >= 0 : block_element(&p, block, 0, 0) >= 0;
+        const int there = OUTER > 1 ? first >= 0 : block_element(&p, block, 0) >= 0;
         if (there && at.x < rays->columns && at.y < rays->end_row) p.blocks |= 1u << block;
     }
     return p;
@@ -149,7 +150,7 @@ inline Frustum packet_frustum(const Packet *p)
     const Rays *r = p->rays;
     float4 lo = FAR, hi = -FAR;
     for (int block = 0; block < r->blocks; ++block) {
-        if (OUTER == 1 && block_element(p, block, 0, 0) < 0) continue;
+        if (OUTER == 1 && block_element(p, block, 0) < 0) continue;
         lo = min(lo, centre_ray_of(p, block));
         hi = max(hi, centre_ray_of(p, block));
     }
