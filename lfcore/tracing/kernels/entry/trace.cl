@@ -65,16 +65,15 @@ typedef struct {
 inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
 {
     Coverage *seen = p->visibility.block + block;
-    if (sink->depth) write_depths(packet, block, seen, sink->depth);
-    if (SINK == HITS) {
-        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->triangle);
-        return;
-    }
     global float *colours = SINK == FRAMES ? block_colours(&sink->cells, packet, block)
                                            : sink->cells.colours;
-    colour_block(packet, block, p, colours);
+    if (SINK != HITS) colour_block(packet, block, p, colours);
     if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
     if (SINK == IMAGE) write_radiance(packet, block, colours, sink->image, sink->radiance);
+    // Last, for a covered block then has a depth buffer, too.
+    if (sink->depth) write_depths(packet, block, seen, sink->depth);
+    if (SINK == HITS)
+        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->triangle);
 }
 
 // For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
