@@ -24,7 +24,7 @@ scene (hierarchy, surfaces, buffers, the C header), the plan, a tile's places, c
 arrays, which are another sink."""
 ENTRY, BEGIN = "trace.cl", "trace_packets"
 BESIDE = {
-    "other sinks": {"write_rays", "write_radiance", "write_depths", "hit_given_rays"},
+    "other sinks": {"write_rays", "write_radiance", "hit_given_rays"},
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
     "rays one by one": {"follow_packet", "sweep_overlaps", "Ray", "Sweep"},

@@ -63,15 +63,6 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
     }
 }
 
-// The depth beyond which no block of the packet can hit anything.
-inline float farthest_open(const Packet *p, const Visibility *v)
-{
-    float far = 0.0f;
-    for (int block = 0; block < p->rays->blocks; ++block)
-        if (has_block(p, block)) far = max(far, v->block[block].z_far);
-    return far;
-}
-
 inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
     const int blocks = p->rays->blocks;
@@ -92,7 +83,9 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     compacted.leaves = v->memory->compacted.leaves;
     compacted.leaf_ids = v->memory->compacted.ids;
     while (stack.size) {
-        const float far = farthest_open(p, v);
+        float far = 0.0f;  // beyond which no block can hit anything
+        for (int block = 0; block < blocks; ++block)
+            if (has_block(p, block)) far = max(far, v->block[block].z_far);
         LeafList list = {&v->memory->candidates, 0};
         gather_leaves(tree, &volume, far, &stack, &list);
         const Tree *leaves = compact ? &compacted : tree;

@@ -6,8 +6,7 @@
 #include "shade.cl"
 #include "shadows.cl"
 #include "frames.cl"
-#include "hit_buffers.cl"
-#include "radiance_image.cl"
+#include "arrays.cl"
 
 // A worker's own memory; a Block's `lit` comes after it.
 typedef struct {
@@ -70,8 +69,10 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
     if (SINK != HITS) colour_block(packet, block, p, colours);
     if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
     if (SINK == IMAGE) write_radiance(packet, block, colours, sink->image, sink->radiance);
-    // Last, for a covered block then has a depth buffer, too.
-    if (sink->depth) write_depths(packet, block, seen, sink->depth);
+    if (sink->depth) {
+        use_buffer(seen);  // last: a block that one triangle covers is shaded without
+        write_rays(packet, block, (global uint *)seen->z, (global uint *)sink->depth);
+    }
     if (SINK == HITS)
         write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->triangle);
 }
@@ -95,7 +96,7 @@ KERNEL void trace_packets(PARAMETERS)
         .block = {.regions = {memory->regions}, .planes = memory->planes,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
         .cache = {.pool = shadows->pool},
-        .shadows = {&tree, &scene, 0, shadows->active, 0, &pipeline.cache,
+        .shadows = {&tree, &scene, 0, shadows->active, shadows->seen, 0, &pipeline.cache,
                     &shadows->element_planes}};
     Sink sink = {
         triangle, depth, &image, radiance,

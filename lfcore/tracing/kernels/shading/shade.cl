@@ -32,10 +32,7 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
     return l;
 }
 
-inline int is_glossy(const Material *m)
-{
-    return any(vload3(0, m->of.specular) > 0.0f);
-}
+inline int is_glossy(const Material *m) { return any(vload3(0, m->of.specular) > 0.0f); }
 
 // The light that a Blinn-Phong surface reflects.
 inline Vec reflect_blinn_phong(const Surface *s, Vec towards, vf cosine, vf attenuation, vi facing)

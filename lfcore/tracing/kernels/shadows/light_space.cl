@@ -36,7 +36,7 @@ typedef struct {
     int ray[BLOCK_RAYS];             // their numbers in the block
     int triangle[BLOCK_RAYS];        // on which they start
     int active[BLOCK_RAYS];          // masks
-    float seen[3 * BLOCK_RAYS];      // u, v, d of their hit points
+    global float *seen;              // u, v, d of their hit points: (3, BLOCK_RAYS)
     global const Samples *samples;   // of the block
 } LightSpaceRays;
 
@@ -110,7 +110,7 @@ inline vi cell_bits(vf x, float lo, float hi)
 }
 
 // Sort the rays in s->active along a Z-curve through these cells.
-inline void sort_hits(const Shadows *s, private const float *seen, const Box *hits,
+inline void sort_hits(const Shadows *s, global const float *seen, const Box *hits,
                       LightSpaceRays *l)
 {
     private int cell[BLOCK_RAYS], end[SORT_CELLS * SORT_CELLS] = {0};
@@ -136,12 +136,6 @@ inline void sort_hits(const Shadows *s, private const float *seen, const Box *hi
     }
 }
 
-inline Vec seen_row(const LightSpaceRays *l, int at)
-{
-    private const float *from = l->seen + at;
-    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
-}
-
 inline void bound_stripes(LightSpaceRays *l)
 {
     l->lit = 0;
@@ -151,7 +145,7 @@ inline void bound_stripes(LightSpaceRays *l)
         for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
             const vi within = LT(TO_VI(IOTA) + at, (vi)(l->count));
             VSTORE(within, l->active + at);
-            add_to_ranges(&ranges, seen_row(l, at), within);
+            add_to_ranges(&ranges, load3(l->seen, at), within);
         }
         const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
@@ -166,21 +160,19 @@ inline void bound_stripes(LightSpaceRays *l)
 // where it has no picture of them.
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
-    private float seen[3 * BLOCK_RAYS];
     Ranges ranges;
     clear_ranges(&ranges);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Vec row = project_row(&l->rays, &l->space, s->origins, at);
-        VSTORE(row.x, seen + at);
-        VSTORE(row.y, seen + BLOCK_RAYS + at);
-        VSTORE(row.z, seen + 2 * BLOCK_RAYS + at);
+        store3(row, s->seen, at);
         add_to_ranges(&ranges, row, VLOAD(s->active + at));
     }
     const Box hits = box_of(&ranges);
     set_range(&hits, &l->space);
     const float nearest = NEAREST_SHARE * largest_component(l->rays.half_extent);
     if (l->rays.is_point && !(hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f)) return 0;
-    sort_hits(s, seen, &hits, l);
+    l->seen = s->seen + 3 * BLOCK_RAYS;
+    sort_hits(s, s->seen, &hits, l);
     bound_stripes(l);
     return 1;
 }
@@ -282,7 +274,7 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
     vi lit = 0;
     for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
         vi open = VLOAD(l->active + at);
-        const Vec seen = seen_row(l, at);
+        const Vec seen = load3(l->seen, at);
         const vi triangle = VLOAD(l->triangle + at);
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);

@@ -9,6 +9,7 @@ typedef struct {
     const Scene *scene;
     const Packet *packet;
     global int *active;                     // scratch: (2, BLOCK_RAYS)
+    global float *seen;                     // scratch: (2, 3, BLOCK_RAYS)
     global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
     struct OccluderCache *cache;
     global PlaneEquations *element_planes;  // scratch: of one triangle

@@ -82,6 +82,7 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
 // A worker's memory: see Shadows and OccluderCache.
 typedef struct {
     int active[2 * BLOCK_RAYS];
+    float seen[6 * BLOCK_RAYS];
     OccluderRow pool[POOL / LANES];
     PlaneEquations element_planes;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
