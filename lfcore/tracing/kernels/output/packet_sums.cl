@@ -12,14 +12,6 @@
 #include "packet.cl"
 #include "plane_sums.cl"
 
-// The packet's cell in `row`, `column` of its picture.
-inline int cell_at(const Rays *r, int row, int column)
-{
-    const int side = r->packet_side / BLOCK;
-    const int element = row / side * r->group + column / side;
-    return (element * side + row % side) * side + column % side;
-}
-
 // How far a mask is open over the lens samples of a cell.
 inline int openness(const SensorPlanes *p, int mask, int2 at)
 {
@@ -64,7 +56,8 @@ inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
     for (int column = 0; column < chunks; ++column) {
         uint16 sum[3] = {0, 0, 0};
         for (int row = 0; row < chunks; ++row) {
-            const int cell = cell_at(rays, row, column);
+            const int element = row / side * rays->group + column / side;
+            const int cell = (element * side + row % side) * side + column % side;
             const int2 where = cell_position(packet, cell);
             const int kind = cell_element(packet, cell) >= 0 ? openness(p, mask, where) : 0;
             global const uchar *open = p->masks + ((ulong)mask * pitch + where.y) * pitch + where.x;
