@@ -31,7 +31,7 @@ BESIDE = {
     "textures": {"read_maps", "set_up_texture", "map_row", "patch_row", "read_patch",
                  "TexelPatch"},
     "highlights": {"highlight"},
-    "baked light": {"baked_row", "find_affine", "affine_row", "AffineLight", "region_rectangle",
+    "baked light": {"baked_row", "fit_regions", "region_rectangle",
                     "sky_row", "reflect_sky"},
     "light above white": {"encode_pq"},
     "packets of one element": {"compact_triangles", "CompactedLeaves"},

@@ -10,6 +10,7 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.baked import BakedLight
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
@@ -26,6 +27,10 @@ from lfcore.tracing.layouts import (
 
 LEAST_HIGHLIGHT = 2.0**-24
 """A highlight below this share of its peak is left out: it would change no float near 1."""
+
+
+UNEVEN = 0.15
+"""Baked light that differs by such a share from that of the next point has no coarser levels."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +88,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "BAKED": int(scene.light is not None),
         "SKY": int(len(scene.sky) > 0),
     }
-    grids, values = (
-        (scene.light.grids, scene.light.values) if scene.light else ((), np.zeros((0, 3)))
-    )
+    grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
         attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
@@ -102,6 +105,45 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         shadow_lights=shadows,
         defines=defines,
     )
+
+
+def with_levels(light: BakedLight) -> tuple[np.ndarray, np.ndarray]:
+    """The grids, and the points of each followed by those of grids of half its cells, as long as
+    they are even."""
+    grids, values, end = light.grids.copy(), [], 0
+    for side in np.unique(grids[:, 2]).tolist():
+        rows = np.flatnonzero(light.grids[:, 2] == side)
+        first, which = np.unique(light.grids[rows, :2], return_inverse=True)
+        levels = [light.values[first[:, None] + np.arange((side + 1) * (side + 2) // 2)]]
+        while side % 2 == 0:
+            levels.append(_halved(levels[-1], side))
+            side //= 2
+        points = np.concatenate(levels, 1)
+        grids[rows, :2] = end + points.shape[1] * which.reshape(-1, 2)
+        values.append(points.reshape(-1, 3))
+        end += len(values[-1])
+    return grids, np.concatenate(values)
+
+
+def _halved(points: np.ndarray, side: int) -> np.ndarray:
+    """Grids (G, P, 3) of half the cells.  A point is the mean of itself and of the middles of
+    those pairs of opposite neighbours that are in the triangle, so edges are of their points;
+    infinite where one of these is far from it, as at the edge of a shadow."""
+    i, j = np.array([(i, j) for j in range(0, side + 1, 2) for i in range(0, side + 1 - j, 2)]).T
+    own = points[:, j * (2 * side + 3 - j) // 2 + i]
+    total, weight, even = 2 * own, np.full((len(i), 1), 2.0), np.ones(own.shape, bool)
+    for di, dj in ((1, 0), (0, 1), (1, -1)):
+        inside = (i >= di) & (j >= abs(dj)) & (i + j + (di + dj) <= side)
+        pair = np.zeros_like(own[:, inside])
+        for sign in (-1, 1):
+            a, b = (i + sign * di)[inside], (j + sign * dj)[inside]
+            near = points[:, b * (2 * side + 3 - b) // 2 + a]
+            even[:, inside] &= near <= (1 + UNEVEN) * own[:, inside]
+            even[:, inside] &= own[:, inside] <= (1 + UNEVEN) * near
+            pair += near
+        total[:, inside] += pair
+        weight[inside] += 2
+    return np.where(even.all(-1, keepdims=True), total / weight, np.inf).astype(np.float32)
 
 
 def pack_light(values: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 //
 // Each side of a triangle has a grid of R cells along an edge, the points (i, j) with i + j <= R,
 // row by row of j; i / R and j / R are the weights of its second and third corner.  Between points
-// light is linear.  Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
+// light is linear.  Grids of half the cells follow, as long as R is even.  Source: C. Yuksel, J.
+// Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
 #pragma once
 #include "rectangles.cl"
 #include "texture.cl"
@@ -32,54 +33,82 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
     return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, far));
 }
 
-// Over so few cells light that differs from an affine function by less than such a share is one.
-#define AFFINE_CELLS 6.0f
-#define AFFINE_SHARE (1.0f / 256.0f)
-// Light that is affine over a grid's cells: in its first corner, and steps per column and row.
-typedef struct { float4 zero, x, y; } AffineLight;
+// Light that differs from an affine function by less than such a share is one.
+#define AFFINE_SHARE (1.0f / 64.0f)
+// Much less than what coarser levels hold where light is uneven.
+#define UNEVEN_LIGHT 1024.0f
+// Rays spread over a region, whose light says whether it is affine: 4 x 4 places from -1 to 1.
+#define PLACES -1.0f, -1.0f / 3.0f, 1.0f / 3.0f, 1.0f
+#define COLUMNS ((float16)(PLACES, PLACES, PLACES, PLACES))
+#define ROWS COLUMNS.s048c159d26ae37bf
 
-inline float4 light_at(const Scene *s, int first, int i, int j, int side)
+// Their light, colour by colour, at the level of whose cells they are one apart at the most; 0
+// without one.  A level of fewer cells says too little of what is inside of a triangle.
+#define LEAST_CELLS 8
+inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rectangle r,
+                            private float light[3][16])
 {
-    const uint point = s->light[first + j * (2 * side + 3 - j) / 2 + i];
-    const uint4 colour = (uint4)(point) >> (uint4)(0, 9, 18, 0) & (uint4)((uint3)(511), 0);
-    return convert_float4(as_int4(colour)) * as_float(((int)(point >> 27) + 103) << 23);
-}
-
-// Whether the light is affine over the cells that a rectangle of rays sees.
-inline int find_affine(const Scene *s, global const PlaneEquations *p, Rectangle at, AffineLight *l)
-{
-    const int side = p->grid[2];
-    if (OUTER > 1 || !(least_over(p->denominator, at) > 0.0f)) return 0;
-    const float2 x = side * quotient_range(p->slot[PLACE], p->weights, at);
-    const float2 y = side * quotient_range(p->slot[PLACE + 1], p->weights, at);
-    if (!(x.y - x.x < AFFINE_CELLS && y.y - y.x < AFFINE_CELLS)) return 0;
-    const int i = clamp((int)x.x, 0, side - 1), j = clamp((int)y.x, 0, side - 1 - i);
-    const int right = clamp((int)ceil(x.y), i + 1, side), down = clamp((int)ceil(y.y), j + 1, side);
-    if (i + down > side || right + j > side) return 0;
+    const Affine of[3] = {p->weights, p->slot[PLACE], p->slot[PLACE + 1]};
+    const float2 u = quotient_range(of[1], of[0], r), v = quotient_range(of[2], of[0], r);
+    const int finest = p->grid[2];
+    const float seen = max(u.y - u.x, v.y - v.x) * finest / 3.0f;
+    const int level = clamp((as_int(seen) >> 23) - 126, 0, 15), side = finest >> level;
+    if (level && (side < LEAST_CELLS || side << level != finest)) return 0;
     // The corners turn to the viewer where the weights are negative.
-    const int first = p->grid[p->weights.of[ONE] > 0.0f];
-    const float4 one = light_at(s, first, i, j, side);
-    l->x = (light_at(s, first, right, j, side) - one) / (float)(right - i);
-    l->y = (light_at(s, first, i, down, side) - one) / (float)(down - j);
-    float4 low = 0.0f, high = 0.0f;
-    float least = FAR;
-    for (int row = j; row <= down; ++row) {
-        for (int k = i; k <= min(right, side - row); ++k) {
-            const float4 plane = one + (float)(k - i) * l->x + (float)(row - j) * l->y;
-            const float4 light = light_at(s, first, k, row, side);
-            low = min(low, light - plane);
-            high = max(high, light - plane);
-            least = min(least, most_of(light));
-        }
-        if (most_of(high - low) > 2.0f * AFFINE_SHARE * least) return 0;
+    const int first = p->grid[of[0].of[ONE] > 0.0f] + 2 * (finest * finest - side * side) / 3 +
+        3 * (finest - side) + level;
+    private float x[16], y[16];
+    vstore16(fma(COLUMNS, r.half_width, r.x), 0, x);
+    vstore16(fma(ROWS, r.half_height, r.y), 0, y);
+    for (int k = 0; k < 16; k += LANES) {
+        vf at[3];
+        for (int i = 0; i < 3; ++i)
+            at[i] = fma(VLOAD(y + k), (vf)(of[i].of[Y]),
+                        fma(VLOAD(x + k), (vf)(of[i].of[X]), (vf)(of[i].of[ONE])));
+        const vf scale = (float)side * reciprocal(at[0]);
+        const Vec found = baked_row(s, at[1] * scale, at[2] * scale, (vi)(first), (vi)(side));
+        VSTORE(found.x, light[0] + k);
+        VSTORE(found.y, light[1] + k);
+        VSTORE(found.z, light[2] + k);
     }
-    l->zero = one - (float)i * l->x - (float)j * l->y + 0.5f * (low + high);
     return 1;
 }
 
-inline Vec affine_row(const AffineLight *l, vf x, vf y)
+// Find the light of a region as an affine function of its rays, by least squares; whether it is
+// one.
+inline int fit_light(const Scene *s, Rectangle r, global PlaneEquations *p)
 {
-    return fma3(x, spread3(l->x.xyz), fma3(y, spread3(l->y.xyz), spread3(l->zero.xyz)));
+    private float lights[3][16];
+    if (!(least_over(p->denominator, r) > 0.0f) || !light_of_lattice(s, p, r, lights)) return 0;
+    float16 off = 0.0f;
+    float sum = 0.0f, largest = 0.0f;
+    for (int k = 0; k < 3; ++k) {
+        const float16 light = vload16(0, lights[k]);
+        const float4 c = light.s0123 + light.s4567 + light.s89ab + light.scdef;
+        const float4 d = light.s048c + light.s159d + light.s26ae + light.s37bf;
+        const float mean = (c.x + c.y + c.z + c.w) / 16.0f;
+        const float along = 0.0375f * fma(3.0f, c.w - c.x, c.z - c.y);
+        const float down = 0.0375f * fma(3.0f, d.w - d.x, d.z - d.y);
+        off = max(off, fabs(light - fma(COLUMNS, along, fma(ROWS, down, mean))));
+        sum += mean;
+        largest = max(largest, mean + fabs(along) + fabs(down));
+        const float right = along / max(r.half_width, 0.5f);
+        const float below = down / max(r.half_height, 0.5f);
+        p->light[k] = (Affine){{mean - r.x * right - r.y * below, right, below}};
+    }
+    const float8 most = max(off.lo, off.hi);
+    return most_of(max(most.lo, most.hi)) <= AFFINE_SHARE / 3.0f * sum && largest < UNEVEN_LIGHT;
+}
+
+// Whether that is so of all regions of a block; of many it is not worth trying.
+#define FITTED_REGIONS 4
+inline int fit_regions(const Scene *s, const Regions *regions, float half_extent,
+                       global PlaneEquations *p)
+{
+    int fits = OUTER == 1 && regions->count <= FITTED_REGIONS;
+    for (int k = 0; k < regions->count && fits; ++k)
+        fits = fit_light(s, region_rectangle(regions->of + k, half_extent), p + k);
+    return fits;
 }
 
 // A map (side, side, 4) between texels.

@@ -56,6 +56,7 @@ typedef struct {
     // The direction of u, and the sign of v's beside it for a viewer.
     float tangent[TANGENT_WORDS + !PHYSICAL];
     int grid[3];  // of baked light: first point in front and behind, and cells along an edge
+    Affine light[3];  // baked, of blocks where it fits
 } PlaneEquations;
 
 // The first of these of LANES triangles, in the same order.

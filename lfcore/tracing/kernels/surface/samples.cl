@@ -52,7 +52,7 @@ typedef struct {
 // Three of them, from `first` on.
 inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->of + first); }
 
-inline SampleRow interpolate(global const PlaneEquations *p, Row at)
+inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
 {
     SampleRow s;
     const vf denominator = plane_row(p->denominator, at), weights = plane_row(p->weights, at);
@@ -60,13 +60,19 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
     // Some rays of a block may see a flat triangle's other side.
     for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
         s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
-    for (int k = FIRST_ATTRIBUTE; k < SLOTS; ++k) s.of[k] = edge_row(p->slot[k], at);
+    for (int k = FIRST_ATTRIBUTE; k < PLACE; ++k) s.of[k] = edge_row(p->slot[k], at);
     if (PHYSICAL) turn_tangent(p, weights, denominator, s.of + TANGENT);
     if (SLOTS == COORDINATES) return s;
+    if (fitted) {
+        for (int k = 0; k < 3; ++k) s.of[BAKED_LIGHT + k] = plane_row(p->light[k], at);
+        if (PLACE == COORDINATES) return s;
+    }
     const vf inverse = reciprocal(weights);
     for (int k = COORDINATES; k < TINT; ++k) s.of[k] *= inverse;
     for (int k = TINT; k < PLACE; ++k) s.of[k] = fma(inverse, s.of[k], (vf)(p->first[k - TINT]));
-    for (int k = PLACE; k < SLOTS; ++k) s.of[k] *= inverse * (float)p->grid[2];
+    if (fitted) return s;
+    for (int k = PLACE; k < SLOTS; ++k)
+        s.of[k] = edge_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
     // The corners turn to the viewer where the weights are negative.
     s.first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
     s.side = p->grid[2];
@@ -89,6 +95,7 @@ typedef struct {
     Bundle rays;
     Regions regions;
     global PlaneEquations *planes;  // of each region
+    int fitted;                     // whether baked light is affine in each of them
     global Samples *samples;
     // (shadow lights, BLOCK) a bit for each ray that sees the light.
     global int *lit;
@@ -124,7 +131,7 @@ inline void sample_row(const Scene *scene, const Block *b, const RowRegions *lis
         const int k = list->of[at / LANES][n];
         global const Region *r = b->regions.of + k;
         const vi mask = region_row(r, at);
-        const SampleRow one = interpolate(b->planes + k, row);
+        const SampleRow one = interpolate(b->planes + k, row, b->fitted);
         s->key = pick_int(s->key, (vi)(b->planes[k].key), mask);
         s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
         s->first = n ? pick_int(s->first, one.first, mask) : one.first;
@@ -150,19 +157,17 @@ inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
         set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
 }
 
-inline void sample_block(const Scene *scene, float pixel, const Block *b)
+inline void sample_block(const Scene *scene, float pixel, Block *b)
 {
     global Samples *out = b->samples;
     const Bundle *r = &b->rays;
     SampleRow s = {0};
     RowRegions list;
     set_up_regions(scene, pixel, b);
-    list_regions(&b->regions, &list);
 #if BAKED
-    AffineLight light;
-    const int affine = b->regions.count == 1 &&
-        find_affine(scene, b->planes, region_rectangle(b->regions.of, r->half_extent), &light);
+    b->fitted = fit_regions(scene, &b->regions, r->half_extent, b->planes);
 #endif
+    list_regions(&b->regions, &list);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->rays.half_extent);
         sample_row(scene, b, &list, at, row, &s);
@@ -175,9 +180,9 @@ inline void sample_block(const Scene *scene, float pixel, const Block *b)
         store3(point, out->point, at);
         if (SMOOTH) turn_to_viewer(direction, &s);
 #if BAKED
-        const vf x = s.of[PLACE], y = s.of[PLACE + 1];
-        *vectors_at(&s, BAKED_LIGHT) = affine ? affine_row(&light, x, y)
-                                              : baked_row(scene, x, y, s.first, s.side);
+        if (!b->fitted)
+            *vectors_at(&s, BAKED_LIGHT) =
+                baked_row(scene, s.of[PLACE], s.of[PLACE + 1], s.first, s.side);
 #endif
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
