@@ -37,7 +37,7 @@ BESIDE = {
     "packets of one element": {"compact_triangles", "CompactedLeaves"},
     "sensor planes": {"add_view", "add_to_strip", "finish_strip", "drop_closed_blocks",
                       "SensorPlanes", "Strip"},
-    "microfacets": {"turn_tangent", "read_row_maps", "reflect_light", "is_metallic",
+    "microfacets": {"read_row_maps", "reflect_light", "is_metallic",
                     "ambient_reflectance"},
 }  # fmt: skip
 MOST_COLUMNS, MOST_LINES, MOST_PARAMETERS = 100, 50, 7

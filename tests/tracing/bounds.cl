@@ -156,7 +156,7 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
         const int even = evenly_weighted(planes->denominator, over);
         const float least = least_over(planes->denominator, over);
         set_up_planes(&scene, &r, &first, planes);
-        const SampleRow s = interpolate(planes, row);
+        const SampleRow s = interpolate(planes, row, 0);
         const Vec d = direction_row(&r, row);
         const vf x = fma(s.depth, d.x, row_ox(&r, row));
         const vf y = fma(s.depth, d.y, (vf)(row_oy(&r, row)));

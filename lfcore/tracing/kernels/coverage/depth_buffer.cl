@@ -46,13 +46,6 @@ inline void use_buffer(Coverage *c)
     c->covering_triangle = BUFFERED;
 }
 
-inline void find_farthest(Coverage *c)
-{
-    vf far = VLOAD(c->z);
-    for (int at = LANES; at < BLOCK_RAYS; at += LANES) far = max(far, VLOAD(c->z + at));
-    c->z_far = min(row_max(far), FAR);
-}
-
 // Whether corner values are positive, and none is more than twice another: rounding errors are then
 // in proportion to each.
 inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }

@@ -43,7 +43,10 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
             changed |= hit_triangle(&t, k, ids[k], bundle, &tree->cut_outs, c);
         }
     }
-    if (changed) find_farthest(c);
+    if (!changed) return;
+    vf far = VLOAD(c->z);
+    for (int at = LANES; at < BLOCK_RAYS; at += LANES) far = max(far, VLOAD(c->z + at));
+    c->z_far = min(row_max(far), FAR);
 }
 
 inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *list, Coverage *c)

@@ -23,7 +23,6 @@ typedef struct {
 #define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
 
 typedef struct {
-    const Tree *tree;
     const Scene *scene;
     float pixel;  // tangent between neighbouring pixels
     global Memory *memory;
@@ -32,13 +31,6 @@ typedef struct {
     OccluderCache cache;
     Shadows shadows;
 } Pipeline;
-
-inline void see_packet(const Packet *packet, Pipeline *p)
-{
-    find_visible(p->tree, packet, &p->visibility);
-    p->shadows.packet = packet;
-    p->cache.element = -1;
-}
 
 // Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).
 inline void colour_block(const Packet *packet, int number, Pipeline *p, global float *colours)
@@ -49,7 +41,10 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
     find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
     sample_block(p->scene, p->pixel, b);
     if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.lifted);
-    shade_block(p->scene, b, colours);
+    shade_background(p->scene, b, colours);
+    private int keys[BLOCK_RAYS];
+    for (int left = list_keys(b, keys); left; --left)
+        shade_key(p->scene, b, keys[left - 1], colours);
 }
 
 // What the results of a program's sink go to.
@@ -64,8 +59,9 @@ typedef struct {
 inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
 {
     Coverage *seen = p->visibility.block + block;
-    global float *colours = SINK == FRAMES ? block_colours(&sink->cells, packet, block)
-                                           : sink->cells.colours;
+    // Blocks of several elements have a place beyond the cells.
+    const int cell = OUTER > 1 ? packet->rays->cells : block;
+    global float *colours = sink->cells.colours + (SINK == FRAMES ? cell * COLOURS : 0);
     if (SINK != HITS) colour_block(packet, block, p, colours);
     if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
     if (SINK == IMAGE) write_radiance(packet, block, colours, sink->image, sink->radiance);
@@ -91,7 +87,7 @@ KERNEL void trace_packets(PARAMETERS)
     global Memory *memory = (global Memory *)(scratch + worker * words);
     global ShadowMemory *shadows = &memory->shadows;
     Pipeline pipeline = {
-        &tree, &scene, ray_numbers.pixel_tangent, memory,
+        &scene, ray_numbers.pixel_tangent, memory,
         .visibility = {.memory = &memory->visibility},
         .block = {.regions = {memory->regions}, .planes = memory->planes,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
@@ -115,7 +111,9 @@ KERNEL void trace_packets(PARAMETERS)
             if (SINK == FRAMES && PLANES == 1 && !BITS)
                 drop_closed_blocks(&sink.cells.planes, &packet);
             if (!packet.blocks) continue;
-            see_packet(&packet, &pipeline);
+            find_visible(&tree, &packet, &pipeline.visibility);
+            pipeline.shadows.packet = &packet;
+            pipeline.cache.element = -1;
             for (int block = 0; block < rays.blocks; ++block)
                 if (has_block(&packet, block)) take_block(&packet, block, &pipeline, &sink);
             if (SINK == FRAMES) finish_packet(&packet, &sink.cells);

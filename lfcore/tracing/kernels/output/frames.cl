@@ -185,12 +185,6 @@ typedef struct {
     Strip strip;
 } Cells;
 
-// Where the colours of a block of a packet are made.
-inline global float *block_colours(const Cells *c, const Packet *packet, int block)
-{
-    return c->colours + (OUTER > 1 ? packet->rays->cells : block) * COLOURS;
-}
-
 // Clamp a block's colours to what is stored; those of several elements are put into their cells.
 inline void clamp_colours(const Cells *c, const Packet *packet, int block, global float *colours)
 {

@@ -31,13 +31,6 @@ inline void drop_closed_blocks(const SensorPlanes *p, Packet *packet)
     }
 }
 
-// A row of colours in fixed point where the mask is open.
-inline uint16 open_colours(global const float *colours, int16 keep)
-{
-    const float16 fixed = fma(vload16(0, colours), (float16)(ONE_OF_SUMS), HALVES);
-    return as_uint16(convert_int16(fixed) & keep);
-}
-
 inline void store_prefix(private const uint16 *sum, int column, global ColourRow *to)
 {
     for (int channel = 0; channel < 3; ++channel)
@@ -70,8 +63,11 @@ inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
             for (int k = 0; k < rows; ++k, open += pitch, from += BLOCK) {
                 int16 keep = -1;
                 if (kind == 1) keep = convert_int16(as_char16(vload16(0, open)));
-                for (int channel = 0; channel < 3 && kind; ++channel)
-                    sum[channel] += open_colours(from + channel * BLOCK_RAYS, keep);
+                for (int channel = 0; channel < 3 && kind; ++channel) {
+                    const float16 row = vload16(0, from + channel * BLOCK_RAYS);
+                    const int16 fixed = convert_int16(fma(row, (float16)(ONE_OF_SUMS), HALVES));
+                    sum[channel] += as_uint16(fixed & keep);
+                }
                 store_prefix(sum, column, to++);
             }
         }

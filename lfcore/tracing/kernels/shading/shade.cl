@@ -147,11 +147,3 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }
 }
-
-// Linear colours, not clamped, of a sampled block: (3, BLOCK_RAYS).
-inline void shade_block(const Scene *scene, const Block *b, global float *colours)
-{
-    private int keys[BLOCK_RAYS];
-    shade_background(scene, b, colours);
-    for (int left = list_keys(b, keys); left; --left) shade_key(scene, b, keys[left - 1], colours);
-}

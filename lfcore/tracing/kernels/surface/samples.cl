@@ -61,7 +61,10 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
     for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
         s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
     for (int k = FIRST_ATTRIBUTE; k < PLACE; ++k) s.of[k] = edge_row(p->slot[k], at);
-    if (PHYSICAL) turn_tangent(p, weights, denominator, s.of + TANGENT);
+    // Seen from behind, a flat triangle's tangent turns as its normal does; smooth ones turn later.
+    const vi behind = sign_of(SMOOTH ? weights : -weights);
+    for (int k = 0; k < 4 && PHYSICAL; ++k)
+        s.of[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : sign_of(denominator));
     if (SLOTS == COORDINATES) return s;
     if (fitted) {
         for (int k = 0; k < 3; ++k) s.of[BAKED_LIGHT + k] = plane_row(p->light[k], at);

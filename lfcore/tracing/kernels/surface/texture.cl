@@ -87,17 +87,6 @@ inline void set_up_texture(const Scene *s, int triangle, float pixel, global Pla
     if (TEXTURED) p->key += mip_level(s, triangle, p->weights.of[ONE], depth * pixel);
 }
 
-// The tangent and the sign beside it where a row of rays meets a triangle.  Seen from behind, where
-// the sum of the weights is positive, a flat triangle has its tangent turned as its normal is.
-// Smooth normals have the sign of the weights, and are turned to the viewer later, and the tangent
-// with them.
-inline void turn_tangent(global const PlaneEquations *p, vf weights, vf denominator, vf *tangent)
-{
-    const vi side = sign_of(SMOOTH ? weights : -weights);
-    for (int k = 0; k < 3; ++k) tangent[k] = flip_sign(p->tangent[k], side);
-    tangent[3] = flip_sign(p->tangent[3], sign_of(denominator));
-}
-
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)
 
 inline vu fetch(global const uint *texels, vi index)
