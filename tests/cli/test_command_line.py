@@ -32,12 +32,32 @@ def recorded(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    """A large model: a ball of 800 m with a smaller one before it."""
+    path = tmp_path_factory.mktemp("meshes") / "balls.ply"
+    balls().apply_scale(800).export(path)
+    return path
+
+
+@pytest.fixture
+def run(recorded, mesh, tmp_path, monkeypatch):
+    """A function that runs a command line in an empty folder, which must not fail."""
+    monkeypatch.chdir(tmp_path)
+    places = {"FILE": recorded, "CHART": CHART, "MESH": mesh}
+
+    def run(line):
+        assert main([str(places.get(word, word)) for word in line.split()]) == 0
+
+    return run
+
+
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_refocus_equals_the_library(recorded, tmp_path):
-    out, field = tmp_path / "out.npy", lfcore.LightField.open(recorded)
+def test_refocus_equals_the_library(recorded, run):
+    field = lfcore.LightField.open(recorded)
     beyond = {"focus_m": field.distance_of(-0.5), "f_number": field.f_number_of(3)}
     assert 1 / beyond["focus_m"] < field.slab.camera.delta
     for options, settings in (
@@ -47,12 +67,12 @@ def test_refocus_equals_the_library(recorded, tmp_path):
         ("--plane focus=-0.5px,f_number=3views", beyond),
         ("--focus 1.1 --f-number 2", {"focus_m": 1.1, "f_number": 2}),
     ):
-        assert main(["refocus", str(recorded), *options.split(), "-o", str(out)]) == 0
+        run(f"refocus FILE {options} -o out.npy")
         picture = field.refocus(**settings)
         assert picture.shape == (SIZE, SIZE, 3) and picture.dtype == np.float32
-        np.testing.assert_array_equal(np.load(out), picture)
-    assert main(["refocus", str(recorded), *options.split(), "-o", str(tmp_path / "a.exr")]) == 0
-    np.testing.assert_array_equal(read_exr_picture(tmp_path / "a.exr"), picture)
+        np.testing.assert_array_equal(np.load("out.npy"), picture)
+    run(f"refocus FILE {options} -o a.exr")
+    np.testing.assert_array_equal(read_exr_picture("a.exr"), picture)
 
 
 def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
@@ -66,61 +86,54 @@ def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
     assert rb"caf\xe9.mkv" in done.stdout
 
 
-def test_many_planes_from_options_and_files(recorded, tmp_path):
-    assert main(
-        ["refocus", str(recorded), "--plane", "focus=1,aperture=square", "--aperture", "polygon:5"]
-        + ["--plane", "focus=2,f_number=4,normalise=no", "-o", str(tmp_path / "a.png")]
-    ) == 0  # fmt: skip
+def test_many_planes_from_options_and_files(run, tmp_path):
+    run(
+        "refocus FILE --plane focus=1,aperture=square --aperture polygon:5 "
+        "--plane focus=2,f_number=4,normalise=no -o a.png"
+    )
     assert names(tmp_path) == ["a_00_focus1m_f1_square.png", "a_01_focus2m_f4_polygon.png"]
-    bright, dim = (np.asarray(Image.open(tmp_path / name)).mean() for name in names(tmp_path))
+    bright, dim = (np.asarray(Image.open(name)).mean() for name in names(tmp_path))
     assert dim < 0.6 * bright
-    rows = tmp_path / "planes.csv"
-    rows.write_text("focus,f_number,aperture\n1.0,1,circle\n1.5,,diamond\ninf,2,square\n")
-    out = tmp_path / "b.npy"
-    assert main(["refocus", str(recorded), "--plane", str(rows), "-o", str(out)]) == 0
-    assert np.load(out).shape == (3, SIZE, SIZE, 3)
-    rows = tmp_path / "planes.yaml"
-    rows.write_text("- {focus: 1.0, f_number: 1.4}\n- {focus: 2, keep_magnification: true}\n")
-    assert main(["refocus", str(recorded), "--plane", str(rows), "-o", str(out)]) == 0
-    assert np.load(out).shape == (2, SIZE, SIZE, 3)
+    for file, text, planes in (
+        ("a.csv", "focus,f_number,aperture\n1.0,1,circle\n1.5,,diamond\ninf,2,square\n", 3),
+        ("a.yaml", "- {focus: 1.0, f_number: 1.4}\n- {focus: 2, keep_magnification: true}\n", 2),
+    ):
+        (tmp_path / file).write_text(text)
+        run(f"refocus FILE --plane {file} -o b.npy")
+        assert np.load("b.npy").shape == (planes, SIZE, SIZE, 3)
 
 
-def test_info(recorded, capsys):
-    assert main(["info", str(recorded), "--verify"]) == 0
+def test_info(recorded, run, capsys):
+    run("info FILE --verify")
     text = capsys.readouterr().out
     assert f"{SIZE} x {SIZE} pixels, {VIEWS} x {VIEWS} views" in text
     assert "120 mm f/1" in text
-    assert main(["info", str(recorded), "--json"]) == 0
+    run("info FILE --json")
     found = json.loads(capsys.readouterr().out)
     assert found["metadata"]["scene"]["name"] == "chart" and found["damage"] == []
     assert found["bytes"] == recorded.stat().st_size
 
 
-def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
+def test_programs_are_told_in_one_line_of_json(run, tmp_path, capsys):
     """With ``--json`` there is one object on standard output and nothing on standard error."""
-    picture, depth = tmp_path / "a.png", tmp_path / "d.npz"
-    small = ["--pixels", "16", "--views", "2"]
-    for command, files, rays in (
-        (["render", CHART, *small, "-o", picture], [picture], (2 * 2 * 16) ** 2),
-        (
-            ["record", CHART, *small, "--focus", "inf", "-o", tmp_path / "t.mkv"],
-            [tmp_path / "t.mkv"],
-            (4 * 2 * 16) ** 2,
-        ),
-        (["depth", CHART, *small, "-o", depth], [depth], (2 * 16) ** 2),
-        (["stack", recorded, "--focus", "1", "2", "--sheet", "-o", picture], [picture], None),
-        (["refocus", recorded, "-o", picture], [picture], None),
-        (["plenoptic", CHART, "--pixels", "8", "--views", "2", "-o", picture], [picture], None),
-        (["view", recorded, "--grid", "2", "-o", picture], [picture], None),
-        (["imgtool", "tiles", recorded, "-o", tmp_path / "t.exr"], [tmp_path / "t.exr"], None),
-        (["info", tmp_path / "t.mkv", "--verify"], [], None),
+    for line, rays in (
+        ("render CHART --pixels 16 --views 2 -o a.png", (2 * 2 * 16) ** 2),
+        ("record CHART --pixels 16 --views 2 --focus inf -o t.mkv", (4 * 2 * 16) ** 2),
+        ("depth CHART --pixels 16 --views 2 -o d.npz", (2 * 16) ** 2),
+        ("stack FILE --focus 1 2 --sheet -o a.png", None),
+        ("refocus FILE -o a.png", None),
+        ("plenoptic CHART --pixels 8 --views 2 -o a.png", None),
+        ("view FILE --grid 2 -o a.png", None),
+        ("imgtool tiles FILE -o t.exr", None),
+        ("info t.mkv --verify", None),
     ):
-        assert main([str(word) for word in (*command, "--json")]) == 0
+        run(f"{line} --json")
         out, err = capsys.readouterr()
         assert err == "" and out.count("\n") == 1
         told = json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-        assert told["command"] in command[:2]
-        assert told["files"] == [{"file": str(f), "bytes": f.stat().st_size} for f in files]
+        assert told["command"] in line.split()[:2]
+        files = [tmp_path / file for file in line.split(" -o ")[1:]]
+        assert told["files"] == [{"file": f.name, "bytes": f.stat().st_size} for f in files]
         assert len(told["steps"]) == 1 and told["steps"][0]["seconds"] >= 0
         if rays:
             assert told["steps"][0]["rays"] == rays
@@ -129,42 +142,40 @@ def test_programs_are_told_in_one_line_of_json(recorded, tmp_path, capsys):
     assert told["metadata"]["slab"]["camera"]["focus_distance_m"] == "inf"
 
 
-def test_a_folder_that_is_written_is_told_with_its_bytes(recorded, tmp_path, capsys):
-    views, back = tmp_path / "views", tmp_path / "back.mkv"
-    assert main(["export", str(recorded), "--format", "json", "-o", str(views), "--json"]) == 0
-    size = sum(file.stat().st_size for file in views.rglob("*") if file.is_file())
-    assert json.loads(capsys.readouterr().out)["files"] == [{"file": str(views), "bytes": size}]
-    assert main(["import", str(views), "-o", str(back), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["files"][0]["bytes"] == back.stat().st_size
+def test_a_folder_that_is_written_is_told_with_its_bytes(run, tmp_path, capsys):
+    run("export FILE --format json -o views --json")
+    size = sum(file.stat().st_size for file in tmp_path.rglob("*") if file.is_file())
+    assert json.loads(capsys.readouterr().out)["files"] == [{"file": "views", "bytes": size}]
+    run("import views -o back.mkv --json")
+    written = (tmp_path / "back.mkv").stat().st_size
+    assert json.loads(capsys.readouterr().out)["files"][0]["bytes"] == written
 
 
-def test_view_macropixel_and_grid(recorded, tmp_path):
+def test_view_macropixel_and_grid(recorded, run):
     field = lfcore.LightField.open(recorded)
-    one, lens, grid = (tmp_path / name for name in ("one.png", "lens.ppm", "grid.png"))
-    assert main(["view", str(recorded), "--view", "3", "0", "-o", str(one)]) == 0
-    np.testing.assert_array_equal(np.asarray(Image.open(one)), field.view(3, 0, codes=True))
-    assert main(["view", str(recorded), "--macropixel", "5", "7", "-o", str(lens)]) == 0
-    np.testing.assert_array_equal(np.asarray(Image.open(lens)), field.macropixel(5, 7, codes=True))
-    assert main(["view", str(recorded), "--grid", "2", "-o", str(grid)]) == 0
-    sheet = np.asarray(Image.open(grid))
-    np.testing.assert_array_equal(sheet[:SIZE, SIZE:], field.view(3, 0, codes=True))
+    view = field.view(3, 0, codes=True)
+    for options, expected in (
+        ("--view 3 0 -o a.png", view),
+        ("--macropixel 5 7 -o a.ppm", field.macropixel(5, 7, codes=True)),
+    ):
+        run(f"view FILE {options}")
+        np.testing.assert_array_equal(np.asarray(Image.open(options.split()[-1])), expected)
+    run("view FILE --grid 2 -o a.png")
+    np.testing.assert_array_equal(np.asarray(Image.open("a.png"))[:SIZE, SIZE:], view)
 
 
-def test_stacks(recorded, tmp_path):
-    film, sheet = tmp_path / "film.mp4", tmp_path / "sheet.png"
-    focus = ["--focus", "1:2:7"]
-    assert main(["stack", str(recorded), *focus, "-o", str(film)]) == 0
-    with av.open(str(film)) as container:
+def test_stacks(run, tmp_path):
+    run("stack FILE --focus 1:2:7 -o film.mp4")
+    with av.open("film.mp4") as container:
         assert sum(1 for _ in container.decode(video=0)) == 7
-    lens = ["--f-number", "1", "2", "4", "8", "16", "--no-normalise", "--sheet"]
-    assert main(["stack", str(recorded), *lens, "-o", str(sheet)]) == 0
-    rows = np.asarray(Image.open(sheet).convert("L"))
+    run("stack FILE --f-number 1 2 4 8 16 --no-normalise --sheet -o sheet.png")
+    rows = np.asarray(Image.open("sheet.png").convert("L"))
     strip = (len(rows) - 4) // 2 - SIZE
     assert rows.shape[1] == 4 * SIZE + 12 and strip > 8
     labels = [rows[SIZE : SIZE + strip, x : x + SIZE] for x in range(0, 100, SIZE + 4)]
     assert all(label.min() < 180 and np.median(label) > 200 for label in labels)  # ink on paper
     assert (labels[0] != labels[1]).any()
-    assert main(["stack", str(recorded), "--focus", "1", "2", "-o", str(tmp_path / "s.png")]) == 0
+    run("stack FILE --focus 1 2 -o s.png")
     assert len(list(tmp_path.glob("s_0*_focus*.png"))) == 2
 
 
@@ -258,13 +269,11 @@ def test_what_cannot_be_is_said_in_one_line_and_leaves_no_file(
 
 
 @pytest.mark.kernels
-def test_rays_of_whole_subpixels_are_counted(tmp_path, capsys):
-    out = ["-o", str(tmp_path / "a.png"), "--pixels", "16"]
-    words = ["render", str(CHART), "--filter", "nearest", "--subpixels", "2", *out, "--json"]
-    assert main(words) == 0
+def test_rays_of_whole_subpixels_are_counted(run, capsys):
+    run("render CHART --pixels 16 --filter nearest --subpixels 2 -o a.png --json")
     told = json.loads(capsys.readouterr().out)
     assert told["steps"][0]["rays"] == (16 * 32) ** 2  # 16 x 16 lens samples by 32 x 32 pixels
-    assert main(["render", str(CHART), "--quality-db", "30", *out]) == 0
+    run("render CHART --pixels 16 --quality-db 30 -o a.png")
     assert "dB expected" in capsys.readouterr().err
 
 
@@ -307,60 +316,44 @@ def test_help_teaches(name, capsys):
             assert parser(words).parse_args(words).command
 
 
-def test_a_stack_without_a_number(recorded, tmp_path, monkeypatch, capsys):
+def test_a_stack_without_a_number(recorded, run, capsys):
     """From near to far, as the file holds them: evenly in dioptres."""
     field = lfcore.LightField.open(recorded)
     near, far = field.depth_range
     assert near == pytest.approx(1.0, rel=0.05)
-    assert main(["info", str(recorded)]) == 0
+    run("info FILE")
     assert f"{near:.4g} to {far:.4g} m" in capsys.readouterr().out
-    monkeypatch.chdir(tmp_path)
-    assert main(["stack", str(recorded), "--sheet"]) == 0
+    run("stack FILE --sheet")
     assert Image.open("chart_stack.png").width == 4 * SIZE + 12
-    assert main(["stack", str(recorded), "--focus", "near:far:4", "-o", "s.npy"]) == 0
+    run("stack FILE --focus near:far:4 -o s.npy")
     expected = [field.refocus(1 / d) for d in np.linspace(1 / near, 1 / far, 4)]
     np.testing.assert_array_equal(np.load("s.npy"), expected)
 
 
-def test_pictures_of_other_formats(recorded, tmp_path):
-    deep = tmp_path / "a.png"
-    assert main(["refocus", str(recorded), "--bits", "16", "-o", str(deep)]) == 0
-    codes = read_codes(deep)
+def test_pictures_of_other_formats(recorded, run):
+    run("refocus FILE --bits 16 -o a.png")
+    codes = read_codes("a.png")
     assert codes.dtype == np.uint16
     light = lfcore.LightField.open(recorded).refocus()
     np.testing.assert_array_equal(codes, np.rint(65535 * srgb_encode(light.astype(np.float64))))
     for name in ("a.jpg", "a.webp"):
-        assert main(["refocus", str(recorded), "-o", str(tmp_path / name)]) == 0
-        assert np.abs(np.asarray(Image.open(tmp_path / name)) - codes / 257).mean() < 8
+        run(f"refocus FILE -o {name}")
+        assert np.abs(np.asarray(Image.open(name)) - codes / 257).mean() < 8
 
 
-def test_depth_to_look_at(tmp_path):
-    command = ["depth", str(CHART), "--pixels", str(SIZE), "-o"]
+def test_depth_to_look_at(run, tmp_path):
     for name in ("d.pfm", "d.exr", "d.png"):
-        assert main([*command, str(tmp_path / name)]) == 0
+        run(f"depth CHART --pixels {SIZE} -o {name}")
     depth = read_pfm(tmp_path / "d.pfm")
-    np.testing.assert_array_equal(read_exr_picture(tmp_path / "d.exr")[..., 1], depth)
-    look = np.asarray(Image.open(tmp_path / "d.png")).astype(int)
+    np.testing.assert_array_equal(read_exr_picture("d.exr")[..., 1], depth)
+    look = np.asarray(Image.open("d.png")).astype(int)
     near = depth == depth.min()
     assert (look[near][:, 0] > look[near][:, 2]).all()
     far = depth == depth[np.isfinite(depth)].max()
     assert (look[far][:, 0] < look[far][:, 2]).all()
 
 
-@pytest.fixture(scope="module")
-def mesh(tmp_path_factory):
-    """A large model: a ball of 800 m with a smaller one before it."""
-    path = tmp_path_factory.mktemp("meshes") / "balls.ply"
-    balls().apply_scale(800).export(path)
-    return path
-
-
-def made(command, mesh, out, *options):
-    assert main([command, str(mesh), "-o", str(out), "--pixels", "32", *options]) == 0
-    return np.load(out) if out.suffix == ".npy" else out
-
-
-def test_words_give_the_pictures_of_the_library(mesh, tmp_path):
+def test_words_give_the_pictures_of_the_library(mesh, run):
     side = {"view_from": "right", "zoom": 1.5}
     for options, view, settings in (
         ("--focus near", {}, {"focus_m": "near"}),
@@ -369,44 +362,40 @@ def test_words_give_the_pictures_of_the_library(mesh, tmp_path):
         ("--plane focus=far,blur=3%", {}, {"focus_m": "far", "blur": 0.03}),
         ("--from right --zoom 1.5", side, {}),
     ):
-        found = made("render", mesh, tmp_path / "a.npy", *options.split())
-        np.testing.assert_array_equal(
-            found, render(load_scene(mesh, **view), pixels=32, **settings)
-        )
+        run(f"render MESH --pixels 32 {options} -o a.npy")
+        found, expected = np.load("a.npy"), render(load_scene(mesh, **view), pixels=32, **settings)
+        np.testing.assert_array_equal(found, expected)
     assert np.abs(found - render(load_scene(mesh), pixels=32)).max() > 0.1
 
 
-def test_distances_are_reported(mesh, tmp_path, capsys):
-    scene = load_scene(mesh)
-    near, far = scene.depth_range
-    made("render", mesh, tmp_path / "a.png", "--focus", "near")
-    assert (
-        f"near {near:.4g} m" in (said := capsys.readouterr().err) and f"focus {near:.4g} m" in said
-    )
-    made("render", mesh, tmp_path / "a.png", "--focus", "near", "--json")
+def test_distances_are_reported(mesh, run, capsys):
+    near, far = load_scene(mesh).depth_range
+    run("render MESH --pixels 32 --focus near -o a.png")
+    said = capsys.readouterr().err
+    assert f"near {near:.4g} m" in said and f"focus {near:.4g} m" in said
+    run("render MESH --pixels 32 --focus near -o a.png --json")
     found = json.loads(capsys.readouterr().out)
     assert (found["near_m"], found["far_m"]) == (near, far)
     assert found["planes"][0]["focus_m"] == near
-    assert main(["info", str(mesh)]) == 0
+    run("info MESH")
     assert f"near {near:.4g} m" in capsys.readouterr().out
-    assert main(["info", str(mesh), "--json"]) == 0
+    run("info MESH --json")
     assert json.loads(capsys.readouterr().out)["far_m"] == far
 
 
-def test_a_pinhole_is_not_recorded_without_a_word(tmp_path, capsys):
-    path = tmp_path / "hole.pbrt"
-    path.write_text(
+def test_a_pinhole_is_not_recorded_without_a_word(run, tmp_path, capsys):
+    (tmp_path / "hole.pbrt").write_text(
         'Camera "perspective" "float fov" [40]\nWorldBegin\n'
         'Shape "trianglemesh" "integer indices" [0 1 2] "point P" [-3 -2 9  1 -2 8  -1 3 7]\n'
     )
-    made("record", path, tmp_path / "a.mkv")
-    assert "is a pinhole" in capsys.readouterr().err
-    made("record", path, tmp_path / "b.mkv", "--blur", "3%", "--focus", "middle")
-    assert "is a pinhole" not in capsys.readouterr().err
-    made("plenoptic", path, tmp_path / "a.png", "--views", "4")
-    assert "is a pinhole" in capsys.readouterr().err
-    export = ["export", str(tmp_path / "a.mkv"), "--format", "hci", "--scene", str(path)]
-    assert main([*export, "-o", str(tmp_path / "hci")]) == 0
+    for line, warned in (
+        ("record hole.pbrt --pixels 32 -o a.mkv", True),
+        ("record hole.pbrt --pixels 32 -o b.mkv --blur 3% --focus middle", False),
+        ("plenoptic hole.pbrt --pixels 32 --views 4 -o a.png", True),
+    ):
+        run(line)
+        assert ("is a pinhole" in capsys.readouterr().err) == warned
+    run("export a.mkv --format hci --scene hole.pbrt -o hci")
 
 
 def test_a_sky_on_the_command_line():
