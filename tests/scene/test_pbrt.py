@@ -13,7 +13,7 @@ import trimesh
 from plain_scenes import refused
 
 import lfcore
-from lfcore import BakeOptions, SceneError
+from lfcore import BakeOptions
 from lfcore.cli import main
 from lfcore.exr import read_exr_picture
 from lfcore.oracle.shading import arriving
@@ -93,11 +93,10 @@ def test_attribute_blocks_and_coordinate_systems(read):
 
 
 def test_instances_are_flattened_in_place(read):
-    world = (
+    scene = read(
         f'AttributeBegin Translate 1 0 0 ObjectBegin "tree" Scale 2 2 1 {TRIANGLE} ObjectEnd\n'
         'AttributeEnd ObjectInstance "tree" Translate 0 0 4 ObjectInstance "tree"'
     )
-    scene = read(world)
     assert scene.triangle_count == 2
     # The object was defined under Translate 1 0 0, which pbrt keeps with the shape.
     assert scene.triangles[:, 0].tolist() == [[1, 0, 5], [1, 0, 9]]
@@ -151,20 +150,15 @@ def test_loop_subdivision_of_a_regular_mesh_stays_flat_and_converges(read):
 
 
 def test_loop_subdivision_keeps_planes_and_boundaries(read):
-    world = (
-        'Shape "loopsubdiv" "integer nlevels" 3 "integer indices" [0 1 2 0 2 3]'
-        ' "point P" [0 0 5  1 0 5  1 1 5  0 1 5]'
-    )
-    scene = read(world)
+    scene = read(QUAD.replace('"trianglemesh"', '"loopsubdiv" "integer nlevels" 3'))
     assert (scene.triangles[..., 2] == 5).all()
-    # A square's closed cubic spline is nearly a circle of radius 0.465.
-    assert area(scene) == pytest.approx(math.pi * 0.465**2, rel=0.03)
+    # A square's closed cubic spline is nearly a circle, of radius 0.465 for a side of 1.
+    assert area(scene) == pytest.approx(math.pi * 0.0465**2, rel=0.03)
 
 
 def test_ply_meshes_with_normals_and_coordinates(read, tmp_path):
     header = "ply\nformat ascii 1.0\nelement vertex 4\n"
-    for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v"):
-        header += f"property float {name}\n"
+    header += "".join(f"property float {name}\n" for name in "x y z nx ny nz u v".split())
     header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     rows = ["0 0 5 0 0 -1 0 0", "1 0 5 0 0 -1 1 0", "1 1 5 0 0 -1 1 1", "0 1 5 0 0 -1 0 1"]
     text = header + "\n".join(rows) + "\n4 0 1 2 3\n"
@@ -174,10 +168,10 @@ def test_ply_meshes_with_normals_and_coordinates(read, tmp_path):
     binary = header.replace("ascii", "binary_little_endian").encode() + body
     (tmp_path / "binary.ply").write_bytes(binary + struct.pack("<B4i", 4, 0, 1, 2, 3))
     cv2.imwrite(str(tmp_path / "t.png"), np.full((2, 2, 3), 99, np.uint8))
-    texture = 'Texture "t" "color" "imagemap" "string filename" "t.png"\n'
-    material = 'Material "matte" "texture Kd" "t"\n'
+    material = 'Texture "t" "color" "imagemap" "string filename" "t.png"\n'
+    material += 'Material "matte" "texture Kd" "t"\n'
     for name in ("quad.ply", "quad.ply.gz", "binary.ply"):
-        scene = read(f'{texture}{material}Shape "plymesh" "string filename" "{name}"')
+        scene = read(f'{material}Shape "plymesh" "string filename" "{name}"')
         assert scene.triangle_count == 2 and len(scene.textures) == 1
         np.testing.assert_allclose(scene.normals, np.broadcast_to([0, 0, -1], (2, 3, 3)))
         # u follows x, v follows y: up in pbrt is minus y here.
@@ -208,7 +202,7 @@ def test_materials_become_blinn_phong(read):
 
 
 def test_named_and_mixed_materials(read):
-    world = (
+    scene = read(
         'MakeNamedMaterial "a" "string type" "matte" "rgb Kd" [1 0 0]\n'
         'MakeNamedMaterial "b" "string type" "matte" "rgb Kd" [0 0 1]\n'
         'MakeNamedMaterial "m" "string type" "mix" "string namedmaterial1" "a" '
@@ -216,7 +210,6 @@ def test_named_and_mixed_materials(read):
         f'NamedMaterial "m"\n{TRIANGLE}'
         'Material "mix" "string materials" ["a" "b"] "float amount" .25\n' + TRIANGLE
     )
-    scene = read(world)
     found = [scene.materials[i].diffuse for i in scene.material_ids]
     # Version 3 counts the first material's share, version 4 the second's.
     np.testing.assert_allclose(found, [(0.25, 0, 0.75), (0.75, 0, 0.25)])
@@ -225,7 +218,7 @@ def test_named_and_mixed_materials(read):
 def test_textures_scale_and_place(read, tmp_path):
     picture = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
     cv2.imwrite(str(tmp_path / "t.png"), picture[..., ::-1])
-    world = (
+    scene = read(
         'Texture "i" "color" "imagemap" "string filename" "t.png" "float uscale" 2 '
         '"float vdelta" .5\n'
         'Texture "half" "color" "constant" "rgb value" [.5 .5 .5]\n'
@@ -233,7 +226,6 @@ def test_textures_scale_and_place(read, tmp_path):
         'Material "matte" "texture Kd" "s"\n'
         'Shape "trianglemesh" "point P" [0 0 5 1 0 5 0 1 5] "float uv" [0 0 1 0 0 1]'
     )
-    scene = read(world)
     np.testing.assert_array_equal(scene.textures[0], picture)
     assert scene.materials[0].diffuse == (0.5, 0.5, 0.5)
     corners = {tuple(c) for c in scene.uvs[0].tolist()}
@@ -241,12 +233,11 @@ def test_textures_scale_and_place(read, tmp_path):
 
 
 def test_checkerboard_colours_the_first_field(read):
-    world = (
+    scene = read(
         'Texture "c" "color" "checkerboard" "rgb tex1" [1 0 0] "rgb tex2" [0 0 1]\n'
         'Material "matte" "texture Kd" "c"\n'
         'Shape "trianglemesh" "point P" [0 0 5 1 0 5 0 1 5] "float uv" [.5 .5 1.5 .5 .5 1.5]'
     )
-    scene = read(world)
     image, (height, width) = scene.textures[0], scene.textures[0].shape[:2]
 
     def look(uv):
@@ -258,13 +249,12 @@ def test_checkerboard_colours_the_first_field(read):
 
 
 def test_lights(read):
-    world = (
+    scene = read(
         'LightSource "point" "rgb I" [1 2 3] "point from" [1 2 3]\n'
         'LightSource "distant" "rgb L" [2 2 2] "point from" [0 3 0] "point to" [0 0 0]\n'
         'LightSource "infinite" "rgb L" [.1 .2 .3] "rgb scale" [2 2 2]\n'
         'LightSource "spot" "rgb I" [1 1 1]\nLightSource "goniometric"\n' + TRIANGLE
     )
-    scene = read(world)
     point, sun, _spot = scene.lights
     assert point.kind == POINT and point.vector == (1, -2, 3) and point.reference_distance_m == 1
     np.testing.assert_allclose(point.colour, np.array([1, 2, 3]) / math.pi)
@@ -275,54 +265,51 @@ def test_lights(read):
     assert notes == {("approximated", 7), ("approximated", 8), ("left out", 9)}
 
 
-def _square_to_sphere(place):
-    """Clarberg's map of equal areas, as pbrt 4 has it, forward."""
-    x, y = 2 * place[0] - 1, 2 * place[1] - 1
+def by_angles(u, v):
+    """The direction of a place in a map of pbrt 3."""
+    polar, turn = v * math.pi, 2 * u * math.pi
+    return math.sin(polar) * math.cos(turn), math.sin(polar) * math.sin(turn), math.cos(polar)
+
+
+def by_equal_areas(u, v):
+    """The same of pbrt 4: Clarberg's map."""
+    x, y = 2 * u - 1, 2 * v - 1
     from_edge = 1 - (abs(x) + abs(y))
     r = 1 - abs(from_edge)
     turn = ((abs(y) - abs(x)) / r + 1) * math.pi / 4
     across = r * math.sqrt(2 - r * r)
     z = math.copysign(1 - r * r, from_edge)
-    return [math.copysign(math.cos(turn), x) * across, math.copysign(math.sin(turn), y) * across, z]
+    return math.copysign(math.cos(turn), x) * across, math.copysign(math.sin(turn), y) * across, z
 
 
-@pytest.mark.parametrize("version", [3, 4])
-def test_a_sky_is_where_pbrt_has_it(read, tmp_path, version):
+@pytest.mark.parametrize(
+    ("name", "size", "direction"),
+    [("mapname", (32, 64), by_angles), ("filename", (64, 64), by_equal_areas)],
+)
+def test_a_sky_is_where_pbrt_has_it(read, tmp_path, name, size, direction):
     """A bright square of a map, in a light space that is turned and mirrored."""
-    size = (32, 64) if version == 3 else (64, 64)
     picture = np.full((*size, 3), 0.5, np.float32)
     picture[8:12, 12:16] = 4
     lfcore.write_picture(tmp_path / "sky.exr", picture)
-    u, v = 14 / size[1], 10 / size[0]
-    if version == 3:
-        polar, turn = v * math.pi, 2 * u * math.pi
-        bright = [
-            math.sin(polar) * math.cos(turn),
-            math.sin(polar) * math.sin(turn),
-            math.cos(polar),
-        ]
-    else:
-        bright = _square_to_sphere((u, v))
-    name = "mapname" if version == 3 else "filename"
-    world = (
+    scene = read(
         "AttributeBegin\nRotate 90 1 0 0\nScale -1 1 1\n"
         f'LightSource "infinite" "string {name}" "sky.exr"\nAttributeEnd\n'
         'LightSource "infinite" "rgb L" [1 0 0]\n' + TRIANGLE
     )
-    scene = read(world)
     assert scene.bake == BakeOptions()
-    x, y, z = bright
-    in_world = [-x, -z, y]  # mirrored, then turned about x
-    camera = np.float32([[in_world[0], -in_world[1], in_world[2]]])  # y down
+    x, y, z = direction(14 / size[1], 10 / size[0])
+    camera = np.float32([[-x, z, y]])  # mirrored, then turned about x, then y down
     assert radiance(scene.sky, camera)[0] == pytest.approx([5, 4, 4], rel=0.05)
     assert radiance(scene.sky, -camera)[0] == pytest.approx([1.5, 0.5, 0.5], rel=0.05)
 
 
-def test_skies_and_films_that_cannot_be(read, tmp_path):
+def test_skies_films_and_numbers_of_points_that_cannot_be(read, tmp_path):
     lfcore.write_picture(tmp_path / "dark.exr", np.full((2, 4, 3), -1, np.float32))
-    with pytest.raises(SceneError, match=r"scene.pbrt: line \d+.*mapname.*are no light"):
-        read('LightSource "infinite" "string mapname" "dark.exr"\n' + TRIANGLE)
+    sky = 'LightSource "infinite" "string mapname" "dark.exr"\n'
+    refused(r"scene.pbrt: line \d+.*mapname.*are no light", read, sky + TRIANGLE)
     refused("remainder", read, TRIANGLE, 'Camera "lightfield"\n' + FILM)
+    for points in (0, 5000):
+        refused(r"light_points.*Give 1 to", read, TRIANGLE, light_points=points)
 
 
 def test_area_lights_send_what_they_should(read):
@@ -350,11 +337,6 @@ def test_light_of_what_moves_has_its_triangles(read):
     scene = read(moving + TRIANGLE)
     (motion,) = scene.motions
     assert {light.own for light in scene.lights} == {(motion.first, scene.triangle_count)}
-
-
-@pytest.mark.parametrize("points", [0, 5000])
-def test_how_many_points_there_may_be(read, points):
-    refused(r"light_points.*Give 1 to", read, TRIANGLE, light_points=points)
 
 
 def test_spectra(read):
@@ -477,11 +459,10 @@ def test_a_file_that_cannot_be(tmp_path):
 
 
 def test_rigid_motion_is_kept_and_other_is_noted(read):
-    world = (
+    scene = read(
         f"{TRIANGLE}AttributeBegin ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1\n"
         f"ActiveTransform All Translate 0 0 1\n{TRIANGLE}AttributeEnd"
     )
-    scene = read(world)
     (motion,) = scene.motions
     assert (motion.first, motion.count) == (1, 1)
     np.testing.assert_array_equal(scene_at(scene, 0).triangles, scene.triangles)
@@ -494,8 +475,7 @@ def test_rigid_motion_is_kept_and_other_is_noted(read):
     lengths = np.linalg.norm(half - np.roll(half, 1, 0), axis=1)
     np.testing.assert_allclose(sorted(lengths), [1, 2, math.sqrt(5)], rtol=1e-6)
     refused("outside the motion", scene_at, scene, 2)
-    world = f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}"
-    scene = read(world)
+    scene = read(f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}")
     assert not scene.motions and "not rigid" in scene.summary()
 
 
@@ -576,35 +556,18 @@ def folder(tmp_path_factory) -> Path:
     return here
 
 
-@pytest.fixture(scope="module")
-def scene(folder):
-    return build_pbrt_scene(folder / "scene.pbrt")
-
-
-def test_what_has_a_counterpart_is_there_and_all_else_is_listed_with_file_and_line(scene, folder):
-    lines = (folder / "scene.pbrt").read_text().splitlines()
+def test_what_has_no_counterpart_is_listed_with_file_and_line(folder):
+    path = folder / "scene.pbrt"
+    lines, listed = path.read_text().splitlines(), build_pbrt_scene(path).notes
     for kind, starts in LISTED.items():
-        notes = [note for note in scene.notes if note.kind == kind]
+        notes = [note for note in listed if note.kind == kind]
         for start in starts:
             assert any(note.what.startswith(start) for note in notes), (kind, start)
         for note in notes:
             assert any(note.what.startswith(start) for start in starts), str(note)
-            assert note.file == folder / "scene.pbrt"
+            assert note.file == path
             word = note.what.removeprefix("parameter ").split('"')[1]
             assert word in " ".join(lines[note.line - 1 : note.line + 2]), str(note)
-    names = {material.name for material in scene.materials}
-    assert len(names) == len(scene.materials) == 8
-    kinds = [light.kind for light in scene.lights]
-    # A point, a spot and the twelve points of the area light; one distant light.
-    assert (kinds.count(POINT), kinds.count(DIRECTIONAL)) == (14, 1)
-    np.testing.assert_allclose(scene.ambient, [0.3, 0.35, 0.4], rtol=1e-6)
-    assert len(scene.textures) == 2
-    (mixed,) = (k for k, name in enumerate(m.name for m in scene.materials) if "blend" in name)
-    quads = scene.material_ids == mixed
-    # Two instances of a quad of two triangles, 0.8 m wide.
-    assert quads.sum() == 4
-    first = scene.triangles[quads][:2].reshape(-1, 3)
-    assert np.ptp(first[:, 0]) == pytest.approx(0.8, abs=1e-5)
 
 
 @pytest.mark.kernels
