@@ -46,8 +46,8 @@ LUCKY = {"hits": 7}
 """Seeds of searches that find little from most beginnings."""
 
 
-def largest_share(share, seed=0):
-    """The largest ``share`` (K,) of candidates (K, 16) float32 that is found."""
+def largest_share(share, run, outer, seed):
+    """The largest ``share`` (K,) of candidates (K, 16) that is found."""
     rng = np.random.default_rng(seed)
     count = KEPT * CHILDREN * 4
     signs = rng.choice([-1, 0, 1], (count, CANDIDATE), p=[0.4, 0.2, 0.4])
@@ -55,7 +55,8 @@ def largest_share(share, seed=0):
     candidates = np.float32(signs * mantissa * 2.0 ** rng.integers(-6, 7, signs.shape))
     for _ in range(ROUNDS):
         with np.errstate(all="ignore"):
-            found = np.nan_to_num(share(candidates), posinf=0, neginf=0)
+            found = share(run, candidates.astype(np.float64), outer)
+        found = np.nan_to_num(found, posinf=0, neginf=0)
         best = np.argsort(-found)[:KEPT]
         kept, children = candidates[best], np.repeat(candidates[best], CHILDREN, axis=0)
         row, column = np.arange(len(children)), rng.integers(0, CANDIDATE, (2, len(children)))
@@ -71,36 +72,29 @@ def between(numbers, low, high):
     return low + np.floor(np.abs(np.float64(numbers)) * 1e6) % (high - low + 1)
 
 
-def share_of_edges(run, outer):
-    def share(candidates):
-        half = (16 // outer - 1) / 2
-        c = candidates.astype(np.float64)
-        c[:, 10] = half
-        c[:, 11:13] = between(c[:, 11:13], 0, 2 * half) - half
-        c[:, 13:15] = between(c[:, 13:15], 0, outer - 1) - (outer - 1) / 2
-        p, q, (s, t, a, b), (x, y, u, v) = c[:, :3], c[:, 3:6], c[:, 6:10].T, c[:, 11:15].T
-        d = q - p
-        n = np.cross(p + q, d)
-        exact = n[:, 2] + (x * t + u * b) * n[:, 0] + (y * t + v * b) * n[:, 1]
-        exact += 2 * ((y * s + v * a) * d[:, 0] - (x * s + u * a) * d[:, 1])
-        exact -= 2 * (y * u - x * v) * (s * b - a * t) * d[:, 2]
-        value, bound = run(c)
-        return np.abs(value - bound - exact) / bound
-
-    return share
+def share_of_edges(run, c, outer):
+    half = (16 // outer - 1) / 2
+    c[:, 10] = half
+    c[:, 11:13] = between(c[:, 11:13], 0, 2 * half) - half
+    c[:, 13:15] = between(c[:, 13:15], 0, outer - 1) - (outer - 1) / 2
+    p, q, (s, t, a, b), (x, y, u, v) = c[:, :3], c[:, 3:6], c[:, 6:10].T, c[:, 11:15].T
+    d = q - p
+    n = np.cross(p + q, d)
+    exact = n[:, 2] + (x * t + u * b) * n[:, 0] + (y * t + v * b) * n[:, 1]
+    exact += 2 * ((y * s + v * a) * d[:, 0] - (x * s + u * a) * d[:, 1])
+    exact -= 2 * (y * u - x * v) * (s * b - a * t) * d[:, 2]
+    value, bound = run(c)
+    return np.abs(value - bound - exact) / bound
 
 
-def share_of_spreads(run, outer):
-    def share(candidates):
-        c = np.abs(candidates.astype(np.float64))
-        half, outer_half = (16 // outer - 1) / 2, (outer - 1) / 2
-        c[:, 10] = half
-        exact = half * (c[:, 1] + c[:, 2])
-        exact += outer_half * (c[:, 3] + c[:, 4] + 2 * half * c[:, 5])
-        found, slack = run(c)
-        return (1 + slack - found / exact) / slack
-
-    return share
+def share_of_spreads(run, c, outer):
+    c = np.abs(c)
+    half, outer_half = (16 // outer - 1) / 2, (outer - 1) / 2
+    c[:, 10] = half
+    exact = half * (c[:, 1] + c[:, 2])
+    exact += outer_half * (c[:, 3] + c[:, 4] + 2 * half * c[:, 5])
+    found, slack = run(c)
+    return (1 + slack - found / exact) / slack
 
 
 def placed(c):
@@ -113,38 +107,29 @@ def placed(c):
     return np.float32(rays).astype(np.float64)
 
 
-def share_of_packets(run, outer):
+def share_of_packets(run, c, outer):
     """Of rays on an edge: its corners are beside the ray, one to each side."""
-
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        rays = placed(c) + c[:, 8:9] * np.repeat(c[:, 4:6], 2, axis=1)
-        corners = np.zeros((len(c), 3, 3))
-        corners[:, :2, 2] = np.abs(c[:, 9:11])
-        corners[:, :2, :2] = rays[:, None, :2] + corners[:, :2, 2:] * rays[:, None, 2:]
-        corners[:, 0, :2] += c[:, 11:13]
-        corners[:, 1, :2] -= c[:, 11:13] * np.abs(c[:, 13:14])
-        corners = np.float32(corners).astype(np.float64)
-        beside = corners[:, :2, :2] - rays[:, None, :2] - corners[:, :2, 2:] * rays[:, None, 2:]
-        on_edge = (beside[:, 0] * beside[:, 1] <= 0).all(1)
-        found, bound = run(c, corners.reshape(-1, 9))
-        return np.abs(found - bound) / bound * on_edge
-
-    return share
+    rays = placed(c) + c[:, 8:9] * np.repeat(c[:, 4:6], 2, axis=1)
+    corners = np.zeros((len(c), 3, 3))
+    corners[:, :2, 2] = np.abs(c[:, 9:11])
+    corners[:, :2, :2] = rays[:, None, :2] + corners[:, :2, 2:] * rays[:, None, 2:]
+    corners[:, 0, :2] += c[:, 11:13]
+    corners[:, 1, :2] -= c[:, 11:13] * np.abs(c[:, 13:14])
+    corners = np.float32(corners).astype(np.float64)
+    beside = corners[:, :2, :2] - rays[:, None, :2] - corners[:, :2, 2:] * rays[:, None, 2:]
+    on_edge = (beside[:, 0] * beside[:, 1] <= 0).all(1)
+    found, bound = run(c, corners.reshape(-1, 9))
+    return np.abs(found - bound) / bound * on_edge
 
 
-def share_of_corners(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        rays = placed(c)
-        x, z, away = c[:, 9], np.abs(c[:, 10]), c[:, 7] - c[:, 6]
-        corners = np.zeros((len(c), 9))
-        corners[:, 0::3], corners[:, 2::3] = x[:, None], z[:, None]
-        found, bound = run(c, corners)
-        exact = x - (rays[:, 0] - away * c[:, 4]) - z * (rays[:, 2] - away * c[:, 5])
-        return np.abs(found - exact) / bound
-
-    return share
+def share_of_corners(run, c, outer):
+    rays = placed(c)
+    x, z, away = c[:, 9], np.abs(c[:, 10]), c[:, 7] - c[:, 6]
+    corners = np.zeros((len(c), 9))
+    corners[:, 0::3], corners[:, 2::3] = x[:, None], z[:, None]
+    found, bound = run(c, corners)
+    exact = x - (rays[:, 0] - away * c[:, 4]) - z * (rays[:, 2] - away * c[:, 5])
+    return np.abs(found - exact) / bound
 
 
 def beside(c, half, outer_half=0):
@@ -160,129 +145,94 @@ def beside(c, half, outer_half=0):
     return x, z, corners
 
 
-def share_of_samples(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        half, outer_half = (16 // outer - 1) / 2, (outer - 1) / 2
-        x, z, corners = beside(c, half, outer_half)
-        o, d, s, t, a, b = c[:, [0, 2, 4, 5, 8, 9]].T
-        at, pitch = x - o - z * d, s + z * t
-        origins = np.abs(o) + half * np.abs(s) + outer_half * np.abs(a)
-        directions = np.abs(d) + half * np.abs(t) + outer_half * np.abs(b)
-        slack = 4 * 2.0**-24 * (np.abs(at) + origins + z * directions) / np.abs(pitch)
-        low, _ = run(c, corners)
-        exact = (at + outer_half * (a + z * b)) / pitch + half
-        return (1 - (exact - low) / slack) * (slack < 1e-2)
-
-    return share
+def share_of_samples(run, c, outer):
+    half, outer_half = (16 // outer - 1) / 2, (outer - 1) / 2
+    x, z, corners = beside(c, half, outer_half)
+    o, d, s, t, a, b = c[:, [0, 2, 4, 5, 8, 9]].T
+    at, pitch = x - o - z * d, s + z * t
+    origins = np.abs(o) + half * np.abs(s) + outer_half * np.abs(a)
+    directions = np.abs(d) + half * np.abs(t) + outer_half * np.abs(b)
+    slack = 4 * 2.0**-24 * (np.abs(at) + origins + z * directions) / np.abs(pitch)
+    low, _ = run(c, corners)
+    exact = (at + outer_half * (a + z * b)) / pitch + half
+    return (1 - (exact - low) / slack) * (slack < 1e-2)
 
 
-def share_of_reaches(run, outer):
+def share_of_reaches(run, c, outer):
     """Of blocks at the ends of packets."""
-
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, 6] = 0
-        c[:, 7] = 24 * np.sign(c[:, 7] + 1e-9)
-        o, d, s, t = c[:, [0, 2, 4, 5]].T
-        block = c.copy()
-        block[:, [0, 2]] += c[:, 7:8] * c[:, 4:6]
-        x, z, corners = beside(block, 7.5)
-        size = np.abs(x - o - z * d) + np.abs(o) + 31.5 * np.abs(s)
-        size += z * (np.abs(d) + 31.5 * np.abs(t))
-        slack = 3 * 4 * 2.0**-24 * size / np.abs(s + z * t)
-        low, least = run(c, corners)
-        inside = (np.abs(least) < 31.4) & (slack < 1e-2)
-        return (1 - (c[:, 7] - 7.5 + low - least) / slack) * inside
-
-    return share
+    c[:, 6] = 0
+    c[:, 7] = 24 * np.sign(c[:, 7] + 1e-9)
+    o, d, s, t = c[:, [0, 2, 4, 5]].T
+    block = c.copy()
+    block[:, [0, 2]] += c[:, 7:8] * c[:, 4:6]
+    x, z, corners = beside(block, 7.5)
+    size = np.abs(x - o - z * d) + np.abs(o) + 31.5 * np.abs(s)
+    size += z * (np.abs(d) + 31.5 * np.abs(t))
+    slack = 3 * 4 * 2.0**-24 * size / np.abs(s + z * t)
+    low, least = run(c, corners)
+    inside = (np.abs(least) < 31.4) & (slack < 1e-2)
+    return (1 - (c[:, 7] - 7.5 + low - least) / slack) * inside
 
 
-def share_of_sides(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, 3:5] = between(c[:, 3:5], 0, 126) / 2 - 31.5
-        c[:, 5:7] = between(c[:, 5:7], 0, 63) / 2
-        c[:, 7:9] = c[:, 3:5] + c[:, 5:7] * np.where(c[:, 9:11] < 0, -1, 1)
-        value, least = run(c)
-        size = np.abs(c[:, 0]) + (np.abs(c[:, 1:3]) * (np.abs(c[:, 3:5]) + c[:, 5:7])).sum(1)
-        return 1 - (value - least) / (6 * 2.0**-24 * size)
-
-    return share
+def share_of_sides(run, c, outer):
+    c[:, 3:5] = between(c[:, 3:5], 0, 126) / 2 - 31.5
+    c[:, 5:7] = between(c[:, 5:7], 0, 63) / 2
+    c[:, 7:9] = c[:, 3:5] + c[:, 5:7] * np.where(c[:, 9:11] < 0, -1, 1)
+    value, least = run(c)
+    size = np.abs(c[:, 0]) + (np.abs(c[:, 1:3]) * (np.abs(c[:, 3:5]) + c[:, 5:7])).sum(1)
+    return 1 - (value - least) / (6 * 2.0**-24 * size)
 
 
-def share_of_hits(run, outer):
+def share_of_hits(run, c, outer):
     """Of rays at the first corner of a triangle."""
-
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, 2:9:3] = np.abs(c[:, 2:9:3])
-        ray = c[:, 14:16] = between(c[:, 14:16], 0, 15) - 7.5
-        o, d, s, t = c[:, 9:13].T
-        for k in (0, 1):
-            c[:, k] = o + (ray[:, k] - 24) * s + c[:, 2] * (d + (ray[:, k] - 24) * t)
-        return run(c, c[:, :9])[0]
-
-    return share
+    c[:, 2:9:3] = np.abs(c[:, 2:9:3])
+    ray = c[:, 14:16] = between(c[:, 14:16], 0, 15) - 7.5
+    o, d, s, t = c[:, 9:13].T
+    for k in (0, 1):
+        c[:, k] = o + (ray[:, k] - 24) * s + c[:, 2] * (d + (ray[:, k] - 24) * t)
+    return run(c, c[:, :9])[0]
 
 
-def share_of_sweeps(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        found, slack = run(c)
-        exact = (c[:, 6] - c[:, 0]) / (c[:, 3] - c[:, 0])
-        exact /= (c[:, 7] - c[:, 1]) / (c[:, 4] - c[:, 1])
-        return (found / exact - 1) / slack * (found > 0)
-
-    return share
+def share_of_sweeps(run, c, outer):
+    found, slack = run(c)
+    exact = (c[:, 6] - c[:, 0]) / (c[:, 3] - c[:, 0])
+    exact /= (c[:, 7] - c[:, 1]) / (c[:, 4] - c[:, 1])
+    return (found / exact - 1) / slack * (found > 0)
 
 
-def share_of_frusta(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, 9] = np.abs(c[:, 9])
-        turned = c[:, 4] + c[:, 9] * c[:, 5] < 0  # the last ray has the least x
-        c[turned, 4:6] *= -1
-        c[:, 7] = 1
-        o, d = placed(c)[:, [0, 2]].T
-        s, t, z = c[:, 4], c[:, 5], c[:, 9]
-        exact = o + 7.5 * s + z * (d + 7.5 * t)
-        middle = np.abs(c[:, 0] + c[:, 6] * s) + z * np.abs(c[:, 2] + c[:, 6] * t)
-        found, slack = run(c)
-        size = middle + 31.5 * (np.abs(s) + z * np.abs(t))
-        return (1 - (found - exact) / slack / size) * ((z > 0) & (size > 1e-20))
-
-    return share
+def share_of_frusta(run, c, outer):
+    c[:, 9] = np.abs(c[:, 9])
+    turned = c[:, 4] + c[:, 9] * c[:, 5] < 0  # the last ray has the least x
+    c[turned, 4:6] *= -1
+    c[:, 7] = 1
+    o, d = placed(c)[:, [0, 2]].T
+    s, t, z = c[:, 4], c[:, 5], c[:, 9]
+    exact = o + 7.5 * s + z * (d + 7.5 * t)
+    middle = np.abs(c[:, 0] + c[:, 6] * s) + z * np.abs(c[:, 2] + c[:, 6] * t)
+    found, slack = run(c)
+    size = middle + 31.5 * (np.abs(s) + z * np.abs(t))
+    return (1 - (found - exact) / slack / size) * ((z > 0) & (size > 1e-20))
 
 
-def share_of_depths(run, outer):
+def share_of_depths(run, c, outer):
     """Of triangles that are nearly edge-on and in focus, so that all rays have one depth."""
-
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        c[:, 6:8] = -np.sign(c[:, 4:6]) * (between(c[:, 6:8], 0, 1) + 5.5)
-        c[:, 3] = 22.5 * np.abs(c[:, 4:6]).sum(1) * (1 + np.abs(c[:, 8]) % 0.1)
-        c[:, :3] = np.abs(c[:, 9:10]) * c[:, 3:6] * (1 + c[:, 10:13] * 2.0**-30)
-        c[:, :6] = np.float32(c[:, :6])
-        depth, least = run(c)
-        return (1 - (depth - least) / least / (10 * 2.0**-24)) * (least > 0)
-
-    return share
+    c[:, 6:8] = -np.sign(c[:, 4:6]) * (between(c[:, 6:8], 0, 1) + 5.5)
+    c[:, 3] = 22.5 * np.abs(c[:, 4:6]).sum(1) * (1 + np.abs(c[:, 8]) % 0.1)
+    c[:, :3] = np.abs(c[:, 9:10]) * c[:, 3:6] * (1 + c[:, 10:13] * 2.0**-30)
+    c[:, :6] = np.float32(c[:, :6])
+    depth, least = run(c)
+    return (1 - (depth - least) / least / (10 * 2.0**-24)) * (least > 0)
 
 
-def share_of_pictures(run, outer):
-    def share(candidates):
-        c = candidates.astype(np.float64)
-        largest = np.maximum(np.abs(c[:, 4:7]), np.abs(c[:, 7:10]))
-        bound = 7 * 2.0**-24 * ((np.abs(c[:, :3]) * largest).sum(1) + np.abs(c[:, 3]))
-        value, most = run(c)
-        return 1 - (most - value) / bound
-
-    return share
+def share_of_pictures(run, c, outer):
+    largest = np.maximum(np.abs(c[:, 4:7]), np.abs(c[:, 7:10]))
+    bound = 7 * 2.0**-24 * ((np.abs(c[:, :3]) * largest).sum(1) + np.abs(c[:, 3]))
+    value, most = run(c)
+    return 1 - (most - value) / bound
 
 
 @pytest.mark.parametrize(
-    ("name", "shares", "outer"),
+    ("name", "share", "outer"),
     [
         ("edges", share_of_edges, 1),
         ("edges", share_of_edges, 4),
@@ -300,9 +250,9 @@ def share_of_pictures(run, outer):
         ("pictures", share_of_pictures, 1),
     ],
 )
-def test_more_than_half_of_a_bound_is_used(device, name, shares, outer):
-    seed = LUCKY.get(name, 0)
-    assert 0.5 < largest_share(shares(runner(device, name, OUTER=outer), outer), seed) <= 1
+def test_more_than_half_of_a_bound_is_used(device, name, share, outer):
+    run = runner(device, name, OUTER=outer)
+    assert 0.5 < largest_share(share, run, outer, LUCKY.get(name, 0)) <= 1
 
 
 @pytest.mark.parametrize("halved", [False, True])
