@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from plain_scenes import refused
+from tracing_scenes import mesh
 
 from lfcore import SceneError
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
@@ -23,12 +24,10 @@ def soup(count, seed=0, size=0.05):
 def grid(n):
     """A plane of 2 n^2 triangles at z = 1: many equal centroid coordinates, flat boxes."""
     x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0))
-    p = np.stack([x, y, np.ones_like(x)], -1)
-    a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
-    halves = [np.stack([a, b, c], 2), np.stack([b, d, c], 2)]
-    return np.concatenate([half.reshape(-1, 3, 3) for half in halves]).astype(np.float32)
+    return mesh(np.stack([x, y, np.ones_like(x)], -1))
 
 
+SIZES = np.linspace(0.1, 1, 600, dtype=np.float32)[:, None, None]
 CASES = {
     "none": np.zeros((0, 3, 3), np.float32),
     "one": soup(1),
@@ -40,8 +39,7 @@ CASES = {
     "soup": soup(3000),
     "plane": grid(20),
     "identical": np.repeat(soup(1), 1000, axis=0),
-    "same centroid": soup(1) * np.linspace(0.1, 1, 600, dtype=np.float32)[:, None, None]
-    - (soup(1) * np.linspace(0.1, 1, 600, dtype=np.float32)[:, None, None]).mean(1, keepdims=True),
+    "same centroid": (soup(1) - soup(1).mean(1, keepdims=True)) * SIZES,
     "points": np.repeat(soup(700)[:, :1], 3, axis=1),
     "one point": np.zeros((900, 3, 3), np.float32),
     "on a line": soup(800) * np.float32([1, 0, 0]),
