@@ -196,16 +196,15 @@ def test_a_sheared_array_synthesises_the_same_picture(device):
     np.testing.assert_allclose(*pictures, atol=2e-3)
 
 
-LENS = """
-50   4   1.5  20
--50  2   1    20
-0    45  0    16
-"""
+@pytest.fixture
+def lens(tmp_path):
+    path = tmp_path / "lens.dat"
+    path.write_text("50 4 1.5 20\n-50 2 1 20\n0 45 0 16\n")
+    return LensSystem.read(path)
 
 
-def test_a_realistic_lens_equals_its_reference(field, image, array, tmp_path):
-    (tmp_path / "lens.dat").write_text(LENS)
-    lens = LensSystem.read(tmp_path / "lens.dat").focused(2.5)
+def test_a_realistic_lens_equals_its_reference(field, image, array, lens):
+    lens = lens.focused(2.5)
     camera = tilted_camera((9, 6))
     surface = surfaces.at_distance(camera, 2.5)
     fast = realistic(field, camera, lens, surface, 16, seed=4)
@@ -216,9 +215,8 @@ def test_a_realistic_lens_equals_its_reference(field, image, array, tmp_path):
     close(fast, slow, 1e-4)
 
 
-def test_a_narrow_realistic_lens_is_a_pinhole_the_right_way_up(device, tmp_path):
-    (tmp_path / "lens.dat").write_text(LENS)
-    lens = LensSystem.read(tmp_path / "lens.dat").stopped_down(5e-4).focused(DEPTH)
+def test_a_narrow_realistic_lens_is_a_pinhole_the_right_way_up(device, lens):
+    lens = lens.stopped_down(5e-4).focused(DEPTH)
     array = CameraArray.on_grid((5, 5), (-0.3, 0.3, -0.3, 0.3), 60.0, (128, 128))
     field = DeviceField(device, textured_plane(array), array)
     camera = VirtualCamera([0.05, -0.1, 0.0], np.eye(3), 30.0, (16, 12))

@@ -1,6 +1,5 @@
 """Colours against the oracle: of single elements and small triangles, above white, and baked."""
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -38,8 +37,6 @@ from lfcore.tracing.surfaces import pack_light
 pytestmark = pytest.mark.kernels
 
 NEAR = Light(POINT, (0.01, 0.01, 2.985), (0.4, 0.4, 0.4), 0.0, False)
-
-
 LOW_SUN = Light(DIRECTIONAL, unit(1.0, 0.0, -0.1), (0.7, 0.7, 0.7), 0.0, False)
 PIXELS = [[12, 11], [1, 22], [6, 17]]
 
@@ -94,7 +91,7 @@ def test_regions_are_the_oracles(device, name):
 def test_texel_tiles_of_any_size(device, scale):
     """From one texel, of ten bits of its root, in a block to more than a tile holds, in shadows."""
     world = curved([LAMP], texture=noise())
-    world = dataclasses.replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
+    world = replace(world, uvs=(world.triangles[..., :2] * scale).astype(np.float32))
     found, truth = one_element(world, device)
     error = np.abs(np.clip(found, 0, 1) - truth).max(1)
     assert np.quantile(error, 0.98) < 1e-3
@@ -174,7 +171,7 @@ def test_sums_hold_all_stops(kind, stops):
 def test_unclipped_shading_is_the_oracles():
     soup = lit_soup()
     light = Light(POINT, (1.0, -2.0, 0.5), (30.0, 20.0, 10.0), 2.0, True)
-    world = dataclasses.replace(soup, clip=False, lights=[light], background=(3.0, 2.0, 1.0))
+    world = replace(soup, clip=False, lights=[light], background=(3.0, 2.0, 1.0))
     rays = bundles.views(Slab(world.camera, 4, 24), np.array([[0, 0], [3, 2]]))
     found, expected = colours(world, rays)
     assert expected.max() > 5
@@ -246,12 +243,12 @@ def test_shadows_keep_their_edges(device, cells):
 def test_gloss_is_the_oracles(device, metallic):
     """Metals of every roughness under a sky, dimmed where baked light is below the open sky's."""
     triangles = np.concatenate([soup(60, 3, 0.5), WALL[:2]])
-    world = baked(triangles, 4)
-    materials = [
-        Material(f"{k}", (0.9, 0.6, 0.3), metallic=metallic, roughness=k / 8) for k in range(9)
-    ]
-    ids = np.arange(len(triangles), dtype=np.int32) % 9
-    world = replace(world, materials=materials, material_ids=ids)
+    colour = (0.9, 0.6, 0.3)
+    world = replace(
+        baked(triangles, 4),
+        materials=[Material(f"{k}", colour, metallic=metallic, roughness=k / 8) for k in range(9)],
+        material_ids=np.arange(len(triangles), dtype=np.int32) % 9,
+    )
     found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device)
     off = abs(found - expected).max(-1)
     assert np.quantile(off, 0.99) < 5e-4 and off.mean() < 1e-3

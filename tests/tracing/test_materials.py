@@ -11,6 +11,7 @@ from tracing_scenes import (
     SUN,
     WALL,
     bent_normals,
+    every_ray,
     oracle_colours,
     scene,
     slab_colours,
@@ -19,7 +20,7 @@ from tracing_scenes import (
 )
 
 from lfcore import Slab
-from lfcore.optics.bundles import macropixels, views
+from lfcore.optics.bundles import views
 from lfcore.oracle import metal
 from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import closest_hits
@@ -91,12 +92,10 @@ def test_colours_are_the_oracles(device, name, outer, smooth):
 
 def test_light_straight_from_behind_adds_nothing(device):
     light = Light(DIRECTIONAL, (0.0, 0.0, 1.0), (0.9, 0.9, 0.9), 0.0, False)
-    slab, found = Slab(CAMERA, 16, 4), {}
-    for lights in ([], [light]):
-        world = scene(WALL, materials=[Material("a", (0.5,) * 3, metallic=0.5)], lights=lights)
-        rays = macropixels(slab, all_pixels(slab))
-        found[len(lights)] = tracer_of(world, device).bundle_radiance(rays)
-    np.testing.assert_array_equal(found[0], found[1])
+    materials, rays = [Material("a", (0.5,) * 3, metallic=0.5)], every_ray(Slab(CAMERA, 16, 4))
+    dark, lit = (scene(WALL, materials=materials, lights=lights) for lights in ([], [light]))
+    found = (tracer_of(world, device).bundle_radiance(rays) for world in (dark, lit))
+    np.testing.assert_array_equal(*found)
 
 
 def test_what_asks_for_metal_alone_pays_for_it():
@@ -111,6 +110,7 @@ def test_a_bump_is_lit_from_its_side(device):
     corners = np.float32([[-2, 2, 2], [2, 2, 2], [2, -2, 2], [-2, -2, 2]])  # counter-clockwise
     uv = np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
     faces = [[0, 1, 2], [0, 2, 3]]
+    rays = every_ray(Slab(CAMERA, 16, 1))
     sides = {"right": (1, 0), "left": (-1, 0), "above": (0, -1), "below": (0, 1)}
     for code, bright in (((255, 128), "right"), ((0, 128), "left"), ((128, 255), "above")):
         for turned in (False, True):
@@ -124,9 +124,7 @@ def test_a_bump_is_lit_from_its_side(device):
                     corners[order], uvs=uv[order], textures=[picture], lights=[light],
                     materials=[Material("m", (0.5,) * 3, normal_texture=0)], ambient=(0.0,) * 3,
                 )  # fmt: skip
-                slab = Slab(CAMERA, 16, 1)
-                rays = macropixels(slab, all_pixels(slab))
-                seen[side] = float(tracer_of(world, device, outer=1).bundle_radiance(rays).mean())
+                seen[side] = tracer_of(world, device, outer=1).bundle_radiance(rays).mean()
             opposite = {"right": "left", "left": "right", "above": "below"}[bright]
             # From behind, what bulges is a hollow.
             assert max(seen, key=seen.__getitem__) == (opposite if turned else bright)
@@ -226,7 +224,7 @@ def test_hits_are_the_oracles(device, way):
 def test_all_kinds_of_rays_agree(device):
     world, slab = curtains(), Slab(CAMERA, 16, 16)
     tracer = tracer_of(world, device)
-    rays = macropixels(slab, all_pixels(slab))
+    rays = every_ray(slab)
     origins, directions = (a.reshape(-1, 3).astype(np.float32) for a in rays.rays())
     single, distance, _ = tracer.closest_hit(origins, directions)
     truth = closest_hits(world.triangles, origins, directions, solid=solid_of(world))
@@ -235,16 +233,15 @@ def test_all_kinds_of_rays_agree(device):
     assert (single != triangle.ravel()).mean() < 1e-4
     same = single == triangle.ravel()
     assert np.abs(distance[same] / depth.ravel()[same] - 1).max() < 1e-5
-    seen, _ = tracer.bundle_hits(views(slab, all_pixels(Slab(CAMERA, 16, 16))))
+    seen, _ = tracer.bundle_hits(views(slab, all_pixels(slab)))
     assert (seen.transpose(1, 2, 0).ravel() != triangle.ravel()).mean() < 1e-4
 
 
 @pytest.fixture(scope="module", params=[LAMP, SUN], ids=["lamp", "sun"])
 def lit(request):
     """Curtains in a light, rays, and their colours by the oracle."""
-    world, slab = curtains(lights=[request.param]), Slab(CAMERA, 16, 8)
+    world, rays = curtains(lights=[request.param]), every_ray(Slab(CAMERA, 16, 8))
     opaque = dataclasses.replace(world, materials=[Material("x", texture=0)] * 2)
-    rays = macropixels(slab, all_pixels(slab))
     expected, shadowed = (oracle_colours(each, rays) for each in (world, opaque))
     assert (np.abs(shadowed - expected).max(-1) > 0.01).mean() > 0.2
     return world, rays, expected

@@ -10,6 +10,7 @@ from tracing_scenes import (
     SUN,
     WALL,
     bent_normals,
+    every_ray,
     oracle_colours,
     scene,
     slab_colours,
@@ -33,8 +34,6 @@ pytestmark = pytest.mark.kernels
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 NEAR = 4 * 2.0**-24
 """Of the depth: rays that lie so close to each other may differ by rounding."""
-
-
 # Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
 # more from below.
 FLOOR = [[[-9, -0.00925, 0.5], [9, -0.00925, 0.5], [0, -0.015, 12]]]
@@ -64,20 +63,19 @@ def fan(depth, spokes=8, size=32.0):
     return np.stack([np.full((spokes, 3), [0.0, 0.0, depth]), rim[:-1], rim[1:]], 1)
 
 
-def worlds():
-    return {
-        "lamp": (np.concatenate([soup(40, 1, 0.5), WALL]), [LAMP]),
-        "sun": (np.concatenate([soup(40, 2, 0.5), WALL]), [SUN]),
-        "both": (np.concatenate([soup(40, 3, 0.5), WALL]), [LAMP, SUN]),
-        "edge-on": (np.concatenate([CANOPY, FLOOR]), [LAMP]),
-        "many": (np.concatenate([crumbs(250), WALL]), [LAMP]),
-        "dust": (np.concatenate([soup(1000, 4, 0.05), WALL]), [LAMP, SUN]),
-    }
+WORLDS = {
+    "lamp": (soup(40, 1, 0.5), WALL, [LAMP]),
+    "sun": (soup(40, 2, 0.5), WALL, [SUN]),
+    "both": (soup(40, 3, 0.5), WALL, [LAMP, SUN]),
+    "edge-on": (CANOPY, FLOOR, [LAMP]),
+    "many": (crumbs(250), WALL, [LAMP]),
+    "dust": (soup(1000, 4, 0.05), WALL, [LAMP, SUN]),
+}
 
 
 def world(name):
-    triangles, lights = worlds()[name]
-    return scene(triangles, lights=lights, ambient=(0.1, 0.1, 0.1))
+    before, behind, lights = WORLDS[name]
+    return scene(np.concatenate([before, behind]), lights=lights, ambient=(0.1, 0.1, 0.1))
 
 
 def unlike(first, second):
@@ -85,11 +83,10 @@ def unlike(first, second):
     return np.abs(first - second).max(-1) > 0.01
 
 
-@pytest.mark.parametrize("name", worlds())
+@pytest.mark.parametrize("name", WORLDS)
 def test_shadows_are_the_oracles(device, name):
     here, slab = world(name), Slab(CAMERA, 40, 3)
-    rays = macropixels(slab, all_pixels(slab))
-    found = one_element(here, device).bundle_radiance(rays).reshape(-1, 3)
+    found = one_element(here, device).bundle_radiance(every_ray(slab)).reshape(-1, 3)
     origins, directions = (part.reshape(-1, 3) for part in slab_rays(slab, all_pixels(slab)))
     hits = closest_hits(here.triangles, origins, directions)
     expected = shade(here, directions, hits)
@@ -217,12 +214,8 @@ def test_a_flat_cube_keeps_its_bits():
 
 BEYOND = [[[-1, -1, -6], [1, -1, -6], [0, 1, -6]]]
 WHITE = (0.9, 0.9, 0.9)
-
-
 # By blocks of one element, one by one, and as the scene asks for.
 WAYS = [{"outer": 1, "single_rays": False}, {"outer": 1, "single_rays": True}, {}]
-
-
 # A sharp one and one that fades from its axis on: the wall has both rims in it.
 AXIS = (0.1, 0.2, np.sqrt(0.95))
 SPOTS = [
@@ -245,7 +238,7 @@ def glowing(normals=False, spots=False):
     return scene(triangles, **changes)
 
 
-RAYS = macropixels(Slab(CAMERA, 40, 4), all_pixels(Slab(CAMERA, 40, 4)))
+RAYS = every_ray(Slab(CAMERA, 40, 4))
 
 
 @functools.cache

@@ -112,6 +112,11 @@ def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
     return np.concatenate(made) if made else None, total(slab, planes, parts) if planes else None
 
 
+def every_ray(slab):
+    """Every ray of a slab, pixel by pixel."""
+    return macropixels(slab, all_pixels(slab))
+
+
 def oracle_colours(world, bundles):
     """Colours of every ray, not clipped, by the oracle: (R, 3)."""
     return radiance(world, *(part.reshape(-1, 3) for part in bundles.rays()))
@@ -125,8 +130,7 @@ def colours(world, bundles, places=None, device=None, **options):
 
 def slab_colours(world, slab, device=None, **options):
     """Likewise, of all pixels of a slab."""
-    pixels = all_pixels(slab)
-    return colours(world, macropixels(slab, pixels), pixels, device, **options)
+    return colours(world, every_ray(slab), all_pixels(slab), device, **options)
 
 
 def check_hits(tracer, slab, pixels, least=0.0):
