@@ -22,14 +22,10 @@ class Checkout:
     def snakemake(self, *arguments, timeout=420, **environment) -> subprocess.CompletedProcess:
         """Run Snakemake there; ``stdout`` holds its output and errors."""
         return subprocess.run(
-            [sys.executable, "-m", "snakemake", *arguments],
-            cwd=self.folder,
-            env=os.environ | environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
+            [sys.executable, "-m", "snakemake", *arguments], cwd=self.folder, text=True,
+            env=os.environ | environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             timeout=timeout,
-        )
+        )  # fmt: skip
 
     def planned(self, *arguments) -> dict[str, int]:
         """Jobs of a dry run by rule; empty when there is nothing to be done."""

@@ -22,7 +22,7 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.storage import defaults
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings, schema
-from lfcore.workflow.sweep import joined, plan, read_sweep
+from lfcore.workflow.sweep import joined, plan
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
@@ -68,8 +68,8 @@ def test_what_is_said_goes_before_what_measured_best():
 def test_other_codecs_have_their_own_presets(codec, preset, crf, pixel_format):
     """The same, whether the workflow or the command line asks."""
     spec = cases.encoding(settings(encoding={"codec": codec}), 64)
-    assert (spec.codec, spec.preset, spec.crf) == (codec, preset, crf)
-    assert (spec.pixel_format, spec.gop) == (pixel_format, defaults.KEY_EVERY)
+    found = spec.codec, spec.preset, spec.crf, spec.pixel_format, spec.gop
+    assert found == (codec, preset, crf, pixel_format, defaults.KEY_EVERY)
     assert spec == defaults.chosen_encoding(64, Encoding(codec))
     words = ["record", "scene", "-o", "x.mkv", "--codec", codec]
     assert spec == defaults.chosen_encoding(64, encoder(parser(words).parse_args(words)))
@@ -122,15 +122,11 @@ def test_names_that_no_scene_can_have(tmp_path, file, words):
 
 
 def test_planes_of_the_scene_or_of_the_configuration():
-    assert cases.sensor_planes("scene", CAMERA, (2.0, 4.0)) == [
-        SensorPlane(2.0, 2.0),
-        SensorPlane(4.0, 2.0),
-    ]
+    planes = cases.sensor_planes("scene", CAMERA, (2.0, 4.0))
+    assert planes == [SensorPlane(2.0, 2.0), SensorPlane(4.0, 2.0)]
     given = [{"focus_m": 2.5}, {"focus_m": 3, "f_number": 8, "aperture": "square"}]
-    assert cases.sensor_planes(given, CAMERA, ()) == [
-        SensorPlane(2.5, 2.0),
-        SensorPlane(3, 8, aperture="square"),
-    ]
+    planes = cases.sensor_planes(given, CAMERA, ())
+    assert planes == [SensorPlane(2.5, 2.0), SensorPlane(3, 8, aperture="square")]
     given = [{"focus_m": "near"}, {"focus_m": "50%", "blur": "0.3%"}, {"focus_m": "far"}]
     near, middle, far = cases.sensor_planes(given, CAMERA, (2.0, 3.0, 4.0))
     assert (near.focus_m, far.focus_m) == (2.0, 4.0) and near.f_number == CAMERA.f_number
@@ -169,9 +165,8 @@ def test_batches_are_all_tiles_in_order(views, pixels, most_rays, minutes):
     cut = tiles(views, pixels, most_rays)
     batches = costs.batches(cut, minutes)
     assert [k for one in batches for k in range(one.start, one.stop)] == list(range(len(cut)))
-    assert [one.rays for one in batches] == [
-        sum(tile.rays for tile in cut[one.start : one.stop]) for one in batches
-    ]
+    for one in batches:
+        assert one.rays == sum(tile.rays for tile in cut[one.start : one.stop])
     seconds = sum(tile.rays for tile in cut) * costs.nanoseconds_per_ray(views) * 1e-9
     least = 2 if seconds >= costs.SHARED_SECONDS else 1
     assert len(batches) >= min(least, len(cut)) and len(batches) <= costs.MOST_BATCHES
@@ -245,18 +240,14 @@ def test_impossible_settings_are_refused_in_one_line_that_names_the_key(change, 
     assert infinite or not VALIDATOR.is_valid(change)
 
 
-BASE = load("config.yaml")
-
-
 def sweep_of(tmp_path, text):
-    path = tmp_path / "s.tsv"
-    path.write_text(text)
-    return plan(path, BASE)
+    (tmp_path / "s.tsv").write_text(text)
+    return plan(tmp_path / "s.tsv", load("config.yaml"))
 
 
 @pytest.mark.parametrize("name", ["crf", "layout"])
 def test_the_sweeps_of_the_project(name):
-    sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", BASE)
+    sweep = plan(ROOT / "config" / "sweeps" / f"{name}.tsv", load("config.yaml"))
     assert len(sweep.settings) >= 4
     # Five rate factors share one tracing; layouts and pixel formats share none.
     assert len(sweep.members) == {"crf": 1, "layout": 16}[name]
@@ -306,9 +297,7 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
     ],
 )
 def test_sweeps_say_what_is_wrong(tmp_path, text, words):
-    path = tmp_path / "s.tsv"
-    path.write_text(text)
-    refused(words, read_sweep, path)
+    refused(words, sweep_of, tmp_path, text)
 
 
 @pytest.mark.workflow
