@@ -7,7 +7,6 @@ from PIL import Image
 from plain_scenes import SCENES, refused
 from trimesh.visual.material import PBRMaterial
 
-from lfcore import SceneError
 from lfcore.colour import srgb_decode
 from lfcore.scene.build import build_scene
 from lfcore.scene.meshes import load_mesh
@@ -88,8 +87,8 @@ def test_coordinates_without_a_material_do_not_darken(tmp_path, kind, exported):
 def test_a_texture_for_a_mesh_without_coordinates_is_refused(write_scene, minimal, tmp_path):
     Image.new("RGB", (2, 2)).save(tmp_path / "skin.png")
     minimal["objects"][0]["material"] = {"texture": "skin.png"}
-    with pytest.raises(SceneError, match=r"objects\[0\]\.material\.texture.*coordinates"):
-        build_scene(write_scene(minimal))
+    words = r"objects\[0\]\.material\.texture.*coordinates"
+    refused(words, build_scene, write_scene(minimal))
 
 
 STRIPS = (
@@ -151,10 +150,8 @@ def test_glb_with_pbr_texture_normals_and_node_transform(tmp_path):
     )  # fmt: skip
     mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
     _ = mesh.vertex_normals
-    scene = trimesh.Scene()
-    move = trimesh.transformations.translation_matrix([10, 0, 0])
-    scene.add_geometry(mesh, transform=move)
-    scene.add_geometry(mesh)
+    scene = trimesh.Scene(mesh)
+    scene.add_geometry(mesh, transform=trimesh.transformations.translation_matrix([10, 0, 0]))
     path = tmp_path / "two.glb"
     path.write_bytes(scene.export(file_type="glb", include_normals=True))
     parts = load_mesh(path)
@@ -213,8 +210,7 @@ def test_unreadable_mesh(tmp_path, name, content, words):
 
 
 def slow_crease_normals(triangles, crease_deg):
-    unit = face_normals(triangles)
-    area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    unit, area = face_normals(triangles), trimesh.triangles.cross(triangles)
     result = np.zeros_like(triangles)
     for t in range(len(triangles)):
         for c in range(3):
@@ -352,26 +348,21 @@ def test_textures_repeat_and_tile(texture, colours):
         ("bike", {"triangles": 2_000_000_000}, "triangles: more than"),
         ("ecosys", {"plants": 1e9}, "plants: must be from 0 to"),
         ("ecosys", {"terrain": 100_000}, "terrain: must be from 2 to"),
-        *(
-            ("sphere", {"segments": number}, r"parameters\.segments: must be from 3 to 4096")
-            for number in (2, -1, 200_000, 10**30)
-        ),
         ("ecosys", {"plants": -1.0}, "plants: must be from 0 to"),
+        ("sphere", {"segments": 2}, r"parameters\.segments: must be from 3 to 4096"),
+        ("sphere", {"segments": 10**30}, r"parameters\.segments: must be from 3 to 4096"),
     ],
 )
 def test_parameters_beyond_measure(builder, parameters, words):
-    with pytest.raises(SceneError, match=words):
-        build(builder, parameters, 0)
+    refused(words, build, builder, parameters, 0)
 
 
 def test_the_book_leans_back_and_faces_the_cameras():
     cover = next(part for part in book.build(0) if part.surface.name == "cover")
-    edges = [cover.triangles[0, k] - cover.triangles[0, 0] for k in (1, 2)]
-    normal = np.cross(*edges)
-    normal /= np.linalg.norm(normal)
     # The image of +y under the pose of the pbrt scene.
+    normal = face_normals(cover.triangles)[0]
     np.testing.assert_allclose(normal, [0.267, 0.664, 0.698], atol=2e-3)
-    top, bottom = cover.triangles[cover.uvs[..., 1] == 1], cover.triangles[cover.uvs[..., 1] == 0]
+    top, bottom = (cover.triangles[cover.uvs[..., 1] == v] for v in (1, 0))
     assert top[:, 1].min() > bottom[:, 1].max() and top[:, 2].max() < bottom[:, 2].min()
-    right, left = cover.triangles[cover.uvs[..., 0] == 1], cover.triangles[cover.uvs[..., 0] == 0]
+    right, left = (cover.triangles[cover.uvs[..., 0] == u] for u in (1, 0))
     assert right[:, 0].mean() > left[:, 0].mean()
