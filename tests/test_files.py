@@ -30,13 +30,13 @@ from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
 from robustness.disks import writers
 
-BIG = np.random.default_rng(0).random((96, 96, 3)).astype(np.float32)
+NOISE = np.random.default_rng(3).random((96, 96, 3)).astype(np.float32)
 
 
 def test_several_pictures_appear_together_or_not_at_all(tmp_path):
     (tmp_path / "taken.png").mkdir()
     with pytest.raises(StorageError):
-        write_pictures([(tmp_path / "a.png", BIG), (tmp_path / "taken.png", BIG)])
+        write_pictures([(tmp_path / "a.png", NOISE), (tmp_path / "taken.png", NOISE)])
     assert [entry.name for entry in tmp_path.iterdir()] == ["taken.png"]
 
 
@@ -85,7 +85,6 @@ def test_a_draft_has_the_rights_of_any_new_file(tmp_path):
     assert (tmp_path / "f").stat().st_mode & 0o777 == 0o640
 
 
-NOISE = np.random.default_rng(3).random((96, 96, 3)).astype(np.float32)
 ARRAY = CameraArray.on_grid((2, 2), (0, 1, 0, 1), 45.0, (48, 48))
 PLANES = [SensorPlane(2.0, 2.0)]
 SUMS = PlaneSums.zeros(Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), PLANES)

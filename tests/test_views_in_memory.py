@@ -17,6 +17,10 @@ EXACT = lfcore.Encoding("ffv1")
 RNG = np.random.default_rng(7)
 
 
+def stored(views, geometry, path):
+    return lfcore.LightField.from_views(views, geometry, path, encoding=EXACT)
+
+
 @pytest.fixture(scope="module")
 def codes():
     return RNG.integers(0, 256, (3, 3, 16, 16, 3), np.uint8)
@@ -24,8 +28,7 @@ def codes():
 
 @pytest.fixture(scope="module")
 def field(codes, tmp_path_factory):
-    path = tmp_path_factory.mktemp("views") / "field.mkv"
-    return lfcore.LightField.from_views(codes, CAMERA, path, encoding=EXACT)
+    return stored(codes, CAMERA, tmp_path_factory.mktemp("views") / "field.mkv")
 
 
 def test_views_come_back(field, codes):
@@ -36,10 +39,10 @@ def test_views_come_back(field, codes):
 
 def test_light_is_stored_as_light(codes, tmp_path):
     light = srgb_decode(codes)
-    field = lfcore.LightField.from_views(light, CAMERA, tmp_path / "a.mkv", encoding=EXACT)
+    field = stored(light, CAMERA, tmp_path / "a.mkv")
     np.testing.assert_allclose(field.view(1, 2), light[2, 1], atol=0.02)
-    for wrong, key in ((light * 1e5, "views"), (light[0], "views"), (light - 1, "views")):
-        refused(key, lfcore.LightField.from_views, wrong, CAMERA, tmp_path / "b.mkv")
+    for wrong in (light * 1e5, light[0], light - 1):
+        refused("views", stored, wrong, CAMERA, tmp_path / "b.mkv")
     assert [file.name for file in tmp_path.iterdir()] == ["a.mkv"]
 
 
@@ -47,21 +50,19 @@ def test_light_is_stored_as_light(codes, tmp_path):
 def test_grids_that_are_not_square(shape, tmp_path):
     codes = RNG.integers(0, 256, (*shape, 3), np.uint8)
     for geometry, metric in ((CAMERA, True), (0.02, False)):
-        field = lfcore.LightField.from_views(
-            codes, geometry, tmp_path / f"{metric}.mkv", encoding=EXACT
-        )
+        field = stored(codes, geometry, tmp_path / f"{metric}.mkv")
         assert field.metric is metric and field.grid == shape[1::-1]
         rows, columns, height, width = shape
         assert field.picture_size == (width, height)
         np.testing.assert_array_equal(field.views(0, 0, columns, rows, codes=True), codes)
-    refused("spacing", lfcore.LightField.from_views, codes, -1.0, tmp_path / "c.mkv")
+    refused("spacing", stored, codes, -1.0, tmp_path / "c.mkv")
 
 
 def test_camera_arrays_hold_brighter_light(tmp_path):
     array = lfcore.CameraArray.on_grid((3, 3), (-0.1, 0.1, -0.1, 0.1), 40.0, (16, 16))
     image = np.float32(RNG.random((48, 48, 3)) * 3)
     for views in (image, array.tiles(image)):
-        field = lfcore.LightField.from_views(views, array, tmp_path / "a.mkv", encoding=EXACT)
+        field = stored(views, array, tmp_path / "a.mkv")
         assert field.array == array and field.white == pytest.approx(image.max())
     same = lfcore.LightField.from_views(
         array.tiles(image), array, tmp_path / "b.mkv", white=8, name="noise"

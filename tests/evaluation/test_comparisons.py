@@ -18,13 +18,7 @@ from lfcore.evaluation import renderers
 from lfcore.evaluation.assignment.arrays import array_of, errors, overview, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.evaluation.equivalence import equivalence
-from lfcore.evaluation.left_out import (
-    FEATURES,
-    LeftOutError,
-    check_identical,
-    full_needs,
-    left_out,
-)
+from lfcore.evaluation.left_out import FEATURES, LeftOutError, check_identical, full_needs, left_out
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of

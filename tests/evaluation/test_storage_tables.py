@@ -94,13 +94,11 @@ def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample)
     monkeypatch.setattr(f"{module}.SSIM_PX", 85 * area)
     found = rgb_from_frames(decoded, "yuv420p", 16, 16)
     looked_at = zip(found[::3], frames.rgb[::3], strict=True)
-    assert frame_quality(frames, decoded) == pytest.approx(
-        {
-            "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
-            "ssim_frames": np.mean([ssim(a, b, peak=1) for a, b in looked_at]),
-        },
-        abs=1e-6,
-    )
+    expected = {
+        "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
+        "ssim_frames": np.mean([ssim(a, b, peak=1) for a, b in looked_at]),
+    }
+    assert frame_quality(frames, decoded) == pytest.approx(expected, abs=1e-6)
 
 
 @given(views=st.integers(4, 512), pixels=st.integers(16, 128))
@@ -209,7 +207,7 @@ def test_rows_survive_a_file(tmp_path):
     rows = [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": math.nan}]
     write_rows(tmp_path / "r.json", rows)
     again = read_rows([tmp_path / "r.json"])
-    assert again == [{"a": 1, "b": math.inf, "c": None}, {"a": 2, "b": 1.234567, "c": None}]
+    assert again == [rows[0], rows[1] | {"c": None}]
     table = table_of(again, ["a", "b", "c"])
     assert table.b.tolist() == [math.inf, 1.2346]
     with pytest.raises(TableError, match="of: c, d"):

@@ -23,7 +23,6 @@ from lfcore.rendering.direct import focused_camera, trace_planes
 
 pytestmark = pytest.mark.kernels
 
-kernels = pytest.mark.kernels
 SCENE = bare_scene(np.zeros((0, 3, 3)))
 
 
@@ -65,7 +64,6 @@ def test_a_refused_method_is_a_row_and_other_errors_pass(grey):
             timed_point(grey, fail, Cpu, rays=1)
 
 
-@kernels
 def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
     nearest = pd.DataFrame(study.nearest_rows(chart, reference, [8, 16]))
     rows = study.by_depth_rows(chart, reference, [Lattice(4, 1), Lattice(4, 2)])
@@ -78,7 +76,6 @@ def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
     assert (alone.rays == 2 * together.rays).all() and depth.seconds.notna().all()
 
 
-@kernels
 def test_a_wanted_quality_is_reached(chart, reference):
     *rows, beyond = study.quality_rows(chart, reference, [30, 34, 80])
     assert beyond["seconds"] is None and beyond["note"].startswith("refused: 80 dB takes")
@@ -87,7 +84,6 @@ def test_a_wanted_quality_is_reached(chart, reference):
     assert rows[1]["rays"] > rows[0]["rays"]
 
 
-@kernels
 def test_a_file_costs_bytes_and_errs_by_its_rays_and_its_codec(chart, reference):
     scene, device, count = chart.scene, chart.device, Lattice(4, 2)
     few = study.recorded_row(scene, reference, Lattice(4, 1), device)
@@ -115,7 +111,6 @@ def test_a_grid_of_the_workflow_has_the_seconds_of_its_jobs(grey):
     assert (row["record_seconds"], row["seconds"], row["bytes"]) == (6.0, 14.0, 99)
 
 
-@kernels
 def test_all_methods_in_memory_make_the_same_picture(chart, reference):
     """Shift-sum by the nearest pixel is what slicing makes; the others resample otherwise."""
     slab = Slab(chart.scene.camera, 8, 24)

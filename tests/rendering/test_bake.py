@@ -65,6 +65,12 @@ def factor_to(places, low, high, distance):
     return total
 
 
+def directions(side):
+    """(side, side, 3): where each pixel of a sky is."""
+    place = 2 * (np.arange(side) + 0.5) / side - 1
+    return octahedron(np.stack(np.meshgrid(place, place), -1))
+
+
 def solid(kind, at, **size):
     mesh = getattr(trimesh.creation, kind)(**size)
     return mesh.apply_translation(at).triangles
@@ -84,8 +90,7 @@ def test_a_furnace_shows_nothing(size):
 
 def test_a_sphere_in_half_a_sky():
     """A place whose normal is at an angle a to the bright half gets (1 + cos a) / 2."""
-    place = (np.arange(64) + 0.5) / 32 - 1
-    towards = octahedron(np.stack(np.meshgrid(place, place), -1))
+    towards = directions(64)
     sky = np.repeat(np.float32(towards[..., 1:2] < 0), 3, axis=-1)
     ball = solid("icosphere", (0, 0, 2), subdivisions=4, radius=0.3)
     normals = (ball - (0, 0, 2)) / 0.3
@@ -159,8 +164,7 @@ def test_a_ray_along_the_surface_brings_no_light():
 
 def test_a_bright_part_of_the_sky_gives_its_share():
     """10^4 times as bright as the rest, and too wide for a sun."""
-    place = (np.arange(128) + 0.5) / 64 - 1
-    towards = octahedron(np.stack(np.meshgrid(place, place), -1))
+    towards = directions(128)
     bright = towards @ np.array([0.6, 0.0, -0.8]) > np.cos(0.12)
     sky = np.repeat(np.where(bright, 1e4, 1.0)[..., None], 3, -1).astype(np.float32)
     assert suns(sky)[1] == []

@@ -77,9 +77,8 @@ def test_a_view_or_macropixel_costs_its_tiles(large):
         # The head, the index and the first frame, however many clusters there are.
         assert len(scan(large.path, clusters=True).elements) > 10
         assert opening <= 64 << 10
-        name, (x, y) = (
-            ("view", (3, 2)) if field.layout.kind == "views" else ("macropixel", (40, 30))
-        )
+        views = field.layout.kind == "views"
+        name, x, y = ("view", 3, 2) if views else ("macropixel", 40, 30)
         read = operator.methodcaller(name, x, y, codes=True)
         np.testing.assert_array_equal(read(field), read(local))
         meeting = field.segments.meeting(x, y, x + 1, y + 1)
@@ -93,12 +92,12 @@ def test_a_view_or_macropixel_costs_its_tiles(large):
 
 def test_the_whole_file_is_fetched_about_once(large):
     with Server(large.path) as server:
-        field = LightField.open(server.url)
         n = large.layout.views
-        local = LightField.open(large.path)
-        np.testing.assert_array_equal(
-            field.views(0, 0, n, n, codes=True), local.views(0, 0, n, n, codes=True)
+        found, expected = (
+            LightField.open(place).views(0, 0, n, n, codes=True)
+            for place in (server.url, large.path)
         )
+        np.testing.assert_array_equal(found, expected)
         assert server.sent <= 1.05 * large.path.stat().st_size
 
 
@@ -131,11 +130,8 @@ def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
 def test_a_server_without_ranges_is_one_clear_line(stored, capsys):
     with Server(stored.path, ranges=False) as server:
         assert main(["info", server.url]) == 1
-        said = capsys.readouterr().err.strip()
-        assert said == (
-            f"{server.url}: the server hands out no ranges of the file. "
-            "Download the file, and open the copy."
-        )
+        reason = "the server hands out no ranges of the file. Download the file, and open the copy."
+        assert capsys.readouterr().err.strip() == f"{server.url}: {reason}"
 
 
 def test_a_host_that_does_not_answer_is_one_line(capsys):

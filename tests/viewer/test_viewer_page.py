@@ -46,18 +46,23 @@ def program(html: str) -> str:
     return zlib.decompress(base64.b64decode(packed)).decode()
 
 
-def grey(page: str) -> np.ndarray:
-    """The first channel of a picture within a page."""
-    return np.array(Image.open(io.BytesIO(base64.b64decode(page.partition(",")[2]))))[..., 0]
+def mapped(field) -> tuple[dict, np.ndarray]:
+    """What a field's page says of its map, and the map's codes."""
+    data = described(field.viewer().html)["map"]
+    picture = Image.open(io.BytesIO(base64.b64decode(data["page"].partition(",")[2])))
+    return data, np.array(picture)[..., 0]
 
 
-def test_views_are_those_of_the_file(field):
+def test_views_are_those_of_the_file_or_smaller(field):
     chosen = choose(field)
     pictures = read(field, chosen)
     assert len(pictures) == VIEWS**2
     for k in (0, 11, 40, 80):
         i, j = chosen.samples[k]
-        assert np.abs(pictures[k].astype(int) - field.view(i, j, codes=True)).max() <= 1
+        np.testing.assert_allclose(pictures[k], field.view(i, j, codes=True), atol=1)
+    smaller = choose(field, 9, 32)
+    assert (smaller.width, smaller.height, smaller.scale) == (32, 32, 0.5)
+    assert read(field, smaller).shape == (81, 32, 32, 3)
 
 
 def test_an_atlas_holds_every_view_in_its_cell(monkeypatch):
@@ -72,12 +77,6 @@ def test_an_atlas_holds_every_view_in_its_cell(monkeypatch):
         assert max(page.shape) <= 40
         held = page[7 * row : 7 * (row + 1), 9 * column : 9 * (column + 1)]
         np.testing.assert_array_equal(held, pictures[k])
-
-
-def test_a_smaller_page_has_smaller_views(field):
-    chosen = choose(field, 9, 32)
-    assert (chosen.width, chosen.height, chosen.scale) == (32, 32, 0.5)
-    assert read(field, chosen).shape == (81, 32, 32, 3)
 
 
 def test_a_page_that_cannot_be_is_refused(field):
@@ -110,31 +109,31 @@ def test_the_map_knows_near_from_far(field):
     assert estimate(pictures[:1], places[:1], -1, 1) is None
 
 
-def test_the_map_is_the_depth_that_the_file_holds(tmp_path):
+@pytest.fixture(scope="module")
+def with_depth(tmp_path_factory):
+    """The chart, and a light field of it that holds depth."""
+    scene, file = load_scene(CHART), tmp_path_factory.mktemp("depth") / "d.mkv"
+    return scene, record(scene, file, views=Lattice(3, displaced=False), pixels=24)
+
+
+def test_the_map_is_the_depth_that_the_file_holds(with_depth):
     """As traced, to the steps of the stored codes and of the map's."""
-    scene = load_scene(CHART)
-    field = record(scene, tmp_path / "d.mkv", views=Lattice(3, displaced=False), pixels=24)
+    scene, field = with_depth
     html = field.viewer().html
-    data = described(html)["map"]
     assert "The file has depth" in html and "estimate" not in re.sub("<script.*", "", html)
-    size = data["width"], data["height"]
-    assert size == (48, 48)  # views of a file with depth have two pixels for one of a picture
-    codes = grey(data["page"])
-    assert codes.shape == size[::-1]
+    data, codes = mapped(field)
+    # Views of a file with depth have two pixels for one of a picture.
+    assert codes.shape == (48, 48) == (data["height"], data["width"])
     shown = data["low"] + (data["high"] - data["low"]) * codes / 255.0
-    depth = field.depth(scene, np.array([[1, 1]]))[0]
-    exact = disparity(field.slab, depth)
+    exact = disparity(field.slab, field.depth(scene, np.array([[1, 1]]))[0])
     # A step of the map, and what depth is stored to: a sweep of a quarter pixel of a view.
     assert np.abs(shown - exact).max() < 0.25 + (data["high"] - data["low"]) / 255
     assert np.ptp(exact) > 0.5
 
 
-def test_a_smaller_map_takes_pixels_and_no_means(tmp_path, monkeypatch):
+def test_a_smaller_map_takes_pixels_and_no_means(with_depth, monkeypatch):
     monkeypatch.setattr(viewer_page, "MAP_SIDE", 16)
-    scene = load_scene(CHART)
-    field = record(scene, tmp_path / "d.mkv", views=Lattice(3, displaced=False), pixels=24)
-    data = described(field.viewer().html)["map"]
-    codes = grey(data["page"])
+    data, codes = mapped(with_depth[1])
     assert codes.shape == (16, 16) == (data["height"], data["width"])
     # The chart's two depths, as the codec left them, and nothing between.
     assert np.all((codes < 8) | (codes > 247)) and np.ptp(codes) > 240
@@ -232,14 +231,11 @@ def test_the_page_opens_the_views_that_refocusing_opens(page, field):
         for size in (0.5, 1.3, 2.2, 4.7, 6.6, 9)
         for blades, turn in ((3, 0), (5, 17.5))
     ]
-    found = node(
-        "optics.js",
-        f"""
+    found = node("optics.js", f"""
         const field = {json.dumps(data)}, cases = {json.dumps(cases)};
         console.log(JSON.stringify(cases.map((one) =>
           openViews(field, changed(field, initial(field), one)).map((entry) => entry.view))));
-    """,
-    )
+    """)  # fmt: skip
     for case, views in zip(cases, found, strict=True):
         plane = field.plane(
             aperture_views=case["a"], aperture=case["shape"], blades=case["blades"],
@@ -251,17 +247,14 @@ def test_the_page_opens_the_views_that_refocusing_opens(page, field):
 
 def test_a_link_holds_the_state_and_nonsense_does_no_harm(page, field):
     data = described(page.read_text()) | {"atlas": {}, "map": None}
-    start, back, odd, far = node(
-        "optics.js",
-        f"""
+    start, back, odd, far = node("optics.js", f"""
         const field = {json.dumps(data)}, start = initial(field);
         const state = changed(field, start,
           {{x: -1.5, d: 0.25, shape: "polygon", blades: 5, epi: true, filter: "nearest"}});
         console.log(JSON.stringify([start, [state, fromHash(field, "#" + toHash(field, state))],
           fromHash(field, "#x=NaN&shape=star&d=&nothing=1&__proto__=2&a=-9"),
           [distance(field, 0.5), fNumber(field, 4.5)]]));
-    """,
-    )
+    """)  # fmt: skip
     assert back[0] == back[1] and back[0]["x"] == -1.5 and back[0]["epi"] is True
     assert odd == start | {"a": 0.5, "d": 0}
     assert far == pytest.approx([field.distance_of(0.5), 4.0])
