@@ -9,7 +9,6 @@ from viewer_browser import (
     choose,
     chromium,
     complaints,
-    needed,
     pixels,
     psnr,
     settle,
@@ -29,7 +28,6 @@ NO_WEBGL2 = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ..
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    needed()
     with chromium(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
 
@@ -85,11 +83,15 @@ def test_coloured_edges_keep_their_colour(browser, tmp_path):
     assert complaints(browser) == []
 
 
-def drag(browser, dx, dy):
+def hands(browser, **more):
     from selenium.webdriver import ActionChains
 
+    return ActionChains(browser, **more)
+
+
+def drag(browser, dx, dy):
     canvas = browser.find_element("id", "canvas")
-    actions = ActionChains(browser, duration=20).move_to_element(canvas).click_and_hold()
+    actions = hands(browser, duration=20).move_to_element(canvas).click_and_hold()
     for _ in range(4):
         actions = actions.move_by_offset(dx // 4, dy // 4)
     actions.release().perform()
@@ -108,14 +110,12 @@ def test_dragging_moves_the_viewpoint(opened):
 
 
 def test_a_click_focuses_on_what_is_there(opened):
-    from selenium.webdriver import ActionChains
-
     canvas = opened.find_element("id", "canvas")
-    ActionChains(opened).move_to_element(canvas).click().perform()
+    hands(opened).move_to_element(canvas).click().perform()
     settle(opened)
     assert abs(state(opened)["d"] - NEAR) < 0.15
     corner = int(0.45 * canvas.size["width"])
-    ActionChains(opened).move_to_element_with_offset(canvas, -corner, -corner).click().perform()
+    hands(opened).move_to_element_with_offset(canvas, -corner, -corner).click().perform()
     settle(opened)
     assert abs(state(opened)["d"] - FAR) < 0.15
     assert state(opened)["x"] == 0
@@ -209,7 +209,6 @@ def test_controls_say_what_the_state_is(opened, field):
 
 def test_every_control_is_reached_by_tab_and_named_for_screen_readers(opened):
     """WCAG 2.2: 2.1.1, 2.4.3, 4.1.2, and 2.5.7: all that a drag does, a slider does."""
-    from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
     tree = opened.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
@@ -225,10 +224,10 @@ def test_every_control_is_reached_by_tab_and_named_for_screen_readers(opened):
     assert sliders[:5] == ["Focus", "Aperture", "F-number", *ways]
     reached = []
     for _ in found:
-        ActionChains(opened).send_keys(Keys.TAB).perform()
+        hands(opened).send_keys(Keys.TAB).perform()
         reached.append(opened.execute_script("return document.activeElement.id || 'more'"))
         if reached[-1] == "x":
-            ActionChains(opened).send_keys(Keys.ARROW_RIGHT).perform()
+            hands(opened).send_keys(Keys.ARROW_RIGHT).perform()
     assert reached[0] == "canvas" and len(set(reached)) == len(found)
     assert state(opened)["x"] > 0
 
