@@ -61,20 +61,13 @@ def test_quality_rises_with_resolution_and_survives_storage(smoke):
     assert stored.video_bytes.tolist() == sizes
 
 
-@pytest.fixture(scope="module")
-def published(smoke, tmp_path_factory):
-    """What publishing the run writes, and the run."""
-    folder = tmp_path_factory.mktemp("docs") / "results"
+def test_a_run_is_published_with_what_the_thesis_has_beside_it(smoke, tmp_path):
+    folder, nothing, results = tmp_path / "results", tmp_path / "none", smoke.folder / "results"
+    nothing.mkdir()
     given = read_yaml(smoke.folder / "config" / "smoke.yaml") | {"scenes": SCENES}
-    provenance = dict.fromkeys(("command", "commit", "date"), "x") | {
-        "processor": "a machine, 2 cores"
-    }
-    run = full_size.publish(smoke.folder / "results", provenance, check_settings(given), folder)
-    return folder, run, provenance
-
-
-def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke, tmp_path):
-    folder, run, provenance = published
+    provenance = dict.fromkeys(("command", "commit", "date"), "x")
+    provenance["processor"] = "a machine, 2 cores"
+    run = full_size.publish(results, provenance, check_settings(given), folder)
     for name in MEASURED:
         pd.testing.assert_frame_equal(
             pd.read_csv(folder / f"{name}.csv", comment="#"), table(smoke, name)
@@ -88,9 +81,7 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
     # Five numbers of table 7.1 have an N = 512 of their own, which is not here.
     assert len(cells) == 6 * 9
     assert f"{better} of its {len(cells)} numbers" in page and "for M = 512" in page
-    pictures = {
-        file for file in re.findall(r"\]\(([\w.]+)\)", page) if file.endswith((".png", ".jpg"))
-    }
+    pictures = set(re.findall(r"\]\(([\w.]+\.(?:png|jpg))\)", page))
     assert len(pictures) == 1 + 2 * 2
     for file in pictures:
         with Image.open(folder / file) as picture:
@@ -100,12 +91,10 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(published, smoke,
     assert "Made by `x`" in page and "hours on 2 cores" in page
     # Nothing that the run did not give.
     with pytest.raises(full_size.FullSizeError, match="other scenes, N or M"):
-        full_size.publish(
-            smoke.folder / "results", provenance, check_settings({"scenes": ["bike"]}), tmp_path
-        )
-    assert not list(tmp_path.iterdir())
+        full_size.publish(results, provenance, check_settings({"scenes": ["bike"]}), nothing)
+    assert not list(nothing.iterdir())
     with pytest.raises(full_size.FullSizeError, match="Let the run end"):
-        full_size.read_run(tmp_path)
+        full_size.read_run(nothing)
 
 
 def test_each_plane_is_a_picture_the_page_has_them_and_no_raw_frames_are_left(smoke):
