@@ -167,8 +167,8 @@ class Plan:
     def shape(self, bundles: Bundles, sink: str, *, grouped: bool = True) -> PacketShape:
         """How these rays are cut into packets.
 
-        ``grouped``: whether the elements' places are known, so that they can share packets, and
-        those of a lattice blocks.
+        ``grouped``: whether the elements' places are known.  Elements can then share packets and,
+        on a lattice, blocks.
         """
         outer = self.outer(bundles, sink) if grouped else 1
         single = self.single_rays(bundles, outer)

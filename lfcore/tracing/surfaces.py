@@ -108,8 +108,8 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
 
 
 def with_levels(light: BakedLight) -> tuple[np.ndarray, np.ndarray]:
-    """The grids, and the points of each followed by those of grids of half its cells, as long as
-    they are even."""
+    """The grids and their points.  Coarser levels of a grid follow it, each of half the
+    cells, until the number of cells is odd."""
     grids, values, end = light.grids.copy(), [], 0
     for side in np.unique(grids[:, 2]).tolist():
         rows = np.flatnonzero(light.grids[:, 2] == side)

@@ -90,7 +90,7 @@ def test_quilts_go_from_bottom_left(wide, tmp_path):
         list(export_lightfield(wide.path, "quilt", tmp_path / name, options=options))
         for name in ("out", "again")
     )
-    assert first and first == second, "notes are those of one export"
+    assert first and first == second, "a second export repeated the notes"
     (file,) = (tmp_path / "out").iterdir()
     assert file.name == "noise_qs2x2a1.375.png"
     quilt = read_codes(file)

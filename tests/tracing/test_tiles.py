@@ -212,7 +212,7 @@ LAYOUTS = [
 
 
 def painted_wall():
-    """A wall of all colours without an edge: neighbours share those of their corners.
+    """A wall whose colours change smoothly: triangles share the colours of common corners.
 
     Rays that differ in their last bits differ no more than that in colour.
     """

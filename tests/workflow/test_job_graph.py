@@ -117,7 +117,7 @@ def again(checkout, *arguments):
 
 def test_the_smallest_run_has_every_rule_and_script_and_a_second_nothing_to_do(made):
     assert again(made, "--", TABLES, ASSIGNMENT) == {}
-    # But for those of sweeps, skies and data sets.
+    # Sweeps, skies and data sets have rules that this run does not need.
     listed = made.snakemake(*MICRO, "--list-rules").stdout.splitlines()
     targets = {"tables", "assignment"}
     rules = {rule for rule in listed if re.fullmatch(r"\w+", rule)} - targets

@@ -42,8 +42,8 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
 #define COLUMNS ((float16)(PLACES, PLACES, PLACES, PLACES))
 #define ROWS COLUMNS.s048c159d26ae37bf
 
-// Their light, colour by colour, at the level of whose cells they are one apart at the most; 0
-// without one.  A level of fewer cells says too little of what is inside of a triangle.
+// Find their light, colour by colour, at a level where they are at most one cell apart; false if
+// there is none.  A level of fewer cells than this is too coarse for the inside of a triangle.
 #define LEAST_CELLS 8
 inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rectangle r,
                             private float light[3][16])

@@ -42,7 +42,7 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// LANES triangles sheared onto a ray, the mask of the triangles that it hits, and their times.
+// LANES triangles in a ray's frame: corners, edges and their sum, which are hit, and when.
 typedef struct {
     Triple x, y, z;
     vd e[3], sum;
@@ -50,7 +50,7 @@ typedef struct {
     vf time;
 } Sheared;
 
-// The ray is the origin of x and y: outside a triangle's half_extent it is outside the triangle.
+// The ray is the origin of x and y: it misses a triangle whose extent does not hold the origin.
 inline vi hold_origin(Triple a)
 {
     return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));
