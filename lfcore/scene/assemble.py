@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lfcore.scene.appearance import Material
+from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, stacked, triple
 
 # Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
@@ -35,6 +36,12 @@ class Geometry:
     materials: list[Material]
     textures: list[np.ndarray]
     dropped: dict[str, int] = field(default_factory=dict)
+
+    def refuse_none(self, where: Where, remedy: str | None = None) -> None:
+        """Raise :class:`SceneError` where no triangle is left."""
+        if not len(self.triangles):
+            problem = f"the scene is empty: every triangle was dropped ({self.dropped})"
+            raise where.error(problem, remedy)
 
 
 def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:

@@ -27,7 +27,7 @@ from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, Notebook
-from lfcore.scene.reading import DESCRIPTIONS
+from lfcore.scene.reading import DESCRIPTIONS, Where
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -60,7 +60,7 @@ def build_scene(
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
         _refuse_view(path, view_from=view_from, zoom=zoom, light=light)
-        return _pbrt(path, light_points)
+        return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
         entry: dict = {"file": path.name}
@@ -89,23 +89,18 @@ def build_scene(
 def _refuse_view(path: Path, **asked: Any) -> None:
     for key, value in asked.items():
         if value is not None:
-            raise SceneError(
-                "the scene has a camera of its own", file=path, key=key,
-                remedy="Leave it out, or change the camera in the file",
-            )  # fmt: skip
+            remedy = "Leave it out, or change the camera in the file"
+            raise Where(path, key).error("the scene has a camera of its own", remedy)
 
 
 def _check_up(up: str | None, path: Path) -> None:
+    where = Where(path, "up")
     if up not in ("y", "z", None):
-        raise SceneError(f"{up!r} is no axis", file=path, key="up", remedy="Give y or z")
+        raise where.error(f"{up!r} is no axis", "Give y or z")
     scene = path.name.lower().endswith(PBRT) or path.suffix.lower() in DESCRIPTIONS
     if up == "z" and (scene or path.suffix.lower() in SUFFIXES):
-        raise SceneError(
-            "says by itself where up is",
-            file=path,
-            key="up",
-            remedy="Leave the option out; a scene.yaml may turn an object by its transform",
-        )
+        remedy = "Leave the option out; a scene.yaml may turn an object by its transform"
+        raise where.error("says by itself where up is", remedy)
 
 
 def _pbrt(path: Path, light_points: int) -> Scene:
@@ -122,15 +117,15 @@ def build(
     description: dict, *, file: str | Path, name: str, note_up: bool = False, bare: bool = True
 ) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``."""
-    file = Path(file)
+    file, where = Path(file), Where(Path(file))
     notebook = Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
     for index, entry in enumerate(description["objects"]):
-        key = f"objects[{index}]"
-        made = _object(entry, notebook, file=file, key=key)
+        here = where["objects"][index]
+        made = _object(entry, notebook, file.parent, here)
         if "motion" in entry:
-            poses = _poses(entry, file, key)
+            poses = _poses(entry, here)
             moving += [(part, poses) for part in made]
         else:
             parts += made
@@ -139,28 +134,21 @@ def build(
         notebook.add_in(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
     staging = staging_of(description, file, notebook)
     extent = framing.bounds(every, file=file)
-    camera, to_camera = framing.place_camera(
-        description["camera"], extent, file=file, found=staging.camera
-    )
+    camera, to_camera = framing.place_camera(description["camera"], extent, where, staging.camera)
     geometry = assemble(every, to_camera)
-    view = _view(description["camera"], file)
+    view = _view(description["camera"], where["camera"]["lightfield"])
     if view:
         camera = view.camera
-    if not len(geometry.triangles):
-        raise SceneError(
-            f"the scene is empty: every triangle was dropped ({geometry.dropped})",
-            file=file,
-            key="objects",
-            remedy="Check the meshes for zero-area triangles, NaN and huge coordinates",
-        )
+    remedy = "Check the meshes for zero-area triangles, NaN and huge coordinates"
+    geometry.refuse_none(where["objects"], remedy)
     focus = description.get("focus_distances_m")
-    _check_focus_distances(focus or [], camera.focal_length_m, file)
+    _check_focus_distances(focus or [], camera.focal_length_m, where["focus_distances_m"])
     scene = Scene(
         name=name,
         camera=camera,
         view=view,
         motions=_motions(geometry, parts, moving, to_camera),
-        lights=_lights(description, staging, to_camera, file),
+        lights=_lights(description, staging, to_camera, where["lights"]),
         bake=_bake(description),
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
@@ -180,25 +168,21 @@ def build(
     return within_limits(scene, file)
 
 
-def _check_focus_distances(distances: list[float], focal_length_m: float, file: Path) -> None:
+def _check_focus_distances(distances: list[float], focal_length_m: float, where: Where) -> None:
     for index, distance in enumerate(distances):
         try:
-            check_focus(distance, focal_length_m, key=f"focus_distances_m[{index}]")
+            check_focus(distance, focal_length_m, key="")
         except OpticsError as error:
-            raise error.named(SceneError, file=file) from None
+            raise where[index].error(error.problem, error.remedy) from None
 
 
-def _poses(entry: dict, file: Path, key: str) -> tuple[np.ndarray, np.ndarray]:
+def _poses(entry: dict, where: Where) -> tuple[np.ndarray, np.ndarray]:
     """(4, 4) object-to-world at shutter open and close."""
-    steps = {name: entry.get(name, []) for name in ("transform", "motion")}
-    start, move = (parse_transform(steps[name], file=file, key=f"{key}.{name}") for name in steps)
+    names = "transform", "motion"
+    start, move = (parse_transform(entry.get(name, []), where[name]) for name in names)
     if not is_rigid(start, start @ move):
-        raise SceneError(
-            "moves an object otherwise than rigidly",
-            file=file,
-            key=f"{key}.motion",
-            remedy="Use translate_m and rotate alone",
-        )
+        remedy = "Use translate_m and rotate alone"
+        raise where["motion"].error("moves an object otherwise than rigidly", remedy)
     return start, start @ move
 
 
@@ -215,19 +199,15 @@ def _motions(
     return motions(geometry, transform_all(parts, to_camera), placed)
 
 
-def _view(camera: dict, file: Path) -> View | None:
+def _view(camera: dict, where: Where) -> View | None:
     """The camera array of a checked ``camera`` mapping, if it asks for one."""
     wanted = camera.get("lightfield")
     if wanted is None:
         return None
-    key = "camera.lightfield"
-    if wanted["shutter"][1] < wanted["shutter"][0]:
-        raise SceneError(
-            f"closes at {wanted['shutter'][1]:g}, before it opens",
-            file=file,
-            key=f"{key}.shutter",
-            remedy="Give when it opens, then when it closes",
-        )
+    opened, closed = map(float, wanted["shutter"])
+    if closed < opened:
+        remedy = "Give when it opens, then when it closes"
+        raise where["shutter"].error(f"closes at {closed:g}, before it opens", remedy)
     try:
         return lightfield_view(
             wanted["film_px"],
@@ -235,97 +215,62 @@ def _view(camera: dict, file: Path) -> View | None:
             wanted["cameras_per_dim"],
             wanted["camera_grid_bounds_m"],
             wanted["spacing"],
-            (float(wanted["shutter"][0]), float(wanted["shutter"][1])),
+            (opened, closed),
             wanted["samples_per_pixel"],
         )
     except OpticsError as error:
         names = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
         name = names.get(error.key or "", error.key)
-        raise error.named(SceneError, file=file, key=f"{key}.{name}") from None
+        raise where[name].error(error.problem, error.remedy) from None
 
 
-def _object(entry: dict, notebook: Notebook, *, file: Path, key: str) -> list[SurfaceMesh]:
-    """World-space parts of one entry of ``objects``."""
+def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> list[SurfaceMesh]:
+    """World-space parts of one entry of ``objects``; its files are relative to ``folder``."""
     if "builder" in entry:
-        parts = procedural.build(
-            entry["builder"], entry["parameters"], entry["seed"], file=file, key=key
-        )
+        parts = procedural.build(entry["builder"], entry["parameters"], entry["seed"], where)
         if entry["shading"] == "flat":
-            parts = [SurfaceMesh(p.triangles, p.surface, None, p.uvs, p.colours) for p in parts]
+            parts = [dataclasses.replace(part, normals=None) for part in parts]
     else:
-        mesh = file.parent / entry["file"]
+        mesh = folder / entry["file"]
         if not os.path.isfile(mesh):  # False, too, for a name too long
-            raise SceneError(
-                f"mesh file {str(mesh)!r} not found",
-                file=file,
-                key=f"{key}.file",
-                remedy="Give a path relative to the scene file",
-            )
+            remedy = "Give a path relative to the scene file"
+            raise where["file"].error(f"mesh file {str(mesh)!r} not found", remedy)
         parts = load_mesh(
             mesh, shading=entry["shading"], crease_deg=entry["crease_deg"], notebook=notebook
         )
     if "material" in entry:
-        parts = _with_material(parts, entry["material"], file, f"{key}.material")
-    parts = _override_by_name(parts, entry["materials"], file, f"{key}.materials")
+        parts = _with_material(parts, entry["material"], folder, where["material"])
+    known = sorted({part.surface.name for part in parts})
+    for name, material in entry["materials"].items():
+        here = where["materials"][name]
+        if name not in known:
+            raise here.error("no material of this name", f"The object has: {', '.join(known)}")
+        named = [part for part in parts if part.surface.name == name]
+        changed = iter(_with_material(named, material, folder, here))
+        parts = [next(changed) if part.surface.name == name else part for part in parts]
     if "transform" in entry:
-        matrix = parse_transform(entry["transform"], file=file, key=f"{key}.transform")
-        parts = transform_all(parts, matrix)
+        parts = transform_all(parts, parse_transform(entry["transform"], where["transform"]))
     return parts
 
 
 def _with_material(
-    parts: list[SurfaceMesh], material: dict, file: Path, key: str
+    parts: list[SurfaceMesh], material: dict, folder: Path, where: Where
 ) -> list[SurfaceMesh]:
-    changes = _material(material, file, key)
+    colours, numbers = ("diffuse", "specular", "emission"), ("shininess", "metallic", "roughness")
+    changes: dict = {name: parse_colour(material[name]) for name in colours if name in material}
+    changes |= {name: float(material[name]) for name in numbers if name in material}
+    if "metallic" not in material and ("specular" in material or "shininess" in material):
+        changes["metallic"] = -1.0  # these are Blinn-Phong's
+    if "texture" in material:
+        name = material["texture"]
+        changes["texture"] = name and read_texture(folder / name, where["texture"])
     if changes.get("texture") is not None and all(part.uvs is None for part in parts):
-        raise SceneError(
-            "the mesh has no texture coordinates",
-            file=file,
-            key=f"{key}.texture",
-            remedy="Unwrap it and export it with them, or give a colour",
-        )
+        remedy = "Unwrap it and export it with them, or give a colour"
+        raise where["texture"].error("the mesh has no texture coordinates", remedy)
     return [
         dataclasses.replace(part, surface=dataclasses.replace(part.surface, **changes))
         for part in parts
     ]
-
-
-def _override_by_name(
-    parts: list[SurfaceMesh], overrides: dict, file: Path, key: str
-) -> list[SurfaceMesh]:
-    known = sorted({part.surface.name for part in parts})
-    for name, material in overrides.items():
-        if name not in known:
-            raise SceneError(
-                "no material of this name",
-                file=file,
-                key=f"{key}.{name}",
-                remedy=f"The object has: {', '.join(known)}",
-            )
-        named = [part for part in parts if part.surface.name == name]
-        changed = iter(_with_material(named, material, file, f"{key}.{name}"))
-        parts = [next(changed) if part.surface.name == name else part for part in parts]
-    return parts
-
-
-def _material(material: dict, file: Path, key: str) -> dict:
-    changes: dict = {}
-    for name in ("diffuse", "specular", "emission"):
-        if name in material:
-            changes[name] = parse_colour(material[name])
-    for name in ("shininess", "metallic", "roughness"):
-        if name in material:
-            changes[name] = float(material[name])
-    if "metallic" not in material and ("specular" in material or "shininess" in material):
-        changes["metallic"] = -1.0  # these are Blinn-Phong's
-    if "texture" in material:
-        texture = material["texture"]
-        changes["texture"] = (
-            None
-            if texture is None
-            else read_texture(file.parent / texture, file=file, key=f"{key}.texture")
-        )
-    return changes
 
 
 def _bake(description: dict) -> BakeOptions | None:
@@ -335,7 +280,9 @@ def _bake(description: dict) -> BakeOptions | None:
     return BakeOptions(**given) if any(key in description for key in ASKS) else None
 
 
-def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Path) -> list[Light]:
+def _lights(
+    description: dict, staging: Staging, to_camera: np.ndarray, where: Where
+) -> list[Light]:
     if "lights" not in description and staging.lights:
         return [moved(light, to_camera) for light in staging.lights]
     if "lights" not in description:
@@ -354,11 +301,7 @@ def _lights(description: dict, staging: Staging, to_camera: np.ndarray, file: Pa
         towards = to_camera[:3, :3] @ given
         length = float(np.linalg.norm(towards))
         if not length > 0:
-            raise SceneError(
-                "direction has no length",
-                file=file,
-                key=f"lights[{index}].towards_light",
-                remedy="Give the direction from the scene towards the light",
-            )
+            remedy = "Give the direction from the scene towards the light"
+            raise where[index]["towards_light"].error("direction has no length", remedy)
         lights.append(Light(DIRECTIONAL, triple(towards / length), colour, 0.0, shadows))
     return lights

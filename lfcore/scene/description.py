@@ -11,7 +11,7 @@ import yaml
 from jsonschema.exceptions import best_match
 
 from lfcore.errors import SceneError, did_you_mean
-from lfcore.scene.reading import read_yaml
+from lfcore.scene.reading import Where, read_yaml
 
 # What fits 64 bits: of larger ones numpy makes objects, or nothing.
 LARGEST_INTEGER = 2**63 - 1
@@ -32,17 +32,15 @@ def read_description(path: str | Path) -> dict:
 
 def check(description: Any, *, file: str | Path) -> dict:
     """``description`` itself when the schema accepts it and all its numbers are finite."""
+    where = Where(file)
     if not isinstance(description, dict):
-        raise SceneError(
-            "a scene is a mapping with the key 'objects'",
-            file=file,
-            remedy="Start with 'objects:' and a list of '- file: mesh.glb'",
-        )
-    _check_finite(description, file, "")
+        remedy = "Start with 'objects:' and a list of '- file: mesh.glb'"
+        raise where.error("a scene is a mapping with the key 'objects'", remedy)
+    _check_finite(description, where)
     validator = jsonschema.Draft202012Validator(schema())
     errors = sorted(validator.iter_errors(description), key=lambda e: [str(p) for p in e.path])
     if errors:
-        raise _explain(best_match(errors[:1]), file)
+        raise _explain(best_match(errors[:1]), where)
     return description
 
 
@@ -80,64 +78,45 @@ def _resolve(reference: str) -> dict:
     return schema()["$defs"][reference.removeprefix("#/$defs/")]
 
 
-def _check_finite(value: Any, file: str | Path, key: str) -> None:
+def _check_finite(value: Any, where: Where) -> None:
     # YAML's .nan and .inf are numbers to the schema; here they are mistakes.
     if isinstance(value, float) and not math.isfinite(value):
-        raise SceneError(
-            f"{value} is not a finite number", file=file, key=key, remedy="Give a finite one"
-        )
+        raise where.error(f"{value} is not a finite number", "Give a finite one")
     if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
-        raise SceneError(
-            f"a number of {value.bit_length()} bits", file=file, key=key, remedy="Give a lesser one"
-        )
-    items: Iterable[tuple[object, object]] = value.items() if isinstance(value, dict) else ()
+        raise where.error(f"a number of {value.bit_length()} bits", "Give a lesser one")
+    items: Iterable[tuple[Any, Any]] = value.items() if isinstance(value, dict) else ()
     if isinstance(value, list):
         items = enumerate(value)
     for name, item in items:
-        _check_finite(item, file, _join(key, name))
+        _check_finite(item, where[name])
 
 
-def _join(key: str, name: Any) -> str:
-    if isinstance(name, int):
-        return f"{key}[{name}]"
-    return f"{key}.{name}" if key else str(name)
-
-
-def _explain(error: jsonschema.ValidationError, file: str | Path) -> SceneError:
-    key = ""
+def _explain(error: jsonschema.ValidationError, where: Where) -> SceneError:
     for name in error.absolute_path:
-        key = _join(key, name)
-    rule, value = error.schema, error.instance
-    if error.validator == "additionalProperties":
+        where = where[name]
+    rule, value, kind = error.schema, error.instance, error.validator
+    if kind == "additionalProperties":
         known = list(rule.get("properties", {}))
         unknown = min(map(str, set(value) - set(known)))
-        remedy = did_you_mean(unknown, known)
-        return SceneError("unknown key", file=file, key=_join(key, unknown), remedy=remedy)
+        return where[unknown].error("unknown key", did_you_mean(unknown, known))
+    if kind == "required":
+        missing = next(k for k in error.validator_value if k not in value)
+        return where.error(f"key {missing!r} is missing", "Add it")
+    if kind == "not" and isinstance(value, dict):
+        one, other = error.validator_value["required"]
+        return where[other].error(f"excludes {one}", "Leave one out")
+    if kind == "oneOf" and isinstance(value, dict):
+        names = [" and ".join(option.get("required", [])) for option in error.validator_value]
+        problem = f"needs exactly one of {', '.join(name for name in names if name)}"
+        return where.error(problem, "Give one of them")
+    if kind == "minItems" and where.key == "objects":
+        return where.error("the scene is empty", "List a mesh file or a builder")
     owner = error
     while "description" not in owner.schema and owner.parent is not None:
         owner = owner.parent
     remedy = owner.schema.get("description")
-    if error.validator == "required":
-        missing = next(k for k in error.validator_value if k not in value)
-        return SceneError(
-            f"key {missing!r} is missing", file=file, key=key or None, remedy="Add it"
-        )
-    if error.validator == "not" and isinstance(value, dict):
-        one, other = error.validator_value["required"]
-        return SceneError(
-            f"excludes {one}", file=file, key=_join(key, other), remedy="Leave one out"
-        )
-    if error.validator == "oneOf" and isinstance(value, dict):
-        names = [" and ".join(option.get("required", [])) for option in error.validator_value]
-        problem = f"needs exactly one of {', '.join(name for name in names if name)}"
-        return SceneError(problem, file=file, key=key or None, remedy="Give one of them")
-    if error.validator == "minItems" and key == "objects":
-        return SceneError(
-            "the scene is empty", file=file, key=key, remedy="List a mesh file or a builder"
-        )
-    problem = " ".join(error.message.split())
-    if error.validator == "oneOf":
-        problem = f"{value!r} is not admitted here"
     if remedy:
         remedy = "Expected: " + " ".join(remedy.split()).rstrip(".")
-    return SceneError(problem, file=file, key=key or None, remedy=remedy)
+    if kind == "oneOf":
+        return where.error(f"{value!r} is not admitted here", remedy)
+    return where.error(" ".join(error.message.split()), remedy)

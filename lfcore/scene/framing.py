@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus_distance
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
+from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range, focus_at
 from lfcore.scene.surface_mesh import SurfaceMesh, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
@@ -66,12 +67,9 @@ def bounds(parts: list[SurfaceMesh], *, file: str | Path) -> Bounds:
     corners = [_finite(part.triangles) for part in parts]
     points = np.concatenate([np.zeros((0, 3)), *corners])
     if not len(points):
-        raise SceneError(
-            "the scene is empty: no triangle has finite corners",
-            file=file,
-            key="objects",
-            remedy="Check the meshes for NaN or infinite coordinates",
-        )
+        problem = "the scene is empty: no triangle has finite corners"
+        remedy = "Check the meshes for NaN or infinite coordinates"
+        raise Where(file, "objects").error(problem, remedy)
     return Bounds(points.min(0), points.max(0), points)
 
 
@@ -82,11 +80,7 @@ def _finite(triangles: np.ndarray) -> np.ndarray:
 
 
 def place_camera(
-    description: dict,
-    extent: Bounds,
-    *,
-    file: str | Path,
-    found: FoundCamera | None = None,
+    description: dict, extent: Bounds, where: Where, found: FoundCamera | None = None
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
 
@@ -94,27 +88,25 @@ def place_camera(
     """
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
-        raise SceneError(
-            f"must be positive, not {zoom:g}", file=file, key="zoom", remedy="Give 2 for twice"
-        )
-    pose = description.get("pose")
+        raise where["zoom"].error(f"must be positive, not {zoom:g}", "Give 2 for twice")
+    pose, at = description.get("pose"), where["camera"]["pose"]
     if pose is not None or "view_from" in description:
         found = None
     if found is not None:
         to_camera = rigid_to_camera(TURNED @ found.to_world[:3, :3].T, found.to_world[:3, 3])
     elif pose is None:
-        to_camera = _framing_pose(description, extent, file)
+        to_camera = _framing_pose(description, extent, where)
     elif "matrix" in pose:
-        to_camera = pose_from_matrix(pose["matrix"], file=file, key="camera.pose.matrix")
+        to_camera = pose_from_matrix(pose["matrix"], at["matrix"])
     else:
-        to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], file=file)
+        to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], at)
     width = (FIELD_WIDTH if found is None else found.field_width) / zoom
     triangles = extent.points.reshape(-1, 3, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]
     try:
         return _lens(description, triangles, width), to_camera
     except OpticsError as error:
         key = "pose" if error.key == "focus_m" and "focus_m" not in description else error.key
-        raise error.named(SceneError, file=file, key=f"camera.{key}") from None
+        raise where["camera"][key].error(error.problem, error.remedy) from None
 
 
 def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
@@ -133,11 +125,10 @@ def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
     else:
         focal, sensor = given
         camera = Camera(focal, sensor, focal / fitted_diameter(depths, width), focus)
+    f_number = float(description.get("f_number", camera.f_number))
     if "blur" in description:
-        focal = camera.focal_length_m
-        f_number = f_number_of_blur(description["blur"], focal, focus, width, seen)
-        return replace(camera, f_number=f_number)
-    return replace(camera, f_number=float(description.get("f_number", camera.f_number)))
+        f_number = f_number_of_blur(description["blur"], camera.focal_length_m, focus, width, seen)
+    return replace(camera, f_number=f_number)
 
 
 def fitted_lens(seen: DepthRange, width: float, focus_m: float) -> Camera:
@@ -171,12 +162,12 @@ def fitted_diameter(seen: DepthRange, width: float) -> float:
     return min(widest, BLUR * width / defocus) if defocus > 0 else widest
 
 
-def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.ndarray:
+def _framing_pose(description: dict, extent: Bounds, where: Where) -> np.ndarray:
     """Just far enough from the direction asked for that every vertex is in the picture, and so
     that the picture of all of them is in its middle."""
     given = _given_lens({**description, "zoom": 1.0})
     width = FIELD_WIDTH if given is None else given[1] / given[0]
-    direction, up = _direction(description.get("view_from", FRONT_LEFT), file)
+    direction, up = _direction(description.get("view_from", FRONT_LEFT), where["view_from"])
     turn = look_at(direction.tolist(), (0, 0, 0), up.tolist())[:3, :3]
     *across, z = turn @ (extent.points - extent.centre).T
     # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
@@ -189,7 +180,7 @@ def _framing_pose(description: dict, extent: Bounds, file: str | Path) -> np.nda
     return look_at((middle + distance * direction).tolist(), middle.tolist(), up.tolist())
 
 
-def _direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors (3,) from a scene towards a camera, and upwards in its picture.
 
     ``view_from`` is a word of :data:`DIRECTIONS` or "azimuth,elevation" in degrees.
@@ -201,10 +192,8 @@ def _direction(view_from: str, file: str | Path) -> tuple[np.ndarray, np.ndarray
     except ValueError:
         known = False
     if not known:
-        raise SceneError(
-            f"{view_from!r} is no direction", file=file, key="view_from",
-            remedy=f"Give {', '.join(DIRECTIONS)}, or azimuth,elevation in degrees such as 30,20",
-        )  # fmt: skip
+        remedy = f"Give {', '.join(DIRECTIONS)}, or azimuth,elevation in degrees such as 30,20"
+        raise where.error(f"{view_from!r} is no direction", remedy)
     turn, rise = math.radians(azimuth), math.radians(elevation)
     aside, ahead = math.sin(turn), math.cos(turn)
     level, steep = math.cos(rise), math.sin(rise)

@@ -22,7 +22,7 @@ from lfcore.errors import SceneError
 from lfcore.scene import draco
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.reading import LARGEST_MESH, read_bytes
+from lfcore.scene.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.surface_mesh import normalise, triple
 from lfcore.scene.transforms import parse_transform
 
@@ -93,13 +93,9 @@ class Document:
             if alone and has(texture, BASIS):
                 unknown = {BASIS}
         if unknown:
-            name = min(unknown)
-            raise SceneError(
-                f"needs the extension {name}, which is not known",
-                file=self.path,
-                key="extensionsRequired",
-                remedy=REMEDIES.get(name, "Export the file without it"),
-            )
+            name, where = min(unknown), Where(self.path, "extensionsRequired")
+            remedy = REMEDIES.get(name, "Export the file without it")
+            raise where.error(f"needs the extension {name}, which is not known", remedy)
 
     def extensions(self, how: str) -> set[str]:
         """Names of extensions that are ``Used`` or ``Required``; empty where these are no list."""
@@ -107,9 +103,7 @@ class Document:
         return set(map(str, names)) if isinstance(names, list) else set()
 
     def _broken(self, problem: str) -> SceneError:
-        return SceneError(
-            f"mesh cannot be read: {problem}", file=self.path, remedy="Export it again"
-        )
+        return Where(self.path).error(f"mesh cannot be read: {problem}", "Export it again")
 
     def _json_chunk(self) -> bytes:
         start = _HEAD.size + _CHUNK.size
@@ -184,10 +178,9 @@ class Document:
         try:
             return draco.unpacked(self.tree, self.view)
         except ImportError:
-            raise SceneError(
-                "its meshes are compressed by Draco", file=self.path, key="extensionsUsed",
-                remedy="Install the package DracoPy, or export the file without compression",
-            ) from None  # fmt: skip
+            remedy = "Install the package DracoPy, or export the file without compression"
+            where = Where(self.path, "extensionsUsed")
+            raise where.error("its meshes are compressed by Draco", remedy) from None
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             raise self._broken(f"a mesh compressed by Draco is damaged: {error!r}") from None
 
@@ -334,8 +327,9 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
         if not name.lower().endswith(SUFFIXES):
             continue
         document = Document(file.parent / name)
-        key = f"objects[{index}].transform"
-        matrix = parse_transform(entry.get("transform", []), file=file, key=key)
+        matrix = parse_transform(
+            entry.get("transform", []), Where(file)["objects"][index]["transform"]
+        )
         here = [moved(light, matrix) for light in document.lights()]
         found = document.camera(notebook)
         if here and "lights" in description:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import SceneError
 from lfcore.scene.gltf import KNOWN, Document
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Colour, Surface, triple
 
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")
@@ -86,9 +86,8 @@ class GltfSurfaces:
             across, down = map(float, change.get("scale", (1, 1)))
             right, below = map(float, change.get("offset", (0, 0)))
         except (TypeError, ValueError, OverflowError) as error:
-            raise SceneError(
-                f"a texture's transformation makes no sense: {error}", file=self.document.path
-            ) from None
+            problem = f"a texture's transformation makes no sense: {error}"
+            raise Where(self.document.path).error(problem) from None
         # Counter-clockwise as seen, with glTF's v down: as the reference viewers do.
         c, s = math.cos(turn), math.sin(turn)
         u, v = across * uvs[..., 0], down * (1 - uvs[..., 1])
@@ -126,10 +125,8 @@ class GltfSurfaces:
     def _number(self, value: Any) -> float:
         if isinstance(value, (int, float)) and abs(value) <= 1e308:
             return float(value)
-        raise SceneError(
-            f"a material's factor is {str(value)[:40]!r}", file=self.document.path,
-            remedy="Give a finite number",
-        )  # fmt: skip
+        problem = f"a material's factor is {str(value)[:40]!r}"
+        raise Where(self.document.path).error(problem, "Give a finite number")
 
     def _note_colours(self, colours: np.ndarray, entry: dict, name: str) -> None:
         if _extension(entry, "KHR_materials_unlit") is not None:
@@ -218,9 +215,8 @@ def picture(image: Any, path: Path, mode: str = "RGB") -> np.ndarray | None:
     try:
         return np.array(image.convert(mode), np.uint8)
     except Exception as error:  # Pillow raises many kinds on damaged images
-        raise SceneError(
-            f"texture cannot be decoded: {error}", file=path, remedy="Replace the image"
-        ) from error
+        problem = f"texture cannot be decoded: {error}"
+        raise Where(path).error(problem, "Replace the image") from error
 
 
 def base_colour(material: Any) -> Colour:
@@ -232,9 +228,8 @@ def _share(value: Any, otherwise: float, path: Path) -> float:
     try:
         return otherwise if value is None else float(np.clip(float(value), 0, 1))
     except (TypeError, ValueError, OverflowError):
-        raise SceneError(
-            f"a material's factor is {str(value)[:40]!r}", file=path, remedy="Give it from 0 to 1"
-        ) from None
+        problem = f"a material's factor is {str(value)[:40]!r}"
+        raise Where(path).error(problem, "Give it from 0 to 1") from None
 
 
 def factor(material: Any) -> np.ndarray:

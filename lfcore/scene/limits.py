@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import LARGEST_COORDINATE
 from lfcore.scene.model import Scene
+from lfcore.scene.reading import Where
 
 BRIGHTEST = 1e12
 """Of colours: of lights, of materials, of what is around the scene."""
@@ -28,57 +28,54 @@ FARTHEST_UV = 1e5
 
 def within_limits(scene: Scene, file: str | Path) -> Scene:
     """``scene`` itself; :class:`SceneError` that names the part whose numbers are beyond."""
+    where = Where(file)
     for index, light in enumerate(scene.lights):
-        _check_light(light, file, f"lights[{index}]")
+        _check_light(light, where["lights"][index])
     for material in scene.materials:
-        key = f"material {material.name}"
-        _check(material.diffuse, 0, BRIGHTEST, file, f"{key}: diffuse")
-        _check(material.specular, 0, BRIGHTEST, file, f"{key}: specular")
-        _check(material.emission, 0, BRIGHTEST, file, f"{key}: emission")
-    _check(scene.ambient, 0, BRIGHTEST, file, "ambient light")
-    _check(scene.background, 0, BRIGHTEST, file, "background")
-    _check_camera(scene.camera, file)
+        for name in ("diffuse", "specular", "emission"):
+            here = where[f"material {material.name}: {name}"]
+            _check(getattr(material, name), 0, BRIGHTEST, here)
+    _check(scene.ambient, 0, BRIGHTEST, where["ambient light"])
+    _check(scene.background, 0, BRIGHTEST, where["background"])
+    _check_camera(scene.camera, where)
     farthest = np.abs(scene.uvs).max(initial=0)
-    _check([float(farthest)], 0, FARTHEST_UV, file, "texture coordinates")
+    _check([float(farthest)], 0, FARTHEST_UV, where["texture coordinates"])
     for motion in scene.motions:
         poses = np.concatenate([motion.start[:3].ravel(), motion.end[:3].ravel()])
-        _check(poses, -LARGEST_COORDINATE, LARGEST_COORDINATE, file, "motion")
+        _check(poses, -LARGEST_COORDINATE, LARGEST_COORDINATE, where["motion"])
     return scene
 
 
-def _check_light(light: Light, file: str | Path, key: str) -> None:
+def _check_light(light: Light, where: Where) -> None:
+    def of(what: str) -> Where:
+        return Where(where.file, f"{where.key}: {what}")
+
     if light.kind not in (POINT, DIRECTIONAL):
-        raise SceneError(f"unknown kind of light {light.kind!r}", file=file, key=key)
+        raise where.error(f"unknown kind of light {light.kind!r}")
     if light.kind == POINT:
         most = LARGEST_COORDINATE
-        _check(light.vector, -most, most, file, f"{key}: metres from the camera")
+        _check(light.vector, -most, most, of("metres from the camera"))
     else:  # what the square of a length overflows has none
-        _check([math.hypot(*light.vector)], 0.999, 1.001, file, f"{key}: length of its direction")
-    _check(light.colour, 0, BRIGHTEST, file, f"{key}: colour")
-    _check([light.reference_distance_m], 0, LARGEST_LENGTH, file, f"{key}: reference distance")
+        _check([math.hypot(*light.vector)], 0.999, 1.001, of("length of its direction"))
+    _check(light.colour, 0, BRIGHTEST, of("colour"))
+    _check([light.reference_distance_m], 0, LARGEST_LENGTH, of("reference distance"))
 
 
-def _check_camera(camera: Camera, file: str | Path) -> None:
-    lengths = {
-        "focal length": camera.focal_length_m,
-        "sensor width": camera.sensor_width_m,
-        "image distance": camera.image_distance_m,
+def _check_camera(camera: Camera, where: Where) -> None:
+    limits = {
+        "focal length in metres": (camera.focal_length_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        "sensor width in metres": (camera.sensor_width_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        "image distance in metres": (camera.image_distance_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        "lens radius in metres": (camera.lens_radius_m, 1e-30, LARGEST_LENGTH),
+        "focus distance in metres": (0 if math.isinf(camera.focus_m) else camera.focus_m, 0, 1e30),
+        "width of the field at 1 m": (camera.field_width, 1 / WIDEST_FIELD, WIDEST_FIELD),
     }
-    for name, length in lengths.items():
-        _check([length], SMALLEST_LENGTH, LARGEST_LENGTH, file, f"camera: {name} in metres")
-    _check([camera.lens_radius_m], 1e-30, LARGEST_LENGTH, file, "camera: lens radius in metres")
-    if math.isfinite(camera.focus_m):
-        _check([camera.focus_m], 0, 1e30, file, "camera: focus distance in metres")
-    field = camera.field_width
-    _check([field], 1 / WIDEST_FIELD, WIDEST_FIELD, file, "camera: width of the field at 1 m")
+    for name, (value, least, most) in limits.items():
+        _check([value], least, most, where[f"camera: {name}"])
 
 
-def _check(values: Iterable[float], least: float, most: float, file: str | Path, key: str) -> None:
+def _check(values: Iterable[float], least: float, most: float, where: Where) -> None:
     for value in values:
         if not least <= value <= most:  # NaN is not, either
-            raise SceneError(
-                f"{value:g} is beyond what can be traced",
-                file=file,
-                key=key,
-                remedy=f"Give a number from {least:g} to {most:g}",
-            )
+            remedy = f"Give a number from {least:g} to {most:g}"
+            raise where.error(f"{value:g} is beyond what can be traced", remedy)

@@ -19,6 +19,7 @@ from lfcore.scene.gltf import GLOSSY, SUFFIXES, Document, has
 from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.ply import with_strips
+from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
 # Formats whose vertex colours are linear; everywhere else they are display values.
@@ -27,7 +28,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".ti
 
 
 def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
-    return SceneError(problem, file=path, remedy=remedy)
+    return Where(path).error(problem, remedy)
 
 
 def load_mesh(
@@ -149,11 +150,8 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     except Exception as error:  # trimesh's readers raise whatever they stumble over
         _check_found(resolver.trouble, path)
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise _error(
-            path,
-            f"mesh cannot be read: {reason[:200]}",
-            "Export it again, or open it in a mesh viewer to see what is damaged",
-        ) from error
+        remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
+        raise _error(path, f"mesh cannot be read: {reason[:200]}", remedy) from error
     _check_found(resolver.trouble, path)
     return scene
 
@@ -174,11 +172,8 @@ def _problem(data: bytes, glossy: bool) -> str:
 
 def _check_found(trouble: list[str], path: Path) -> None:
     if trouble:
-        raise _error(
-            path,
-            trouble[0],
-            f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh",
-        )
+        remedy = f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh"
+        raise _error(path, trouble[0], remedy)
 
 
 def _part(
@@ -187,11 +182,8 @@ def _part(
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces, np.int64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise _error(
-            path,
-            f"a vertex has {vertices.shape[-1] if vertices.ndim == 2 else 'no'} coordinates",
-            "Give each vertex x, y and z",
-        )
+        count = vertices.shape[-1] if vertices.ndim == 2 else "no"
+        raise _error(path, f"a vertex has {count} coordinates", "Give each vertex x, y and z")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise _error(path, f"face names vertex {int(faces.max())} of {len(vertices)}")
     triangles = vertices[faces]
@@ -227,13 +219,14 @@ def _surface(
         made = surface_of_pbr(material, path)
     elif isinstance(material, SimpleMaterial):
         bare = not material.kwargs and not path.suffix  # made in memory: it has no MTL's keys
-        made = (
-            surface_of_pbr(material.to_pbr(), path) if bare else _surface_of_simple(material, path)
-        )
+        made = surface_of_pbr(material.to_pbr(), path) if bare else _of_mtl(material, path)
     else:
         made = Surface(path.stem)
     if made is not None:
-        _check_finite(made, path)
+        values = (*made.diffuse, *made.specular, *made.emission, made.shininess)
+        if not np.isfinite(values).all():
+            problem = f"material {made.name!r} has a number that is not finite"
+            raise _error(path, problem, "Mend the material")
     uv = getattr(visual, "uv", None)
     if uv is None or len(uv) == 0:
         return made, None
@@ -246,23 +239,12 @@ def _surface(
         raise
 
 
-def _check_finite(surface: Surface, path: Path) -> None:
-    values = (*surface.diffuse, *surface.specular, *surface.emission, surface.shininess)
-    if not np.isfinite(values).all():
-        raise _error(
-            path, f"material {surface.name!r} has a number that is not finite", "Mend the material"
-        )
-
-
 def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
     """(T, 3, 2) of the corners; exporters write NaN for what is not unwrapped, read as 0."""
     uv = np.where(np.isnan(uv), 0.0, uv)
     if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max():
-        raise _error(
-            path,
-            "a vertex has no two texture coordinates",
-            "Unwrap the mesh again, or take its texture away",
-        )
+        remedy = "Unwrap the mesh again, or take its texture away"
+        raise _error(path, "a vertex has no two texture coordinates", remedy)
     return uv[faces][..., :2]
 
 
@@ -272,15 +254,12 @@ def _is_invented(material: Any, path: Path) -> bool:
     Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
     """
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if getattr(image, "size", None) != (2, 2):
+    if getattr(image, "size", None) != (2, 2) or getattr(material, "kwargs", None):
         return False
-    texels = picture(image, path)
-    return (
-        texels is not None and bool((texels == 100).all()) and not getattr(material, "kwargs", None)
-    )
+    return bool((np.asarray(picture(image, path)) == 100).all())
 
 
-def _surface_of_simple(material: Any, path: Path) -> Surface:
+def _of_mtl(material: Any, path: Path) -> Surface:
     """OBJ's MTL: Kd, Ks, Ns and map_Kd; Kd and Ks are linear, and Ks needs an Ns to count."""
     given = {key.lower(): value for key, value in (material.kwargs or {}).items()}
     texture = picture(material.image, path)
@@ -293,15 +272,9 @@ def _surface_of_simple(material: Any, path: Path) -> Surface:
         diffuse = np.ones(3)  # exporters write Kd 0 0 0 beside a texture and mean the texture
     shininess = float(number("ns", 0.0)[0])
     specular = number("ks", 0.0) if shininess >= 1 else np.zeros(3)
-    emission = number("ke", 0.0)
-    return Surface(
-        material.name or path.stem,
-        clipped(diffuse),
-        clipped(specular),
-        float(np.clip(shininess, 1, 1000)),
-        clipped(emission),
-        texture,
-    )
+    colours = clipped(diffuse), clipped(specular), clipped(number("ke", 0.0))
+    exponent = float(np.clip(shininess, 1, 1000))
+    return Surface(material.name or path.stem, *colours[:2], exponent, colours[2], texture)
 
 
 def _mtl_numbers(value: Any, key: str, path: Path) -> np.ndarray:
@@ -311,12 +284,8 @@ def _mtl_numbers(value: Any, key: str, path: Path) -> np.ndarray:
     except (ValueError, TypeError):
         numbers = np.zeros(0)
     if len(numbers) not in (1, 3) or not np.isfinite(numbers).all():
-        raise SceneError(
-            f"{value!r} is not one finite number or three",
-            file=path,
-            key=f"material {key}",
-            remedy="Mend the material file",
-        )
+        problem = f"{value!r} is not one finite number or three"
+        raise Where(path, f"material {key}").error(problem, "Mend the material file")
     return np.broadcast_to(numbers, 3)
 
 
@@ -344,23 +313,16 @@ def _unit(values: np.ndarray) -> np.ndarray:
     return np.clip(values.astype(np.float64), 0, 1)
 
 
-def read_texture(path: str | Path, *, file: str | Path, key: str) -> np.ndarray:
+def read_texture(path: Path, where: Where) -> np.ndarray:
     """An image file as (H, W, 3) uint8 sRGB; :class:`SceneError` if missing or damaged."""
-    path = Path(path)
     if not os.path.isfile(path):
-        raise SceneError(
-            f"texture {str(path)!r} not found",
-            file=file,
-            key=key,
-            remedy="Give a path relative to the scene file",
-        )
+        remedy = "Give a path relative to the scene file"
+        raise where.error(f"texture {str(path)!r} not found", remedy)
     try:
         picture = read_codes(path)
     except LfcoreError as error:
-        raise SceneError(
-            f"texture {str(path)!r} cannot be decoded: {error.problem}", file=file, key=key,
-            remedy="Use a PNG or JPEG",
-        ) from None  # fmt: skip
+        problem = f"texture {str(path)!r} cannot be decoded: {error.problem}"
+        raise where.error(problem, "Use a PNG or JPEG") from None
     if picture.dtype == np.uint16:
         return (picture >> 8).astype(np.uint8)
     return picture if picture.dtype == np.uint8 else srgb_codes(picture)

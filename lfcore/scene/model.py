@@ -24,6 +24,7 @@ from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.notes import Note, summary
+from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
@@ -241,11 +242,9 @@ class Scene:
         defaults, to_camera = complete({"objects": []}), np.eye(4)
         if camera is None:
             extent = framing.bounds(parts, file=name)
-            camera, to_camera = framing.place_camera(defaults["camera"], extent, file=name)
+            camera, to_camera = framing.place_camera(defaults["camera"], extent, Where(name))
         geometry = assemble(parts, to_camera)
-        if not len(geometry.triangles):
-            problem = f"the scene is empty: every triangle was dropped ({geometry.dropped})"
-            raise SceneError(problem, key="triangles")
+        geometry.refuse_none(Where("", "triangles"))
         around: dict[str, Any] = {
             key: parse_colour(defaults[key]) if given is None else given
             for key, given in light.items()

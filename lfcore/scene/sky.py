@@ -21,6 +21,7 @@ from lfcore.errors import SceneError, StorageError
 from lfcore.pictures import by_opencv
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.limits import BRIGHTEST
+from lfcore.scene.reading import Where, read_bytes
 from lfcore.scene.surface_mesh import parse_colour
 
 if TYPE_CHECKING:
@@ -107,8 +108,12 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
 
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
-    """The scene under a sky, as :func:`sky_of` takes it, and lit by its suns."""
-    return under(scene, sky_of(description, to_camera, file=file, key="sky"))
+    """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns.
+
+    ``to_camera`` (4, 4) or (3, 3) turns the world, y up.  Raises :class:`SceneError` for a file
+    that is no panorama of light.
+    """
+    return under(scene, _sky_of(description, to_camera, Path(file)))
 
 
 def under(scene: Scene, sky: np.ndarray) -> Scene:
@@ -116,16 +121,11 @@ def under(scene: Scene, sky: np.ndarray) -> Scene:
     return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
 
 
-def sky_of(description: dict, to_camera: np.ndarray, *, file: str | Path, key: str) -> np.ndarray:
-    """The map of a checked ``sky`` mapping of a scene.yaml, in camera space.
-
-    ``to_camera`` (4, 4) or (3, 3) turns the world, y up.  Raises :class:`SceneError` for a file
-    that is no panorama of light.
-    """
+def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
     strength = description.get("strength", 1.0)
     if "file" in description:
-        path = Path(file).parent / description["file"]
-        panorama = read_panorama(path, file=file, key=f"{key}.file") * np.float32(strength)
+        where = Where(file, "sky.file")
+        panorama = _read_panorama(file.parent / description["file"], where) * np.float32(strength)
         side = max(2, min(panorama.shape[1], LARGEST_SIDE))
     elif "colour" in description:
         colour = np.multiply(parse_colour(description["colour"]), strength)
@@ -169,14 +169,9 @@ def _looked_up(panorama: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray
     import cv2  # loaded for skies alone
 
     height, width = panorama.shape[:2]
-    x, y = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
-    return cv2.remap(
-        panorama,
-        x.astype(np.float32),
-        y.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_WRAP,
-    )
+    places = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
+    x, y = (np.asarray(axis, np.float32) for axis in places)
+    return cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
 
 
 def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
@@ -187,17 +182,12 @@ def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
     return np.repeat(rows[:, None], 2 * height, axis=1)
 
 
-def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:
-    """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file.
-
-    Raises :class:`SceneError` for a file that is missing, damaged, too large, no panorama, or has
-    values that are no light.
-    """
-    from lfcore.exr import read_exr_picture  # these two for files alone
-    from lfcore.scene.reading import read_bytes
+def _read_panorama(path: Path, where: Where) -> np.ndarray:
+    """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file."""
+    from lfcore.exr import read_exr_picture  # for files alone
 
     def refuse(problem: str, remedy: str) -> SceneError:
-        return SceneError(f"{str(path)!r} {problem}", file=file, key=key, remedy=remedy)
+        return where.error(f"{str(path)!r} {problem}", remedy)
 
     data = read_bytes(path, LARGEST_FILE, "sky")
     kind = path.suffix.lower()
@@ -208,22 +198,17 @@ def read_panorama(path: Path, *, file: str | Path, key: str) -> np.ndarray:
         if width * height > MOST_TEXELS:
             raise refuse(f"has {width} x {height} texels, of {MOST_TEXELS} at most", "Shrink it")
         if width != 2 * height or not height:
-            raise refuse(
-                f"is no panorama: {width} x {height} texels", "Give an equirectangular picture, "
-                "twice as wide as high",
-            )  # fmt: skip
+            remedy = "Give an equirectangular picture, twice as wide as high"
+            raise refuse(f"is no panorama: {width} x {height} texels", remedy)
         panorama = read_exr_picture(path) if kind == ".exr" else by_opencv(data)
         if panorama is None:
             raise ValueError("it is damaged")
     except (StorageError, ValueError, OSError) as error:
-        raise refuse(
-            f"cannot be read: {' '.join(str(error).split())[:200]}", "Get it again"
-        ) from None
+        reason = " ".join(str(error).split())[:200]
+        raise refuse(f"cannot be read: {reason}", "Get it again") from None
     if not np.isfinite(panorama).all() or panorama.min() < 0 or panorama.max() > BRIGHTEST:
-        raise refuse(
-            f"has values from {panorama.min():g} to {panorama.max():g}",
-            f"Give radiance from 0 to {BRIGHTEST:g}",
-        )
+        found = f"has values from {panorama.min():g} to {panorama.max():g}"
+        raise refuse(found, f"Give radiance from 0 to {BRIGHTEST:g}")
     return panorama
 
 

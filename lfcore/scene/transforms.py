@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import SceneError
+from lfcore.scene.reading import NOWHERE, Where
 
 
 def translate(x: float, y: float, z: float) -> np.ndarray:
@@ -40,12 +39,12 @@ def chain(*steps: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def parse_transform(steps: list[dict], *, file: str | Path | None, key: str) -> np.ndarray:
+def parse_transform(steps: list[dict], where: Where) -> np.ndarray:
     """The matrix of a schema-checked ``transform`` list, applied from first to last."""
     matrices = []
     for index, step in enumerate(steps):
         ((kind, value),) = step.items()
-        place = f"{key}[{index}].{kind}"
+        here = where[index][kind]
         if kind == "translate_m":
             matrices.append(translate(*value))
         elif kind == "scale":
@@ -53,27 +52,21 @@ def parse_transform(steps: list[dict], *, file: str | Path | None, key: str) -> 
         elif kind == "rotate":
             axis = value["axis"]
             if not isinstance(axis, str) and not any(axis):
-                raise SceneError("rotation axis has no length", file=file, key=f"{place}.axis")
+                raise here["axis"].error("rotation axis has no length")
             matrices.append(rotate(axis, value["angle_deg"]))
         else:
-            matrices.append(parse_matrix(value, file=file, key=place))
+            matrices.append(parse_matrix(value, here))
     return chain(*matrices)
 
 
-def parse_matrix(rows: list[list[float]], *, file: str | Path | None, key: str) -> np.ndarray:
+def parse_matrix(rows: list[list[float]], where: Where) -> np.ndarray:
     """A 4x4 matrix whose last row must be 0 0 0 1 and which must be invertible."""
     matrix = np.array(rows, np.float64)
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise SceneError(
-            f"last row is {matrix[3].tolist()}",
-            file=file,
-            key=key,
-            remedy="Give an affine matrix in row-major order, last row [0, 0, 0, 1]",
-        )
+        remedy = "Give an affine matrix in row-major order, last row [0, 0, 0, 1]"
+        raise where.error(f"last row is {matrix[3].tolist()}", remedy)
     if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
-        raise SceneError(
-            "matrix flattens space", file=file, key=key, remedy="Give an invertible matrix"
-        )
+        raise where.error("matrix flattens space", "Give an invertible matrix")
     return matrix
 
 
@@ -81,24 +74,18 @@ def look_at(
     position: Sequence[float],
     target: Sequence[float],
     up: Sequence[float] = (0.0, 1.0, 0.0),
-    *,
-    file: str | Path | None = None,
+    where: Where = NOWHERE,
 ) -> np.ndarray:
     """World to camera space (x right, y down, z forward) of a camera at ``position``."""
     centre = np.asarray(position, np.float64)
     forward = np.asarray(target, np.float64) - centre
     if not np.linalg.norm(forward) > 0:
-        problem = "position_m and look_at_m coincide"
-        raise SceneError(problem, file=file, key="camera.pose", remedy="Move one of them")
+        raise where.error("position_m and look_at_m coincide", "Move one of them")
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, np.asarray(up, np.float64))
     if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(up):
-        raise SceneError(
-            "up is parallel to the viewing direction",
-            file=file,
-            key="camera.pose.up",
-            remedy="Give another up, for example [0, 0, 1] when looking down",
-        )
+        remedy = "Give another up, for example [0, 0, 1] when looking down"
+        raise where["up"].error("up is parallel to the viewing direction", remedy)
     right /= np.linalg.norm(right)
     return rigid_to_camera(np.stack([right, np.cross(forward, right), forward]), centre)
 
@@ -111,18 +98,14 @@ def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def pose_from_matrix(rows: list[list[float]], *, file: str | Path | None, key: str) -> np.ndarray:
+def pose_from_matrix(rows: list[list[float]], where: Where) -> np.ndarray:
     """World to camera from a camera-to-world matrix in the file's convention.
 
     The camera looks along its own -z with +y up, as in glTF and OpenGL; scale is refused.
     """
-    to_world = parse_matrix(rows, file=file, key=key)
+    to_world = parse_matrix(rows, where)
     rotation = to_world[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-        raise SceneError(
-            "the upper left 3x3 block is not a rotation",
-            file=file,
-            key=key,
-            remedy="Give a rigid camera-to-world matrix without scale, shear or mirroring",
-        )
+        remedy = "Give a rigid camera-to-world matrix without scale, shear or mirroring"
+        raise where.error("the upper left 3x3 block is not a rotation", remedy)
     return rigid_to_camera(np.diag([1.0, -1.0, -1.0]) @ rotation.T, to_world[:3, 3])

@@ -13,6 +13,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.pictures import write_picture
 from lfcore.scene.meshes import read_texture
+from lfcore.scene.reading import Where
 from lfcore.storage.tiled_exr import read_array, write_array
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import ROOT, SilentlyWrong
@@ -62,7 +63,7 @@ def texture_seeds(folder: Path) -> list[bytes]:
 
 
 def check_texture(file: Path) -> None:
-    texture = read_texture(file, file="scene.yaml", key="texture")
+    texture = read_texture(file, Where("scene.yaml", "texture"))
     if texture.ndim != 3 or texture.shape[2] != 3 or not texture.size:
         raise SilentlyWrong(f"a texture {texture.shape}")
 

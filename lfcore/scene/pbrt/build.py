@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import SceneError
 from lfcore.scene.assemble import LARGEST_COORDINATE, assemble, sound
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
@@ -16,6 +15,7 @@ from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
+from lfcore.scene.reading import Where
 from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
@@ -33,24 +33,17 @@ def build_pbrt_scene(
     path = Path(path)
     notebook = Notebook()
     if not 1 <= light_points <= MOST_LIGHT_POINTS:
-        raise SceneError(
-            f"cannot stand for an area light: {light_points} points",
-            key="light_points",
-            remedy=f"Give 1 to {MOST_LIGHT_POINTS}",
-        )
+        problem = f"cannot stand for an area light: {light_points} points"
+        raise Where("", "light_points").error(problem, f"Give 1 to {MOST_LIGHT_POINTS}")
     interpreter = Interpreter(path.parent, notebook, tolerance, light_points)
     interpreter.run(read_directives(path, notebook))
     # What overflows is dropped, and counted.
     with np.errstate(over="ignore", invalid="ignore"):
         static, moving, emitters = _parts(interpreter, notebook)
     geometry = assemble(static + [part for part, _ in moving], np.eye(4))
-    if geometry.dropped and not len(geometry.triangles):
-        raise SceneError(
-            f"the scene is empty: every triangle was dropped ({geometry.dropped})",
-            file=path,
-            key="Shape",
-            remedy="Check for zero-area triangles and huge coordinates",
-        )
+    if geometry.dropped:
+        remedy = "Check for zero-area triangles and huge coordinates"
+        geometry.refuse_none(Where(path, "Shape"), remedy)
     moves = motions(geometry, static, moving)
     for motion, (part, _), item in zip(moves, moving, emitters, strict=True):
         if item is not None:
