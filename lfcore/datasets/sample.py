@@ -85,7 +85,7 @@ def _furnished(name: str) -> Parts:
     return {
         "tower": toys.ring_tower,
         "train": toys.train,
-        "book": lambda: furniture.book((0.05, 0.25, 0.18), 2, look["books"], look["paper"]),
+        "book": lambda: furniture.book((0.05, 0.25, 0.18), 2, look),
         "armchair": lambda: furniture.armchair(1, look),
         "plant": lambda: furniture.potted_plant(rng, look),
         "table": lambda: furniture.tulip_table(rng, look),

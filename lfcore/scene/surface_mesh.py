@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.colour import srgb_decode
+from lfcore.scene.transforms import chain, translate
 
 Colour = tuple[float, float, float]
 
@@ -76,9 +77,10 @@ class SurfaceMesh:
     def count(self) -> int:
         return len(self.triangles)
 
-    def transformed(self, matrix: np.ndarray) -> SurfaceMesh:
-        """The part moved by a (4, 4) affine matrix; normals by its inverse transpose."""
-        matrix = np.asarray(matrix, np.float64)
+    def transformed(self, *steps: np.ndarray) -> SurfaceMesh:
+        """The part moved by (4, 4) affine matrices, one after the other; normals by their inverse
+        transpose."""
+        matrix = np.asarray(chain(*steps) if len(steps) > 1 else steps[0], np.float64)
         with np.errstate(invalid="ignore", over="ignore"):  # bad vertices are dropped later
             triangles = self.triangles @ matrix[:3, :3].T + matrix[:3, 3]
         normals = self.normals
@@ -88,6 +90,10 @@ class SurfaceMesh:
             cofactor = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
             normals = normals @ (cofactor * np.sign(np.linalg.det(matrix[:3, :3]) or 1.0)).T
         return replace(self, triangles=triangles, normals=normals)
+
+    def at(self, x: float, y: float, z: float) -> SurfaceMesh:
+        """The part moved by so many metres."""
+        return self.transformed(translate(x, y, z))
 
     def picked(self, index: Any) -> SurfaceMesh:
         """The part whose arrays are indexed alike: some triangles, or other corners."""
@@ -102,8 +108,8 @@ def count(parts: list[SurfaceMesh]) -> int:
     return sum(part.count for part in parts)
 
 
-def transform_all(parts: list[SurfaceMesh], matrix: np.ndarray) -> list[SurfaceMesh]:
-    return [part.transformed(matrix) for part in parts]
+def transform_all(parts: list[SurfaceMesh], *steps: np.ndarray) -> list[SurfaceMesh]:
+    return [part.transformed(*steps) for part in parts]
 
 
 def merge(parts: list[SurfaceMesh]) -> list[SurfaceMesh]:

@@ -148,7 +148,7 @@ def _drive(look: Look) -> Parts:
         chain_path.append(REAR + (0.045 * np.cos(angle), 0.045 * np.sin(angle), z))
     parts.append(tube(chain_path, 0.006, look["rubber"], segments=4, closed=True))
     cog = lathe("0 -0.006, 0.042 -0.006, 0.042 0.006, 0 0.006", look["steel"], segments=14)
-    parts.append(cog.transformed(chain(rotate("x", 90), translate(*(REAR + (0, 0, z))))))
+    parts.append(cog.transformed(rotate("x", 90), translate(*(REAR + (0, 0, z)))))
     # The guard covers the upper run of the chain.
     top = [BRACKET + (0.10, 0.03, z), BRACKET + (0.03, 0.115, z), REAR + (0.12, 0.085, z)]
     path = curve(top, 9)
@@ -207,7 +207,7 @@ def _handlebar(look: Look) -> Parts:
         lever = [path[6] + (0.02, -0.02, 0), path[8] + (0.02, -0.045, 0.01 * side)]
         parts.append(tube(lever, 0.005, look["chrome"], segments=4))
     bell = lathe("0.03 0, 0.029 0.012, 0.02 0.024, 0.0 0.029", look["chrome"], segments=12)
-    parts.append(bell.transformed(translate(x - 0.04, y + 0.065, 0.20)))
+    parts.append(bell.at(x - 0.04, y + 0.065, 0.20))
     return parts
 
 

@@ -28,7 +28,7 @@ def build(seed: int, *, triangles: int = 10000) -> Parts:
     rng = np.random.default_rng(seed)
     place = chain(rotate("x", -2.5), rotate("y", 24), translate(0.05, 0, 0.0))
     parts = transform_all(bicycle(seed), place)
-    parts += transform_all(_basket_load(seed), chain(translate(0.52, 0.80, 0), place))
+    parts += transform_all(_basket_load(seed), translate(0.52, 0.80, 0), place)
     parts += _ground(seed) + _house(seed) + _lamp_post() + _foreground(rng, seed)
     parts += _window_box(rng)
     leaf = _ivy_leaf(seed)
@@ -47,12 +47,12 @@ def _basket_load(seed: int) -> Parts:
     for x, z, lean in ((-0.03, 0.05, 16.0), (0.03, 0.0, 8.0)):
         profile = "0 0, 0.022 0.02, 0.031 0.08, 0.033 0.22, 0.03 0.34, 0.018 0.4, 0 0.415"
         loaf = lathe(profile, bread, segments=9)
-        parts.append(loaf.transformed(chain(rotate("z", lean), translate(x, 0.03, z))))
+        parts.append(loaf.transformed(rotate("z", lean), translate(x, 0.03, z)))
     glass = painted("bottle", "#24472c", 0.5, 90.0)
     bottle = lathe(
         "0.0 0, 0.034 0, 0.036 0.17, 0.014 0.225, 0.013 0.29, 0.0 0.29", glass, segments=12
     )
-    parts.append(bottle.transformed(chain(rotate("x", -9), translate(0.04, 0.03, -0.08))))
+    parts.append(bottle.transformed(rotate("x", -9), translate(0.04, 0.03, -0.08)))
     apple = painted("apple", "#b8261f", 0.25, 50.0)
     for x, y, z in ((-0.05, 0.19, -0.06), (0.07, 0.18, 0.08), (-0.06, 0.185, 0.12)):
         parts.append(sphere(0.038, apple, centre=(x, y, z), segments=10, rings=6))
@@ -203,7 +203,7 @@ def _lamp_post() -> Parts:
         iron,
         segments=12,
     )
-    return [shaft.transformed(translate(-1.62, PAVEMENT_Y, -1.65))]
+    return [shaft.at(-1.62, PAVEMENT_Y, -1.65)]
 
 
 def _pot(radius: float, height: float, surface: Surface, earth: Surface, segments: int) -> Parts:
@@ -242,7 +242,7 @@ def _foreground(rng: Rng, seed: int) -> Parts:
         heads = rng.normal(size=(9, 3)) * (0.11, 0.045, 0.11) + (0, 0.50, 0.03)
         blossoms = (heads[:, None] + rng.normal(scale=0.020, size=(9, 3, 3))).reshape(-1, 3)
         pot.append(foliage.flowers(rng, blossoms, petal, size=0.026, petals=4))
-        parts += transform_all(pot, chain(rotate("y", 40 * x), translate(x, 0, z)))
+        parts += transform_all(pot, rotate("y", 40 * x), translate(x, 0, z))
     return parts
 
 

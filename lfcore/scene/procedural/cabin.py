@@ -135,7 +135,7 @@ def _trees(rng: Rng, look: Look) -> Parts:
         tall = rng.uniform(4.6, 7.0)
         tree = foliage.conifer(rng, look["needles"], look["bark"], tall)
         place = translate(x + rng.uniform(-0.3, 0.3), height(x, z) - 0.05, z)
-        parts += transform_all(tree, chain(rotate("y", rng.uniform(0, 360)), place))
+        parts += transform_all(tree, rotate("y", rng.uniform(0, 360)), place)
     return parts
 
 
@@ -183,11 +183,11 @@ def _chopping_block(look: Look) -> Parts:
     edge = head.triangles[..., 0:1] < 0
     bitten = np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles)
     head = replace(head, triangles=bitten)
-    axe = [handle, head.transformed(translate(0, 0.01, 0))]
+    axe = [handle, head.at(0, 0.01, 0)]
     lean = chain(rotate("z", 52), rotate("y", 150), translate(0.03, 0.47, 0.02))
     parts += transform_all(axe, lean)
     for x, z, turn in ((-0.38, 0.10, 20.0), (-0.30, 0.30, 75.0), (0.34, 0.24, -35.0)):
-        parts += transform_all(_split(look), chain(rotate("y", turn), translate(x, 0.02, z)))
+        parts += transform_all(_split(look), rotate("y", turn), translate(x, 0.02, z))
     return parts
 
 
@@ -234,7 +234,7 @@ def _stones(look: Look) -> Parts:
         shape = 1 + 0.16 * np.sin(stone.triangles * 23 / (size * 8) + 9 * x)
         stone = replace(stone, triangles=stone.triangles * shape, uvs=stone.uvs * 2)
         place = translate(x, height(x, z) + 0.02, z)
-        parts.append(stone.transformed(chain(rotate("y", 70 * x), place)))
+        parts.append(stone.transformed(rotate("y", 70 * x), place))
     return parts
 
 

@@ -7,7 +7,7 @@ Between Diffuse Surfaces", SIGGRAPH 1984.
 from lfcore.scene.procedural.basics import Parts, painted
 from lfcore.scene.procedural.primitives import box, rectangle
 from lfcore.scene.surface_mesh import transform_all
-from lfcore.scene.transforms import chain, rotate, translate
+from lfcore.scene.transforms import rotate, translate
 
 SIDE, LAMP = 5.5, (16.0, 12.0, 6.7)
 
@@ -33,5 +33,5 @@ def build(seed: int) -> Parts:
     ]
     for size, turn, x, z in (((1.65, 3.3, 1.65), 17, 1.85, -3.5), ((1.65,) * 3, -18, 3.7, -1.7)):
         block = [box(size, white, centre=(0, size[1] / 2, 0))]
-        parts += transform_all(block, chain(rotate("y", turn), translate(x, 0, z)))
+        parts += transform_all(block, rotate("y", turn), translate(x, 0, z))
     return parts

@@ -74,7 +74,7 @@ def draped(
 
 
 def curtain(
-    width: float, height: float, surface: Surface, *, seed: int, pull: float, repeat: float
+    width: float, height: float, surface: Surface, *, seed: int, pull: float
 ) -> SurfaceMesh:
     """Hangs from y = ``height`` along +x, pleats along z; drawn in at the height of its tie.
 
@@ -91,7 +91,7 @@ def curtain(
     depth = (0.030 + 0.022 * (1 - t)) * (1 - 0.35 * waist)
     z = depth * (np.sin(phase) + 0.25 * np.sin(2 * phase + 1)) + 0.03 * sway * (1 - t)
     points = np.stack([x, t * height, z], -1)
-    uv = np.stack([s * width * 2.2, t * height], -1) * repeat
+    uv = np.stack([s * width * 2.2, t * height], -1) * 1.4
     return mesh_grid(points, surface, uv, crease_deg=180)
 
 
@@ -157,7 +157,7 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
         ball = sphere(radius, surface, segments=int(40 * detail), rings=int(26 * detail))
         if plush:
             ball = fluffy(ball, seed=seed, depth=plush)
-        return ball.transformed(translate(*centre))
+        return ball.at(*centre)
 
     parts = [
         lump((0.115, 0.13, 0.10), (0, 0.14, 0)),
@@ -174,10 +174,10 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
         ]
         arm = lump((0.040, 0.090, 0.040), (0, -0.07, 0), fur, 0.8)
         place = translate(0.10 * side, 0.23, 0.02)
-        parts.append(arm.transformed(chain(rotate("x", -42), rotate("z", 34 * side), place)))
+        parts.append(arm.transformed(rotate("x", -42), rotate("z", 34 * side), place))
         leg = lump((0.050, 0.050, 0.095), (0, 0, 0.08), fur, 0.8)
         sole = lump((0.038, 0.040, 0.010), (0, 0.005, 0.172), light, 0.5)
         parts += transform_all(
-            [leg, sole], chain(rotate("y", 24 * side), translate(0.075 * side, 0.05, 0.03))
+            [leg, sole], rotate("y", 24 * side), translate(0.075 * side, 0.05, 0.03)
         )
     return transform_all(parts, scale(1.05))

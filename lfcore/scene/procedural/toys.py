@@ -6,9 +6,15 @@ from lfcore.scene.procedural import lettering, textures
 from lfcore.scene.procedural.basics import Parts, codes, painted, textured
 from lfcore.scene.procedural.primitives import box, cushion, cylinder, lathe, ring, sphere, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
-from lfcore.scene.transforms import chain, rotate, translate
+from lfcore.scene.transforms import rotate, translate
 
 PAINTS = ("#d8483c", "#e9b33a", "#3f8fb5", "#5aa05a", "#8a5fa8", "#e58a4c")
+BLOCKS = (
+    ("A", -0.10, 0.0, 0.02, 14), ("B", 0.01, 0.0, -0.02, -9), ("C", -0.05, 0.086, 0.0, 31),
+    ("L", 0.16, 0.0, 0.10, 48), ("F", -0.22, 0.0, 0.12, -30),
+)  # fmt: skip
+"""The letters of blocks, their places and turns in degrees."""
+WHEEL = "0 -0.008, 0.034 -0.008, 0.037 0, 0.034 0.008, 0.014 0.008, 0.012 0.014, 0 0.014"
 
 
 def toy_paint(index: int) -> Surface:
@@ -36,11 +42,8 @@ def ball(seed: int) -> SurfaceMesh:
         texture[:, gore * 256 // 6 : (gore + 1) * 256 // 6] = codes(PAINTS[gore])
         texture[:, gore * 256 // 6 : gore * 256 // 6 + 3] = (244, 238, 226)
     texture[:12] = texture[-12:] = (244, 238, 226)
-    surface = textured("beach ball", texture, 0.3, 60.0)
-    whole = sphere(0.13, surface, segments=60, rings=40)
-    return whole.transformed(
-        chain(rotate("z", 35), rotate("y", 20 + seed % 7), translate(0, 0.13, 0))
-    )
+    whole = sphere(0.13, textured("beach ball", texture, 0.3, 60.0), segments=60, rings=40)
+    return whole.transformed(rotate("z", 35), rotate("y", 20 + seed % 7), translate(0, 0.13, 0))
 
 
 def ring_tower() -> Parts:
@@ -57,23 +60,19 @@ def ring_tower() -> Parts:
         path = ring(radius - thick * 0.6, 60, centre=(0, y, 0), axis="y")
         parts.append(tube(path, thick, toy_paint(index), segments=16, closed=True))
         y += thick * 0.72
-    parts.append(sphere(0.03, toy_paint(5), centre=(0, y + 0.02, 0), segments=30, rings=20))
-    return parts
+    return [*parts, sphere(0.03, toy_paint(5), centre=(0, y + 0.02, 0), segments=30, rings=20)]
 
 
 def train() -> Parts:
     """An engine and a wagon, along +x; 0.5 m long."""
     wood = painted("toy wood", "#d8b27c", 0.08, 30.0)
+    chimney = "0.014 0, 0.014 0.05, 0.026 0.075, 0.02 0.075, 0 0.06"
     parts = [
         box((0.24, 0.03, 0.10), wood, centre=(0.0, 0.055, 0)),
         cylinder((-0.02, 0.115, 0), (0.125, 0.115, 0), 0.046, toy_paint(2), segments=36),
-        cushion((0.09, 0.13, 0.10), toy_paint(0), pieces=10, power=10.0).transformed(
-            translate(-0.07, 0.135, 0)
-        ),
+        cushion((0.09, 0.13, 0.10), toy_paint(0), pieces=10, power=10.0).at(-0.07, 0.135, 0),
         box((0.11, 0.014, 0.12), toy_paint(1), centre=(-0.07, 0.207, 0)),
-        lathe(
-            "0.014 0, 0.014 0.05, 0.026 0.075, 0.02 0.075, 0 0.06", toy_paint(1), segments=28
-        ).transformed(translate(0.085, 0.155, 0)),
+        lathe(chimney, toy_paint(1), segments=28).at(0.085, 0.155, 0),
         sphere(0.02, toy_paint(5), centre=(0.03, 0.165, 0), segments=24, rings=16),
         box((0.20, 0.03, 0.10), wood, centre=(-0.28, 0.055, 0)),
         *(
@@ -85,13 +84,9 @@ def train() -> Parts:
     ]
     for x in (-0.075, 0.075, -0.22, -0.34):
         for z in (-0.06, 0.06):
-            wheel = lathe(
-                "0 -0.008, 0.034 -0.008, 0.037 0, 0.034 0.008, 0.014 0.008, 0.012 0.014, 0 0.014",
-                toy_paint(0 if x > -0.2 else 2),
-                segments=32,
-            )
+            wheel = lathe(WHEEL, toy_paint(0 if x > -0.2 else 2), segments=32)
             turn = rotate("x", 90 if z > 0 else -90)
-            parts.append(wheel.transformed(chain(turn, translate(x, 0.037, z))))
+            parts.append(wheel.transformed(turn, translate(x, 0.037, z)))
     for index, x in enumerate((-0.32, -0.26, -0.22)):
         place = (x, 0.115, 0.008 * (index - 1))
         parts.append(sphere(0.032, toy_paint(index + 3), centre=place, segments=24, rings=16))
@@ -100,15 +95,10 @@ def train() -> Parts:
 
 def toy_corner(seed: int) -> Parts:
     """Blocks, ball, rings and train laid out around the origin, some 0.9 m across."""
-    parts = []
-    blocks = (
-        ("A", -0.10, 0.0, 0.02, 14), ("B", 0.01, 0.0, -0.02, -9), ("C", -0.05, 0.086, 0.0, 31),
-        ("L", 0.16, 0.0, 0.10, 48), ("F", -0.22, 0.0, 0.12, -30),
-    )  # fmt: skip
-    for index, (letter, x, y, z, turn) in enumerate(blocks):
-        cube = letter_block(letter, index, seed)
-        parts.append(cube.transformed(chain(rotate("y", turn), translate(x, y + 0.0425, z))))
+    parts = [
+        letter_block(letter, i, seed).transformed(rotate("y", turn), translate(x, y + 0.0425, z))
+        for i, (letter, x, y, z, turn) in enumerate(BLOCKS)
+    ]
     parts += transform_all(ring_tower(), translate(0.38, 0, -0.12))
-    parts.append(ball(seed).transformed(translate(-0.36, 0, -0.22)))
-    parts += transform_all(train(), chain(rotate("y", -24), translate(0.20, 0, 0.34)))
-    return parts
+    parts.append(ball(seed).at(-0.36, 0, -0.22))
+    return parts + transform_all(train(), rotate("y", -24), translate(0.20, 0, 0.34))
