@@ -29,8 +29,9 @@ LEAST_HIGHLIGHT = 2.0**-24
 """A highlight below this share of its peak is left out: it would change no float near 1."""
 
 
-UNEVEN = 0.15
-"""Baked light that differs by such a share from that of the next point has no coarser levels."""
+UNEVEN = 0.08
+"""Baked light that differs by such a share from the middle of two opposite neighbours has no
+coarser levels."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def with_levels(light: BakedLight) -> tuple[np.ndarray, np.ndarray]:
 def _halved(points: np.ndarray, side: int) -> np.ndarray:
     """Grids (G, P, 3) of half the cells.  A point is the mean of itself and of the middles of
     those pairs of opposite neighbours that are in the triangle, so edges are of their points;
-    infinite where one of these is far from it, as at the edge of a shadow."""
+    infinite where one of these middles is far from it, as at the edge of a shadow."""
     i, j = np.array([(i, j) for j in range(0, side + 1, 2) for i in range(0, side + 1 - j, 2)]).T
     own = points[:, j * (2 * side + 3 - j) // 2 + i]
     total, weight, even = 2 * own, np.full((len(i), 1), 2.0), np.ones(own.shape, bool)
@@ -138,10 +139,10 @@ def _halved(points: np.ndarray, side: int) -> np.ndarray:
         for sign in (-1, 1):
             a, b = (i + sign * di)[inside], (j + sign * dj)[inside]
             near = points[:, b * (2 * side + 3 - b) // 2 + a]
-            even[:, inside] &= near <= (1 + UNEVEN) * own[:, inside]
-            even[:, inside] &= own[:, inside] <= (1 + UNEVEN) * near
-            pair += near
-        total[:, inside] += pair
+            pair += near / 2
+        even[:, inside] &= pair <= (1 + UNEVEN) * own[:, inside]
+        even[:, inside] &= (1 - UNEVEN) * own[:, inside] <= pair
+        total[:, inside] += 2 * pair
         weight[inside] += 2
     return np.where(even.all(-1, keepdims=True), total / weight, np.inf).astype(np.float32)
 
