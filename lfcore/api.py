@@ -297,19 +297,8 @@ def render_to_quality(
         What :func:`load_scene` returns.
     quality : Quality
         The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
-    focus_m : float or str, optional
+    focus_m, f_number, planes, pixels, device, progress : optional
         As in :func:`render`.
-    f_number : float, optional
-        As in :func:`render`.
-    planes : sequence of SensorPlane, optional
-        As in :func:`render`.
-    pixels : int or (int, int)
-        The side of square pictures, or width and height.  The camera's field is that of the shorter
-        side.
-    device : Device or str, optional
-        An open device, or part of its name.
-    progress : callable, optional
-        Called with (views done, of all).
     **more
         As in :func:`render`.
 

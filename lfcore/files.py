@@ -6,8 +6,6 @@ with its process, however that ends: drafts without a holder are remains of a ru
 and the next run that writes into their folder removes them.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -151,18 +151,10 @@ class LightField(FieldPlanes):
 
         Parameters
         ----------
-        focus_m, f_number : float, optional
+        focus_m, f_number, aperture : float or str, optional
             As in :meth:`plane`.
-        aperture : str
-            As in :meth:`plane`.
-        method, filter : str, optional
+        method, filter, pixels, device, progress : optional
             As in :meth:`refocus_many`.
-        pixels : int or (int, int), optional
-            As in :meth:`refocus_many`.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (frames done, of all).
         **more
             Other settings of :meth:`plane`.
 
@@ -233,7 +225,21 @@ class LightField(FieldPlanes):
         if filter is None:
             filter = "depth" if self.metadata.depth and method is None else "nearest"
         method = check_method(method, filter)
-        pictures = self._refocus(planes, method, filter, pixels, device, progress)
+        if not 1 <= len(planes) <= MOST_PLANES:
+            raise OpticsError(
+                f"{len(planes)} planes were asked for",
+                file=self.path,
+                remedy=f"Ask for 1 to {MOST_PLANES} at a time",
+            )
+        if filter == "depth":
+            return slice_stored(self, planes, pixels, device=device, progress=progress)
+        if pixels is not None:
+            side = picture_side(self, pixels)
+            planes = [replace(plane, pixels=side) for plane in planes]
+        if method == "shift-sum":
+            pictures = shift_sum(self, planes, filter=filter, device=device, progress=progress)
+        else:
+            pictures = form_planes(self, planes, device=device, progress=progress).sums.pictures()
         return pictures if self.white == 1.0 else pictures * np.float32(self.white)
 
     def stack(
@@ -262,14 +268,8 @@ class LightField(FieldPlanes):
         fast : bool
             Add the views in blocks first: many pictures of one aperture at the cost of a few,
             within half a pixel of blur at the rim of the lens.  Takes neither filter nor pixels.
-        filter : str, optional
+        filter, pixels, device, progress : optional
             As in :meth:`refocus_many`.
-        pixels : int or (int, int), optional
-            As in :meth:`refocus_many`.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (frames done, of all).
         **more
             Other settings of :meth:`plane`.
 
@@ -485,30 +485,6 @@ class LightField(FieldPlanes):
             self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
             device=device, progress=progress,
         )  # fmt: skip
-
-    def _refocus(
-        self,
-        planes: Sequence[SensorPlane],
-        method: str,
-        filter: str,
-        pixels: Pixels | None,
-        device: Device | str | None,
-        progress: Progress | None,
-    ) -> np.ndarray:
-        if not 1 <= len(planes) <= MOST_PLANES:
-            raise OpticsError(
-                f"{len(planes)} planes were asked for",
-                file=self.path,
-                remedy=f"Ask for 1 to {MOST_PLANES} at a time",
-            )
-        if filter == "depth":
-            return slice_stored(self, planes, pixels, device=device, progress=progress)
-        if pixels is not None:
-            side = picture_side(self, pixels)
-            planes = [replace(plane, pixels=side) for plane in planes]
-        if method == "shift-sum":
-            return shift_sum(self, planes, filter=filter, device=device, progress=progress)
-        return form_planes(self, planes, device=device, progress=progress).sums.pictures()
 
 
 def served_views(field: LightField) -> MadeViews:

@@ -3,18 +3,17 @@
 PNG, PPM, JPEG and their like hold 8-bit sRGB codes to look at; EXR, PFM and NPY hold linear light.
 """
 
-from __future__ import annotations
-
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import IO, cast
 
 import numpy as np
 
 from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
-from lfcore.files import WholeFile, make_folder, whole_file
+from lfcore.files import make_folder, whole_file
 
 CODED = (".png", ".ppm", ".jpg", ".jpeg", ".webp")
 SUFFIXES = (*CODED, ".exr", ".npy")
@@ -109,10 +108,16 @@ def write_pictures(
             make_folder(Path(path).parent)
             file = stack.enter_context(whole_file(path))
             picture = np.asarray(picture)
-            coded = Path(path).suffix.lower() in ALL_CODED and picture.dtype.kind == "f"
-            if coded and (exposure_ev or roll_off):
+            suffix = Path(path).suffix.lower()
+            if suffix in ALL_CODED and picture.dtype.kind == "f" and (exposure_ev or roll_off):
                 picture = exposed(picture, exposure_ev, roll_off)
-            _writer(Path(path), half, bits)(file, picture)
+            if suffix == ".npy":
+                np.save(cast(IO[bytes], file), picture, allow_pickle=False)
+            else:
+                try:
+                    file.write(picture_bytes(suffix, picture, half=half, bits=bits))
+                except LfcoreError as error:
+                    raise error.named(type(error), file=error.file or path) from None
             files.append(file)
         for file in files:
             file.sync()
@@ -135,20 +140,6 @@ def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits:
     if suffix == ".pfm":
         return _pfm_bytes(_linear(picture))
     return _coded_bytes(suffix, picture, bits)
-
-
-def _writer(path: Path, half: bool, bits: int) -> Callable[[WholeFile, np.ndarray], object]:
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
-        return lambda file, picture: np.save(file, picture, allow_pickle=False)
-
-    def write(file: WholeFile, picture: np.ndarray) -> None:
-        try:
-            file.write(picture_bytes(suffix, picture, half=half, bits=bits))
-        except LfcoreError as error:
-            raise error.named(type(error), file=error.file or path) from None
-
-    return write
 
 
 def _linear(picture: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """``lfcore depth``."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from functools import partial

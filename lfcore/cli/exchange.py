@@ -1,7 +1,5 @@
 """``lfcore import`` and ``lfcore export``: light fields of others in, ours out."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

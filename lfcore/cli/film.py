@@ -1,8 +1,6 @@
 """``lfcore render`` and ``record`` of a scene whose camera has a film of its own: pbrt's, and
 ``lightfield``."""
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

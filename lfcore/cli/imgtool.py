@@ -29,9 +29,8 @@ from lfcore.optics.array import CameraArray
 from lfcore.pictures import ALL_CODED, check_suffix, write_picture
 
 if TYPE_CHECKING:
-    from lfcore.refocus.array.device_field import DeviceField
+    from lfcore.refocus.array.device_field import DeviceField, Synthesis
     from lfcore.refocus.array.focal_surface import FocalSurface
-    from lfcore.refocus.array.result import Synthesis
     from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 VIDEO = ".mkv"
@@ -111,7 +110,7 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[st
 
         found = read_array(path)
         return found.image, found.array, found.extra
-    from lfcore.refocus.array.stored import read_stored
+    from lfcore.refocus.views import read_stored
     from lfcore.storage.lightfield import LightFieldFile
 
     field = LightFieldFile.open(path)
@@ -337,10 +336,7 @@ def _synthesise(
     method: str, arguments: argparse.Namespace, field: DeviceField, camera: VirtualCamera
 ) -> Synthesis:
     from lfcore.optics.lens_system import LensSystem
-    from lfcore.refocus.array.isaksen import isaksen
-    from lfcore.refocus.array.monte_carlo import monte_carlo
-    from lfcore.refocus.array.quadrature import quadrature
-    from lfcore.refocus.array.realistic import realistic
+    from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature, realistic
 
     surface = focal_surface(arguments, camera)
     samples = 1 if arguments.samplesperpixel is None else arguments.samplesperpixel

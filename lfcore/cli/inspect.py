@@ -1,7 +1,5 @@
 """``lfcore info`` and ``lfcore devices``."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """``lfcore plenoptic``."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

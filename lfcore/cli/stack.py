@@ -1,7 +1,5 @@
 """``lfcore refocus``, and ``lfcore stack``: focal and aperture stacks."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``lfcore view``: a page for the browser, or a view, macropixel or sheet of views as a picture."""
 
-from __future__ import annotations
-
 import argparse
 import webbrowser
 

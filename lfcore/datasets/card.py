@@ -5,8 +5,6 @@ The page has a contact sheet, histograms, refusals, and trials.
 Source: Croissant 1.0, https://docs.mlcommons.org/croissant/docs/croissant-spec.html
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ killed job finds its scenes again by the digest of what they are made from.  Ite
 shards field by field.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

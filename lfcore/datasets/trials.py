@@ -3,8 +3,6 @@
 They show what the data are for, and what the usual way of making focal stacks gets wrong.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A view is the mean of one square grid of rays in each pixel, or of two that are 
 step: an edge along the pixels then crosses twice as many rows of rays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -37,10 +37,6 @@ from lfcore.scene.povray import FILE, write_mesh, write_view
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
-COLUMNS = [
-    "scene", "M", "focus_m", "method", "rays_per_pixel", "psnr_db", "ssim", "seconds",
-    "mrays_per_second", "note",
-]  # fmt: skip
 REFERENCE_VIEWS, REFERENCE_PLACES = 20, 4
 """The reference's lens samples, and places per pixel, per side: 6400 rays."""
 PLACES = 3
@@ -73,7 +69,7 @@ def compare(
     views: int,
     progress: Progress = silent,
 ) -> tuple[list[dict], list[list[Rendered]]]:
-    """Rows (columns :data:`COLUMNS`), and all pictures of each focus distance.
+    """Rows of the table, and all pictures of each focus distance.
 
     ``views`` squared is the number of rays per pixel.  ``tracer`` should have one thread, as the
     others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
@@ -98,14 +94,11 @@ def compare(
 
 
 def _row(one: Rendered, truth: np.ndarray) -> dict:
-    row = {"method": one.method, "rays_per_pixel": one.rays, "note": one.note}
-    if one.picture is None:
-        return row | dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
-    return row | {
-        **picture_quality([one.picture], [truth]),
-        "seconds": one.seconds,
-        "mrays_per_second": truth.shape[0] ** 2 * one.rays / one.seconds / 1e6,
-    }
+    found: dict = dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
+    if one.picture is not None:
+        found |= picture_quality([one.picture], [truth]) | {"seconds": one.seconds}
+        found["mrays_per_second"] = truth.shape[0] ** 2 * one.rays / one.seconds / 1e6
+    return {"method": one.method, "rays_per_pixel": one.rays, **found, "note": one.note}
 
 
 def spread_picture(

@@ -19,14 +19,17 @@ class TableError(LfcoreError):
 
 
 def table_of(
-    rows: Iterable[Mapping], columns: Sequence[str], decimals: Mapping[str, int] | None = None
+    rows: Iterable[Mapping],
+    columns: Sequence[str] | None = None,
+    decimals: Mapping[str, int] | None = None,
 ) -> pd.DataFrame:
-    """The rows with these columns in this order.
+    """The rows with these columns in this order, by default those of the first row.
 
     Numbers are rounded to five significant digits or, where ``decimals`` are given, to those of
     their columns.  Raises :class:`TableError` when a row lacks a column or has one too many.
     """
     rows = list(rows)
+    columns = list(rows[0]) if columns is None else columns
     for row in rows:
         if odd := set(row) ^ set(columns):
             raise TableError(f"a row lacks or has too many of: {', '.join(sorted(odd))}")

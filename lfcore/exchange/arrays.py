@@ -4,8 +4,6 @@ Both have ``LF`` (rows, columns, y, x, channels), of which a fourth is a weight 
 HDF5, and MATLAB's files of version 7.3, need h5py: ``pip install 'lfcore[hdf5]'``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import ModuleType
 from typing import BinaryIO

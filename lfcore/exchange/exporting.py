@@ -1,7 +1,5 @@
 """Our light fields in the formats of others: choose views, stage a folder, move it into place."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

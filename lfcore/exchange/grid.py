@@ -35,7 +35,10 @@ NOT_OF_THE_FORMAT = (
 
 def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
     """The error for a file that a library could not read, with the beginning of its reason."""
-    return ExchangeError(f"{problem}: {' '.join(str(error).split())[:120]}", file=file)
+    if isinstance(error, FileNotFoundError):
+        return ExchangeError("no such file", file=file)
+    reason = " ".join(str(getattr(error, "strerror", None) or error).split())[:120]
+    return ExchangeError(f"{problem}: {reason}", file=file)
 
 
 @contextmanager

@@ -6,8 +6,6 @@ With focal length f, baseline b, sensor width S behind the longer side of w pixe
 point at depth Z has the disparity ``b f w / S (1 / Z - 1 / F)`` pixels, as in a slab.
 """
 
-from __future__ import annotations
-
 import configparser
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Light fields of others into ours: recognise, read, complete the geometry, encode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Reading pictures and float maps of other programs, whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path
@@ -11,7 +9,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.grid import ExchangeError, unreadable
 from lfcore.files import whole_file
 from lfcore.pictures import MOST_PIXELS, read_codes
 
@@ -50,7 +48,7 @@ def size_of(path: Path) -> tuple[int, int]:
         with Image.open(path) as picture:
             return picture.size
     except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error, "cannot be read as a picture") from None
 
 
 def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
@@ -86,7 +84,7 @@ def read_ppm(path: Path) -> np.ndarray:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error, "cannot be read as a picture") from None
     head = PPM_HEADER.match(data)
     width, height, most = (int(word) for word in head.groups()) if head else (0, 0, 0)
     if not (head and 0 < most < 65536 and width > 0 and height > 0):
@@ -120,7 +118,7 @@ def read_pfm(path: Path) -> np.ndarray:
         (width, height), scale = (int(word) for word in size.split()), float(factor)
         channels = {b"Pf": 1, b"PF": 3}[kind]
     except OSError as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error, "cannot be read as a picture") from None
     except (ValueError, KeyError):
         raise ExchangeError("is no float map (PFM)", file=path) from None
     count = width * height * channels
@@ -130,10 +128,3 @@ def read_pfm(path: Path) -> np.ndarray:
     values = values * np.array(abs(scale), np.float32)
     shape = (height, width) if channels == 1 else (height, width, 3)
     return values.reshape(shape)[::-1].astype(np.float32)
-
-
-def _unreadable(path: Path, error: Exception) -> ExchangeError:
-    if not path.exists():
-        return ExchangeError("no such file", file=path)
-    reason = " ".join(str(getattr(error, "strerror", None) or error).split())[:120]
-    return ExchangeError(f"cannot be read as a picture: {reason}", file=path)

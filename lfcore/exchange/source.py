@@ -1,7 +1,5 @@
 """The input of an export: some of the views of a light field file, cropped, and their geometry."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -94,18 +92,16 @@ class Source:
     makes views by depth.
     """
 
-    def __init__(
-        self, field: LightField, selection: Selection, truth: Truth | None = None,
-        device: Device | None = None,
-    ):  # fmt: skip
+    def __init__(self, field: LightField, selection: Selection, device: Device | None = None):
         slab = field.slab
         if slab is None:
             raise ExchangeError(
                 "holds a camera array that is no slab", file=field.path,
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
-        self.field, self.truth, self.device = field, truth, device
-        self.selection, self.stride = selection, 1
+        self.field, self.selection, self.device = field, selection, device
+        self.truth: Truth | None = None
+        self.stride = 1
         recorded = _chosen(selection, field)
         self.free: FreeViews | None = None
         if recorded is None:

@@ -1,7 +1,5 @@
 """The table of formats, in the order in which an import tries them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path

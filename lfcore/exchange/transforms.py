@@ -7,8 +7,6 @@ have z up.  gfxdisp's (``param.txt``) names pictures ``row_column``, counted fro
 camera; ``base_x`` is half the width of the grid, in the scene's unit.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -12,8 +12,6 @@
   ``pat_type`` ``rec`` for a rectangular grid.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

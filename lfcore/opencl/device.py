@@ -1,7 +1,5 @@
 """Choose an OpenCL device and build programs for it."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 import logging

@@ -5,8 +5,6 @@
 looks into a single directory, ``OCL_ICD_VENDORS``: this module fills one with what there is.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Host memory that a device writes to: a CPU without a copy, other devices by way of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -13,8 +13,6 @@ samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say ho
 `lfcore.oracle.depth_slicing` is the reference.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Planes of a light field file: distances, f-numbers, disparities and diameters in views."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

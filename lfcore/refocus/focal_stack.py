@@ -12,8 +12,6 @@ Whole pixels are added throughout, so a ray lands within ``1 + tolerance_px`` pi
 where slicing lands within one half.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -96,16 +94,9 @@ def _shear(slab: Slab, plane: SensorPlane) -> float:
 class FocalStackSummer:
     """Adds views to a focal stack; to be used as a :class:`lfcore.refocus.shift_sum.ViewSummer`.
 
-    Parameters
-    ----------
-    planes : pictures of one aperture, at any focus, without the sensor's magnification.
-    tolerance_px : by how much a view may be displaced within its block at the most.
-    layout : of a file's frames, where views come from one.
-
-    Raises
-    ------
-    OpticsError : planes of several apertures or with magnification, or a plane that the slab
-        does not hold.
+    A view is displaced within its block by at most ``tolerance_px``; ``layout`` is of a file's
+    frames, where views come from one.  Raises :class:`OpticsError` for planes of several apertures
+    or with magnification.
     """
 
     def __init__(
@@ -249,15 +240,7 @@ def focal_stack(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(P, M, M, 3) float32, linear light, from a stored light field in either layout.
-
-    ``progress`` is called with (frames done, frames in all).
-
-    Raises
-    ------
-    StorageError : the file is damaged or foreign.
-    OpticsError : as :class:`FocalStackSummer`.
-    """
+    """(P, M, M, 3) float32, linear light, from a stored light field in either layout."""
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(

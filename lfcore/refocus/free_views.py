@@ -7,8 +7,6 @@ see; layers of inverse depth, the nearest first, let what lies behind through on
 before it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property
 
@@ -39,16 +37,9 @@ rays per pixel itself.  Measured on five scenes: 4.7 to 7.2 dB."""
 class FreeViews:
     """Views and their depths from points of the lens; the rays of ``field`` are decoded once.
 
-    Parameters
-    ----------
-    field : a light field file that holds depth.
-    pixels : longer side of the pictures, or width and height; default what the file was traced for.
-
-    Raises
-    ------
-    OpticsError : a file without depth, pixels of another shape than its views, or of more rays than
-        are held at a time.
-    StorageError : the file is damaged.
+    ``pixels`` are the longer side of the pictures, or width and height; by default those that the
+    file was traced for.  Raises :class:`OpticsError` for a file without depth, pixels of another
+    shape than its views, or more rays than are held at a time.
     """
 
     def __init__(
@@ -172,20 +163,7 @@ def views_at(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """Pinhole pictures from points of the lens: (K, height, width, 3) float32, linear light.
-
-    Parameters
-    ----------
-    points_m : (K, 2), metres: s to the right and t down.
-    pixels : as of :class:`FreeViews`.
-    progress : called with (views done, of all).
-
-    Raises
-    ------
-    OpticsError : points outside the lens, a file without depth, or of more rays than are held at
-        a time.
-    StorageError : the file is damaged.
-    """
+    """As :meth:`lfcore.LightField.views_at`."""
     views = FreeViews(field, pixels, device=device)
     points, lens = np.asarray(points_m, float).reshape(-1, 2), views.slab.camera.lens_radius_m
     if points.size and not np.abs(points).max() <= lens:

@@ -1,4 +1,8 @@
-"""A light field file of views in memory."""
+"""A light field file of views in memory.
+
+The store holds sRGB codes from 0 to 1, a camera array linear radiance without an upper end: what
+the brightest code stands for, ``white``, is recorded beside the array and taken back on reading.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +20,10 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import Geometry
 from lfcore.optics.slab import Extent, Slab
-from lfcore.refocus.array.stored import store_array
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import MOST_LIGHT
+from lfcore.storage.metadata import Metadata
 from lfcore.storage.views_store import store_views
 
 if TYPE_CHECKING:
@@ -79,6 +83,54 @@ def store_arrays(
         path, slab, shown, chosen_encoding(max(rows, columns), encoding),
         name=name, digest=digest, peak=peak, content=content, progress=progress,
     )  # fmt: skip
+
+
+def store_array(
+    path: Path,
+    tiles: np.ndarray,
+    array: CameraArray,
+    encoding: Encoding,
+    *,
+    name: str,
+    digest: str | None = None,
+    white: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Metadata:
+    """Write a camera array's tiles (Ny, Nx, h, w, 3), linear radiance: a data camera a frame.
+
+    The digest is the scene's, by default that of the pictures; ``white`` by default the brightest
+    of the pictures, and at least 1.
+    """
+    (nx, ny), (w, h) = array.cameras, array.tile
+    if tiles.shape != (ny, nx, h, w, 3):
+        raise OpticsError(
+            f"views of shape {tiles.shape} are not {ny} x {nx} x {h} x {w} x 3", file=path,
+            key="views", remedy="Check the cameras",
+        )  # fmt: skip
+    if nx != ny or w != h:
+        raise OpticsError(
+            f"{nx} x {ny} cameras of {w} x {h} pixels: a file holds as many columns as rows, of "
+            "square pictures",
+            file=path,
+            remedy="Keep it as EXR, or trace a square array",
+        )
+    low, high = float(tiles.min()), float(tiles.max())
+    if not (low >= 0 and np.isfinite(high)):
+        raise OpticsError(
+            f"has radiance from {low:g} to {high:g}",
+            file=path,
+            remedy="Mend the picture: light is neither negative nor infinite",
+        )
+    white = max(1.0, high) if white is None else float(white)
+    if not (white > 0 and np.isfinite(white)):
+        raise OpticsError(f"must be positive and finite, not {white}", key="white")
+
+    def view(column: int, row: int) -> np.ndarray:
+        return srgb_encode(tiles[row, column].astype(np.float32) / np.float32(white))
+
+    return store_views(
+        path, array, view, encoding, name=name, digest=digest, white=white, progress=progress
+    )
 
 
 def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:

@@ -11,8 +11,6 @@ There is no sharper kernel: a cubic one (Keys, a = -1/2) was measured against pi
 directly and lay within 0.7 dB of the better of these two, above it or below.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.errors import OpticsError

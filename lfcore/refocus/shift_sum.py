@@ -5,8 +5,6 @@ nearest filter shifts a whole view by one whole number, and the sums are those o
 last bit; bilinear shifts by fractions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -28,18 +26,9 @@ _SOURCE = "refocus/kernels/shift_sum.cl"
 
 
 class ViewSummer:
-    """Adds views, or rectangles of them, to planes.
+    """Adds views of ``slab``, or rectangles of them, to planes.
 
-    Parameters
-    ----------
-    slab : what the views were recorded by.
-    planes : pictures to make.
-    filter : ``nearest`` or ``bilinear``.
-    one, most_views : radiance 1 in the fixed point of views, and how many of them 32 bits hold.
-
-    Raises
-    ------
-    OpticsError : a plane asks for what the slab did not record, or an unknown filter.
+    ``one`` is radiance 1 in the fixed point of views, and 32 bits hold ``most_views`` of them.
     """
 
     def __init__(
@@ -60,30 +49,25 @@ class ViewSummer:
         self.one, self.most_views = one, most_views
         self.device = device or open_device()
         self._masks = [plane.mask(slab) for plane in planes]
-        self._taps = [taps(slab, plane, filter) for plane in planes]
-        magnified = [plane.magnification(slab) != 1.0 for plane in planes]
-        # One program for shifts, one for tables: each with the planes that need it.
-        self._batches = [
-            _Batch(self, [k for k, other in enumerate(magnified) if other == kind], kind)
-            for kind in (False, True)
-            if kind in magnified
-        ]
+        # Without magnification each view has one shift, else each pixel has an entry in tables.
+        self._magnified = any(plane.magnification(slab) != 1.0 for plane in planes)
+        defines = {"BILINEAR": int(filter == "bilinear"), "MAGNIFIED": int(self._magnified)}
+        self._kernel = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
+        found = [taps(slab, plane, filter) for plane in planes]
+        self._first = np.stack([first for first, _ in found])  # (planes, N, M)
+        self._share = np.stack([share for _, share in found])
+        tables = (self._first, self._share) if self._magnified else (np.zeros(1, np.int32),) * 2
+        self._tables = [self.device.buffer(table) for table in tables]
+        self._sums = zeroed(self.device, len(planes) * 24 * slab.pixels**2)
 
     @property
     def open_samples(self) -> np.ndarray:
         """(K, 2) int32 (i, j): lens samples that some plane's aperture lets through."""
-        union = np.any(self._masks, axis=0) if self._masks else np.zeros((0, 0), bool)
-        return np.argwhere(union)[:, ::-1].astype(np.int32)
+        return np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
 
     def add(self, views: np.ndarray, samples: np.ndarray, region: tuple[int, int] = (0, 0)) -> None:
-        """Add views.
-
-        Parameters
-        ----------
-        views : (K, h, w, 3), uint8 sRGB or floating linear light in [0, 1].
-        samples : (K, 2) integer, lens samples (i, j) of the views.
-        region : first column and row of the pixels that are given.
-        """
+        """Add views (K, h, w, 3), uint8 sRGB or floating linear light in [0, 1], of lens samples
+        (K, 2) (i, j); ``region`` is the first column and row of the pixels that are given."""
         samples = np.asarray(samples, np.int32).reshape(-1, 2)
         height, width = views.shape[1:3]
         step = self.group_size(width, height)
@@ -97,18 +81,50 @@ class ViewSummer:
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         """Add (K, 3, h, w) uint32 fixed point on the device; region is (column, row, w, h)."""
-        for batch in self._batches:
-            batch.add(views, samples, region)
+        lists, entries, shares = self._entries(samples)
+        spans = [self._reach(samples[:, axis], region[axis], region[2 + axis]) for axis in (0, 1)]
+        if not len(entries) or any(low >= high for low, high in spans):
+            return
+        (left, right), (top, bottom) = spans
+        launch_add(
+            self._kernel, self.device, views, region, (left, top, right, bottom), self.slab.pixels,
+            lists, entries, self._sums, shares, self._tables, self.slab.views,
+        )  # fmt: skip
         self.device.queue.finish()
+
+    def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Per plane the views that it lets through, and how each is shifted."""
+        lists, entries, shares = [], [], []
+        i, j = samples.T
+        count = 0
+        for first, part, mask in zip(self._first, self._share, self._masks, strict=True):
+            views = np.flatnonzero(mask[j, i])
+            entry = np.zeros((len(views), 4), np.int32)
+            share = np.zeros((len(views), 2), np.float32)
+            entry[:, 0] = views
+            for axis, lens in enumerate((i[views], j[views])):
+                entry[:, 1 + axis] = lens if self._magnified else first[lens, 0]
+                share[:, axis] = part[lens, 0]
+            lists.append((count, count + len(views)))
+            count += len(views)
+            entries.append(entry)
+            shares.append(share)
+        return np.array(lists, np.int32), np.concatenate(entries), np.concatenate(shares)
+
+    def _reach(self, lens: np.ndarray, first: int, length: int) -> tuple[int, int]:
+        """Output pixels along one axis that can read pixels first ... first + length - 1."""
+        table = self._first[:, lens.min() : lens.max() + 1]
+        touched = ((table >= first - 1) & (table < first + length)).any(axis=(0, 1))
+        where = np.flatnonzero(touched)
+        return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, 0)
 
     def pictures(self) -> np.ndarray:
         """(P, M, M, 3) float32, linear light, of what was added."""
         size = self.slab.pixels
-        out = np.zeros((len(self.planes), size, size, 3), np.float32)
-        for batch in self._batches:
-            for index, sums in zip(batch.indices, batch.collect(), strict=True):
-                light = sums / float(self.one)
-                out[index] = normalise(self.slab, self.planes[index], self.filter, light)
+        out = np.empty((len(self.planes), size, size, 3), np.float32)
+        found = read_sums(self.device, self._sums, len(self.planes), self.slab)
+        for picture, plane, sums in zip(out, self.planes, found, strict=True):
+            picture[:] = normalise(self.slab, plane, self.filter, sums / float(self.one))
         return out
 
 
@@ -123,65 +139,6 @@ def to_fixed(views: np.ndarray) -> np.ndarray:
 def _fixed(light: np.ndarray) -> np.ndarray:
     rounded = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
     return rounded.astype(np.uint32)
-
-
-class _Batch:
-    """Planes of one :class:`ViewSummer` that one program serves."""
-
-    def __init__(self, summer: ViewSummer, indices: list[int], magnified: bool):
-        self.summer, self.indices, self.magnified = summer, indices, magnified
-        device, slab = summer.device, summer.slab
-        defines = {"BILINEAR": int(summer.filter == "bilinear"), "MAGNIFIED": int(magnified)}
-        self._kernel = cl.Kernel(build_program(device, [_SOURCE], defines), "add_views")
-        self._first = np.stack([summer._taps[k][0] for k in indices])  # (planes, N, M)
-        self._share = np.stack([summer._taps[k][1] for k in indices])
-        tables = (self._first, self._share) if magnified else (np.zeros(1, np.int32),) * 2
-        self._tables = [device.buffer(table) for table in tables]
-        self._sums = zeroed(device, len(indices) * 24 * slab.pixels**2)
-
-    def add(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
-        device, size = self.summer.device, self.summer.slab.pixels
-        lists, entries, shares = self._entries(samples)
-        if not len(entries):
-            return
-        spans = [self._reach(samples[:, axis], region[axis], region[2 + axis]) for axis in (0, 1)]
-        if any(low >= high for low, high in spans):
-            return
-        (left, right), (top, bottom) = spans
-        launch_add(
-            self._kernel, device, views, region, (left, top, right, bottom), size, lists, entries,
-            self._sums, shares, self._tables, self.summer.slab.views,
-        )  # fmt: skip
-
-    def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Per plane the views that it lets through, and how each is shifted."""
-        lists, entries, shares = [], [], []
-        i, j = samples.T
-        count = 0
-        for row, index in enumerate(self.indices):
-            views = np.flatnonzero(self.summer._masks[index][j, i])
-            entry = np.zeros((len(views), 4), np.int32)
-            share = np.zeros((len(views), 2), np.float32)
-            entry[:, 0] = views
-            for axis, lens in enumerate((i[views], j[views])):
-                entry[:, 1 + axis] = lens if self.magnified else self._first[row, lens, 0]
-                share[:, axis] = self._share[row, lens, 0]
-            lists.append((count, count + len(views)))
-            count += len(views)
-            entries.append(entry)
-            shares.append(share)
-        return np.array(lists, np.int32), np.concatenate(entries), np.concatenate(shares)
-
-    def _reach(self, lens: np.ndarray, first: int, length: int) -> tuple[int, int]:
-        """Output pixels along one axis that can read pixels first ... first + length - 1."""
-        table = self._first[:, lens.min() : lens.max() + 1]
-        touched = ((table >= first - 1) & (table < first + length)).any(axis=(0, 1))
-        where = np.flatnonzero(touched)
-        return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, 0)
-
-    def collect(self) -> Iterator[np.ndarray]:
-        """(3, M, M) uint64 of each plane."""
-        yield from read_sums(self.summer.device, self._sums, len(self.indices), self.summer.slab)
 
 
 def zeroed(device: Device, nbytes: int) -> cl.Buffer:
@@ -246,18 +203,6 @@ def shift_sum(
     """Refocus a stored light field by shift-sum: (P, M, M, 3) float32, linear light.
 
     The next frames are decoded meanwhile.  Of a part of the grids the pixels alone that are there.
-
-    Parameters
-    ----------
-    source : light field file, open or its name, of views or of macropixels.
-    planes : pictures to make.
-    filter : ``nearest`` or ``bilinear``.
-    progress : called with (frames done, frames in all).
-
-    Raises
-    ------
-    StorageError : the file is damaged or foreign, or holds no slab.
-    OpticsError : a plane asks for what the slab did not record.
     """
     field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)

@@ -1,7 +1,5 @@
 """Shift-sum refocusing by the letter of equation 6.1, in metres and float64; slow, for tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.optics.camera import image_distance

@@ -17,7 +17,7 @@ from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.strip_tables import RECORDS, STRIP, StripTables, strip_tables, table_words
+from lfcore.refocus.strip_tables import RECORDS, STRIP, strip_tables, table_words
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
@@ -30,18 +30,7 @@ CHUNK_BYTES = 64 << 20
 
 
 class PlaneFormer:
-    """Forms sensor planes from the frames of one tile.
-
-    Parameters
-    ----------
-    slab : geometry of the light field.
-    tile : the :class:`lfcore.storage.layout.Tile` whose frames will be added.
-    planes : pictures to form.
-
-    Raises
-    ------
-    OpticsError : a plane asks for what the slab did not record.
-    """
+    """Forms sensor planes of a light field from the frames of one tile."""
 
     def __init__(
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], device: Device | None = None
@@ -59,11 +48,12 @@ class PlaneFormer:
         program = build_program(self.device, [file], defines, header(**RECORDS))
         self._kernel = cl.Kernel(program, "form_planes")
         planes = list(planes)
-        tables = view_tables(slab, planes) if views else _strips(slab, planes, tile)
+        if views:
+            tables, self._words = view_tables(slab, planes), 3 * 256
+        else:
+            tables = strip_tables(slab, planes, *tile_corners(tile, slab))
+            self._words = table_words(slab.views) * (1 if layout.peak is None else 2)
         self._sums = PlaneBuffers(self.device, slab, planes, tables, layout.one)
-        self._words = (
-            3 * 256 if views else table_words(slab.views) * (1 if layout.peak is None else 2)
-        )
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
         self._slots = slots_of(tile, slab)
         if views:
@@ -105,10 +95,6 @@ class PlaneFormer:
         return self._sums.collect()
 
 
-def _strips(slab: Slab, planes: list[SensorPlane], tile: Tile) -> StripTables:
-    return strip_tables(slab, planes, *tile_corners(tile, slab))
-
-
 def form_planes(
     source: LightFieldFile | str | Path,
     planes: Sequence[SensorPlane],
@@ -119,17 +105,7 @@ def form_planes(
 ) -> Retrieval:
     """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
 
-    Parameters
-    ----------
-    source : a light field file, open or its name.
-    threads : segments decoded at a time, each by one thread that also forms its planes.
-    device : the OpenCL device, or part of its name.
-    progress : called with (frames done, frames in all), from any thread but one at a time.
-
-    Raises
-    ------
-    StorageError : the file is damaged or foreign.
-    OpticsError : a plane asks for what the slab did not record.
+    ``threads`` are the segments decoded at a time, each by one thread that also forms its planes.
     """
     field = LightFieldFile.opened(source)
     slab = field.require_grid()
@@ -138,9 +114,16 @@ def form_planes(
     name = device.name if isinstance(device, Device) else device
     if isinstance(device, Device):
         threads = threads or device.threads
-    count = _Progress(progress, sum(part.frames for part in field.segments))
+    total_frames, lock, done = sum(part.frames for part in field.segments), threading.Lock(), 0
     threads = max(1, min(threads or open_device(name).threads, len(field.segments)))
     local, watch = threading.local(), Stopwatch()
+
+    def count(frames: int) -> None:
+        nonlocal done
+        with lock:
+            done += frames
+            if progress:
+                progress(done, total_frames)
 
     def one(index: int) -> Retrieval:
         if not hasattr(local, "device"):
@@ -171,26 +154,12 @@ class Retrieval:
     threads: int = 1
 
 
-class _Progress:
-    """Adds up the frames of several threads."""
-
-    def __init__(self, callback: Callable[[int, int], None] | None, total: int):
-        self._callback, self._total, self._done = callback, total, 0
-        self._lock = threading.Lock()
-
-    def add(self, frames: int) -> None:
-        with self._lock:
-            self._done += frames
-            if self._callback:
-                self._callback(self._done, self._total)
-
-
 def _form_segment(
     field: LightFieldFile,
     index: int,
     planes: Sequence[SensorPlane],
     device: Device,
-    count: _Progress,
+    count: Callable[[int], None],
 ) -> Retrieval:
     part = field.metadata.segments[index]
     former = PlaneFormer(field.require_slab(), part.tile, planes, device)
@@ -202,6 +171,6 @@ def _form_segment(
         with watch.part("form"):
             former.add(frames, first)
         first += len(frames)
-        count.add(len(frames))
+        count(len(frames))
     decode, form = watch.seconds["decode"], watch.seconds["form"]
     return Retrieval(former.plane_sums(), decode + form, decode, form)

@@ -1,7 +1,5 @@
 """Slicing by depth of a stored light field: colours and depths from the file, side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -32,15 +30,7 @@ def slice_stored(
 ) -> np.ndarray:
     """Pictures of a file that holds depth: (P, height, width, 3) float32, linear light.
 
-    Parameters
-    ----------
-    pixels : as for :func:`picture_side`; default what the file was traced for.
-    progress : called with (frames done, frames in all).
-
-    Raises
-    ------
-    OpticsError : the file holds no depth or not such a plane, or pictures too large for memory.
-    StorageError : the file is damaged.
+    ``pixels`` are as for :func:`picture_side`, by default those that the file was traced for.
     """
     stored = field.require_depth()
     side = stored.pixels if pixels is None else picture_side(field, pixels)
@@ -63,7 +53,11 @@ def slice_stored(
             views, group, side, device, stops=layout.stops, codes=codes, one=layout.one
         )
         tell = _of_all(progress, number, len(groups))
-        (_add_views if by_views else _add_macropixels)(field, slicer, tell)
+        if by_views:
+            add_frames(_Taker(field, slicer), field, tell)
+        else:
+            light, depth = read_rays(field, device=device, progress=tell)
+            slicer.add(slice(0, len(light)), light, depth)
         field.close()  # decoders hold more memory than pictures
         made.append(slicer.pictures())
     return made[0] if len(made) == 1 else np.concatenate(made)  # which copies
@@ -90,26 +84,14 @@ def _of_all(progress: Progress, number: int, groups: int) -> Progress:
     return lambda done, of: progress(number * of + done, groups * of)
 
 
-def _add_views(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -> None:
-    add_frames(_Taker(field, slicer), field, progress)
-
-
-def _add_macropixels(field: LightFieldFile, slicer: DepthSlicer, progress: Progress) -> None:
-    light, depth = read_rays(field, device=slicer.device, progress=progress)
-    slicer.add(slice(0, len(light)), light, depth)
-
-
 def read_rays(
     field: LightFieldFile, *, device: Device, progress: Progress = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All rays of a file that holds depth, view by view with i fastest.
+    """All rays of a file that holds depth, view by view with i fastest, as they are stored.
 
-    Returns
-    -------
-    light : (N N, H, W, 3) float32, linear light, of views as they are stored.
-    depth : (N N, H, W) float32, metres; infinity for a miss, and where nothing can be read.
-
-    Raises :class:`OpticsError` for more rays than are held at a time.
+    Light (N N, H, W, 3) float32, linear, and depth (N N, H, W) float32, metres; infinity for a
+    miss, and where nothing can be read.  Raises :class:`OpticsError` for more rays than are held at
+    a time.
     """
     slab = field.require_slab()
     if slab.rays > HELD_RAYS:
@@ -151,7 +133,11 @@ class _Taker:
     def __init__(self, field: LightFieldFile, slicer: DepthSlicer):
         self.device, self._slicer, self._field = slicer.device, slicer, field
         self.open_samples = _samples(field.layout.views)
-        self._codes = _codes_of_views(field)
+        self._codes = (
+            (tuple(place), picture)
+            for elements, pictures in _elements(field)
+            for place, picture in zip(elements.tolist(), pictures, strict=True)
+        )
         self._shown = np.zeros(0)
 
     def group_size(self, width: int, height: int) -> int:
@@ -167,13 +153,6 @@ class _Taker:
             self._shown = np.stack(codes) if len(codes) > 1 else codes[0][None]
         index = samples[:, 1] * self._field.layout.views + samples[:, 0]
         self._slicer.add_stored(index, views, self._shown[:, top : top + rows], top)
-
-
-def _codes_of_views(field: LightFieldFile) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """((i, j), (H, W) codes) of every view that can be read, in the order of frames."""
-    for elements, pictures in _elements(field):
-        for place, picture in zip(elements.tolist(), pictures, strict=True):
-            yield tuple(place), picture
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:

@@ -1,7 +1,5 @@
 """Frames of a stored light field, in either layout, as views in fixed-point linear light."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

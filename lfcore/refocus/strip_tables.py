@@ -6,8 +6,6 @@ lens samples that fall on one pixel are a *run*; runs end at multiples of STRIP 
 table begins, and of MOST_COLUMNS columns, so that the sum of a bin stays within 32 bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

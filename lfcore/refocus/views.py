@@ -1,13 +1,12 @@
 """Many views out of a light field file at once, in either layout."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
+from lfcore.optics.array import CameraArray
 from lfcore.refocus.shift_sum import GROUP_BYTES
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.lightfield import LightFieldFile
@@ -32,6 +31,30 @@ def read_views(
     collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
     add_frames(collector, field, progress)
     return collector.views
+
+
+def read_stored(
+    field: LightFieldFile, *, progress: Callable[[int, int], None] | None = None
+) -> tuple[np.ndarray, CameraArray]:
+    """All pictures of a file, slab or array, side by side as a camera array's picture.
+
+    That is (N M, N M, 3) float32, linear radiance, for ``DeviceField`` and ``write_array``; the
+    array is sheared when the slab is focused.
+    """
+    if not field.metric:
+        raise OpticsError(
+            "does not hold its geometry, which a camera array needs", file=field.path,
+            remedy="Import it again with --baseline, --field-of-view and --focus",
+        )  # fmt: skip
+    slab, (columns, rows) = field.metadata.slab, field.grid
+    array = field.array if slab is None else CameraArray.from_slab(slab)
+    assert array is not None  # a file holds one or the other
+    samples = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
+    views = read_views(field, samples, progress=progress)
+    image = array.mosaic(views.reshape(rows, columns, *views.shape[1:]))
+    if field.white != 1.0:
+        image *= np.float32(field.white)
+    return image, array
 
 
 class _Collector:

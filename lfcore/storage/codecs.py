@@ -1,7 +1,5 @@
 """Codecs and their settings."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import asdict, dataclass
 

@@ -1,121 +1,31 @@
-"""Join segments into one Matroska file, packet by packet, without encoding again.
-
-A job makes one segment in a file of its own, or a *batch* of several one after the other.  A batch
-is Matroska with the tag ``SEGMENTS``: of each segment frames, bytes, check sum and reordering, so
-that the join reads the video once.
-"""
+"""Join segments into one Matroska file, packet by packet, without encoding again."""
 
 from __future__ import annotations
 
-import json
+import shutil
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
-from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
+from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import av
 import numpy as np
 
 from lfcore import __version__
 from lfcore.errors import StorageError
-from lfcore.files import WholeFile, whole_file
+from lfcore.files import WholeFile, draft_folder, whole_file
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth
-from lfcore.storage.ebml import scan
 from lfcore.storage.index import SegmentIndex
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import TAG, Metadata
-from lfcore.storage.segment import (
-    SegmentInfo,
-    global_header,
-    named_errors,
-    open_video,
-    read_segment,
-)
-
-BATCH_TAG = "SEGMENTS"
-EBML = b"\x1a\x45\xdf\xa3"
-_FIELDS = (str, str, int, int, int, int, int, int)
-"""Types of :class:`SegmentInfo`."""
-
-
-@dataclass(frozen=True)
-class Batch:
-    """The segments of one file, in its order; ``header`` is the codec's global header."""
-
-    path: Path
-    infos: tuple[SegmentInfo, ...]
-    header: bytes
-
-    def segments(self) -> Iterator[Iterator[av.Packet]]:
-        """The packets of each segment, to be read in turn and to the end."""
-        with open_video(self.path) as container:
-            video = container.streams.video[0]
-            packets = (packet for packet in container.demux(video) if packet.size)
-            for info in self.infos:
-                yield self._checked(islice(packets, info.frames), info)
-            if next(packets, None) is not None:
-                raise self._changed()
-
-    def _checked(self, packets: Iterator[av.Packet], info: SegmentInfo) -> Iterator[av.Packet]:
-        frames = crc = 0
-        for packet in packets:
-            frames, crc = frames + 1, zlib.crc32(packet, crc)
-            yield packet
-        if (frames, crc) != (info.frames, info.crc32):
-            raise self._changed()
-
-    def _changed(self) -> StorageError:
-        return StorageError(
-            "is damaged, or changed while it was read",
-            file=self.path,
-            remedy="Encode its tiles again",
-        )
-
-
-def read_batch(path: str | Path, *, grey: bool = False) -> Batch:
-    """The segments of a file: of a batch by its index, of a segment by reading it once.
-
-    ``grey`` says that they hold no colours, but depths.
-    """
-    path = Path(path)
-    try:
-        with path.open("rb") as file:
-            several = file.read(4) == EBML
-    except FileNotFoundError:
-        raise StorageError("no such file", file=path) from None
-    except OSError as error:
-        raise StorageError(f"cannot be read: {error.strerror or error}", file=path) from error
-    if not several:
-        info, header = read_segment(path, grey=grey)
-        return Batch(path, (info,), header)
-    faults = scan(path, clusters=False).faults
-    with open_video(path) as container:
-        infos = _infos(container.metadata.get(BATCH_TAG, ""))
-        if faults or not infos:
-            raise StorageError(
-                f"is no batch of segments: {'; '.join(faults) or 'it has no index'}",
-                file=path,
-                remedy="Encode its tiles again",
-            )
-        return Batch(path, infos, global_header(container))
-
-
-def _infos(text: str) -> tuple[SegmentInfo, ...]:
-    """What a tag says; empty when it makes no sense."""
-    try:
-        rows = json.loads(text)
-        right = all(tuple(map(type, row)) == _FIELDS for row in rows)
-        return tuple(SegmentInfo(*row) for row in rows) if right else ()
-    except (ValueError, TypeError, RecursionError):
-        return ()
-
+from lfcore.storage.segment import SegmentInfo, named_errors, open_video, read_segment
 
 FRAME_MS = 1000 // FRAME_RATE
 """Milliseconds, Matroska's unit of time, from one frame to the next; exact."""
@@ -141,14 +51,15 @@ def join_segments(
 ) -> Metadata:
     """Write the light field file ``path`` from one segment a tile, in the order of tiles.
 
-    ``segments`` are files of segments and batches; ``geometry`` is the slab, or a JSON object of a
-    camera array; ``spec``, ``scene`` and ``content`` are recorded. Memory grows by a few numbers a
-    segment. After an error no file is left.
+    ``geometry`` is the slab, or a JSON object of a camera array; ``spec``, ``scene`` and
+    ``content`` are recorded. Memory grows by a few numbers a segment. After an error no file is
+    left.
     """
     path = Path(path)
     streams = [_Stream.of(path, segments, tiles, layout)]
     if depth:
-        streams.append(_Stream.of(path, depth.segments, tiles, layout, depth.codes))
+        grey = replace(layout, pixel_format=depth.codes.pixel_format, peak=None)
+        streams.append(_Stream.of(path, depth.segments, tiles, grey))
     colours = streams[0]
     numbers = np.empty((len(tiles), 8), np.int64)
     first = 0
@@ -177,20 +88,9 @@ def join_segments(
             file=path,
             remedy="Cut the light field into larger tiles: raise tile_mib",
         )
-    _write(path, streams, {TAG: text}, progress)
+    with whole_file(path) as file, named_errors(path, "joining segments"):
+        _mux(file, streams, {TAG: text}, progress)
     return metadata
-
-
-def write_batch(path: str | Path, segments: Sequence[str | Path]) -> None:
-    """Write several segments of one encoding, one after the other, into the one file ``path``.
-
-    A batch stands for its segments wherever these are joined.  Raises as :func:`join_segments`.
-    """
-    stream = _Stream([read_batch(segment) for segment in segments])
-    for one in stream.batches:
-        _check_encoding(one, stream.batches[0])
-    index = json.dumps([astuple(info) for info in stream.infos], separators=(",", ":"))
-    _write(Path(path), [stream], {BATCH_TAG: index})
 
 
 @dataclass(frozen=True)
@@ -215,97 +115,79 @@ class DepthSegments:
 
 @dataclass(frozen=True)
 class _Stream:
-    """The segments of one video stream, in files of one or several."""
+    """The segments of one video stream: their files, and the codec's global header."""
 
-    batches: list[Batch]
+    files: Sequence[Path]
+    infos: list[SegmentInfo]
+    header: bytes
 
     @classmethod
     def of(
-        cls,
-        path: Path,
-        files: Sequence[str | Path],
-        tiles: Sequence[Tile],
-        layout: FrameLayout,
-        codes: DepthCodes | None = None,
+        cls, path: Path, files: Sequence[str | Path], tiles: Sequence[Tile], layout: FrameLayout
     ) -> _Stream:
         """Raises :class:`StorageError` unless the files are the videos of the tiles."""
-        if codes:
-            layout = replace(layout, pixel_format=codes.pixel_format, peak=None)
-        found = cls([read_batch(file, grey=codes is not None) for file in files])
-        if len(found.infos) != len(tiles) or not files:
-            raise StorageError(f"{len(found.infos)} segments for {len(tiles)} tiles", file=path)
-        whose = (batch for batch in found.batches for _ in batch.infos)
-        for batch, info, tile in zip(whose, found.infos, tiles, strict=True):
-            _check(batch, info, tile, layout, found.batches[0])
-        return found
-
-    @cached_property
-    def infos(self) -> list[SegmentInfo]:
-        return [info for batch in self.batches for info in batch.infos]
-
-    @property
-    def header(self) -> bytes:
-        return self.batches[0].header
+        if len(files) != len(tiles) or not files:
+            raise StorageError(f"{len(files)} segments for {len(tiles)} tiles", file=path)
+        paths = [Path(file) for file in files]
+        found = [read_segment(file, grey=layout.format.grey) for file in paths]
+        infos, headers = [info for info, _ in found], [header for _, header in found]
+        for file, info, header, tile in zip(paths, infos, headers, tiles, strict=True):
+            _check(file, info, tile, layout)
+            if (info.codec, header) != (infos[0].codec, headers[0]):
+                raise StorageError(
+                    "was encoded with other settings than the first segment",
+                    file=file,
+                    remedy="Encode all tiles with the same settings",
+                )
+        return cls(paths, infos, headers[0])
 
     def segments(self, made: Any) -> Iterator[Iterator[av.Packet]]:
         """The packets of each segment in turn, with their times in the whole file."""
-        reorder = max(info.reorder for info in self.infos)
-        first = 0
-        for batch in self.batches:
-            place = first
-            for info, packets in zip(batch.infos, batch.segments(), strict=True):
-                yield _timed(packets, first, place - reorder, made)
-                place += info.frames
-            first = place
+        reorder, first = max(info.reorder for info in self.infos), 0
+        for file, info in zip(self.files, self.infos, strict=True):
+            with open_video(file) as container:
+                yield _timed(_packets(container, info, file), first, first - reorder, made)
+            first += info.frames
 
 
-def _check(batch: Batch, info: SegmentInfo, tile: Tile, layout: FrameLayout, first: Batch) -> None:
+def _packets(container: Any, info: SegmentInfo, file: Path) -> Iterator[av.Packet]:
+    """The packets of a segment; :class:`StorageError` where they are not those of ``info``."""
+    frames = crc = 0
+    for packet in container.demux(container.streams.video[0]):
+        if packet.size:
+            frames, crc = frames + 1, zlib.crc32(packet, crc)
+            yield packet
+    if (frames, crc) != (info.frames, info.crc32):
+        raise StorageError("changed while it was read", file=file, remedy="Encode its tile again")
+
+
+def _check(file: Path, info: SegmentInfo, tile: Tile, layout: FrameLayout) -> None:
     """Raise :class:`StorageError` unless the segment is the video of the tile."""
     expected = (layout.frame_width, layout.frame_height, layout.pixel_format)
     if (info.width, info.height, info.pixel_format) != expected:
         raise StorageError(
             f"has frames of {info.width} x {info.height} {info.pixel_format}; the layout needs "
             "{} x {} {}".format(*expected),
-            file=batch.path,
+            file=file,
         )
     if info.frames != tile.frame_count:
         raise StorageError(
             f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}",
-            file=batch.path,
+            file=file,
             remedy="Encode this tile again",
         )
-    _check_encoding(batch, first)
-
-
-def _check_encoding(batch: Batch, first: Batch) -> None:
-    if (batch.infos[0].codec, batch.header) != (first.infos[0].codec, first.header):
-        raise StorageError(
-            "was encoded with other settings than the first segment",
-            file=batch.path,
-            remedy="Encode all tiles with the same settings",
-        )
-
-
-def _write(
-    path: Path,
-    streams: list[_Stream],
-    tags: dict[str, str],
-    progress: Callable[[int, int], None] | None = None,
-) -> None:
-    with whole_file(path) as file, named_errors(path, "joining segments"):
-        _mux(file, streams, tags, progress or (lambda done, total: None))
 
 
 def _mux(
     file: WholeFile,
     streams: list[_Stream],
     tags: dict[str, str],
-    progress: Callable[[int, int], None],
+    progress: Callable[[int, int], None] | None,
 ) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     written = []
     for stream in streams:
-        with open_video(stream.batches[0].path) as template:
+        with open_video(stream.files[0]) as template:
             # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
             made = output.add_stream_from_template(template.streams.video[0], opaque=True)
         made.time_base = Fraction(1, 1000)
@@ -317,7 +199,8 @@ def _mux(
         for packets in zip(*segments, strict=True):
             for packet in packets:
                 output.mux_one(packet)
-        progress(done, len(streams[0].infos))
+        if progress:
+            progress(done, len(streams[0].infos))
     output.close()
 
 
@@ -332,3 +215,27 @@ def _timed(
         packet.dts, packet.duration = place * ticks, ticks
         packet.stream = made
         yield packet
+
+
+def pack_segments(path: str | Path, segments: Iterable[Path]) -> None:
+    """Write a batch of segments: one file, with check sums."""
+    with whole_file(path) as file, ZipFile(cast(IO[bytes], file), "w") as batch:
+        for segment in segments:
+            with segment.open("rb") as one, batch.open(ZipInfo(segment.name), "w") as to:
+                shutil.copyfileobj(one, to)
+
+
+@contextmanager
+def unpacked(batches: Iterable[str | Path], beside: str | Path) -> Iterator[list[Path]]:
+    """The segments of batches, in order, while the block lasts; :class:`StorageError` names a
+    batch that is damaged."""
+    with draft_folder(beside) as folder:
+        segments = []
+        for batch in batches:
+            try:
+                with ZipFile(batch) as packed:
+                    segments += [Path(packed.extract(name, folder)) for name in packed.namelist()]
+            except (BadZipFile, OSError, EOFError) as error:
+                remedy = "Encode its tiles again"
+                raise StorageError(f"is damaged: {error}", file=batch, remedy=remedy) from None
+        yield segments

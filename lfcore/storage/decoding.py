@@ -1,7 +1,5 @@
 """Packets in, planar frames out, in order and counted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,7 +11,7 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.pixels import PixelFormat
-from lfcore.storage.planar import aligned_frames, plane_arrays, stored_format
+from lfcore.storage.planar import plane_arrays, stored_format
 
 FRAME_RATE = 25
 """Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
@@ -69,11 +67,11 @@ class FrameRun:
         ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
         ``packets`` begin with a key frame at or before ``start``.
         """
-        filled = 0
+        filled, frame_bytes = 0, self.form.frame_bytes(self.width, self.height)
         for done, planes in enumerate(self.planes(context, packets, start, stop, count)):
             if not filled:
                 size = min(chunk, stop - start - done)
-                out = next(rooms)[:size] if rooms else self._room(size)
+                out = next(rooms)[:size] if rooms else np.empty((size, frame_bytes), np.uint8)
                 targets = self.form.views(out, self.width, self.height)
             for target, plane in zip(targets, planes, strict=True):
                 target[filled] = plane
@@ -106,9 +104,6 @@ class FrameRun:
         raise StorageError(
             f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
         )
-
-    def _room(self, frames: int) -> np.ndarray:
-        return aligned_frames(frames, self.form.frame_bytes(self.width, self.height))
 
     def _frames(
         self, context: av.VideoCodecContext, packets: Iterable[av.Packet]

@@ -9,8 +9,6 @@ three references.  A key frame every 128 frames costs 3% of the bits at N = 32, 
 macropixel costs to read: 64 frames on average.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

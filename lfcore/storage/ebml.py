@@ -5,8 +5,6 @@ each element of level 1 with a CRC-32 of the rest, which its demuxer does not lo
 are checked, so that a flipped bit is found wherever it is.
 """
 
-from __future__ import annotations
-
 import io
 import zlib
 from collections.abc import Iterator

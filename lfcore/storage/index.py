@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import overload
 
 import numpy as np
@@ -49,19 +48,11 @@ class SegmentIndex(Sequence[Segment]):
     @classmethod
     def from_json(cls, layout: FrameLayout, rows: list) -> SegmentIndex:
         """The index of a list of lists of eight whole numbers from 0 to 2^63 - 1."""
-        lists = set(map(type, rows)) <= {list} and set(map(len, rows)) <= {8}
-        if lists and set(map(type, chain.from_iterable(rows))) <= {int}:
-            try:
-                numbers = np.array(rows, np.int64).reshape(-1, 8)
-                if not (numbers < 0).any():
-                    return cls(layout, numbers)
-            except OverflowError:
-                pass
         for index, row in enumerate(rows):
             whole = isinstance(row, list) and len(row) == 8
             if not (whole and all(type(n) is int and 0 <= n < 1 << 63 for n in row)):
                 raise StorageError("must be eight whole numbers", key=f"segments[{index}]")
-        raise StorageError("must be lists of eight whole numbers", key="segments")
+        return cls(layout, np.array(rows, np.int64))
 
     def __repr__(self) -> str:
         return f"<{len(self)} segments>"
@@ -134,20 +125,13 @@ class SegmentIndex(Sequence[Segment]):
 def _covers(tiles: np.ndarray, column: int, row: int, columns: int, rows: int) -> bool:
     """Whether rectangles (S, 4) partition the one given.
 
-    From the top down, each must stand on what those before it have filled of its columns.  Those of
-    the same rows that stand side by side are taken as one: a file may have a hundred thousand.
+    From the top down, each must stand on what those before it have filled of its columns.
     """
     low, high = tiles[:, :2] - [column, row], tiles[:, :2] + tiles[:, 2:] - [column, row]
     if (low < 0).any() or (high > [columns, rows]).any():
         return False
-    order = np.lexsort(low.T)
-    low, high = low[order], high[order]
-    apart = (
-        (low[1:, 0] != high[:-1, 0]) | (low[1:, 1] != low[:-1, 1]) | (high[1:, 1] != high[:-1, 1])
-    )
-    first, last = np.append(True, apart)[: len(low)], np.append(apart, True)[: len(low)]
     filled = np.zeros(columns, np.int64)
-    for left, top, right, bottom in np.hstack([low[first], high[last]]).tolist():
+    for left, top, right, bottom in np.hstack([low, high])[np.lexsort(low.T)].tolist():
         below = filled[left:right]
         if (below != top).any():
             return False

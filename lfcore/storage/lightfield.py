@@ -20,7 +20,7 @@ from lfcore.storage.depth_stream import StoredDepth
 from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import pixel_format
-from lfcore.storage.stored_video import Damage, StoredVideo
+from lfcore.storage.stored_video import StoredVideo
 from lfcore.storage.ycbcr import rgb_from_planes
 
 CHUNK_BYTES = 4 << 20
@@ -296,9 +296,8 @@ class LightFieldFile(StoredVideo):
 
     def _read_codes(self, found: np.ndarray) -> np.ndarray:
         """uint8 sRGB of what frames hold; light above white is cut."""
-        return (
-            to_uint8(found) if self.layout.peak is None else srgb_codes(self.layout.decoded(found))
-        )
+        layout = self.layout
+        return to_uint8(found) if layout.peak is None else srgb_codes(layout.decoded(found))
 
     def _needed(
         self, part: Segment, numbers: np.ndarray
@@ -350,6 +349,3 @@ def windows(
         pictures.append(plane[which[:, None, None], rows[:, :, None], columns[:, None, :]])
     whole = pixel_format(FULL[form.bits]) if form.subsampling > 1 else form
     return rgb_from_planes(pictures, whole)
-
-
-__all__ = ["Damage", "LightFieldFile", "windows"]

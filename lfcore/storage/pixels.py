@@ -6,8 +6,6 @@ encoded RGB (sRGB, or PQ); ``gbrp`` is sRGB-encoded RGB itself, planes in the or
 red.  Grey formats have one plane of codes, which need not be light.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planar bytes in and out of FFmpeg's frames, by plain copies: no converter is involved."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import av
@@ -21,20 +19,6 @@ def stored_format(decoded: str | None, *, grey: bool) -> str | None:
     if grey:
         return _GREY_OF.get(decoded or "", decoded)
     return "gbrp" if decoded == PACKED_RGB else decoded
-
-
-PAGE = 4096
-
-
-def aligned_frames(frames: int, frame_bytes: int) -> np.ndarray:
-    """(frames, frame_bytes) uint8, not initialised, from the beginning of a page.
-
-    A device that shares the host's memory then reads it in place; else its driver copies it.
-    """
-    size = frames * frame_bytes
-    raw = np.empty(-(-size // PAGE) * PAGE + PAGE, np.uint8)
-    start = -raw.ctypes.data % PAGE
-    return raw[start : start + size].reshape(frames, frame_bytes)
 
 
 class PlanarFeed:

@@ -181,12 +181,7 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
             frames, size = frames + 1, size + packet.size
         codec, picture = context.codec.canonical_name, (context.width, context.height)
         info = SegmentInfo(codec, form.name, *picture, frames, size, crc, reorder)
-        return info, global_header(container)
-
-
-def global_header(container: av.container.InputContainer) -> bytes:
-    """The codec's parameter sets, which are common to all segments."""
-    return container.streams.video[0].codec_context.extradata or b""
+        return info, context.extradata or b""
 
 
 def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:

@@ -3,8 +3,6 @@
 Nothing is handed out from a segment before its check sum was found right.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress

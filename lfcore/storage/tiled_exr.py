@@ -6,8 +6,6 @@ is tiled so that one camera is one EXR tile (where the size allows).  The header
 geometry must then come from elsewhere.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Views into a light field file, one a frame."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable

@@ -6,8 +6,6 @@ range: for b bits, luma codes run from 16 to 235 and chroma codes from 16 to 240
 mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

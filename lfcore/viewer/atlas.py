@@ -4,8 +4,6 @@ A *page* is one picture with a rectangle of cells, each of which holds one view.
 by the texture that every WebGL2 has in practice, and their number by memory.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable

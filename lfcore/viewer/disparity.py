@@ -4,8 +4,6 @@ Plane sweep (Collins, "A space-sweep approach to true multi-image matching", CVP
 is shifted to a candidate plane; where that plane holds the surface, all agree with the central one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 SIDE = 128

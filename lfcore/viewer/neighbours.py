@@ -6,8 +6,6 @@ the middle of the lens is stored as it is.  The differences are taken from what 
 errors do not add up.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain

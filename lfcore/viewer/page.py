@@ -1,7 +1,5 @@
 """The page: one HTML file with the views, its program and its style, which works from disk."""
 
-from __future__ import annotations
-
 import base64
 import html
 import http.server

@@ -30,16 +30,16 @@ def open_scene(files: Any) -> tuple[Scene, Bvh]:
     return scene, load_bvh(files.bvh)
 
 
-def open_tracer(files: Any, device: str, threads: int, *, lean: bool = False) -> Tracer:
-    """A tracer of ``files.scene`` and ``files.bvh`` on the device of this name.
+def open_tracer(job: Any, *, lean: bool = False) -> Tracer:
+    """A tracer of a job's scene and tree on its device.
 
     ``lean`` leaves out triangles that no ray through the scene's own camera can meet, nor its
     shadow rays.
     """
-    scene, bvh = open_scene(files)
+    scene, bvh = open_scene(job.input)
     if lean:
         scene, bvh = reach.lean(scene, bvh, scene.camera)
-    return Tracer(scene, bvh, open_device(device or None, threads=threads))
+    return Tracer(scene, bvh, open_device(job.params.device or None, threads=job.threads))
 
 
 def trace_batch(
@@ -52,10 +52,9 @@ def trace_batch(
     spec: Encoding,
     progress: Callable[[int, int], None],
 ) -> tuple[PlaneSums, dict]:
-    """Trace tiles one after the other; without ``segments`` nothing is stored.
+    """Trace tiles one after the other, into the zip file ``segments`` where they are stored.
 
-    The file ``segments`` is a batch of them.  Returns the sums of the planes over all
-    tiles, and the facts: rays, tiles, wall seconds.
+    Returns the sums of the planes over all tiles, and the facts: rays, tiles, wall seconds.
     """
     rays, seconds = 0, {"trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None
@@ -76,8 +75,8 @@ def trace_batch(
             total = total.with_part(part) if total and part else part
             progress(done, len(tiles))
         if segments:
-            from lfcore.storage.container import write_batch
+            from lfcore.storage.container import pack_segments
 
-            write_batch(segments, files)
+            pack_segments(segments, files)
     assert total is not None
     return total, {"rays": rays, "tiles": len(tiles), "seconds": seconds}

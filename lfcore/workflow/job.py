@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 from lfcore.errors import LfcoreError
 
@@ -18,8 +19,9 @@ RUN = "LFCORE_RUN"
 
 
 @contextmanager
-def job(log: str, threads: int) -> Iterator[None]:
-    """Send all output of this process to the rule's ``log``; a user's error is one line.
+def job(snakemake: Any) -> Iterator[tuple[Any, Any, Any]]:
+    """Send all output of this process to the rule's log; a user's error is one line.  Gives the
+    rule's input, params and output.
 
     Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
     as a full disk, end the process with status 1 after one line, in the log and on the terminal;
@@ -28,15 +30,15 @@ def job(log: str, threads: int) -> Iterator[None]:
     terminal = os.dup(2)
     end_with_run()
     try:
-        file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        file = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         for stream in (1, 2):
             os.dup2(file, stream)
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(line_buffering=True)
         logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
         # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
-        os.environ["LFCORE_THREADS"] = str(threads)
-        yield
+        os.environ["LFCORE_THREADS"] = str(snakemake.threads)
+        yield snakemake.input, snakemake.params, snakemake.output
     except LfcoreError as error:
         _fail(terminal, str(error))
     except OSError as error:

@@ -112,7 +112,7 @@ def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
     monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)
     rows, rendered = renderers.compare(chart, (1.0, 2.0), pixels=32, views=4)
-    table = table_of(rows, renderers.COLUMNS)
+    table = table_of(rows)
     assert len(table) == 8
     missing = table[table.method.isin(["POV-Ray", "Mitsuba 3"])]
     assert missing.note.str.startswith("left out").all() and missing.psnr_db.isna().all()

@@ -146,7 +146,7 @@ def test_rate_and_distortion_of_a_scene(chart, tmp_path, drawn, shows):
     assert lossy.bits_per_ray.is_monotonic_decreasing
     assert lossy.psnr_frames_db.is_monotonic_decreasing
     assert np.allclose(points.ratio_float32, 96 / points.bits_per_ray, rtol=1e-4)
-    deltas = table_of(rate_distortion.bd_rows(points), rate_distortion.BD_COLUMNS)
+    deltas = table_of(rate_distortion.bd_rows(points))
     assert deltas.curve.tolist() == list(names[:2])
     assert deltas.bd_rate_frames_percent[0] == pytest.approx(0, abs=1e-6)
     rate_distortion_figure(tmp_path / "rd.png", points, deltas)

@@ -9,10 +9,14 @@ from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array import reference, sampling
 from lfcore.refocus.array.device_field import DeviceField
-from lfcore.refocus.array.isaksen import isaksen
-from lfcore.refocus.array.monte_carlo import monte_carlo, thin_lens
-from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.realistic import film_rays, realistic
+from lfcore.refocus.array.synthesis import (
+    film_rays,
+    isaksen,
+    monte_carlo,
+    quadrature,
+    realistic,
+    thin_lens,
+)
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 DEPTH = 3.0

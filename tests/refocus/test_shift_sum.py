@@ -18,13 +18,12 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.optics.array import thin_lens
 from lfcore.optics.planes import SHAPES
 from lfcore.oracle.planes import form_plane
-from lfcore.refocus.array.stored import read_stored
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.shift_sum_reference import shift_sum_reference
 from lfcore.refocus.slicing import form_planes
-from lfcore.refocus.views import read_views
+from lfcore.refocus.views import read_stored, read_views
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 PLANES = [

@@ -15,7 +15,7 @@ from stored_fields import segment_frames
 from lfcore import Encoding, FrameLayout, LightField, StorageError
 from lfcore.colour import display_values
 from lfcore.storage.codecs import SMALLEST_FRAME
-from lfcore.storage.container import join_segments, write_batch
+from lfcore.storage.container import join_segments, pack_segments, unpacked
 from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter, open_video
@@ -183,35 +183,39 @@ def test_a_file_stays_open_for_any_number_of_threads(tmp_path, make_store):
 
 @pytest.mark.parametrize("codec", ["libx264", "libx265", "libsvtav1", "ffv1"])
 def test_batches_join_to_the_same_bytes(tmp_path, make_store, codec):
-    """Whatever segments went into a batch, and batches of batches: the file is the same."""
+    """Whatever segments went into a batch: the file is the same."""
     spec = Encoding(codec, "yuv420p", tune=None, preset=PRESETS[codec])
     stored = make_store(tmp_path, macropixels(codec, 8, 12), spec, tiles=5)
     assert len(stored.tiles) >= 5
-    batches = [tmp_path / f"{k}.batch" for k in range(3)]
-    write_batch(batches[0], stored.segments[:2])
-    write_batch(batches[1], stored.segments[2:3])
-    write_batch(batches[2], [batches[1], *stored.segments[3:]])
-    again, steps = tmp_path / "again.mkv", []
-    join_segments(
-        again, [batches[0], batches[2]], stored.tiles, stored.layout, geometry=stored.slab,
-        scene=SCENE, spec=spec, progress=lambda *step: steps.append(step),
-    )  # fmt: skip
+    batches, steps = [tmp_path / "0.batch", tmp_path / "1.batch"], []
+    pack_segments(batches[0], stored.segments[:2])
+    pack_segments(batches[1], stored.segments[2:])
+    again = tmp_path / "again.mkv"
+    with unpacked(batches, again) as segments:
+        join_segments(
+            again, segments, stored.tiles, stored.layout, geometry=stored.slab,
+            scene=SCENE, spec=spec, progress=lambda *step: steps.append(step),
+        )  # fmt: skip
     assert steps == [(done + 1, len(stored.tiles)) for done in range(len(stored.tiles))]
     assert again.read_bytes() == stored.path.read_bytes()
     LightFieldFile.open(again).verify()
 
 
 def test_a_batch_that_is_damaged_is_named(tmp_path, stored):
+    def join(batch):
+        with unpacked([batch], tmp_path / "x.mkv") as segments:
+            join_with(stored, tmp_path, segments)
+
     batch = tmp_path / "0.batch"
-    write_batch(batch, stored.segments[:-1])
-    refused("3 segments for 4 tiles", join_with, stored, tmp_path, [batch])
-    write_batch(batch, stored.segments)
+    pack_segments(batch, stored.segments[:-1])
+    refused("3 segments for 4 tiles", join, batch)
+    pack_segments(batch, stored.segments)
     data = batch.read_bytes()
     changed = bytearray(data)
-    changed[data.index(b"\x1f\x43\xb6\x75") + 400] ^= 4
+    changed[400] ^= 4
     for wrong in (data[: len(data) // 2], bytes(changed), stored.path.read_bytes(), b""):
         batch.write_bytes(wrong)
-        refused("batch: ", join_with, stored, tmp_path, [batch])
+        refused("batch: ", join, batch)
         assert not (tmp_path / "x.mkv").exists()
 
 

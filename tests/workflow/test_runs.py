@@ -32,7 +32,7 @@ import time
 from pathlib import Path
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
+with job(snakemake):
     Path(snakemake.output[0]).write_text("half")
     with open("trace", "a") as trace:
         while not Path("hurry").exists():

@@ -114,6 +114,7 @@ if STORE:
             light_fields=expand(CHOSEN_FIELDS, scene=SCENES),
         output:
             csv=table("chosen_rays"),
+            figures=[],
         log:
             "logs/chosen_rays.log",
         group:
@@ -122,8 +123,9 @@ if STORE:
             "../envs/lfcore.yaml"
         params:
             version=version("report"),
+            table="chosen_rays",
         script:
-            "../scripts/chosen_rays.py"
+            "../scripts/table_of_rows.py"
 
 
 rule stability:

@@ -84,6 +84,19 @@ STUDIES = {
         ["time"],
         {"picture_px": ARRAY["picture_px"], "instants": ARRAY["instants"]},
     ),
+    "reconstruction": (
+        of_scene("book"),
+        ["reconstruction"],
+        {
+            "grid": ARRAY["arrays"].get("book"),
+            "picture_px": ARRAY["picture_px"],
+            "tile_px": ARRAY["tile_px"].get("book", 64),
+            "camera_counts": ARRAY["camera_counts"],
+            "monte_carlo_samples": ARRAY["monte_carlo_samples"],
+            "convergence_samples": ARRAY["convergence_samples"],
+            "reference_samples": ARRAY["reference_samples"].get("book", 64),
+        },
+    ),
 }
 
 for name, (files, figures, settings) in STUDIES.items():
@@ -107,32 +120,6 @@ for name, (files, figures, settings) in STUDIES.items():
             device=DEVICE,
         script:
             "../scripts/assignment_study.py"
-
-
-rule assignment_reconstruction:
-    input:
-        **of_scene("book"),
-    output:
-        figure=assignment_figure("reconstruction"),
-        record=f"{RECORDS}/reconstruction.json",
-    log:
-        "logs/assignment/reconstruction.log",
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        version=version("report"),
-        grid=ARRAY["arrays"].get("book"),
-        study={
-            "picture_px": ARRAY["picture_px"],
-            "tile_px": ARRAY["tile_px"].get("book", 64),
-            "camera_counts": ARRAY["camera_counts"],
-            "monte_carlo_samples": ARRAY["monte_carlo_samples"],
-            "convergence_samples": ARRAY["convergence_samples"],
-            "reference_samples": ARRAY["reference_samples"].get("book", 64),
-        },
-        device=DEVICE,
-    script:
-        "../scripts/assignment_reconstruction.py"
 
 
 rule assignment_tables:

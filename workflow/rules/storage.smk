@@ -75,7 +75,7 @@ for folder, name, figures in (
         name:
             name
         input:
-            of_scenes(f"{folder}/{name}.json"),
+            rows=of_scenes(f"{folder}/{name}.json"),
         output:
             csv=table(name),
             figures=figures,

@@ -7,11 +7,11 @@ from lfcore.workflow.job import job
 
 WIDTH = 512
 
-with job(snakemake.log[0], snakemake.threads):
+with job(snakemake) as (given, params, output):
     cells = []
-    for name, file in zip(snakemake.params.scenes, snakemake.input, strict=True):
+    for name, file in zip(params.scenes, given, strict=True):
         found = read_array(file)
         (nx, ny), (w, h) = found.array.cameras, found.array.tile
         label = f"{name}: {nx} x {ny} cameras of {w} x {h}"
         cells.append((overview(found.image, WIDTH), label))
-    contact_sheet(snakemake.output[0], cells, panel_px=WIDTH)
+    contact_sheet(output[0], cells, panel_px=WIDTH)

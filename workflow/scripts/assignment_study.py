@@ -1,25 +1,27 @@
 """A study on camera arrays: its sheets of pictures, and what was measured."""
 
 from lfcore.evaluation.assignment.book import book
-from lfcore.evaluation.assignment.reconstruction import sampling, see_through, time
-from lfcore.evaluation.figures import contact_sheet
+from lfcore.evaluation.assignment.reconstruction import reconstruction, sampling, see_through, time
+from lfcore.evaluation.figures import Sheet, contact_sheet, save_figure
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-STUDIES = {"book": book, "sampling": sampling, "see_through": see_through, "time": time}
+STUDIES = {study.__name__: study for study in (book, sampling, see_through, time, reconstruction)}
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params, threads = snakemake.input, snakemake.params, snakemake.threads
+with job(snakemake) as (given, params, output):
     if "bvh" in given.keys():
-        device_or_tracer = open_tracer(given, params.device, threads)
+        device_or_tracer = open_tracer(snakemake)
     else:
-        device_or_tracer = open_device(params.device or None, threads=threads)
+        device_or_tracer = open_device(params.device or None, threads=snakemake.threads)
     files = {key: file for key, file in given.items() if key not in ("scene", "bvh", "light")}
     study, progress = STUDIES[params.study], log_progress(params.study)
     sheets, record = study(device_or_tracer, **files, **params.settings, progress=progress)
-    for file, sheet in zip(snakemake.output.figures, sheets, strict=True):
-        contact_sheet(file, *sheet, panel_px=300)
-    write_json(snakemake.output.record, record)
+    for file, sheet in zip(output.figures, sheets, strict=True):
+        if isinstance(sheet, Sheet):
+            contact_sheet(file, *sheet, panel_px=300)
+        else:
+            save_figure(file, sheet)
+    write_json(output.record, record)
     print(record)

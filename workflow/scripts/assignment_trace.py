@@ -7,9 +7,8 @@ from lfcore.files import write_json
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params, output = snakemake.input, snakemake.params, snakemake.output
-    tracer = open_tracer(given, params.device, snakemake.threads)
+with job(snakemake) as (_, params, output):
+    tracer = open_tracer(snakemake)
     array = array_of(tracer.scene, params.grid, params.cameras_per_dim, params.tile_px)
     record = trace_to_exr(
         tracer,

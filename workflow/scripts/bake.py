@@ -5,9 +5,9 @@ from lfcore.rendering.bake import bake_light
 from lfcore.workflow.batch import open_scene
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    scene, bvh = open_scene(snakemake.input)
-    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
+with job(snakemake) as (given, params, output):
+    scene, bvh = open_scene(given)
+    device = open_device(params.device or None, threads=snakemake.threads)
     light = bake_light(scene, bvh, device, scene.bake, progress=log_progress("steps"))
     print(f"{light.rays} rays, {len(light.values)} points, error {light.error:.3g}")
-    light.save(snakemake.output[0])
+    light.save(output[0])

@@ -9,8 +9,7 @@ from lfcore.optics.plane_pictures import load_stack
 from lfcore.scene.files import load_scene
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params, output = snakemake.input, snakemake.params, snakemake.output
+with job(snakemake) as (given, params, output):
     scene, reference = load_scene(given.scene), load_reference(given.truth)
     device = open_device(params.device or None, threads=snakemake.threads)
     jobs = [read_json(file) for file in (given.trace, given.store, given.retrieve)]

@@ -22,11 +22,10 @@ def recipes(path, by_depth, thesis, truth, views):
     contact_sheet(path, cells, len(true.planes))
 
 
-with job(snakemake.log[0], snakemake.threads):
-    given, output = snakemake.input, snakemake.output
+with job(snakemake) as (given, params, output):
     for name, sheet in output.items():
         if name == "recipes":
-            recipes(sheet, given.focal_stack, given.thesis, given.truth, snakemake.params.views)
+            recipes(sheet, given.focal_stack, given.thesis, given.truth, params.views)
             continue
         pictures, planes = load_stack(given[name])
         columns = 5

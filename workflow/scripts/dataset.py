@@ -10,9 +10,8 @@ from lfcore.evaluation.table_files import write_csv
 from lfcore.files import read_json, write_json
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    given, output = snakemake.input, snakemake.output
-    description = Description.check(snakemake.params.description)
+with job(snakemake) as (given, params, output):
+    description = Description.check(params.description)
     records = [one for file in given.records for one in read_json(file)]
     unpack(description, given.shards, Path(output.data))
     made = tables(description, records, Path(output.data))

@@ -7,8 +7,7 @@ from lfcore.datasets.items import make_batch
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
+with job(snakemake) as (_, params, output):
     description = Description.check(params.description)
     drafts = f"drafts-{description.digest()}-{params.version}-{snakemake.wildcards.batch}"
     make_batch(

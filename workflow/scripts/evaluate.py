@@ -4,11 +4,10 @@ from lfcore.evaluation.table_files import write_rows
 from lfcore.evaluation.tables import Resolution, scene_records
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params = snakemake.input, snakemake.params
+with job(snakemake) as (given, params, output):
     parts = [given.on_the_fly, given.trace]
     if "store" in given.keys():
         parts += [given.from_video, given.store, given.retrieve]
     files = map(Resolution, params.views, *parts)
     scene, pixels = snakemake.wildcards.scene, params.pixels
-    write_rows(snakemake.output[0], scene_records(scene, pixels, list(files), given.truth))
+    write_rows(output[0], scene_records(scene, pixels, list(files), given.truth))

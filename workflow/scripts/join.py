@@ -6,12 +6,11 @@ from lfcore.files import file_digest, read_json, write_json
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
-from lfcore.timing import clocked
+from lfcore.timing import Stopwatch
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params, output = snakemake.input, snakemake.params, snakemake.output
+with job(snakemake) as (given, params, output):
     camera, focus_distances_m, triangles = cases.read_camera(given.scene)
     slab = Slab.of(camera, int(snakemake.wildcards.n), params.pixels)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
@@ -31,14 +30,15 @@ with job(snakemake.log[0], snakemake.threads):
     }
     write_json(output.trace, traced)
     if "light_field" in output.keys():
-        from lfcore.storage.container import join_segments  # loads the codecs
+        from lfcore.storage.container import join_segments, unpacked  # loads the codecs
 
         tiles, spec = cases.tiles(params, slab.views), cases.encoding(params, slab.views)
         depth = facts[0].get("depth_m")  # the range of those that are seen
-        metadata, seconds = clocked(
-            lambda: join_segments(
+        watch = Stopwatch()
+        with watch.part("join"), unpacked(given.segments, output.light_field) as segments:
+            metadata = join_segments(
                 output.light_field,
-                given.segments,
+                segments,
                 tiles,
                 tiles[0].layout,
                 geometry=slab,
@@ -47,12 +47,11 @@ with job(snakemake.log[0], snakemake.threads):
                 content={"depth_m": depth} if depth else None,
                 progress=log_progress("segments"),
             )
-        )
         stored = {
             "device": facts[0]["processor"],
             "threads": spec.threads,
             "encode_seconds": encode_seconds,
-            "join_seconds": seconds,
+            "join_seconds": watch.seconds["join"],
             "video_bytes": Path(output.light_field).stat().st_size,
             "segments": len(metadata.segments),
         }

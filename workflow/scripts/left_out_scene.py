@@ -6,9 +6,9 @@ from lfcore.opencl.device import open_device
 from lfcore.workflow.batch import open_scene
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    scene, bvh = open_scene(snakemake.input)
-    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
-    rows = left_out(scene, bvh, device, **snakemake.params.measured)
+with job(snakemake) as (given, params, output):
+    scene, bvh = open_scene(given)
+    device = open_device(params.device or None, threads=snakemake.threads)
+    rows = left_out(scene, bvh, device, **params.measured)
     check_identical(rows)
-    write_rows(snakemake.output[0], rows)
+    write_rows(output[0], rows)

@@ -1,18 +1,17 @@
 """The same pictures by this program, POV-Ray and Mitsuba 3; what is not installed is left out."""
 
-from lfcore.evaluation.renderers import COLUMNS, compare, renderers_sheet
+from lfcore.evaluation.renderers import compare, renderers_sheet
 from lfcore.evaluation.table_files import table_of, write_csv
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    given, output, params = snakemake.input, snakemake.output, snakemake.params
-    tracer = open_tracer(given, params.device, snakemake.threads)
+with job(snakemake) as (_, params, output):
+    tracer = open_tracer(snakemake)
     focus = tracer.scene.focus_distances_m
     focus_m = (min(focus), max(focus))
     rows, rendered = compare(tracer, focus_m, **params.study, progress=log_progress("pictures"))
     for row in rows:
         if row["note"].startswith("left out"):
             print(f"{row['method']}, focus {row['focus_m']} m: {row['note']}")
-    write_csv(output.csv, table_of(rows, COLUMNS))
+    write_csv(output.csv, table_of(rows))
     renderers_sheet(output.figure, rendered, focus_m)

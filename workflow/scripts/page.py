@@ -8,12 +8,12 @@ from lfcore.files import read_json
 from lfcore.timing import machine
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params, here = snakemake.input, snakemake.params, machine()
+with job(snakemake) as (given, params, output):
+    here = machine()
     introduction, *captions = params.captions
     # From object storage files come to another folder.
-    tables = iter(given.reported[: len(snakemake.output.markdown)])
-    figures = iter(given.reported[len(snakemake.output.markdown) :])
+    tables = iter(given.reported[: len(output.markdown)])
+    figures = iter(given.reported[len(output.markdown) :])
     sections = [
         Section(
             one["name"], one["title"], caption, Path(next(tables)) if one["table"] else None,
@@ -24,9 +24,9 @@ with job(snakemake.log[0], snakemake.threads):
     measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
     config = {**params.config, "measured": measured}
     devices = sorted({read_json(file)["device"] for file in given.traced})
-    write_markdown_tables(snakemake.output.markdown, sections, config)
+    write_markdown_tables(output.markdown, sections, config)
     write_page(
-        snakemake.output.page,
+        output.page,
         sections,
         title=params.title,
         introduction=introduction,

@@ -4,10 +4,10 @@ from lfcore.scene.build import build_scene
 from lfcore.scene.files import save_scene
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    scene = build_scene(snakemake.input[0])
+with job(snakemake) as (given, _, output):
+    scene = build_scene(given[0])
     if scene.is_pinhole:
         scene = scene.with_lens()
         print("a lens is fitted: all views of the scene's camera, a pinhole, are the same")
     print(f"{scene.triangle_count} triangles, dropped: {scene.dropped or 'none'}")
-    save_scene(snakemake.output[0], scene)
+    save_scene(output[0], scene)

@@ -5,9 +5,8 @@ from lfcore.pictures import write_picture
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
-    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+with job(snakemake) as (_, params, output):
+    tracer = open_tracer(snakemake)
     scene = tracer.scene
     focus = scene.focus_distances_m
     rows = []

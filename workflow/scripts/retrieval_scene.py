@@ -6,12 +6,11 @@ from lfcore.opencl.device import open_device
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params = snakemake.params
-    _, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
+with job(snakemake) as (given, params, output):
+    _, focus_distances_m, _ = cases.read_camera(given.scene)
     device = open_device(params.device or None, threads=snakemake.threads)
     rows = []
-    for file in snakemake.input.light_fields:
+    for file in given.light_fields:
         rows += retrieval_rows(
             file,
             snakemake.wildcards.scene,
@@ -20,4 +19,4 @@ with job(snakemake.log[0], snakemake.threads):
             **params.study,
             progress=log_progress(file),
         )
-    write_rows(snakemake.output[0], rows)
+    write_rows(output[0], rows)

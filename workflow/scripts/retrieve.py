@@ -7,13 +7,12 @@ from lfcore.refocus.slicing import form_planes
 from lfcore.workflow import cases
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
-    camera, focus_distances_m, _ = cases.read_camera(snakemake.input.scene)
+with job(snakemake) as (given, params, output):
+    camera, focus_distances_m, _ = cases.read_camera(given.scene)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
     device = open_device(params.device or None, threads=snakemake.threads)
     retrieval = form_planes(
-        snakemake.input.light_field,
+        given.light_field,
         planes,
         threads=snakemake.threads,
         device=params.device or None,

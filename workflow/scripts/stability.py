@@ -7,8 +7,7 @@ from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
+with job(snakemake) as (_, params, output):
     device = open_device(params.device or None, threads=snakemake.threads)
     tracer = TracerUnderTest(device, rays=params.rays)
     measured = report.run_all(tracer, report.chosen(params.cases), progress=log_progress("cases"))

@@ -7,9 +7,8 @@ from lfcore.workflow.job import job, log_progress
 
 ROWS = {"storage_layouts": layout_rows, "rate_distortion": rate_rows}
 
-with job(snakemake.log[0], snakemake.threads):
-    params, progress = snakemake.params, log_progress("samples")
-    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
-    rows_of = ROWS[params.report]
+with job(snakemake) as (_, params, output):
+    rows_of, progress = ROWS[params.report], log_progress("samples")
+    tracer = open_tracer(snakemake)
     rows = rows_of(tracer, params.pixels, **params.study, progress=progress)
-    write_rows(snakemake.output[0], rows)
+    write_rows(output[0], rows)

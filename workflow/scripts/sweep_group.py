@@ -11,9 +11,9 @@ from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 from lfcore.workflow.sweep import made_of, unchanged
 
-with job(snakemake.log[0], snakemake.threads):
-    params, n, output = snakemake.params, int(snakemake.wildcards.n), Path(snakemake.output[0])
-    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+with job(snakemake) as (_, params, made):
+    n, output = int(snakemake.wildcards.n), Path(made[0])
+    tracer = open_tracer(snakemake)
     scene = tracer.scene
     digests = made_of(params.study, params.version, scene_digest(scene))
     rows = unchanged(output, digests)

@@ -6,7 +6,7 @@ from lfcore.evaluation.table_files import read_rows, write_csv
 from lfcore.workflow.job import job
 from lfcore.workflow.sweep import joined
 
-with job(snakemake.log[0], snakemake.threads):
-    table = joined(snakemake.params.overrides, read_rows(snakemake.input))
-    write_csv(snakemake.output.csv, table)
-    save_figure(snakemake.output.figure, sweep_figure(table))
+with job(snakemake) as (given, params, output):
+    table = joined(params.overrides, read_rows(given))
+    write_csv(output.csv, table)
+    save_figure(output.figure, sweep_figure(table))

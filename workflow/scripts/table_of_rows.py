@@ -2,14 +2,15 @@
 
 import pandas as pd
 
+from lfcore.evaluation.chosen_rays import chosen_rays_table
 from lfcore.evaluation.storage.figures import layouts_figure, retrieval_figure
 from lfcore.evaluation.table_files import read_rows, table_of, write_csv
 from lfcore.workflow.job import job
 
+TABLES = {"chosen_rays": chosen_rays_table}
 FIGURES = {"storage_layouts": layouts_figure, "retrieval": retrieval_figure}
 
-with job(snakemake.log[0], snakemake.threads):
-    output, rows = snakemake.output, read_rows(snakemake.input)
-    write_csv(output.csv, table_of(rows, list(rows[0])))
+with job(snakemake) as (given, params, output):
+    write_csv(output.csv, TABLES.get(params.table, table_of)(read_rows(given.rows)))
     for file in output.figures:
-        FIGURES[snakemake.params.table](file, pd.read_csv(output.csv))
+        FIGURES[params.table](file, pd.read_csv(output.csv))

@@ -5,9 +5,9 @@ from lfcore.evaluation.table_files import read_rows, write_csv
 from lfcore.evaluation.tables import make_table
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    records, output = read_rows(snakemake.input), snakemake.output
-    tables = {name: make_table(name, records) for name in snakemake.params.tables}
+with job(snakemake) as (given, params, output):
+    records, output = read_rows(given), output
+    tables = {name: make_table(name, records) for name in params.tables}
     for table, file in zip(tables.values(), output.csv, strict=True):
         write_csv(file, table)
     for name, file in zip(tables, output.curves, strict=False):  # none, or one for each table

@@ -8,10 +8,10 @@ from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer, trace_batch
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    watch, params, output = Stopwatch(), snakemake.params, snakemake.output
+with job(snakemake) as (_, params, output):
+    watch = Stopwatch()
     with watch.part("set_up"):
-        tracer = open_tracer(snakemake.input, params.device, snakemake.threads, lean=True)
+        tracer = open_tracer(snakemake, lean=True)
         scene, device = tracer.scene, tracer.device
         slab = Slab.of(scene.camera, int(snakemake.wildcards.n), params.pixels)
         tiles = cases.tiles(params, slab.views)[slice(*params.batch)]

@@ -14,9 +14,8 @@ from lfcore.workflow.job import job, log_progress
 
 LATTICE = Lattice(8, 2)
 
-with job(snakemake.log[0], snakemake.threads):
-    params, output = snakemake.params, snakemake.output
-    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+with job(snakemake) as (_, params, output):
+    tracer = open_tracer(snakemake)
     scene, camera = tracer.scene, tracer.scene.camera
     stacks = {
         "focal_stack": cases.sensor_planes(params.planes, camera, scene.focus_distances_m),

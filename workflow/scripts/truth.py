@@ -8,9 +8,8 @@ from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    params = snakemake.params
-    tracer = open_tracer(snakemake.input, params.device, snakemake.threads)
+with job(snakemake) as (_, params, output):
+    tracer = open_tracer(snakemake)
     scene, closed = tracer.scene, 2 ** (params.stops / 2)
     planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     planes = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
@@ -18,4 +17,4 @@ with job(snakemake.log[0], snakemake.threads):
     made = true_pictures(
         tracer, planes, params.pixels, lattices, progress=log_progress("true pictures")
     )
-    save_reference(snakemake.output[0], made)
+    save_reference(output[0], made)

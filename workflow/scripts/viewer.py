@@ -4,7 +4,7 @@ from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    device = open_device(snakemake.params.device or None, threads=snakemake.threads)
-    with LightField.open(snakemake.input.light_field) as field:
-        field.viewer(device=device).save(snakemake.output[0])
+with job(snakemake) as (given, params, output):
+    device = open_device(params.device or None, threads=snakemake.threads)
+    with LightField.open(given.light_field) as field:
+        field.viewer(device=device).save(output[0])

@@ -7,9 +7,8 @@ from lfcore.evaluation.work_precision import figure, points
 from lfcore.files import read_json
 from lfcore.workflow.job import job
 
-with job(snakemake.log[0], snakemake.threads):
-    output = snakemake.output
-    scenes = [read_json(path) for path in snakemake.input]
+with job(snakemake) as (given, _, output):
+    scenes = [read_json(path) for path in given]
     rows = pd.DataFrame([row for one in scenes for row in one["rows"]])
     for name, draw in (("on_the_fly", figure.on_the_fly), ("stored", figure.stored)):
         draw(output[name], rows, machine=scenes[0]["device"])

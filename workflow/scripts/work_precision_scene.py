@@ -7,10 +7,9 @@ from lfcore.optics.plane_pictures import load_stack
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job, log_progress
 
-with job(snakemake.log[0], snakemake.threads):
-    given, params = snakemake.input, snakemake.params
+with job(snakemake) as (given, params, output):
     wide, stopped = load_reference(given.wide), load_reference(given.stopped)
-    tracer = open_tracer(given, params.device, snakemake.threads)
+    tracer = open_tracer(snakemake)
     grids = []
     for at, views in enumerate(params.views):
         traced = read_json(given.trace[at])
@@ -21,4 +20,4 @@ with job(snakemake.log[0], snakemake.threads):
     rows = study.scene_rows(
         tracer, wide, stopped, grids, params.study, progress=log_progress("parts")
     )
-    write_json(snakemake.output[0], {"device": tracer.device.name, "rows": rows})
+    write_json(output[0], {"device": tracer.device.name, "rows": rows})

@@ -12,12 +12,10 @@ from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from lfcore.colour import display_values
 from lfcore.errors import SceneError
 from lfcore.evaluation.metrics import PEAK, mse, psnr
-from lfcore.evaluation.table_files import table_of
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.progress import Progress, silent
@@ -29,12 +27,6 @@ from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
-COLUMNS = {
-    "camera_array": ("scene", "cameras", "pixels", "seconds", "mrays_per_second", "bytes"),
-    "reconstruction": (
-        "scene", "cameras_per_dim", "method", "filter_or_samples", "rmse", "psnr_db", "seconds",
-    ),
-}  # fmt: skip
 DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
 
 
@@ -145,11 +137,3 @@ def merged_arrays(swept: Iterable[Mapping], whole: Iterable[Mapping]) -> list[Ma
     size = itemgetter("scene", "cameras", "pixels")
     known = {size(row) for row in whole}
     return [*(row for row in swept if size(row) not in known), *whole]
-
-
-def make_array_table(name: str, records: Iterable[Mapping]) -> pd.DataFrame:
-    """The table ``camera_array`` or ``reconstruction``, rows in the order of the records.
-
-    Raises :class:`TableError` for a record that lacks a column or has one too many.
-    """
-    return table_of(records, COLUMNS[name], DECIMALS)

@@ -16,9 +16,7 @@ from lfcore.optics.lens_system import LensSystem
 from lfcore.progress import Progress, silent
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.device_field import DeviceField
-from lfcore.refocus.array.isaksen import isaksen
-from lfcore.refocus.array.monte_carlo import monte_carlo
-from lfcore.refocus.array.realistic import realistic
+from lfcore.refocus.array.synthesis import isaksen, monte_carlo, realistic
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.timing import clocked_warm
 

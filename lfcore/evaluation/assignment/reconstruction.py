@@ -26,12 +26,9 @@ from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.metrics import mse
 from lfcore.opencl.device import Device, programs_made
 from lfcore.progress import Progress, silent
-from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.device_field import DeviceField, Synthesis
 from lfcore.refocus.array.focal_surface import parallel
-from lfcore.refocus.array.isaksen import isaksen
-from lfcore.refocus.array.monte_carlo import monte_carlo
-from lfcore.refocus.array.quadrature import quadrature
-from lfcore.refocus.array.result import Synthesis
+from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.rendering.shutter import trace_shutter
@@ -58,15 +55,16 @@ STYLES = {
 
 def reconstruction(
     tracer: Tracer,
-    grid: Mapping,
     *,
+    grid: Mapping,
     picture_px: int,
     tile_px: int,
     camera_counts: Sequence[int],
     monte_carlo_samples: Sequence[int],
     convergence_samples: Sequence[int],
     reference_samples: int,
-) -> dict:
+    progress: Progress = silent,
+) -> tuple[list[Figure], dict]:
     """``rows`` of the table, ``arrays`` that were traced for it, ``convergence`` by sampler.
 
     ``reference_samples`` are the rays per pixel of the picture that is traced directly.
@@ -79,7 +77,7 @@ def reconstruction(
     rows, arrays = [], []
     # Kernels are built for the size of a tile: unseen by the clock.
     square_field(tracer, 2, bounds, fov_deg, tile_px, 1)
-    for cameras in sorted(camera_counts):
+    for done, cameras in enumerate(sorted(camera_counts), 1):
         tracing = partial(square_field, tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
         field, seconds = clocked(tracing)
         size = exr_bytes(field)
@@ -88,11 +86,13 @@ def reconstruction(
         found = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
         rows += [{"scene": tracer.scene.name, **row} for row in found]
         del field
+        progress(done, len(camera_counts))
     field = square_field(tracer, CONVERGENCE_CAMERAS, bounds, fov_deg, tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
     slopes = convergence(field, small, BOOK_FOCUS_M, convergence_samples)
     record = {"rows": rows, "arrays": arrays, "convergence": slopes, "tile_px": tile_px}
-    return record | {"reference_rmse": errors(half, reference)["rmse"]}
+    record |= {"reference_rmse": errors(half, reference)["rmse"]}
+    return [reconstruction_figure(rows, slopes)], record
 
 
 def reconstructions(

@@ -270,10 +270,6 @@ COLUMNS = [
     "bits_per_ray", "ratio_float32", "psnr_frames_db", "ssim_frames", "psnr_pictures_db",
     "ssim_pictures", "encode_seconds", "decode_seconds",
 ]  # fmt: skip
-BD_COLUMNS = [
-    "scene", "N", "curve", "bd_rate_frames_percent", "overlap_frames", "bd_rate_pictures_percent",
-    "overlap_pictures", "encode_mrays_per_second", "decode_mrays_per_second",
-]  # fmt: skip
 ANCHOR = "x264 medium 4:2:0"
 LEAST_OVERLAP = 0.5
 """The least share of the anchor's range of PSNR for which a delta rate is meaningful."""
@@ -352,11 +348,12 @@ def rate_rows(
 
 
 def bd_rows(points: pd.DataFrame) -> list[dict]:
-    """One row a curve of several points (columns :data:`BD_COLUMNS`), against the anchor.
+    """One row a curve of several points, against the anchor; ``points`` has the columns
+    :data:`COLUMNS`.
 
-    ``points`` has the columns :data:`COLUMNS`.  Delta rates are percent, negative for fewer bits;
-    None where curves overlap in less than half of the anchor's range of PSNR.  Rates of encoding
-    and decoding are means over the points, by CPU seconds.
+    Delta rates are percent, negative for fewer bits; None where curves overlap in less than half of
+    the anchor's range of PSNR.  Rates of encoding and decoding are means over the points, by CPU
+    seconds.
     """
     rows = []
     for (scene, views), group in points.groupby(["scene", "N"], sort=False):

@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from lfcore.opencl.device import Device
+from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics.planes import SensorPlane
 from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
@@ -111,16 +113,17 @@ def _planes(
     frames = min(part.frames, max(1, int(rays / rays_a_frame)))
     share = frames * rays_a_frame / layout.rays
     chunk = max(1, CHUNK_BYTES // layout.frame_bytes)
+    room = page_aligned((min(chunk, frames), layout.frame_bytes), np.uint8)
     field.check_segment(0)
 
     def alone() -> float:
-        for _ in field.frames(0, 0, frames, chunk=chunk):
+        for _ in field.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
             pass
         return 1.0
 
     def formed(planes: list[SensorPlane], frames: int) -> float:
         first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
-        for some in field.frames(0, 0, frames, chunk=chunk):
+        for some in field.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
             former.add(some, first)
             first += len(some)
         former.plane_sums()

@@ -13,11 +13,9 @@ from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
-from lfcore.refocus.array.device_field import DeviceField
+from lfcore.refocus.array.device_field import DeviceField, Synthesis
 from lfcore.refocus.array.focal_surface import FocalSurface, parallel
-from lfcore.refocus.array.isaksen import isaksen
-from lfcore.refocus.array.monte_carlo import monte_carlo
-from lfcore.refocus.array.result import Synthesis
+from lfcore.refocus.array.synthesis import isaksen, monte_carlo
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.refocus.focal_stack import focal_stack_views
 from lfcore.refocus.resampling import FILTERS

@@ -1,9 +1,8 @@
 """A camera array's picture on an OpenCL device, ready for many syntheses."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pyopencl as cl
@@ -13,7 +12,6 @@ from lfcore.opencl.device import Device, build_program
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.focal_surface import FocalSurface
-from lfcore.refocus.array.result import Synthesis
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 # The structs of kernels/lookup.cl; every member is four bytes, so there is no padding.
@@ -42,6 +40,29 @@ SURFACE = np.dtype(
     ]
 )
 _FOLDER = "refocus/array/kernels"
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """``image`` (h, w, 3) float32, linear; ``coverage`` (h, w) float32.
+
+    ``coverage`` is the share of a pixel's samples (Isaksen: 0 or 1) that the array knows; a pixel
+    of coverage 0 is black.
+    """
+
+    image: np.ndarray
+    coverage: np.ndarray
+
+    @classmethod
+    def of(cls, found: np.ndarray, size: tuple[int, int]) -> Self:
+        """From (P, 4) colours and coverage of pixels in rows, to pictures of (width, height)."""
+        picture = found.reshape(*size[::-1], 4).astype(np.float32)
+        return cls(np.ascontiguousarray(picture[..., :3]), picture[..., 3].copy())
+
+    @property
+    def skipped_share(self) -> float:
+        """Share of all samples that met no data camera, from 0 to 1."""
+        return float(1.0 - self.coverage.mean(dtype=np.float64))
 
 
 class DeviceField:
@@ -102,11 +123,7 @@ class DeviceField:
         )  # fmt: skip
 
     def run_rows(
-        self,
-        kernel: cl.Kernel,
-        camera: VirtualCamera,
-        arguments: Sequence[Any],
-        progress: Callable[[int, int], None] | None = None,
+        self, kernel: cl.Kernel, camera: VirtualCamera, arguments: Sequence[Any]
     ) -> Synthesis:
         """Run a per-pixel kernel in bands of rows; ``arguments`` end before first_row and out."""
         width, height = camera.size
@@ -116,11 +133,8 @@ class DeviceField:
         for first in range(0, height, band):
             count = min(band, height - first)
             kernel(self.device.queue, (width, count), None, *arguments, np.int32(first), target)
-            if progress is not None:
-                self.device.queue.finish()
-                progress(first + count, height)
         cl.enqueue_copy(self.device.queue, out, target)
-        return Synthesis(np.ascontiguousarray(out[..., :3]), out[..., 3].copy())
+        return Synthesis.of(out, camera.size)
 
 
 def array_record(array: CameraArray) -> np.ndarray:

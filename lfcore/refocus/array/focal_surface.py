@@ -5,18 +5,13 @@ that focus at infinity is 0 and nothing overflows on a tilted plane's horizon.  
 camera array's: data cameras in z = 0, x right, y down, z forward, metres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import OpticsError
-
-if TYPE_CHECKING:
-    from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 PLANE, SPHERE, DEPTH_MAP = 0, 1, 2
 
@@ -167,13 +162,7 @@ def _along_axis_of(
 
 def bilinear(grid: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Look up (H, W) at (..., 2) in [0, 1]: texel centres, clamped at the edge."""
-    height, width = grid.shape
-    x = np.clip(share[..., 0] * width - 0.5, 0, width - 1)
-    y = np.clip(share[..., 1] * height - 0.5, 0, height - 1)
-    i = np.minimum(x.astype(np.int64), max(width - 2, 0))
-    j = np.minimum(y.astype(np.int64), max(height - 2, 0))
-    fx, fy = x - i, y - j
-    i1, j1 = np.minimum(i + 1, width - 1), np.minimum(j + 1, height - 1)
-    top = grid[j, i] * (1 - fx) + grid[j, i1] * fx
-    bottom = grid[j1, i] * (1 - fx) + grid[j1, i1] * fx
-    return top * (1 - fy) + bottom * fy
+    from scipy.ndimage import map_coordinates  # for few: slow to import
+
+    place = share[..., ::-1] * grid.shape - 0.5
+    return map_coordinates(grid, np.moveaxis(place, -1, 0), order=1, mode="nearest")

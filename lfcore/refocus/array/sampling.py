@@ -6,8 +6,6 @@ by a different permutation in every pixel; ``halton`` shifts one Halton set by a
 offset in every pixel (Cranley and Patterson 1976); ``quadrature`` is a fixed midpoint rule.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.scene.transforms import rotate
 
 # pbrt's camera space has y up, ours y down.
 FLIP = np.diag([1.0, -1.0, 1.0])
@@ -66,11 +67,11 @@ class VirtualCamera:
         The camera is turned about z first, then y, then x (``Rx Ry Rz``), each by pbrt's own
         RotateX, RotateY, RotateZ, and then moved to ``position``.
         """
-        turn = np.eye(3)
-        for axis, angle in enumerate(np.radians(rotation_deg)):
-            turn = turn @ _axis_rotation(axis, float(angle))
+        x, y, z = (
+            rotate(axis, angle)[:3, :3] for axis, angle in zip("xyz", rotation_deg, strict=True)
+        )
         place = FLIP @ np.asarray(position, np.float64)
-        return cls(place, FLIP @ turn @ FLIP, fov_deg, (size[0], size[1]), lens_radius_m)
+        return cls(place, FLIP @ x @ y @ z @ FLIP, fov_deg, (size[0], size[1]), lens_radius_m)
 
     @property
     def pixel_pitch(self) -> float:
@@ -87,12 +88,3 @@ class VirtualCamera:
         """(..., 3) float64 rays through the lens centre, of unit extent along the axis."""
         x, y = self.film_tangents(u, v)
         return np.stack([x, y, np.ones_like(x)], -1) @ self.rotation.T
-
-
-def _axis_rotation(axis: int, angle: float) -> np.ndarray:
-    cosine, sine = math.cos(angle), math.sin(angle)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[first, first] = matrix[second, second] = cosine
-    matrix[first, second], matrix[second, first] = -sine, sine
-    return matrix

@@ -1,0 +1,188 @@
+"""Pictures from a camera array by each method; slow references are in the module ``reference``.
+
+Each returns a :class:`~lfcore.refocus.array.device_field.Synthesis` and raises :class:`OpticsError`
+for settings that make no picture.
+"""
+
+import math
+
+import numpy as np
+import pyopencl as cl
+
+from lfcore.errors import OpticsError
+from lfcore.optics.lens_system import LensSampler, LensSystem
+from lfcore.refocus.array import sampling
+from lfcore.refocus.array.device_field import DeviceField, Synthesis
+from lfcore.refocus.array.focal_surface import FocalSurface
+from lfcore.refocus.array.virtual_camera import VirtualCamera
+
+BATCH_RAYS = 1 << 20
+
+
+def isaksen(
+    field: DeviceField, camera: VirtualCamera, surface: FocalSurface, filter_width_m: float
+) -> Synthesis:
+    """Blend the data cameras within ``filter_width_m`` of each pixel's central ray.
+
+    That is the radius on the camera plane at which the cone reaches zero; 0 is a closed filter: the
+    nearest data camera alone.  The camera's lens plays no part.
+
+    Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light Fields", SIGGRAPH 2000, figure 4;
+    the assignment's step 3.
+    """
+    if not filter_width_m >= 0:
+        raise OpticsError(f"must not be {filter_width_m}", key="filter_width_m")
+    kernel = field.kernel("isaksen.cl", "isaksen")
+    arguments = (*field.arguments(camera, surface), np.float32(filter_width_m))
+    return field.run_rows(kernel, camera, arguments)
+
+
+def monte_carlo(
+    field: DeviceField,
+    camera: VirtualCamera,
+    surface: FocalSurface,
+    samples_per_pixel: int,
+    *,
+    sampler: str = "halton",
+    seed: int = 0,
+) -> Synthesis:
+    """Average ``samples_per_pixel`` rays of every pixel over lens and film: step 4.
+
+    Rays leave a lens point drawn by the concentric map and pass the focal point of their film
+    position; each is looked up quadrilinearly: in the four data cameras around its crossing of the
+    camera plane, all aimed at the focal point, bilinearly in each.  Rays outside the grid are
+    skipped.  The same seed gives the same picture to the last bit.
+    """
+    code = _checked(sampler, samples_per_pixel)
+    table = sampling.halton_table(samples_per_pixel) if code == sampling.HALTON else None
+    return thin_lens(field, camera, surface, code, table, samples_per_pixel, seed)
+
+
+def quadrature(
+    field: DeviceField,
+    camera: VirtualCamera,
+    surface: FocalSurface,
+    lens_points: int = 16,
+    film_points: int = 2,
+) -> Synthesis:
+    """Average over ``lens_points``^2 lens and ``film_points``^2 film midpoints: no noise.
+
+    A midpoint rule on the unit square of the lens, taken to the disk by the concentric map, which
+    keeps areas, so that all weights are equal; Monte Carlo converges to it.
+    """
+    for key, value in (("lens_points", lens_points), ("film_points", film_points)):
+        if value < 1:
+            raise OpticsError(f"must be at least 1, not {value}", key=key)
+    table = sampling.midpoint_table(film_points, lens_points)
+    return thin_lens(field, camera, surface, sampling.QUADRATURE, table, len(table))
+
+
+def thin_lens(
+    field: DeviceField,
+    camera: VirtualCamera,
+    surface: FocalSurface,
+    sampler: int,
+    table: np.ndarray | None,
+    count: int,
+    seed: int = 0,
+) -> Synthesis:
+    """Run the thin lens kernel with any sampler of :mod:`lfcore.refocus.array.sampling`."""
+    kernel = field.kernel("thin_lens.cl", "thin_lens", SAMPLER=sampler)
+    empty = np.zeros((0, 4), np.float32)
+    table_buffer = field.device.buffer(empty if table is None else table)
+    columns, rows = sampling.strata(count)
+    arguments = (
+        *field.arguments(camera, surface), table_buffer, np.int32(count), np.int32(columns),
+        np.int32(rows), np.int32(max(1, (count - 1).bit_length())), np.uint32(seed),
+    )  # fmt: skip
+    return field.run_rows(kernel, camera, arguments)
+
+
+def realistic(
+    field: DeviceField,
+    camera: VirtualCamera,
+    lens: LensSystem,
+    surface: FocalSurface,
+    samples_per_pixel: int,
+    *,
+    film_diagonal_m: float = 0.035,
+    sampler: str = "halton",
+    seed: int = 0,
+) -> Synthesis:
+    """A picture through ``lens``, already focused: the assignment's second bonus.
+
+    Every film sample draws a point of the exit pupil; its ray is traced through the glass in
+    float64 and looked up where the data cameras are aimed at ``surface``.  The camera's field of
+    view and lens radius play no part.
+    """
+    code = _checked(sampler, samples_per_pixel)
+    if not film_diagonal_m > 0:
+        raise OpticsError(f"must be above 0, not {film_diagonal_m}", key="film_diagonal_m")
+    width, height = camera.size
+    shooter = LensSampler(lens, film_diagonal_m / 2)
+    out = np.empty((width * height, 4), np.float32)
+    batch = max(1, BATCH_RAYS // samples_per_pixel)
+    for first in range(0, len(out), batch):
+        pixels = np.arange(first, min(first + batch, len(out)))
+        rays = film_rays(camera, shooter, pixels, samples_per_pixel, code, seed)
+        out[pixels] = _look_up(field, camera, surface, *rays)
+    return Synthesis.of(out, camera.size)
+
+
+def film_rays(
+    camera: VirtualCamera,
+    lens: LensSampler,
+    pixels: np.ndarray,
+    count: int,
+    sampler: int,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rays of ``pixels`` (P,) in array space: origins and directions (P, S, 3), weights (P, S) and
+    film positions in pixels (P, S, 2), float64.
+
+    The camera's position is the middle of the film; the picture on it stands upside down and is
+    turned back.
+    """
+    width, height = camera.size
+    table = sampling.halton_table(count) if sampler == sampling.HALTON else None
+    samples = sampling.pixel_samples(sampler, table, pixels, count, seed)
+    corner = np.stack([pixels % width, pixels // width], -1)[:, None]
+    film = corner + samples[..., :2]
+    pitch = 2 * lens.film_radius_m / math.hypot(width, height)
+    place = (np.array([width, height]) / 2 - film) * pitch
+    origins, directions, weights = lens.rays(place.reshape(-1, 2), samples[..., 2:].reshape(-1, 2))
+    origins = camera.position_m + origins @ camera.rotation.T
+    directions = directions @ camera.rotation.T
+    shape = (len(pixels), count)
+    return origins.reshape(*shape, 3), directions.reshape(*shape, 3), weights.reshape(shape), film
+
+
+def _look_up(
+    field: DeviceField,
+    camera: VirtualCamera,
+    surface: FocalSurface,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    weights: np.ndarray,
+    film: np.ndarray,
+) -> np.ndarray:
+    """(P, 4) float32: colour and coverage of pixels by their rays."""
+    (pixels, count), device = weights.shape, field.device
+    packed = np.zeros((pixels, count, 8), np.float32)
+    packed[..., :3], packed[..., 3:6], packed[..., 6] = origins, directions, weights
+    result = np.empty((pixels, 4), np.float32)
+    target = device.empty(result.nbytes)
+    field.kernel("rays.cl", "given_rays")(
+        device.queue, (pixels,), None, *field.arguments(camera, surface), device.buffer(packed),
+        device.buffer(film.astype(np.float32)), np.int32(count), np.int32(pixels), target,
+    )  # fmt: skip
+    cl.enqueue_copy(device.queue, result, target)
+    return result
+
+
+def _checked(sampler: str, samples_per_pixel: int) -> int:
+    """The code of a sampler."""
+    code = sampling.sampler_code(sampler)
+    if samples_per_pixel < 1:
+        raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
+    return code
