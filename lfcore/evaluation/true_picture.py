@@ -64,10 +64,10 @@ def true_pictures(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Reference:
-    """Trace every plane at its own focus, through its own aperture, by two lattices.
+    """Trace all planes from the same rays, by each of two lattices.
 
-    ``progress`` is called with (pictures done, of all).  Raises :class:`OpticsError` for lattices
-    too alike to tell each other's error: views and sub-pixels must both differ.
+    ``progress`` is called with (views done, of a lattice).  Raises :class:`OpticsError` for
+    lattices too alike to tell each other's error: views and sub-pixels must both differ.
     """
     one, two = lattices
     if one.views == two.views or one.subpixels == two.subpixels:
@@ -76,21 +76,17 @@ def true_pictures(
             key="truth",
             remedy="Give lattices of unlike lens samples and unlike rays per pixel",
         )
-    pictures, known, square_error = [], [], []
-    for number, plane in enumerate(planes):
-        pair = [
-            pictures_by_depth(tracer, tracer.scene.camera, [plane], pixels, lattice)[0]
-            for lattice in lattices
-        ]
-        weights = [lattice.rays_per_pixel for lattice in lattices]
-        pictures.append(np.average(pair, axis=0, weights=weights).astype(np.float32))
-        # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
-        # Errors that both have alike do not differ; they were found to be as large again.
-        known.append(inner_psnr(*pair) + 10 * np.log10(2))
-        square_error.append(np.square(pair[0] - pair[1]).mean(axis=-1) / 2)
-        if progress:
-            progress(number + 1, len(planes))
-    return Reference(list(planes), np.stack(pictures), np.array(known), np.stack(square_error))
+    camera, weights = tracer.scene.camera, [lattice.rays_per_pixel for lattice in lattices]
+    pair = [
+        pictures_by_depth(tracer, camera, planes, pixels, lattice, progress=progress)
+        for lattice in lattices
+    ]
+    pictures = np.average(pair, axis=0, weights=weights).astype(np.float32)
+    # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
+    # Errors that both have alike do not differ; they were found to be as large again.
+    known = [inner_psnr(*both) + 10 * np.log10(2) for both in zip(*pair, strict=True)]
+    square_error = np.square(pair[0] - pair[1]).mean(axis=-1) / 2
+    return Reference(list(planes), pictures, np.array(known), square_error)
 
 
 def save_reference(path: str | Path, reference: Reference) -> None:
