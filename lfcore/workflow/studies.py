@@ -57,7 +57,7 @@ class Equivalence(Keys):
 
 class Retrieval(Keys):
     planes: several(whole(1, 100)) = key("numbers of planes that are formed at once", [1, 10, 100])
-    rays: whole(4096, 4294967296) = key("most rays that they are formed from", 33554432)
+    rays: whole(4096, 4294967296) = key("most rays that they are formed from", 16777216)
     repeats: whole(1, 20) = key("timed rounds per measurement", 2)
 
 
@@ -92,7 +92,7 @@ class WorkPrecision(Keys):
     )
     lattices: several(LATTICE, 1, 12) = key(
         "lattices that are sliced by depth, on the fly and from files",
-        [[4, 1], [4, 1.5], [4, 2], [8, 2], [8, 3]],
+        [[4, 1], [4, 1.5], [4, 2], [8, 2]],
     )
     qualities_db: several(number(10, 80), 0, 12) = key(
         "PSNR in dB, as `lfcore render` takes it", [35, 40, 45]
@@ -129,7 +129,7 @@ class ChosenRays(Keys):
 class LeftOut(Keys):
     views: whole(2, 256) = key("lens samples per side", 64)
     pixels: whole(16, 512) = key("pixels per side", 32)
-    repeats: whole(1, 20) = key("timed runs per program", 5)
+    repeats: whole(1, 20) = key("timed runs per program", 3)
     features: Literal["all"] | several(
         str, 0
     ) = key("features that the scene lacks and that are compiled in to compare", "all")
