@@ -78,6 +78,8 @@ def equivalence(
     for plane in planes:
         plane.check(slab)
     trace = partial(trace_picture, tracer, slab.camera, slab.pixels, views=reference_views)
+    # The program is made unseen by the clock: a run that makes it would be repeated.
+    trace_picture(tracer, slab.camera, 8, planes[0], views=reference_views)
     slicing = partial(trace_planes, tracer, slab, planes)
     steps = [
         lambda: [_traced("traced directly", "none", lambda: np.stack([*map(trace, planes)]))],

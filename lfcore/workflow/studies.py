@@ -43,7 +43,7 @@ class StorageLayouts(Keys):
 
 class RateDistortion(Keys):
     views: several(whole(4, 512)) = key("lens samples per side, one curve each", [16, 64])
-    rays: whole(4096, 268435456) = key("most rays of a sample", 2359296)
+    rays: whole(4096, 268435456) = key("most rays of a sample", 1638400)
     crfs: several(number(0, 42), 3, 12) = key(
         "constant rate factors of a curve, on H.264's scale", [18, 24, 30, 36]
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -35,6 +35,12 @@ class Views:
     slab: Slab
     light: np.ndarray
     tracer: Tracer
+
+    @cached_property
+    def as_array(self) -> DeviceField:
+        """The pictures of an array with a camera at the middle of each view's lens sample."""
+        array = CameraArray.from_slab(self.slab)
+        return DeviceField(self.tracer.device, array.mosaic(self.light), array)
 
 
 def memory_rows(
@@ -103,8 +109,8 @@ def _plenoptic(field: Views, planes: Planes) -> Work:
 def _by_array(form: Callable, field: Views, planes: Planes) -> Work:
     """``form`` of the views as an array's picture, a camera at the middle of their lens, and a
     focal plane, for each plane."""
-    array, focal_length_m = CameraArray.from_slab(field.slab), field.slab.camera.focal_length_m
-    views = DeviceField(field.tracer.device, array.mosaic(field.light), array)
+    views, focal_length_m = field.as_array, field.slab.camera.focal_length_m
+    array = views.array
 
     def work() -> np.ndarray:
         made = []

@@ -21,7 +21,7 @@ COLUMNS = (
 ON_THE_FLY, FROM_FILE, IN_MEMORY = "on the fly", "from a file", "from memory"
 """The panels: where the rays are when the clock starts."""
 NOT_JUDGED = f"not judged: within {BELOW_DB:g} dB of the error of the true picture"
-REPEATS, BUDGET_SECONDS = 5, 0.5
+REPEATS, BUDGET_SECONDS = 5, 0.3
 """The runs of short work, and the seconds that the runs of longer work may take together."""
 
 
