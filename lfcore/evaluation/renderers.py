@@ -23,7 +23,6 @@ from types import ModuleType
 import numpy as np
 
 from lfcore.errors import LfcoreError, SceneError
-from lfcore.evaluation.figures import Cell, contact_sheet
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.opencl.device import programs_made
 from lfcore.optics.camera import Camera
@@ -203,6 +202,8 @@ def renderers_sheet(
     path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
 ) -> None:
     """All pictures, a row per focus distance, above enlarged details."""
+    from lfcore.evaluation.figures import Cell, contact_sheet  # slow to import
+
     cells: list[Cell] = []
     for focus, row in zip(focus_m, rendered, strict=True):
         made = [(one.method, one.picture) for one in row if one.picture is not None]

@@ -18,7 +18,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import bjontegaard
 import numpy as np
 import pandas as pd
 
@@ -387,6 +386,8 @@ def delta_rate(
     overlap = float(max(0.0, high - low) / (dist_a[-1] - dist_a[0]))
     if overlap < LEAST_OVERLAP:
         return None, overlap
+    import bjontegaard  # slow to import
+
     percent = bjontegaard.bd_rate(
         rate_a, dist_a, rate_b, dist_b, method="akima", require_matching_points=False,
         min_overlap=0.0,
