@@ -23,15 +23,15 @@ from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Extent, Slab
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import FreeViews, served_positions, views_at
+from lfcore.refocus.free_views import FreeViews, views_at
 from lfcore.refocus.from_views import store_arrays
+from lfcore.refocus.labelled import labelled_views
 from lfcore.refocus.resampling import check_filter
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
 from lfcore.refocus.views import read_views
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.labelled import MadeViews, labelled_views
 
 if TYPE_CHECKING:  # what most uses of a file do without is imported where it is used
     import xarray
@@ -130,9 +130,7 @@ class LightField(FieldPlanes):
         LfcoreError
             Package xarray or dask is not installed.
         """
-        if not self.displaced:
-            return labelled_views(self, codes=codes)
-        return labelled_views(self, codes=codes, made=served_views(self))
+        return labelled_views(self, codes=codes)
 
     def refocus(
         self,
@@ -485,18 +483,6 @@ class LightField(FieldPlanes):
             self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
             device=device, progress=progress,
         )  # fmt: skip
-
-
-def served_views(field: LightField) -> MadeViews:
-    """The views that a file of displaced ones is for."""
-    return MadeViews(
-        served_positions(field, field.views_to_serve), field.made_views.size, _served_row
-    )
-
-
-def _served_row(field: LightField, row: int) -> np.ndarray:
-    places = served_positions(field, field.views_to_serve)
-    return field.views_at(np.stack([places, np.full_like(places, places[row])], 1))
 
 
 def _numbers(given: Sequence | np.ndarray | None) -> list:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
-from lfcore.optics.size import Size
-from lfcore.storage.lightfield import LightFieldFile
+from lfcore.refocus.field_planes import FieldPlanes
+from lfcore.refocus.free_views import served_positions, views_at
 
 if TYPE_CHECKING:
     import xarray
@@ -21,20 +19,8 @@ if TYPE_CHECKING:
 DIMENSIONS = ("row", "column", "y", "x", "channel")
 
 
-@dataclass(frozen=True)
-class MadeViews:
-    """Views that are not stored: ``row(field, j)`` makes the (N, H, W, 3) float32 of row j, linear
-    light, at ``positions_m`` (N,) along both axes."""
-
-    positions_m: np.ndarray
-    size: Size
-    row: Callable[[Any, int], np.ndarray]
-
-
-def labelled_views(
-    field: LightFieldFile, *, codes: bool = False, made: MadeViews | None = None
-) -> xarray.DataArray:
-    """As :meth:`lfcore.LightField.to_xarray`; of the file's own views, or of those ``made``."""
+def labelled_views(field: FieldPlanes, *, codes: bool = False) -> xarray.DataArray:
+    """As :meth:`lfcore.LightField.to_xarray`."""
     try:
         import dask.array
         import xarray
@@ -45,7 +31,7 @@ def labelled_views(
         ) from None  # fmt: skip
     kind = np.uint8 if codes else np.float32
     lazy = dask.array.map_blocks(
-        partial(_block, field, codes, made), chunks=_chunks(field, made), dtype=kind,
+        partial(_block, field, codes), chunks=_chunks(field), dtype=kind,
         meta=np.empty((0,) * len(DIMENSIONS), kind),
     )  # fmt: skip
     coordinates: dict = {"channel": ["red", "green", "blue"]}
@@ -53,17 +39,18 @@ def labelled_views(
     if slab is not None and field.metric:
         lens, (column, row, columns, rows) = slab.lens_positions(), field.extent.views
         across, down = lens[column : column + columns], lens[row : row + rows]
-        coordinates["s_m"] = ("column", made.positions_m if made else across)
-        coordinates["t_m"] = ("row", made.positions_m if made else down)
+        if field.displaced:
+            across = down = served_positions(field, field.views_to_serve)
+        coordinates |= {"s_m": ("column", across), "t_m": ("row", down)}
     name = field.metadata.scene.get("name") or field.path.stem
     return xarray.DataArray(lazy, coordinates, DIMENSIONS, name=name)
 
 
-def _chunks(field: LightFieldFile, made: MadeViews | None) -> tuple[tuple[int, ...], ...]:
+def _chunks(field: FieldPlanes) -> tuple[tuple[int, ...], ...]:
     """Sides of the blocks along each dimension: between the edges of segments, or a row made."""
-    if made:
-        count = len(made.positions_m)
-        return (1,) * count, (count,), (made.size.height,), (made.size.width,), (3,)
+    if field.displaced:
+        count, (width, height) = field.views_to_serve, field.made_views.size
+        return (1,) * count, (count,), (height,), (width,), (3,)
     by_views = field.layout.kind == "views"
     held = field.extent.views if by_views else (*field.corner, *field.picture_size)
     edges: list[set[int]] = [set(), set()]  # of columns, and of rows
@@ -82,11 +69,10 @@ def _chunks(field: LightFieldFile, made: MadeViews | None) -> tuple[tuple[int, .
     return (*sides, *whole, (3,)) if by_views else (*whole, *sides, (3,))
 
 
-def _block(
-    field: LightFieldFile, codes: bool, made: MadeViews | None, block_info: dict | None = None
-) -> np.ndarray:
+def _block(field: FieldPlanes, codes: bool, block_info: dict | None = None) -> np.ndarray:
     (j0, j1), (i0, i1), (v0, v1), (u0, u1), _ = (block_info or {})[None]["array-location"]
-    if made:
-        views = made.row(field, j0)[None]
-        return srgb_codes(views) if codes else views
+    if field.displaced:
+        places = served_positions(field, field.views_to_serve)
+        row = views_at(field, np.stack([places, np.full_like(places, places[j0])], 1))
+        return srgb_codes(row[None]) if codes else row[None]
     return field.block((i0, j0, i1, j1), (u0, v0, u1, v1), codes=codes)
