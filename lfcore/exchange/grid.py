@@ -81,20 +81,9 @@ def existing(files: Iterable[Path], asked_by: str) -> Path:
 class ViewGrid:
     """A grid of views and what is known of it.
 
-    Parameters
-    ----------
-    columns, rows, width, height : int
-        The number of views, and of pixels per view.
-    read : callable
-        ``read(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or
-        sRGB-encoded values in [0, 1], float.
-    name, format : str
-        Of the light field; the format is that of :data:`lfcore.exchange.table.FORMATS`.
-    geometry : Geometry, optional
-    depth_m : (float, float), optional
-        Nearest and farthest depth, if the format holds them.
-    notes : tuple of str
-        What was left out or assumed, a line each.
+    ``read(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or sRGB-encoded
+    values in [0, 1], float.  ``depth_m`` are the nearest and farthest depth, if the format holds
+    them; ``notes`` say what was left out or assumed, a line each.
     """
 
     columns: int

@@ -267,13 +267,8 @@ def build_program(
 ) -> cl.Program:
     """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after a ``header``.
 
-    Builds are kept on disk (:mod:`lfcore.opencl.program_cache`), so that a second job or run pays
-    next to nothing, and within a process, so that a second tracer or refocusing pays nothing.
-
-    Raises
-    ------
-    DeviceError : the build failed.  The message has the compiler's first error; all it said is in
-        the exception that is the cause.
+    Builds are kept on disk (:mod:`lfcore.opencl.program_cache`), and within a process.  Raises
+    :class:`DeviceError` with the compiler's first error; all it said is in the cause.
     """
     values = {"LANES": device.lanes, **(defines or {})}
     options = [

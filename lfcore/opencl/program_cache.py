@@ -109,13 +109,10 @@ def cached(
     load: Callable[[bytes], Program | None],
     build: Callable[[], tuple[Program, bytes]],
 ) -> Program:
-    """The program called ``name``: loaded from the cache, else built, by one process at a time.
+    """The program called ``name``, by :func:`key`: loaded, or built by one process at a time.
 
-    Parameters
-    ----------
-    name : from :func:`key`.
-    load : makes a program of its binary; returns None for one that the driver refuses.
-    build : returns a program and its binary.
+    ``load`` makes a program of its binary, or None of one that the driver refuses; ``build``
+    returns a program and its binary.
     """
     path = folder()
     if path is None:

@@ -66,22 +66,12 @@ def _shown(device: Device, host: np.ndarray, dtype: type | np.dtype = np.float32
 
 
 class DepthSlicer:
-    """Forms ``planes`` from rays of ``views`` whose depth is known.
+    """Forms ``planes`` of ``pixels`` on the longer side from rays of ``views`` with known depth.
 
-    Parameters
-    ----------
-    views : where the rays run.
-    pixels : longer side of the pictures; need not divide that of the views.
-    bounds_px, least_px : as for the reference, default as measured.
-    stops : above white, of the brightest ray.
-    fill_far : give the farthest light of a pixel what all rays leave, as holes at edges need.
-    codes, one : of depths, and radiance 1 in fixed point, where rays of a file are added
-        (:meth:`add_stored`) and not traced ones.
-
-    Raises
-    ------
-    OpticsError : a plane asks for what the views did not record, or more rays a pixel than sums
-        hold.
+    ``bounds_px`` and ``least_px`` are as for the reference, ``stops`` those above white of the
+    brightest ray.  ``fill_far`` gives the farthest light of a pixel what all rays leave, for holes
+    at edges.  ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a
+    file are added (:meth:`add_stored`) and not traced ones.
     """
 
     def __init__(
@@ -193,14 +183,10 @@ class DepthSlicer:
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rays of some of the views, rows from ``first_row`` on, which is even, each ray once.
+        """Add rays of the views i + N j of ``part``, rows from ``first_row`` on, which is even.
 
-        Parameters
-        ----------
-        part : their numbers, i + N j.
-        light : (K, rows, columns, 3) float32 linear radiance, [view, v, u]; more than
-            ``2 ** stops`` counts as that.
-        depth : (K, rows, columns) float32, metres; infinity for a miss.
+        ``light`` is (K, rows, columns, 3) float32 linear radiance, more than ``2 ** stops`` counts
+        as that; ``depth`` (K, rows, columns) float32, metres, infinity for a miss.
         """
         views, rows, columns = depth.shape
         size, fits = self.views.slab.size, light.shape == (*depth.shape, 3)

@@ -10,11 +10,7 @@ from lfcore.optics.slab import Slab
 def shift_sum_reference(
     slab: Slab, views: np.ndarray, plane: SensorPlane, filter: str = "nearest"
 ) -> np.ndarray:
-    """One picture (M, M, 3) float64.
-
-    Parameters
-    ----------
-    views : (N, N, M, M, 3) linear light, indexed [j, i, v, u].
+    """One picture (M, M, 3) float64 of views (N, N, M, M, 3), linear light, [j, i, v, u].
 
     The ray of lens point U that arrives at x' on the sensor at v' = alpha v crosses the recorded
     one at ``U + (x' - U) / alpha``.  Pictures stand on their head on a sensor, so a tangent tau is

@@ -42,16 +42,11 @@ def table_words(views: int) -> int:
 class StripTables(PlaneTables):
     """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for strips of lens rows.
 
-    Attributes
-    ----------
-    order, left, top, width, height : as of :class:`PlaneTables`.
-    info : (P,) PLANE.
-    runs : (R,) RUN.
-    masks : (masks, N, N) uint8, 255 where open, indexed [j, i].
-    kinds : (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
-    pointers : flat int32: for each pixel (or for all) the first of its runs of columns, and for
-        each pixel and strip the first of its runs of rows; each list ends with one past its last.
-    table_rows : (masks, strips) TABLE_ROWS.
+    ``info`` is (P,) PLANE, ``runs`` (R,) RUN, ``masks`` (masks, N, N) uint8, [j, i], 255 if open,
+    ``kinds`` (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
+    ``pointers`` are flat int32: for each pixel (or for all) the first of its runs of columns, and
+    for each pixel and strip the first of its runs of rows; each list ends with one past its last.
+    ``table_rows`` is (masks, strips) TABLE_ROWS.
     """
 
     pointers: np.ndarray

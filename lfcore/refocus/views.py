@@ -19,14 +19,11 @@ def read_views(
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(K, M, M, 3) float32, linear light, of lens samples (K, 2) (i, j).
+    """(K, height, width, 3) float32, linear light, of lens samples (K, 2) (i, j), which count from
+    the file's first view.
 
-    Of a file that holds a part of the grids alone, samples count from its first view, and pictures
-    are as large as its own: (K, height, width, 3).
-
-    From macropixels every frame is decoded, once, however many views are asked for.
-    ``progress`` is called with (frames done, frames in all).
-    Raises :class:`OpticsError` for samples outside the lens or asked for twice.
+    From macropixels every frame is decoded, once, however many views are asked for.  Raises
+    :class:`OpticsError` for samples outside the lens or asked for twice.
     """
     collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
     add_frames(collector, field, progress)

@@ -66,17 +66,8 @@ class Synthesis:
 
 
 class DeviceField:
-    """The tiles of ``array`` on ``device``.
-
-    Parameters
-    ----------
-    image : (Ny h, Nx w, 3) float32 or float16, linear radiance; anything else becomes float32.
-
-    Raises
-    ------
-    OpticsError : the image is not that of the array.
-    DeviceError : it does not fit on the device.
-    """
+    """The tiles of ``array`` on ``device``: ``image`` is (Ny h, Nx w, 3) float32 or float16, linear
+    radiance.  Raises :class:`DeviceError` where it does not fit."""
 
     def __init__(self, device: Device, image: np.ndarray, array: CameraArray):
         array.tiles(image)

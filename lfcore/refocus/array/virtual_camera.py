@@ -16,19 +16,11 @@ FLIP = np.diag([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class VirtualCamera:
-    """A thin lens of ``lens_radius_m`` (0: a pinhole) in the space of the camera array.
+    """A thin lens of ``lens_radius_m`` (0: a pinhole) in the space of the camera array, whose
+    cameras are in z = 0, x right, y down.
 
-    Parameters
-    ----------
-    position_m : (3,) of the lens centre; the data cameras lie in z = 0, x right, y down.
-    rotation : (3, 3), columns are the camera's right, down and forward in that space.
-    fov_deg : full field over the shorter side of the picture, degrees.
-    size : (width, height) in pixels.
-
-    Raises
-    ------
-    OpticsError : a rotation that is none, a field outside (0, 180), an empty picture, a lens of
-        negative radius.
+    ``position_m`` (3,) is the lens centre; columns of ``rotation`` (3, 3) are the camera's right,
+    down and forward; ``fov_deg`` is the full field over the shorter side of the picture.
     """
 
     position_m: np.ndarray
