@@ -1,5 +1,6 @@
 """Planar bytes in and out of FFmpeg's frames, by plain copies: no converter is involved."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import av
@@ -21,31 +22,16 @@ def stored_format(decoded: str | None, *, grey: bool) -> str | None:
     return "gbrp" if decoded == PACKED_RGB else decoded
 
 
-class PlanarFeed:
-    """Turns frames (F, frame_bytes) uint8 into FFmpeg's, one at a time.
-
-    ``reuse`` hands out the same buffer every time, which is right for encoders that copy their
-    input before they return, and saves allocating a frame each time.
-    """
-
-    def __init__(self, form: PixelFormat, width: int, height: int, *, reuse: bool):
-        self.form, self.width, self.height, self.reuse = form, width, height, reuse
-        self._frame: av.VideoFrame | None = None
-        self._targets: list[np.ndarray] = []
-
-    def check(self, frames: np.ndarray) -> list[np.ndarray]:
-        """The planes of ``frames``; raises StorageError when these do not fit."""
-        return self.form.views(np.ascontiguousarray(frames), self.width, self.height)
-
-    def frame(self, planes: list[np.ndarray], index: int) -> av.VideoFrame:
-        """Frame ``index`` of the planes that :meth:`check` gave."""
-        if self._frame is None or not self.reuse:
-            name = PACKED_RGB if self.form.rgb else self.form.name
-            self._frame = av.VideoFrame(self.width, self.height, name)
-            self._targets = plane_arrays(self._frame, self.form)
-        for target, plane in zip(self._targets, planes, strict=True):
+def video_frames(
+    frames: np.ndarray, form: PixelFormat, width: int, height: int
+) -> Iterator[av.VideoFrame]:
+    """FFmpeg's frames of (F, frame_bytes) uint8; raises :class:`StorageError` for other sizes."""
+    planes = form.views(np.ascontiguousarray(frames), width, height)
+    for index in range(len(frames)):
+        frame = av.VideoFrame(width, height, PACKED_RGB if form.rgb else form.name)
+        for target, plane in zip(plane_arrays(frame, form), planes, strict=True):
             target[...] = plane[index]
-        return self._frame
+        yield frame
 
 
 def plane_arrays(frame: av.VideoFrame, form: PixelFormat) -> list[np.ndarray]:

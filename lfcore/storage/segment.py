@@ -24,7 +24,7 @@ from lfcore.files import cannot_write, whole_file
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import FRAME_RATE, frame_number, ticks_per_frame
 from lfcore.storage.pixels import pixel_format
-from lfcore.storage.planar import PACKED_RGB, PlanarFeed, stored_format
+from lfcore.storage.planar import PACKED_RGB, stored_format, video_frames
 from lfcore.storage.remote import RemoteFile
 
 # Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
@@ -54,8 +54,6 @@ class SegmentWriter:
         self.width, self.height = width, height
         self.frames = 0
         self._form = pixel_format(spec.stored_format)
-        # libx264 copies its input before it returns, so one buffer serves all frames.
-        self._feed = PlanarFeed(self._form, width, height, reuse=spec.codec == "libx264")
 
     def __enter__(self) -> SegmentWriter:
         with ExitStack() as scope:
@@ -91,11 +89,9 @@ class SegmentWriter:
 
     def write(self, frames: np.ndarray) -> None:
         """Encode ``frames`` (F, frame_bytes) uint8; the array may be overwritten afterwards."""
-        planes = self._feed.check(frames)
         encode, mux = self._stream.codec_context.encode, self._output.mux_one
         with self._named_errors():
-            for index in range(len(frames)):
-                frame = self._feed.frame(planes, index)
+            for frame in video_frames(frames, self._form, self.width, self.height):
                 frame.pts = self.frames
                 for packet in encode(frame):
                     packet.stream = self._stream
