@@ -10,7 +10,7 @@ rays all have this form, so one kernel traces them all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,10 +63,6 @@ class Bundles:
     @property
     def traced_rows(self) -> int:
         return self.band[1] if self.band else self.rows
-
-    def part(self, which: slice) -> Bundles:
-        """The same rays of some of the elements."""
-        return replace(self, elements=self.elements[which])
 
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Origins and directions, float64 (E, rows, columns, 3), evaluated from the float32

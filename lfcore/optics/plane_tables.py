@@ -22,6 +22,22 @@ RUN_WORDS = RUNS.itemsize // 4
 PLANE = np.dtype([("mask", np.int32), ("runs", np.int32), ("stride", np.int32)])
 """A plane: its mask, its offset into the tables' ``runs``, and RUNS per group of pixels (0: all
 pixels have the same)."""
+PLANE_ARGUMENTS = np.dtype([
+    ("left", np.int32),  # region of the sums in pixels of the planes
+    ("top", np.int32),
+    ("width", np.int32),
+    ("height", np.int32),
+    ("size", np.int32),  # side M of the square grid of pixels
+    ("column", np.int32),  # the pixels of a view: first column and row, and their numbers
+    ("row", np.int32),
+    ("columns", np.int32),
+    ("rows", np.int32),
+    ("blocks", np.int32),  # blocks, or rows of stored macropixels, along a side of the lens
+    ("views", np.int32),  # side N of the lens
+    ("planes", np.int32),  # sorted by mask
+    ("ring", np.int32),  # rows of a plane that a strip keeps, a power of two
+])  # fmt: skip
+"""Of the kernels that form planes."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
-from lfcore.tracing.tracer import Chunk, TileTracing, Tracer
+from lfcore.tracing.chunks import Chunk
+from lfcore.tracing.tracer import TileTracing, Tracer
 
 TILE_RAYS = 1 << 27
 

@@ -1,12 +1,12 @@
 """Rays into arrays of the host: hits, radiance, and the hits of given rays.
 
-What comes from outside is checked here, and in :meth:`lfcore.tracing.packets.Groups.of`, before a
-kernel sees it.
+What comes from outside is checked here, before a kernel sees it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM, record
-from lfcore.tracing.packets import Groups, PacketShape, RepeatedPlaceError
+from lfcore.tracing.packets import Groups, PacketShape
 from lfcore.tracing.plan import Plan, probe
 
 CHUNK_RAYS = 1 << 24
@@ -78,11 +78,11 @@ def fill_arrays(
             name: target_buffer(device, piece) for name, piece in pieces.items()
         }
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
-        some = [one.part(slice(start, stop)) for one in sets]
+        some = [replace(one, elements=one.elements[start:stop]) for one in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
         most = _groups_per_launch(job.shape, first) if progress else count
         launches = list(
-            zip(*(Groups.of(job.shape, one, places).launches(most) for one in some), strict=True)
+            zip(*(_launches(job.shape, one, places, most) for one in some), strict=True)
         )
         for number, launch in enumerate(launches):
             for order, (bundles, groups) in enumerate(zip(some, launch, strict=True)):
@@ -95,6 +95,30 @@ def fill_arrays(
                 progress(start + (stop - start) * (number + 1) // len(launches), count)
         for name, piece in pieces.items():
             collect(device, written[name], piece)
+
+
+class RepeatedPlaceError(OpticsError):
+    """Two elements have one place, so they cannot share a packet."""
+
+
+def _launches(
+    shape: PacketShape, bundles: Bundles, places: np.ndarray | None, most: int
+) -> list[Groups]:
+    """The groups of bundles in parts of at most so many."""
+    if places is not None and places.shape != (len(bundles.elements), 2):
+        raise OpticsError(
+            f"must have the shape {(len(bundles.elements), 2)}, not {places.shape}",
+            key="coordinates",
+        )
+    groups = Groups.of(shape, bundles, places)
+    members = groups.members
+    if np.count_nonzero(members >= 0) != len(bundles.elements):
+        raise RepeatedPlaceError(
+            "two elements have the same place", key="coordinates",
+            remedy="Give each place once, or no coordinates",
+        )  # fmt: skip
+    parts = [members[start : start + most] for start in range(0, len(members), most)]
+    return [replace(groups, members=part) for part in parts]
 
 
 def _groups_per_launch(shape: PacketShape, bundles: Bundles) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,6 +98,18 @@ def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
     np.maximum.at(last, cell, np.arange(len(cell)))
     open_until = np.maximum.accumulate(last[cell])
     return np.append(True, open_until == np.arange(len(cell)))
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive frames of a tile.
+
+    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is asked for; ``first`` is the
+    number of its first frame within the tile.
+    """
+
+    frames: np.ndarray
+    first: int
 
 
 class FrameMemory:

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
-from lfcore.tracing.layouts import CUT_OUT
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
+    from lfcore.scene.needs import Needs
 
+CUT_OUT = np.dtype([
+    ("u", np.float32, 4),  # of a point P on the triangle u = n . P + c: n, c
+    ("v", np.float32, 4),
+    ("offset", np.int32),  # of the picture in the alphas
+    ("width", np.int32),
+    ("height", np.int32),
+    ("least", np.float32),  # the least alpha that is no hole, in codes
+])  # fmt: skip
+"""The record of a triangle with holes."""
 SLACK = 0.01
 """Of an alpha's code: what interpolation between equal texels rounds is far less."""
 

@@ -80,24 +80,16 @@ class PacketJob:
         """Trace ``groups`` of bundles into the sink's arguments before the queue is done."""
         device, shape = self.scene.device, self.shape
         lattice = bundles.lattice if shape.outer > 1 else None
-        packets = len(groups.members) * shape.packets_per_group(
-            bundles.columns, bundles.traced_rows
-        )
+        per_group = shape.packets_per_group(bundles.columns, bundles.traced_rows)
+        packets = len(groups.members) * per_group
         numbers = record(
-            RAY_ARGUMENTS,
-            step=bundles.step,
+            RAY_ARGUMENTS, step=bundles.step,
             outer=(lattice.origin, lattice.direction) if lattice else 0,
-            columns=bundles.columns,
-            rows=bundles.rows,
-            first_row=bundles.first_row,
-            end_row=bundles.first_row + bundles.traced_rows,
-            packets=packets,
-            strip_height=groups.strip_height,
-            pixel_tangent=bundles.pixel_pitch,
-            half_extent=shape.half_extent,
-            group=shape.group,
-            side=shape.side,
-        )
+            columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
+            end_row=bundles.first_row + bundles.traced_rows, packets=packets,
+            strip_height=groups.strip_height, pixel_tangent=bundles.pixel_pitch,
+            half_extent=shape.half_extent, group=shape.group, side=shape.side,
+        )  # fmt: skip
         self.kernel(
             max(1, min(workers or device.threads, packets // groups.strip_height)),
             **self.scene.arguments,

@@ -13,9 +13,10 @@ import numpy as np
 
 from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
-from lfcore.optics.plane_tables import BLOCK, PLANE, RUN, RUNS
+from lfcore.optics.plane_tables import BLOCK, PLANE, PLANE_ARGUMENTS, RUN, RUNS
 from lfcore.scene.needs import FLAT_NORMALS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
+from lfcore.tracing.cut_outs import CUT_OUT
 
 FLOAT, INT, UINT = np.float32, np.int32, np.uint32
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
@@ -41,15 +42,10 @@ CONSTANTS: dict[str, int | float] = {
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
     "ADD": ADD,  # of a radiance image's mode: add to the image
     "STREAM": STREAM,  # write past the caches
-    "MAP_BASE": MAP_BASE,  # the textures of a material
-    "MAP_NORMAL": MAP_NORMAL,
-    "MAP_METAL": MAP_METAL,
-    "MAP_EMISSION": MAP_EMISSION,
-    "MAPS": MAPS,
-    "GLOSS_LEVELS": LEVELS,  # see lfcore/scene/sky_gloss.py
-    "GLOSS_SIDE": SIDE,
-    "GLOSS_SHARES": SHARES,
-}
+    "MAP_BASE": MAP_BASE, "MAP_NORMAL": MAP_NORMAL, "MAP_METAL": MAP_METAL,  # of a material
+    "MAP_EMISSION": MAP_EMISSION, "MAPS": MAPS,
+    "GLOSS_LEVELS": LEVELS, "GLOSS_SIDE": SIDE, "GLOSS_SHARES": SHARES,  # scene/sky_gloss.py
+}  # fmt: skip
 """The constants, by their names in kernels."""
 
 MATERIAL = np.dtype([
@@ -73,14 +69,6 @@ LIGHT = np.dtype([
     ("cone", FLOAT, 2),  # spots: slope and offset of a line in the cosine to the axis, whose square
     # is the attenuation; slope 0: no spot
     ("triangles", INT, 2),  # first and one past the last of the emitter's, which never shadow it
-])  # fmt: skip
-CUT_OUT = np.dtype([
-    ("u", FLOAT, 4),  # of a point P on the triangle u = n . P + c: n, c
-    ("v", FLOAT, 4),
-    ("offset", INT),  # of the picture in the alphas
-    ("width", INT),
-    ("height", INT),
-    ("least", FLOAT),  # the least alpha that is no hole, in codes
 ])  # fmt: skip
 LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
@@ -119,42 +107,17 @@ FRAME_ARGUMENTS = np.dtype([
     ("chroma", INT),  # 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
     ("rgb", INT),
 ])  # fmt: skip
-PLANE_ARGUMENTS = np.dtype([
-    ("left", INT),  # region of the sums in pixels of the planes
-    ("top", INT),
-    ("width", INT),
-    ("height", INT),
-    ("size", INT),  # side M of the square grid of pixels
-    ("column", INT),  # the pixels of a view: first column and row, and their numbers
-    ("row", INT),
-    ("columns", INT),
-    ("rows", INT),
-    ("blocks", INT),  # blocks, or rows of stored macropixels, along a side of the lens
-    ("views", INT),  # side N of the lens
-    ("planes", INT),  # sorted by mask
-    ("ring", INT),  # rows of a plane that a strip keeps, a power of two
-])  # fmt: skip
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
 """Elements in a row of a radiance image, and ADD and STREAM."""
 
 RECORDS = {
-    "MaterialRecord": MATERIAL,
-    "LightRecord": LIGHT,
-    "CutOut": CUT_OUT,
-    "Level": LEVEL,
-    "Slot": SLOT,
-    "Boxes": BOXES,
-    "Leaf": LEAF,
-    "ColourRow": COLOUR_ROW,
-    "SensorPlane": PLANE,
-    "Run": RUN,
-    "Runs": RUNS,
-    "SceneArguments": SCENE_ARGUMENTS,
-    "RayArguments": RAY_ARGUMENTS,
-    "FrameArguments": FRAME_ARGUMENTS,
-    "SensorPlaneArguments": PLANE_ARGUMENTS,
+    "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "CutOut": CUT_OUT, "Level": LEVEL,
+    "Slot": SLOT, "Boxes": BOXES, "Leaf": LEAF, "ColourRow": COLOUR_ROW,
+    "SensorPlane": PLANE, "Run": RUN, "Runs": RUNS,
+    "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
+    "FrameArguments": FRAME_ARGUMENTS, "SensorPlaneArguments": PLANE_ARGUMENTS,
     "ImageArguments": IMAGE_ARGUMENTS,
-}
+}  # fmt: skip
 """The structs, by their names in kernels; one that holds another comes after it."""
 
 

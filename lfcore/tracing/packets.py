@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.layouts import BLOCK
 
@@ -20,10 +19,9 @@ class PacketShape:
     """A packet: ``group`` x ``group`` outer elements times ``side`` x ``side`` blocks of 256 rays.
 
     A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
-    (then ``group`` is ``outer``).  Its inner rays in use lie within ``half_extent`` steps
-    of its centre.  ``single_rays`` packets trace their rays one by one.
-    The size was measured: 4096 rays amortise a walk through the hierarchy, and their depth buffers
-    still fit the second-level cache.
+    (then ``group`` is ``outer``).  Its inner rays in use lie within ``half_extent`` steps of its
+    centre.  ``single_rays`` packets trace their rays one by one.  4096 rays amortise a walk through
+    the hierarchy, and their depth buffers still fit the second-level cache.
     """
 
     side: int
@@ -64,10 +62,6 @@ class PacketShape:
         return -(-columns // span) * -(-rows // span)
 
 
-class RepeatedPlaceError(OpticsError):
-    """Two elements have one place, so they cannot share a packet."""
-
-
 @dataclass(frozen=True)
 class Groups:
     """Elements by the packets that trace them.
@@ -94,51 +88,29 @@ class Groups:
         Cells lie at multiples of ``group``: which elements are there does not change where a
         block's rays are.  ``strip_height`` cells one below the other follow each other, empty ones
         too; such strips are sorted by row, then column.
-
-        Raises :class:`OpticsError` for coordinates of another shape, or that repeat.
         """
-        if coordinates is not None and np.shape(coordinates) != (len(bundles.elements), 2):
-            raise OpticsError(
-                f"must have the shape {(len(bundles.elements), 2)}, not {np.shape(coordinates)}",
-                key="coordinates",
-            )
         group = shape.group
         if coordinates is None or group == strip_height == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         size = np.array([group, group * strip_height])
         strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
-        lowest = strips.min(axis=0)
-        column, row = (strips - lowest).T
-        key, strip = ranks(row << 32 | column)
-        members = np.full((len(key), group * size[1]), -1, np.int32)
+        column, row = (strips - strips.min(axis=0)).T
+        keys, strip = ranks(row << 32 | column)
+        members = np.full((len(keys), group * size[1]), -1, np.int32)
         members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
-        if np.count_nonzero(members >= 0) != len(strips):
-            raise RepeatedPlaceError(
-                "two elements have the same place", key="coordinates",
-                remedy="Give each place once, or no coordinates",
-            )  # fmt: skip
         members = members.reshape(-1, group**2)
         if shape.outer == 1:
             return cls(members, bundles.elements, strip_height)
-        corners = (np.stack([key & 0xFFFFFFFF, key >> 32], axis=1) + lowest) * size
-        down = np.arange(strip_height) * group
-        corners = corners[:, None] + np.stack([np.zeros(strip_height), down], axis=1)
         assert bundles.lattice is not None  # without one no block spans elements
-        centres = corners.reshape(-1, 2) + (group - 1) / 2
-        return cls(members, bundles.lattice.centre_rays(centres), strip_height)
-
-    def launches(self, most: int) -> list[Groups]:
-        """The same in parts of at most so many groups of one element's blocks each."""
-        starts = range(0, len(self.members), most)
-        return [replace(self, members=self.members[start : start + most]) for start in starts]
+        centres = np.empty((len(keys), strip_height, 2))
+        centres[strip] = (strips * size + (group - 1) / 2)[:, None]
+        centres[..., 1] += np.arange(strip_height) * group
+        centre_rays = bundles.lattice.centre_rays(centres.reshape(-1, 2))
+        return cls(members, centre_rays, strip_height)
 
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As numpy's unique: the distinct keys, sorted, and which of them each of ``keys`` (E,) is.
-
-    Consecutive ones, as pixels of a row are, are often equal: only the first of each such run is
-    sorted.
-    """
+    """As numpy's unique with inverse; of equal neighbours, as in a row of pixels, one is sorted."""
     begins = np.append(True, keys[1:] != keys[:-1])
     distinct, rank = np.unique(keys[begins], return_inverse=True)
     return distinct, rank[np.cumsum(begins) - 1]

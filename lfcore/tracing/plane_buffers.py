@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device
-from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, offsets
-from lfcore.optics.plane_tables import PlaneTables, beam_targets
+from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, offsets, one_of_sums
+from lfcore.optics.plane_tables import (
+    PLANE_ARGUMENTS,
+    PlaneTables,
+    beam_targets,
+    lens_tables,
+    view_tables,
+)
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.tracing.layouts import BLOCK, PACKET_COLUMNS, PLANE_ARGUMENTS, PLANES, record
+from lfcore.tracing.chunks import tile_corners
+from lfcore.tracing.layouts import BLOCK, PACKET_COLUMNS, PLANES, record
 from lfcore.tracing.packets import PacketShape
+
+if TYPE_CHECKING:
+    from lfcore.storage.layout import Tile
+    from lfcore.tracing.device_scene import DeviceScene
 
 MEMORY_SHARE = 4
 """Sums of one kind take at most one part in this many of a device's memory."""
@@ -103,12 +115,13 @@ class StripBuffers:
     height : packets in a strip; 1 where there is nothing to sum, or for few ``elements``.
     ring : rows of a plane that are kept, a power of two.
     workers : how many may sum, at most as many as ``sums`` has room for.
+    sums : of the planes' pixels.
     """
 
     def __init__(
         self, sums: PlaneBuffers, shape: PacketShape, views: int, elements: int, stops: int = 0
     ):
-        self._sums = sums
+        self.sums = sums
         device, planes = sums.device, len(sums.planes)
         per_group = shape.packets_per_group(views, views)
         packets = elements // shape.elements * per_group if planes else 0
@@ -126,8 +139,22 @@ class StripBuffers:
 
     def arguments(self) -> dict[str, Any]:
         """The arguments PLANES of the sink FRAMES."""
-        values = *self._sums.arguments(self.ring), *self._buffers
+        values = *self.sums.arguments(self.ring), *self._buffers
         return dict(zip(PLANES, values, strict=True))
+
+
+def tile_strips(
+    scene: DeviceScene, shape: PacketShape, slab: Slab, tile: Tile, planes: Sequence[SensorPlane]
+) -> StripBuffers:
+    """Sums of ``planes`` over the rays of a tile."""
+    macro = tile.layout.kind == "macropixels"
+    if macro:
+        tables = lens_tables(slab, planes, tile_corners(tile, slab), shape.group, shape.cells)
+    else:
+        tables = view_tables(slab, planes)
+    sums = PlaneBuffers(scene.device, slab, list(planes), tables, one_of_sums(scene.stops))
+    summed = len(tile.elements()) if macro else 0
+    return StripBuffers(sums, shape, slab.views, summed, scene.stops)
 
 
 def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) -> int:

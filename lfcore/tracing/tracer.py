@@ -1,4 +1,4 @@
-"""The tracer: the hit of every ray of a slab, its colour, its tiles' planes and frames."""
+"""The tracer: a tile's rays, chunk by chunk, into frames and sensor planes."""
 
 from __future__ import annotations
 
@@ -11,34 +11,21 @@ import numpy as np
 
 from lfcore.opencl.device import cl
 from lfcore.optics import bundles as rays
-from lfcore.optics.plane_sums import PlaneSums, one_of_sums
-from lfcore.optics.plane_tables import lens_tables, view_tables
+from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
 from lfcore.tracing.arrays import ArrayTracer
-from lfcore.tracing.chunks import FrameMemory, chunk_cuts, grid_corner, slots_of, tile_corners
+from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, slots_of
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import FRAME_ARGUMENTS, record
-from lfcore.tracing.packets import Groups, PacketShape
-from lfcore.tracing.plan import probe
-from lfcore.tracing.plane_buffers import PlaneBuffers, StripBuffers
+from lfcore.tracing.packets import Groups
+from lfcore.tracing.plan import Plan, probe
+from lfcore.tracing.plane_buffers import tile_strips
 
 if TYPE_CHECKING:
     from lfcore.storage.layout import Tile
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Consecutive frames of a tile.
-
-    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is asked for; ``first`` is
-    the number of its first frame within the tile.
-    """
-
-    frames: np.ndarray
-    first: int
 
 
 @dataclass
@@ -64,17 +51,17 @@ class TileJob:
     def __init__(
         self,
         scene: DeviceScene,
-        shape: PacketShape,
+        plan: Plan,
         slab: Slab,
         tile: Tile,
         planes: Sequence[SensorPlane],
         frames: bool,
     ):
-        self.scene, self.shape, self.slab, self.tile = scene, shape, slab, tile
-        self.frames, self.layout = frames, tile.layout
-        self.macro = tile.layout.kind == "macropixels"
+        self.scene, self.slab, self.tile, self.frames = scene, slab, tile, frames
+        self.layout = layout = tile.layout
+        self.macro = layout.kind == "macropixels"
         self.elements = tile.elements() + grid_corner(tile, slab)
-        device, layout = scene.device, tile.layout
+        self.shape = plan.shape(probe(slab, self.macro), "FRAMES")
         # Without frames their format is not asked for: it must not make another program.
         defines = {
             "PLANES": 0 if not planes else 1 if self.macro else 2,
@@ -82,15 +69,8 @@ class TileJob:
             "STOPS": scene.stops,
             "PEAK": layout.peak or 0 if frames else 0,
         }
-        self.job = PacketJob(scene, shape, "FRAMES", **defines)
-        if self.macro:
-            corners = tile_corners(tile, slab)
-            tables = lens_tables(slab, planes, corners, shape.group, shape.cells)
-        else:
-            tables = view_tables(slab, planes)
-        self.sums = PlaneBuffers(device, slab, list(planes), tables, one_of_sums(scene.stops))
-        summed = len(self.elements) if self.macro else 0
-        self.strips = StripBuffers(self.sums, shape, slab.views, summed, scene.stops)
+        self.job = PacketJob(scene, self.shape, "FRAMES", **defines)
+        self.strips = tile_strips(scene, self.shape, slab, tile, planes)
 
     def run(
         self, tracing: TileTracing, progress: Callable[[int, int], None] | None
@@ -119,7 +99,7 @@ class TileJob:
             if self.frames:
                 with hosts.frames(count) as frames:
                     yield Chunk(frames, first)
-        tracing.plane_sums = self.sums.collect()
+        tracing.plane_sums = self.strips.sums.collect()
 
     def _launch(self, part: slice, slots: np.ndarray, frames: cl.Buffer) -> None:
         layout = self.layout
@@ -131,20 +111,13 @@ class TileJob:
             chroma=layout.format.subsampling, rgb=layout.format.rgb,
         )  # fmt: skip
         self.job.launch(
-            bundles,
-            groups,
-            self.strips.workers,
-            frame_numbers=numbers,
-            slots=self.scene.device.buffer(slots),
-            frames=frames,
-            **self.strips.arguments(),
-        )
+            bundles, groups, self.strips.workers, frame_numbers=numbers,
+            slots=self.scene.device.buffer(slots), frames=frames, **self.strips.arguments(),
+        )  # fmt: skip
 
 
 class Tracer(ArrayTracer):
     """Traces one scene on one device.
-
-    Rays into arrays of the host are in :class:`ArrayTracer`, tiles of frames and planes here.
 
     Parameters
     ----------
@@ -183,17 +156,12 @@ class Tracer(ArrayTracer):
         for plane in planes:
             plane.check(slab)
         tracing = TileTracing(iter(()), rays=tile.rays)
-        tracing.chunks = self._tile_job(slab, tile, planes, frames).run(tracing, progress)
+        job = TileJob(self._on_device, self.plan, slab, tile, planes, frames)
+        tracing.chunks = job.run(tracing, progress)
         return tracing
 
     def scratch_bytes(
         self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane] = (), *, frames: bool = True
     ) -> int:
         """Device memory that workers hold while such a tile is traced."""
-        return self._tile_job(slab, tile, planes, frames).job.scratch.size
-
-    def _tile_job(
-        self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], frames: bool
-    ) -> TileJob:
-        shape = self.plan.shape(probe(slab, tile.layout.kind == "macropixels"), "FRAMES")
-        return TileJob(self._on_device, shape, slab, tile, planes, frames)
+        return TileJob(self._on_device, self.plan, slab, tile, planes, frames).job.scratch.size

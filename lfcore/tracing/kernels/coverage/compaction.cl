@@ -91,3 +91,30 @@ inline LeafList compact_triangles(const Tree *tree, const Packet *p, float z_far
         }
     return (LeafList){&out->listed, (number + NODE_WIDTH - 1) / NODE_WIDTH};
 }
+
+// The hierarchy of compacted leaves, and whether the packet still compacts: several blocks of one
+// element hit much the same triangles, but in a packet so wide that it may hit most triangles of
+// its leaves it does not pay.
+typedef struct { Tree leaves; int pays; global CompactedLeaves *memory; } Compaction;
+
+inline Compaction start_compaction(const Tree *tree, const Packet *p, global CompactedLeaves *to)
+{
+    Compaction c = {*tree, p->rays->group == 1 && p->rays->blocks > 1, to};
+    c.leaves.leaves = to->leaves;
+    c.leaves.leaf_ids = to->ids;
+    return c;
+}
+
+// A packet compacts its candidates as long as this share of their leaves or less is left.
+#define MOST_COMPACTED 0.5f
+
+// Compact the candidates if it pays; returns the hierarchy that they are leaves of.
+inline const Tree *compact_candidates(const Tree *tree, const Packet *p, float z_far,
+                                      Compaction *c, LeafList *candidates)
+{
+    if (!c->pays) return tree;
+    const int all = candidates->count;
+    *candidates = compact_triangles(tree, p, z_far, candidates, c->memory);
+    c->pays = candidates->count < MOST_COMPACTED * all;
+    return &c->leaves;
+}

@@ -1,8 +1,6 @@
-// Coverage: the triangles that a block is known to see while others are tested.
-//
-// Most blocks of a dense slab lie wholly on one triangle.  Such a block keeps the triangle and the
-// two affine functions of its depth, and writes no depth buffer until another triangle may be seen,
-// too.
+// Coverage: the triangles that a block is known to see while others are tested.  Most blocks of a
+// dense slab lie wholly on one triangle: such a block keeps it and the two affine functions of its
+// depth, and writes no depth buffer until another triangle may be seen, too.
 #pragma once
 #include "cut_outs.cl"
 #include "triangles.cl"
@@ -17,8 +15,7 @@ typedef struct {
 typedef struct {
     int covering_triangle;          // NOTHING, BUFFERED or a triangle
     float half_extent;              // of the block's rays
-    // Depth range of what is seen; z_far is FAR while a ray sees nothing.
-    float z_near, z_far;
+    float z_near, z_far;            // of what is seen; z_far is FAR while a ray sees nothing
     Affine numerator, denominator;  // of the covering triangle's depth
     global float *z;                // of the depth buffer
     global int *ids;
@@ -26,11 +23,7 @@ typedef struct {
 
 inline void clear_coverage(global DepthBuffer *memory, float half_extent, Coverage *c)
 {
-    c->covering_triangle = NOTHING;
-    c->half_extent = half_extent;
-    c->z_near = c->z_far = FAR;
-    c->z = memory->z;
-    c->ids = memory->ids;
+    *c = (Coverage){NOTHING, half_extent, FAR, FAR, .z = memory->z, .ids = memory->ids};
 }
 
 // Write the depth buffer of a block that so far had none.
@@ -46,8 +39,7 @@ inline void use_buffer(Coverage *c)
     c->covering_triangle = BUFFERED;
 }
 
-// Whether corner values are positive, and none is more than twice another: rounding errors are then
-// in proportion to each.
+// Whether corner values are positive and within a factor of two: errors are in proportion to each.
 inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }
 
 // Least and most depth over a rectangle; (0, 0) where rounding errors may be large.
@@ -59,8 +51,8 @@ inline float2 depth_range(Affine numerator, Affine denominator, Rectangle grid)
     return even ? slack * quotient_range(numerator, denominator, grid) : 0.0f;
 }
 
-// A triangle that every ray of a block of one element passes through: accept it or reject it at
-// once, if its range of depths and that of the block's hits do not overlap; false if they do.
+// Accept or reject at once a triangle that every ray of a block of one element passes through;
+// false if its range of depths and that of the block's hits overlap.
 inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
 {
     if (OUTER > 1 || c->covering_triangle == BUFFERED) return 0;
@@ -79,9 +71,8 @@ inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
     return 1;
 }
 
-// Whether depth `z` of triangle `id` is nearer than what is there.  The unsigned comparison of
-// float bits rejects negative depths and NaN along with farther hits; of equal depths the lower
-// number wins.
+// Whether depth `z` of triangle `id` is nearer than what is there; of equal depths the lower number
+// wins.  The unsigned comparison of float bits rejects negative depths and NaN, too.
 inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 {
     const vu new = AS_VU(z), old = AS_VU(old_z);

@@ -5,19 +5,15 @@
 // does the bilinear one, for lens samples of one pixel as for pixels of one lens sample.  It is
 //     e = c_z + i (c_x tx + g_y sx) + j (c_y ty - g_x sy),   c = P x Q,  g = P - Q
 // and the code has twice that.  Blocks of several elements add (y u - x v) (sx b - a tx) g_z.
-// Depth is that of the triangle's plane, n . X = n . P.
 //
 // Source of edge functions: J. Pineda, "A Parallel Algorithm for Polygon Rasterization", SIGGRAPH
 // 1988.
 #pragma once
 #include "packet.cl"
 
-// The edge equation, for coverage, interpolation and shadows: which side of the plane through two
-// points and the origin a point is on.
-//
-// P x Q = (P + Q) x (Q - P) / 2.  The difference of two corners that are near each other is exact,
-// so the error of the right side scales with the edge, and that of P x Q with the distance to the
-// origin.  Swapping P and Q negates it to the last bit all the same.  Twice P x Q of LANES edges:
+// The edge equation, for coverage, interpolation and shadows: twice P x Q = (P + Q) x (Q - P) / 2,
+// whose error scales with the edge, not with the distance to the origin.  Swapping P and Q negates
+// it to the last bit.
 inline Vec edge_normals(Vec p, Vec q) { return cross3(plus3(p, q), minus3(q, p)); }
 
 // Corners of LANES triangles of a leaf, relative to a place.
@@ -39,9 +35,8 @@ inline void shear_corners(const Bundle *r, Vec *v)
     }
 }
 
-// Along one axis: the rays' steps s + z t and, from element to element, a + z b; the half_extent of
-// the rays; the triangles' corners at depths z; and a bound of the rounding error of these and of
-// the rays beside them.
+// Along one axis: the rays' steps s + z t and, from element to element, a + z b; their half extent;
+// the triangles' corners at depths z; and a bound of the rounding error of corners and rays.
 typedef struct {
     float s, t, a, b, half_extent;
     Triple at, z;
@@ -77,9 +72,8 @@ inline vi beside_rays(const Axis *a)
 }
 
 // Between which columns (rows, along y) of an element triangles lie, `slack` errors beyond, counted
-// from its first ray.  At depth z neighbouring rays are s + z t apart, and neighbouring elements
-// a + z b.  The map from a triangle to the grid is projective: where s + z t keeps its sign over
-// the triangle, which the mask says, the first and last column belong to corners.
+// from its first ray.  The map from a triangle to the grid is projective: where s + z t keeps its
+// sign over the triangle, which the mask says, the first and last column belong to corners.
 inline vi find_span(const Axis *a, float slack, int element, vf *lo, vf *hi)
 {
     Triple step, inverse, sample;
@@ -147,9 +141,7 @@ inline vf edge_error(const Bundle *r, Vec p, Vec q)
 // The edge functions opposite the corners p, q and r, and their sum, twice n . D.
 inline WideAffine edge_functions(const Bundle *r, const Vec *v, WideAffine *edge)
 {
-    edge[0] = edge_function(r, v[1], v[2]);
-    edge[1] = edge_function(r, v[2], v[0]);
-    edge[2] = edge_function(r, v[0], v[1]);
+    for (int k = 0; k < 3; ++k) edge[k] = edge_function(r, v[(k + 1) % 3], v[(k + 2) % 3]);
     WideAffine sum;
     for (int k = 0; k < AFFINE_TERMS; ++k)
         sum.of[k] = edge[0].of[k] + edge[1].of[k] + edge[2].of[k];
@@ -185,8 +177,8 @@ typedef struct {
     WideAffine functions[FUNCTIONS];  // signed so that n . D > 0 unless edge-on
 } Triangles;
 
-// Edges signed so that n . D > 0 unless the triangle is seen edge-on, and then widened by their
-// errors.  Returns the mask of triangles that some ray may meet.
+// Edges signed so that n . D > 0 unless the triangle is seen edge-on, and widened by their errors.
+// Returns the mask of triangles that some ray may meet.
 inline vi place_edges(const Bundle *r, const vf *error, Triangles *out)
 {
     WideAffine *e = out->functions;
@@ -225,8 +217,7 @@ inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y,
     return f;
 }
 
-// Depth from the plane n . X = n . P: n is made of edges, so its error scales with the triangle and
-// not with its distance, as that of the weighted mean of corners does.
+// Depth from the plane n . X = n . P, whose error scales with the triangle, not with its distance.
 inline void depth_functions(const Bundle *r, const Vec *v, vi flip, WideAffine *numerator,
                             WideAffine *denominator)
 {

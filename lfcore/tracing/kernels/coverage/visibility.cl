@@ -1,14 +1,10 @@
 // Which triangle each ray of a packet meets first.
 //
-// The packet walks the hierarchy as one, front to back.  Leaves are collected in a list of
-// candidates; every block culls the list by its own, narrower frustum, and triangles by their edge
-// functions.  Nodes behind the farthest visible depth are dropped.
+// The packet walks the hierarchy as one, front to back, to the farthest visible depth, and lists
+// candidates; every block culls these by its own frustum, and triangles by their edge functions.
 #pragma once
 #include "camera_rays.cl"
 #include "compaction.cl"
-
-// A packet compacts its candidates as long as this share of their leaves or less is left.
-#define MOST_COMPACTED 0.5f
 
 // A worker's own memory.
 typedef struct {
@@ -17,13 +13,9 @@ typedef struct {
     CompactedLeaves compacted;
 } VisibilityMemory;
 
-typedef struct {
-    Coverage block[MOST_BLOCKS];
-    global VisibilityMemory *memory;
-} Visibility;
+typedef struct { Coverage block[MOST_BLOCKS]; global VisibilityMemory *memory; } Visibility;
 
-// Test one block against a leaf.  Triangles that cover the block come first: often nothing is
-// before them, and no depth buffer is needed.
+// Test one block against a leaf: first triangles that cover the block and may need no depth buffer.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
 {
     Triangles t;
@@ -79,24 +71,14 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {&frustum, 0};
     Stack stack;
     start_walk(&stack);
-    // Several blocks of one element hit much the same triangles.  Compaction does not pay in a
-    // packet so wide that it may hit most triangles of its leaves.
-    int compact = p->rays->group == 1 && blocks > 1;
-    Tree compacted = *tree;
-    compacted.leaves = v->memory->compacted.leaves;
-    compacted.leaf_ids = v->memory->compacted.ids;
+    Compaction compaction = start_compaction(tree, p, &v->memory->compacted);
     while (stack.size) {
         float far = 0.0f;  // beyond which no block can hit anything
         for (int block = 0; block < blocks; ++block)
             if (has_block(p, block)) far = max(far, v->block[block].z_far);
         LeafList list = {&v->memory->candidates, 0};
         gather_leaves(tree, &volume, far, &stack, &list);
-        const Tree *leaves = compact ? &compacted : tree;
-        if (compact) {
-            const int all = list.count;
-            list = compact_triangles(tree, p, far, &list, &v->memory->compacted);
-            compact = list.count < MOST_COMPACTED * all;
-        }
+        const Tree *leaves = compact_candidates(tree, p, far, &compaction, &list);
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
@@ -105,9 +87,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     }
 }
 
-// A region is what one triangle has of a block: the triangle, a mask of sixteen rays for each of
-// sixteen rows, and the rectangle around them.  A covered block is one full region.  Later stages
-// know a block by its regions alone.
+// A region is what one triangle has of a block.  Later stages know a block by its regions alone.
 typedef struct {
     int triangle;
     int rows[BLOCK];  // a bit for each ray of a row
@@ -115,9 +95,11 @@ typedef struct {
     int top, bottom;  // first and last row that hold any
 } Region;
 
+#define RAY_ROWS (BLOCK_RAYS / LANES)
 typedef struct {
     global Region *of;  // (BLOCK_RAYS,) in the order of their first rays
     int count;
+    uchar met[RAY_ROWS], in_row[RAY_ROWS][LANES];  // how many each row of LANES rays meets; which
 } Regions;
 
 // Columns of a block's row that lie in the inner grid, and whether a row does.
@@ -132,31 +114,28 @@ inline int open_row(int row, int2 inside) { return row % INNER < inside.y; }
 inline global Region *add_region(Regions *regions, int triangle)
 {
     global Region *r = regions->of + regions->count++;
-    r->triangle = triangle;
-    for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), r->rows + row);
-    r->columns = 0;
-    r->top = BLOCK;
+    *r = (Region){triangle, .top = BLOCK};
     return r;
 }
 
 inline void add_rays(global Region *r, int row, int rays)
 {
-    if (!rays) return;
     r->rows[row] |= rays;
     r->columns |= rays;
     r->top = min(r->top, row);
     r->bottom = row;
 }
 
-// Regions by the numbers of their triangles, of which there may be as many as rays.
+// The region of a triangle, by a table of twice as many as there can be.
 #define TABLE (2 * BLOCK_RAYS)
-inline global Region *find_region(private int *table, int triangle, Regions *regions)
+inline int find_region(private int *table, int triangle, Regions *regions)
 {
     int slot = triangle % TABLE;
     for (; table[slot] >= 0; slot = (slot + 1) % TABLE)
-        if (regions->of[table[slot]].triangle == triangle) return regions->of + table[slot];
+        if (regions->of[table[slot]].triangle == triangle) return table[slot];
     table[slot] = regions->count;
-    return add_region(regions, triangle);
+    add_region(regions, triangle);
+    return table[slot];
 }
 
 // Sort a depth buffer's rays by their triangles.
@@ -164,20 +143,19 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
 {
     private int table[TABLE];
     for (int k = 0; k < TABLE; k += LANES) VSTORE((vi)(-1), table + k);
-    global Region *last = 0;
-    for (int row = 0; row < BLOCK; ++row) {
-        if (!open_row(row, inside)) continue;
-        for (int column = 0; column < BLOCK; column += LANES) {
-            global const int *ids = c->ids + row * BLOCK + column;
-            const vi triangles = VLOAD(ids);
-            uint left = row_bits(GE(triangles, (vi)(0))) & (uint)open >> column;
-            while (left) {
-                const int triangle = ids[lowest(left)];
-                const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
-                left &= ~rays;
-                if (!last || last->triangle != triangle) last = find_region(table, triangle, out);
-                add_rays(last, row, rays << column);
-            }
+    int last = -1, k = -1;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const int row = at / BLOCK, column = at % BLOCK;
+        const vi triangles = VLOAD(c->ids + at);
+        uint left = row_bits(GE(triangles, (vi)(0))) & (uint)open >> column;
+        out->met[at / LANES] = 0;
+        while (left && open_row(row, inside)) {
+            const int triangle = c->ids[at + lowest(left)];
+            const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
+            left &= ~rays;
+            if (triangle != last) k = find_region(table, last = triangle, out);
+            add_rays(out->of + k, row, rays << column);
+            out->in_row[at / LANES][out->met[at / LANES]++] = k;
         }
     }
 }
@@ -186,6 +164,10 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
 inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 {
     out->count = 0;
+    for (int row = 0; row < RAY_ROWS; ++row) {
+        out->met[row] = c->covering_triangle != NOTHING;
+        out->in_row[row][0] = 0;
+    }
     if (c->covering_triangle == NOTHING) return;
     const int open = open_columns(inside);
     if (c->covering_triangle == BUFFERED) {
@@ -193,10 +175,8 @@ inline void find_regions(const Coverage *c, int2 inside, Regions *out)
         return;
     }
     global Region *all = add_region(out, c->covering_triangle);
-    for (int row = 0; row < BLOCK; ++row) all->rows[row] = open_row(row, inside) ? open : 0;
-    all->columns = open;
-    all->top = 0;
-    all->bottom = BLOCK - INNER + inside.y - 1;
+    for (int row = 0; row < BLOCK; ++row)
+        if (open_row(row, inside)) add_rays(all, row, open);
 }
 
 // Mask of a region's rays in the row of LANES that begins with ray `at`.

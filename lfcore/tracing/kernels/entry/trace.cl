@@ -5,8 +5,49 @@
 // for none); GIVEN, the hits of rays that are no bundle.
 #include "shade.cl"
 #include "shadows.cl"
-#include "frames.cl"
 #include "arrays.cl"
+#include "cubic.cl"
+#include "packet_sums.cl"
+
+// Cells: the colours of a packet, 16 x 16 inner rays of one element at a time.
+#define BRIGHTEST ((float)(1 << STOPS))  // that is stored
+typedef struct {
+    global float *colours;     // (cells, 3, BLOCK_RAYS), and of one block of several elements
+    global ColourRow *prefix;  // (PACKET_COLUMNS + 1,)
+    Frames frames;
+    SensorPlanes planes;
+    Strip strip;
+} Cells;
+
+// Clamp a block's colours to what is stored.
+inline void clamp_colours(global float *colours)
+{
+    for (int at = 0; at < COLOURS; at += LANES)
+        VSTORE(clamp(VLOAD(colours + at), (vf)(0.0f), (vf)(BRIGHTEST)), colours + at);
+}
+
+// Hand on the cells of a packet that was coloured: to planes, and to frames, in which they end.
+inline void finish_packet(const Packet *packet, Cells *c)
+{
+    const int2 grid = (int2)(packet->rays->columns, packet->rays->rows);
+    const int group = packet->rays->group;
+    global const Slot *first = c->frames.slots + first_element(packet);
+    c->strip.u = first->column / group * group;
+    const int v = first->row / group * group;
+    if (PLANES == 1) add_to_strip(&c->planes, packet, v, c->colours, c->prefix, &c->strip);
+    for (int cell = 0; cell < packet->rays->cells; ++cell) {
+        const int element = cell_element(packet, cell);
+        if (element < 0) continue;
+        const int2 where = cell_position(packet, cell), inside = min(grid - where, BLOCK);
+        global const Slot *slot = c->frames.slots + element;
+        global float *colours = c->colours + cell * COLOURS;
+        if (PLANES == 2) add_view(&c->planes, (int2)(slot->column, slot->row), where, colours);
+        if (!BITS) continue;
+        CubicEncoding e;
+        const int even = all(inside == BLOCK) && make_cubic(colours, &e);
+        write_frames(&c->frames, element, where, inside, even ? &e : 0, colours);
+    }
+}
 
 // A worker's own memory; a Block's `lit` comes after it.
 typedef struct {
@@ -47,30 +88,17 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
         shade_key(p->scene, b, keys[left - 1], colours);
 }
 
-// What the results of a program's sink go to.
-typedef struct {
-    global int *triangle;  // (E, rows, columns)
-    global float *depth;   // (E, rows, columns)
-    const ImageArguments *image;
-    global float *radiance;
-    Cells cells;
-} Sink;
+typedef struct { Arrays arrays; Cells cells; } Sink;
 
 inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
 {
-    Coverage *seen = p->visibility.block + block;
     // Blocks of several elements have a place beyond the cells.
-    const int cell = OUTER > 1 ? packet->rays->cells : block;
-    global float *colours = sink->cells.colours + (SINK == FRAMES ? cell * COLOURS : 0);
+    const int cell = SINK != FRAMES ? 0 : OUTER > 1 ? packet->rays->cells : block;
+    global float *colours = sink->cells.colours + cell * COLOURS;
     if (SINK != HITS) colour_block(packet, block, p, colours);
-    if (SINK == FRAMES) clamp_colours(&sink->cells, packet, block, colours);
-    if (SINK == IMAGE) write_radiance(packet, block, colours, sink->image, sink->radiance);
-    if (sink->depth) {
-        use_buffer(seen);  // last: a block that one triangle covers is shaded without
-        write_rays(packet, block, (global uint *)seen->z, (global uint *)sink->depth);
-    }
-    if (SINK == HITS)
-        write_rays(packet, block, (global uint *)seen->ids, (global uint *)sink->triangle);
+    if (SINK == FRAMES) clamp_colours(colours);
+    else write_arrays(packet, block, p->visibility.block + block, colours, &sink->arrays);
+    if (SINK == FRAMES && OUTER > 1) spread_colours(packet, block, colours, sink->cells.colours);
 }
 
 // For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
@@ -95,7 +123,7 @@ KERNEL void trace_packets(PARAMETERS)
         .shadows = {&tree, &scene, 0, shadows->active, shadows->seen, 0, &pipeline.cache,
                     &shadows->element_planes}};
     Sink sink = {
-        triangle, depth, &image, radiance,
+        {triangle, depth, &image, radiance},
         {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
          {&plane_numbers, plane_records, runs, masks, kinds,
           sums + worker * plane_numbers.planes * area},

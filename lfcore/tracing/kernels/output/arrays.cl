@@ -9,6 +9,9 @@ inline ulong result_row(const Rays *rays, int element, int row)
     return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
 }
 
+// The first ray of part `part` of a block's OUTER x OUTER elements.
+inline int first_ray(int part) { return (part / OUTER * BLOCK + part % OUTER) * INNER; }
+
 // Write a number of each of a block's rays, which has `from` row by row: element after element.
 inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)
 {
@@ -77,6 +80,43 @@ inline void write_radiance(const Packet *packet, int block, global const float *
                 vstore3(mode & ADD ? vload3(x, to) + colour : colour, x, to);
             }
         }
+    }
+}
+
+// Results of programs without frames.
+typedef struct {
+    global int *triangle;  // (E, rows, columns)
+    global float *depth;   // (E, rows, columns)
+    const ImageArguments *image;
+    global float *radiance;
+} Arrays;
+
+inline void write_arrays(const Packet *packet, int block, Coverage *seen,
+                         global const float *colours, const Arrays *to)
+{
+    if (SINK == IMAGE) write_radiance(packet, block, colours, to->image, to->radiance);
+    if (to->depth) {
+        use_buffer(seen);  // last: a block that one triangle covers is shaded without
+        write_rays(packet, block, (global uint *)seen->z, (global uint *)to->depth);
+    }
+    if (SINK == HITS)
+        write_rays(packet, block, (global uint *)seen->ids, (global uint *)to->triangle);
+}
+
+// Put colours (3, BLOCK_RAYS) of a block of several elements into their cells.
+inline void spread_colours(const Packet *packet, int block, global const float *colours,
+                           global float *cells)
+{
+    const int2 first = packet->rays->block[block].at;
+    const int side = packet->rays->packet_side / BLOCK;
+    const int within = first.y / BLOCK * side + first.x / BLOCK;
+    const int corner = first.y % BLOCK * BLOCK + first.x % BLOCK;
+    for (int at = 0; at < COLOURS; at += 4) {
+        const int ray = at % BLOCK_RAYS, row = ray / BLOCK, column = ray % BLOCK;
+        const int element = row / INNER * OUTER + column / INNER;
+        global float *to = cells + (element * side * side + within) * COLOURS + corner;
+        vstore4(vload4(0, colours + at), 0,
+                to + at - ray + row % INNER * BLOCK + column % INNER);
     }
 }
 

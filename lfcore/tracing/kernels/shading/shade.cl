@@ -1,14 +1,10 @@
-// Colours of a block's rays, row by row: ambient, emission, and the reflection of each visible
-// light, diffuse with a highlight unless a material is of metal and roughness.
+// Colours of a block's rays, row by row: ambient, emission, and what each visible light adds.
 #pragma once
-#include "gloss.cl"
-#include "texel_patch.cl"
-#if SKY
 #include "sky_gloss.cl"
-#endif
+#include "texel_patch.cl"
 
-// The direction of unit length to a light.  `attenuation` receives the share of the light that
-// distance, the cosine at the emitter and a spot's cone leave.
+// The unit vector to a light.  `attenuation` receives the share of the light that distance, the
+// cosine at the emitter and a spot's cone leave.
 inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenuation)
 {
     *attenuation = 1.0f;
@@ -34,15 +30,6 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
 
 inline int is_glossy(const Material *m) { return any(vload3(0, m->of.specular) > 0.0f); }
 
-// The light that a Blinn-Phong surface reflects.
-inline Vec reflect_blinn_phong(const Surface *s, Vec towards, vf cosine, vf attenuation, vi facing)
-{
-    const Vec diffuse = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
-    if (!is_glossy(s->material)) return diffuse;
-    const vf specular = highlight(s, towards, facing) * attenuation;
-    return fma3(specular, spread3(vload3(0, s->material->of.specular)), diffuse);
-}
-
 // Add what rays that see a light reflect of it.
 inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
 {
@@ -51,10 +38,12 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
     const vf cosine = dot3(s->normal, towards);
     vi facing = seeing & GT(cosine, (vf)(0.0f));
     if (PHYSICAL) facing &= GT(dot3(s->geometric, towards), (vf)(0.0f));
-    Vec c;
+    Vec c = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
     if (PHYSICAL && is_metallic(s->material))
         c = reflect_light(s, towards, cosine, pick((vf)(0.0f), attenuation, facing));
-    else c = reflect_blinn_phong(s, towards, cosine, attenuation, facing);
+    else if (is_glossy(s->material))
+        c = fma3(highlight(s, towards, facing) * attenuation,
+                 spread3(vload3(0, s->material->of.specular)), c);
     *sum = plus3(*sum, times3(c, spread3(vload3(0, light->colour))));
 }
 
@@ -64,9 +53,7 @@ inline Vec unlit_light(const Scene *scene, const Surface *s)
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
     const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->of.emission));
     const int metallic = PHYSICAL && is_metallic(s->material);
-#if SKY
-    if (metallic) return plus3(reflect_sky(scene, s), emission);
-#endif
+    if (SKY && metallic) return plus3(reflect_sky(scene, s), emission);
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
 }
 
@@ -103,9 +90,7 @@ inline void shade_background(const Scene *scene, const Block *b, global float *c
     Vec background = spread3(vload3(0, scene->numbers->background));
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         if (!row_any(LT(VLOAD(b->samples->key + at), (vi)(0)))) continue;
-#if SKY
-        background = sky_row(scene, &b->rays, row_at(at, b->rays.half_extent));
-#endif
+        if (SKY) background = sky_row(scene, &b->rays, row_at(at, b->rays.half_extent));
         store3(background, colours, at);
     }
 }

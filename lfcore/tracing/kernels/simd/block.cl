@@ -1,5 +1,4 @@
-// Blocks of rays: 16 x 16 rays that a few numbers describe, and functions that are affine over
-// them.
+// Blocks: 16 x 16 rays that a few numbers describe, and functions that are affine over them.
 //
 // Ray (i, j) of a bundle, counted from its centre, is at depth z
 //     x(z) = (ox + i sx) + z (dx + i tx)        y(z) = (oy + j sy) + z (dy + j ty)
@@ -16,8 +15,8 @@
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
 
-// Load and store three quantities of a block, (3, BLOCK_RAYS), for the row that begins with ray
-// `at`.
+// Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
+#define COLOURS (3 * BLOCK_RAYS)
 inline Vec load3(global const float *from, int at)
 {
     from += at;
@@ -39,12 +38,7 @@ typedef struct {
 } Bundle;
 
 // Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
-typedef struct {
-    vf x;
-    float y;
-    vf u;
-    float v;
-} Row;
+typedef struct { vf x; float y; vf u; float v; } Row;
 
 // The row that begins with ray `at`, a multiple of LANES, of a bundle of that half_extent.
 inline Row row_at(int at, float half_extent)
@@ -58,8 +52,7 @@ inline Row row_at(int at, float half_extent)
     return r;
 }
 
-// base + inner * along + outer * across; blocks of one element have no outer offsets.  Arguments
-// are vectors or scalars.
+// base + inner * along + outer * across, vectors or scalars; one element has no outer offsets.
 #define AT_OFFSETS(inner, outer, base, along, across) \
     (OUTER > 1 ? fma(outer, across, fma(inner, along, base)) : fma(inner, along, base))
 
@@ -74,9 +67,8 @@ inline Vec direction_row(const Bundle *r, Row row)
     return (Vec){row_dx(r, row), (vf)(row_dy(r, row)), (vf)(1.0f)};
 }
 
-// Terms of an affine function over a block: 1, x, y, and for several elements u, v and y u - x v.
-// Only edge functions have the last: D . (O x W) multiplies a step of the origin by one of the
-// direction.  Blocks of one element have no u and v: their U, V and BILINEAR are never read.
+// Terms of an affine function over a block: 1, x, y, and for several elements u, v and, of edge
+// functions alone, y u - x v.  U, V and BILINEAR of one element are never read.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float of[AFFINE_TERMS]; } Affine;
@@ -84,19 +76,11 @@ typedef struct { float of[AFFINE_TERMS]; } Affine;
 // One function for each of LANES triangles.
 typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
 
-// Values of an affine function without BILINEAR at a row of rays, and of any function.
+// Values of an affine function without BILINEAR at a row of rays.
 inline vf plane_row(Affine f, Row at)
 {
     const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
     return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
-}
-inline vf edge_row(Affine f, Row at)
-{
-    if (OUTER == 1) return plane_row(f, at);
-    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
-    const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
-    return AT_OFFSETS(at.x, at.u, base, along, across);
 }
 
 // Rays between two columns and two rows of a block of one element, as a middle and half extents.
@@ -112,42 +96,10 @@ inline float4 corner_values(Affine f, Rectangle r)
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }
 
-// Extremes of a quotient of affine functions over a rectangle all over which its denominator has
-// one sign: the quotient is linear-fractional, so they are in the corners.
+// Extremes of a quotient of affine functions, linear-fractional, are in the corners of a rectangle
+// over which its denominator has one sign.
 inline float2 quotient_range(Affine numerator, Affine denominator, Rectangle r)
 {
     const float4 q = corner_values(numerator, r) / corner_values(denominator, r);
     return (float2)(least_of(q), most_of(q));
-}
-
-// The least and the most of three quantities, over all rays and lane by lane.
-typedef struct { float lo[3], hi[3]; } Box;
-typedef struct { vf low[3], high[3]; } Ranges;
-
-inline void clear_ranges(Ranges *r)
-{
-    for (int k = 0; k < 3; ++k) {
-        r->low[k] = FAR;
-        r->high[k] = -FAR;
-    }
-}
-
-inline void add_to_ranges(Ranges *r, Vec a, vi mask)
-{
-    const vf x[3] = {a.x, a.y, a.z};
-    for (int k = 0; k < 3; ++k) {
-        r->low[k] = pick(r->low[k], min(r->low[k], x[k]), mask);
-        r->high[k] = pick(r->high[k], max(r->high[k], x[k]), mask);
-    }
-}
-
-// The box around all that was added; lows are above highs if nothing was.
-inline Box box_of(const Ranges *r)
-{
-    Box box;
-    for (int k = 0; k < 3; ++k) {
-        box.lo[k] = row_min(r->low[k]);
-        box.hi[k] = row_max(r->high[k]);
-    }
-    return box;
 }

@@ -1,12 +1,9 @@
-// Lane types: every kernel is written once over a row of LANES values (16, 8, 4 or 1).
-//
-// Comparisons give masks of -1 / 0 in an integer row for every width; OpenCL's own give 1 / 0 when
-// the row is one value wide.
+// Lane types: every kernel is written once over a row of LANES values (16, 8, 4 or 1).  Comparisons
+// give masks of -1 / 0 in an integer row; OpenCL's own give 1 / 0 where a row is one value wide.
 //
 // Every width and every processor gives the same bits: no operation is used whose rounding OpenCL
-// leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: the edge functions
-// of two triangles that share an edge must be each other's negative to the last bit, and a product
-// that is fused on one side only is not.  Where a fused multiply-add is wanted, fma() says so.
+// leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: edge functions of two
+// triangles at their common edge must be each other's negative to the last bit.
 #pragma once
 #pragma OPENCL FP_CONTRACT OFF
 #include "numerics.cl"
@@ -15,8 +12,7 @@
 #define JOIN(a, b) JOIN_(a, b)
 
 #if LANES == 1
-// The hint keeps compilers from vectorising over work-items, of which a group has one: with `float`
-// three quarters of a build went into copies that never run.
+// The hint keeps compilers from vectorising over work-items, of which a group has one.
 #define LANES_TYPE float4
 #define WIDE(name) name
 #define VLOAD(p) (*(p))
@@ -39,7 +35,6 @@ typedef WIDE(uint) vu;
 #define AS_VU WIDE(as_uint)
 #define TO_VF WIDE(convert_float)
 #define TO_VI WIDE(convert_int)
-#define TO_VU WIDE(convert_uint)
 
 #define LT(a, b) MASK((a) < (b))
 #define LE(a, b) MASK((a) <= (b))
@@ -53,8 +48,8 @@ typedef WIDE(uint) vu;
 #else
 #define SAMPLE ushort
 #endif
-typedef SAMPLE sample;
 #define SAMPLES(n) JOIN(SAMPLE, n)
+typedef SAMPLE sample;
 #define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // to one of 8 bits
 
 // a where the mask is unset, b where it is set
@@ -85,24 +80,20 @@ inline float row_max(vf x) { FOLD(float, max, x) }
 inline float row_min(vf x) { FOLD(float, min, x) }
 inline int row_or(vi x) { FOLD(int, OR_, x) }
 
-// One bit per lane whose mask is set
+// One bit per lane whose mask is set, and the mask of such bits
 inline uint row_bits(vi mask) { return (uint)row_or(mask & LANE_BITS); }
-// and the mask of such bits
 inline vi mask_of_bits(int bits) { return MASK(((vi)(bits) & LANE_BITS) != 0); }
 
-// A comparison, not the sign bits themselves, is what compilers test in one instruction.
-inline int row_any(vi mask) { return any(MASK(mask != 0)); }
+inline int row_any(vi mask) { return any(MASK(mask != 0)); }  // compiles to one instruction
 
 // Index of the lowest set bit
 inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }
 
-// Division and square root are rounded correctly, which tests/opencl/test_rounding.py tries for
-// every mantissa.  The processor's approximations (native_recip, native_rsqrt) have 12 bits here
-// and 14 there, and were no faster.
+// Division and square root are rounded correctly, as tests/opencl/test_rounding.py shows.
 inline vf reciprocal(vf x) { return 1.0f / x; }
 inline vf inverse_sqrt(vf x) { return 1.0f / sqrt(x); }
 
-// Three numbers per ray of a row: coordinates, or red, green and blue.
+// Three numbers per ray of a row: coordinates or colours.
 typedef struct { vf x, y, z; } Vec;
 
 inline vf dot3(Vec a, Vec b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }

@@ -1,5 +1,4 @@
-// Bounds of rounding errors, as counts of roundings: docs/numerics.md counts them, or says how they
-// were measured.
+// Bounds of rounding errors, as counts of roundings: docs/numerics.md counts or measures them.
 //
 // A number that passes n roundings has a relative error of at most GAMMA(n).  Source: N. J. Higham,
 // "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1; M. Pharr, W. Jakob, G.
@@ -11,36 +10,20 @@
 
 // Below this a function or a square counts as zero: its terms may be denormal, and inexact.
 #define NOTHING_LEFT 1.0e-30f
-// The least divisor of a length: above the least normal float, 1.2e-38.
-#define LEAST_LENGTH 1.0e-37f
+#define LEAST_LENGTH 1.0e-37f  // that is a divisor: above the least normal float, 1.2e-38
 
-// The error of an edge function at a ray: with u and v, and without them.
-#define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))
-// The error of corners in a packet and in its blocks.
-#define CORNER_ERROR GAMMA(4.0f)
-#define PACKET_ERROR GAMMA(5.0f)
-// The error of half extents and spreads, sums of at most five magnitudes.
-#define BOUND_SLACK (1.0f + GAMMA(6.0f))
-// The error of when a ray or a shaft enters a box: difference, rate, inverse and product, of both
-// ends, and the bound.
-#define SWEEP_SLACK (1.0f + GAMMA(9.0f))
-// The error of frusta against boxes.
-#define FRUSTUM_SLACK GAMMA(7.0f)
-// The error of hit points on a triangle, in proportion to the terms of n . P over n . D.
-#define HIT_SLACK GAMMA(14.0f)
-// The error of the columns and rows of a packet in which its blocks find a triangle, in errors of
-// its corners.
-#define COLUMN_SLACK 3.0f
-// The error of the least of an affine function over rays.
-#define SIDE_SLACK GAMMA(6.0f)
-// The error of functions of occluders in light space.
-#define LIGHT_SPACE_ERROR GAMMA(7.0f)
-// The error of depths at a block's corners against those at its rays, where numerators and
-// denominators differ by a factor of two at the most.
-#define DEPTH_SLACK GAMMA(10.0f)
-// Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it: a
-// millionth.  Half of it darkens rays beside a neighbouring triangle, four times it loses contact
-// shadows: measured against the float64 oracle.
+#define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))  // of an edge function at a ray
+#define CORNER_ERROR GAMMA(4.0f)           // of corners in a packet and in its blocks
+#define PACKET_ERROR GAMMA(5.0f)           // of edge functions in a packet, against its blocks'
+#define BOUND_SLACK (1.0f + GAMMA(6.0f))   // of half extents and spreads, of five magnitudes
+#define SWEEP_SLACK (1.0f + GAMMA(9.0f))   // of when a ray or a shaft enters a box
+#define FRUSTUM_SLACK GAMMA(7.0f)          // of frusta against boxes
+#define HIT_SLACK GAMMA(14.0f)             // of hit points, in the terms of n . P over n . D
+#define COLUMN_SLACK 3.0f                  // of a packet's columns, in errors of its corners
+#define SIDE_SLACK GAMMA(6.0f)             // of the least of an affine function over rays
+#define LIGHT_SPACE_ERROR GAMMA(7.0f)      // of functions of occluders in light space
+#define DEPTH_SLACK GAMMA(10.0f)           // of depths at corners of blocks, if terms are even
+// Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it.
 #define SHADOW_MARGIN 1.0e-6f
 // A function whose slope in a row is below this share of its size is constant: over the 64 columns
 // of a packet it changes by less than a thousandth of one rounding.

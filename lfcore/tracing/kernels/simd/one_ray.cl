@@ -1,4 +1,4 @@
-// Vectors of one ray, and rows of rays taken apart.
+// Vectors of one ray, boxes of rays, and rows of rays taken apart.
 #pragma once
 #include "lanes.cl"
 
@@ -31,4 +31,36 @@ inline void set_ray_vector(Vec *row, int k, float3 a)
     at[0] = a.x;
     at[LANES] = a.y;
     at[2 * LANES] = a.z;
+}
+
+// The least and the most of three quantities, over all rays and lane by lane.
+typedef struct { float lo[3], hi[3]; } Box;
+typedef struct { vf low[3], high[3]; } Ranges;
+
+inline void clear_ranges(Ranges *r)
+{
+    for (int k = 0; k < 3; ++k) {
+        r->low[k] = FAR;
+        r->high[k] = -FAR;
+    }
+}
+
+inline void add_to_ranges(Ranges *r, Vec a, vi mask)
+{
+    const vf x[3] = {a.x, a.y, a.z};
+    for (int k = 0; k < 3; ++k) {
+        r->low[k] = pick(r->low[k], min(r->low[k], x[k]), mask);
+        r->high[k] = pick(r->high[k], max(r->high[k], x[k]), mask);
+    }
+}
+
+// The box around all that was added; lows are above highs if nothing was.
+inline Box box_of(const Ranges *r)
+{
+    Box box;
+    for (int k = 0; k < 3; ++k) {
+        box.lo[k] = row_min(r->low[k]);
+        box.hi[k] = row_max(r->high[k]);
+    }
+    return box;
 }

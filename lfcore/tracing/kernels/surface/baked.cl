@@ -33,6 +33,13 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
     return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, far));
 }
 
+// Put the light of a row in place of its places on grids.
+inline void look_up_light(const Scene *s, SampleRow *row)
+{
+    const vf *place = row->of + PLACE;
+    *vectors_at(row, BAKED_LIGHT) = baked_row(s, place[0], place[1], row->first, row->side);
+}
+
 // Light that differs from an affine function by less than such a share is one.
 #define AFFINE_SHARE (1.0f / 64.0f)
 // Much less than what coarser levels hold where light is uneven.
@@ -48,7 +55,7 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
 inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rectangle r,
                             private float light[3][16])
 {
-    const Affine of[3] = {p->weights, p->slot[PLACE], p->slot[PLACE + 1]};
+    const Affine of[3] = {p->weights, p->slot[SLOTS - 2], p->slot[SLOTS - 1]};
     const float2 u = quotient_range(of[1], of[0], r), v = quotient_range(of[2], of[0], r);
     const int finest = p->grid[2];
     const float seen = max(u.y - u.x, v.y - v.x) * finest / 3.0f;

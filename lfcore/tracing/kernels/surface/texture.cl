@@ -1,10 +1,102 @@
-// Textures: the mip level for a pixel's footprint, the direction in which coordinates grow, and
-// colours: bilinear, wrapping, in linear light, from one buffer of packed texels.
+// Attributes of corners: normals, texture coordinates and colours; and textures: the mip level for
+// a pixel's footprint, the direction in which coordinates grow, and colours: bilinear, wrapping, in
+// linear light, from one buffer of packed texels.
 //
 // A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
 // a channel to decode, and steps no coarser than those of 8-bit sRGB.
 #pragma once
 #include "planes.cl"
+
+// Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
+// them.
+#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
+
+inline float3 corner(const Scene *s, int triangle, int k)
+{
+    return vload3(k, s->corners + triangle * 9);
+}
+inline global const float *attributes_of(const Scene *s, int triangle)
+{
+    return s->attributes + (long)triangle * ATTRIBUTES;
+}
+
+// A slot as a function over the block, of the weights `e` of the corners.
+inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
+                              const WideAffine *e)
+{
+    const int of_uv = TEXTURED && slot >= COORDINATES && slot < TINT;
+    const int begin = slot < COORDINATES ? NORMAL : of_uv ? COORDINATES : TINT;
+    global const float *from = s->attributes + 3 * (begin - FIRST_ATTRIBUTE) + slot - begin;
+    vf at[3];
+    for (int k = 0; k < 3; ++k)
+        at[k] = read_lanes(from + k * (of_uv ? 2 : 3), triangles, ATTRIBUTES);
+    for (int k = 2; k >= 0 && slot >= TINT; --k) at[k] -= at[0];
+    WideAffine f;
+    for (int k = 0; k < AFFINE_TERMS; ++k)
+        f.of[k] = at[0] * e[0].of[k] + at[1] * e[1].of[k] + at[2] * e[2].of[k];
+    return f;
+}
+
+// Values of any affine function at a row of rays.
+inline vf edge_row(Affine f, Row at)
+{
+    if (OUTER == 1) return plane_row(f, at);
+    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
+    const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
+    const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
+    return AT_OFFSETS(at.x, at.u, base, along, across);
+}
+
+// All slots of attributes.
+inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, const WideAffine *e,
+                              WidePlanes *out)
+{
+    for (int slot = FIRST_ATTRIBUTE; slot < PLACE; ++slot)
+        out->slot[slot] = set_up_slot(s, triangles, slot, e);
+    for (int slot = PLACE; slot < SLOTS; ++slot) out->slot[slot] = e[slot - PLACE + 1];
+    for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
+        out->first[k] = read_lanes(s->attributes + 3 * (TINT - FIRST_ATTRIBUTE) + k, triangles,
+                                   ATTRIBUTES);
+}
+
+// A row of attributes, tangents and places on grids; `back` is the sign of n . D.
+inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, int fitted,
+                                   SampleRow *s)
+{
+    const vf weights = plane_row(p->weights, at);
+    for (int k = FIRST_ATTRIBUTE; k < PLACE; ++k) s->of[k] = edge_row(p->slot[k], at);
+    // Seen from behind, a flat triangle's tangent turns as its normal does; smooth ones turn later.
+    const vi behind = sign_of(SMOOTH ? weights : -weights);
+    for (int k = 0; k < 4 && PHYSICAL; ++k)
+        s->of[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
+    if (SLOTS == COORDINATES) return;
+    if (fitted) {
+        for (int k = 0; k < 3; ++k) s->of[BAKED_LIGHT + k] = plane_row(p->light[k], at);
+        if (PLACE == COORDINATES) return;
+    }
+    const vf inverse = reciprocal(weights);
+    for (int k = COORDINATES; k < TINT; ++k) s->of[k] *= inverse;
+    for (int k = TINT; k < PLACE; ++k) s->of[k] = fma(inverse, s->of[k], (vf)(p->first[k - TINT]));
+    if (fitted) return;
+    for (int k = PLACE; k < SLOTS; ++k)
+        s->of[k] = edge_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
+    // The corners turn to the viewer where the weights are negative.
+    s->first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
+    s->side = p->grid[2];
+}
+
+// Three quantities, from `first` on.
+inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->of + first); }
+
+// Give interpolated normals unit length, and turn them to the viewer, and tangents with them.
+inline void turn_to_viewer(Vec direction, SampleRow *s)
+{
+    Vec *n = vectors_at(s, NORMAL), *tangent = vectors_at(s, TANGENT);
+    *n = scale3(*n, inverse_sqrt(max(dot3(*n, *n), (vf)(LEAST_LENGTH))));
+    const vi away = GT(dot3(*n, direction), (vf)(0.0f)) & (vi)(0x80000000);
+    *n = turn_vectors(*n, away);
+    if (PHYSICAL) *tangent = turn_vectors(*tangent, away);
+}
 
 // One of a material's textures, -1 without it.
 inline int map_of(global const MaterialRecord *material, int map)

@@ -1,28 +1,24 @@
 // Packets of blocks: the unit of work that one worker takes at a time.
 //
 // A packet is a square of neighbouring elements (pixels, lens samples, data cameras) times a square
-// of blocks of the inner grid.  Blocks of one element are in the order of elements, row by row;
-// blocks that span OUTER x OUTER elements are of all elements of the packet.  Results leave the
-// packet in cells: 16 x 16 inner rays of one element, element after element.
+// of blocks of the inner grid.  Blocks of one element are in the order of elements; those that span
+// several are of all elements of the packet.  Results leave it in cells: 16 x 16 inner rays of one
+// element, element after element.
 #pragma once
 #include "walk.cl"
 
 #define MOST_BLOCKS 16  // of a packet, and most of its cells
 
-// The offset of a block or a cell in its packet: its element (the first of several), and its first
-// column and row.
+// A block or a cell in its packet: its element (the first of several), first column and row.
 typedef struct { int element; int2 at; } BlockOffset;
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
 typedef struct {
-    // Centre rays (ox, oy, dx, dy) of the inner grid of each of E elements or, for blocks of
-    // several elements, of each of B groups.
-    global const float4 *elements;
+    global const float4 *elements;  // (E,) ox, oy, dx, dy, or (B,) for blocks of several elements
     global const int *groups;       // (B, group, group) element or -1
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
     float2 outer;                   // a, b: per element of a group
-    int columns, rows;              // size of the inner grid
-    int first_row, end_row;         // rows that are traced
+    int columns, rows, first_row, end_row;  // size of the inner grid, rows that are traced
     float half_extent;              // of a block, as in Bundle
     float element_half_extent;      // of one element's part of a packet
     int group;                      // elements along a side of a packet
@@ -79,12 +75,11 @@ inline int2 cell_position(const Packet *p, int cell) { return p->at + p->rays->c
 
 inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1; }
 
-// The element of part `part` of a block's OUTER x OUTER, or -1, and its first ray in the block.
+// The element of part `part` of a block's OUTER x OUTER, or -1.
 inline int block_element(const Packet *p, int block, int part)
 {
     return p->element[OUTER > 1 ? part : p->rays->block[block].element];
 }
-inline int first_ray(int part) { return (part / OUTER * BLOCK + part % OUTER) * INNER; }
 
 // The element of a cell, or -1 if it has no rays or none that are wanted.
 inline int cell_element(const Packet *p, int cell)

@@ -1,8 +1,6 @@
-// The hierarchy, nodes of sixteen children and leaves of sixteen triangles, and the walk through
-// it, the same for packets, shafts and single rays.
-//
-// Children are stored by their nearest depth, and all camera rays look along +z, so that packets
-// walk front to back without sorting; sweeps sort the children that they meet.
+// The hierarchy, nodes of sixteen children and leaves of sixteen triangles, and walks through it.
+// Children are stored by their nearest depth, and camera rays look along +z, so packets walk front
+// to back without sorting; sweeps sort the children that they meet.
 //
 // Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
@@ -35,26 +33,15 @@ inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
 
 // Candidates: leaves with their boxes.
 #define LIST 64
-typedef struct {
-    Boxes boxes[LIST / NODE_WIDTH];
-    int leaf[LIST];
-} ListedLeaves;
-typedef struct {
-    global ListedLeaves *of;
-    int count;
-} LeafList;
+typedef struct { Boxes boxes[LIST / NODE_WIDTH]; int leaf[LIST]; } ListedLeaves;
+typedef struct { global ListedLeaves *of; int count; } LeafList;
 
 // A frustum is, along x and along y, the interval that a set of rays reaches at depth z,
 //     [o_lo + z d_lo - |h + z g| - |hu + z gu|, o_hi + z d_hi + |h + z g| + |hu + z gu|]
-// Its upper bound is convex in z and its lower bound concave, so looking at the two ends of a box's
-// depth range is enough, also across the point where the rays cross.
-
-// Along one axis: origins and directions of the centre rays, and half extents of the inner grid.
+// of centre rays and of half extents of the inner grid and of a block's elements.  Its upper bound
+// is convex in z and its lower bound concave: the two ends of a box's depth range suffice.
 typedef struct { float o_lo, o_hi, d_lo, d_hi, h, g; } Interval;
-typedef struct {
-    Interval x, y;
-    float hu, gu;  // half extents of the elements of a block, the same along both axes
-} Frustum;
+typedef struct { Interval x, y; float hu, gu; } Frustum;
 
 inline Interval widened(Interval a, float hu, float gu)
 {
@@ -77,7 +64,7 @@ inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
     return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
 }
 
-// Half of what an axis spans at depth z, of the half extents of an inner grid and of elements.
+// Half of what an axis spans at depth z.
 inline vf half_span(vf z, float h, float g, float hu, float gu)
 {
     const vf inner = fabs(fma(z, (vf)(g), (vf)(h)));
@@ -106,15 +93,11 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
 // The volume that a walk is for is one of these.
 typedef struct { const Frustum *frustum; const Sweep *sweep; } Volume;
 
-// Children still to be looked at, by their places in the tree's arrays, and where each begins.
-// STACK suffices for a tree of MOST_LEVELS: all but one of each node's children wait there.
+// Children still to be looked at, by their places in the tree's arrays, and where each begins: all
+// but one of each node's children.
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
-typedef struct {
-    int child[STACK];
-    float near[STACK];
-    int size;
-} Stack;
+typedef struct { int child[STACK]; float near[STACK]; int size; } Stack;
 
 inline void start_walk(Stack *stack)
 {
@@ -157,8 +140,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
     }
 }
 
-// The next leaf that the volume meets before `far`, which was on top of the stack; -1 once none is
-// left.
+// The next leaf that the volume meets before `far`, of the top of the stack; -1 once none is left.
 inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *stack)
 {
     private float near[NODE_WIDTH];
@@ -173,7 +155,7 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
     return -1;
 }
 
-// List leaves until the list is full or none is left, which an empty stack tells.
+// List leaves until the list is full or the stack is empty.
 inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
                           LeafList *list)
 {
