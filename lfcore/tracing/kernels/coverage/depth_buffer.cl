@@ -5,10 +5,8 @@
 #include "cut_outs.cl"
 #include "triangles.cl"
 
-typedef struct {
-    float z[BLOCK_RAYS];  // infinity where nothing is met
-    int ids[BLOCK_RAYS];  // triangles; -1 where nothing is met
-} DepthBuffer;
+// Depths and triangles; infinity and -1 where nothing is met.
+typedef struct { float z[BLOCK_RAYS]; int ids[BLOCK_RAYS]; } DepthBuffer;
 
 #define NOTHING -1   // no triangle yet, depth buffer not written
 #define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block

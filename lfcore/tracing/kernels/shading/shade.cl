@@ -84,7 +84,7 @@ inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int a
     return sum;
 }
 
-// The colours of rays that hit nothing: those of rows with such rays.
+// The colours of rows with rays that hit nothing.
 inline void shade_background(const Scene *scene, const Block *b, global float *colours)
 {
     Vec background = spread3(vload3(0, scene->numbers->background));

@@ -2,8 +2,8 @@
 // give masks of -1 / 0 in an integer row; OpenCL's own give 1 / 0 where a row is one value wide.
 //
 // Every width and every processor gives the same bits: no operation is used whose rounding OpenCL
-// leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: edge functions of two
-// triangles at their common edge must be each other's negative to the last bit.
+// leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: triangles that share
+// an edge must have edge functions that are each other's negative to the last bit.
 #pragma once
 #pragma OPENCL FP_CONTRACT OFF
 #include "numerics.cl"
