@@ -20,10 +20,10 @@ typedef struct {
 // coordinates there, places over the distance, are thirty thousand at the most.
 #define NEAREST_SHARE 1.0e-4f
 
-// Boxes of each stripe, STRIPE rays: one without rays has lows beyond its highs.
+// The most, then the least, of u, v and d of each stripe, STRIPE rays; without rays crossed.
 #define STRIPE (LANES > 8 ? LANES : 8)
 #define STRIPES (BLOCK_RAYS / STRIPE)
-typedef struct { float lo[3][STRIPES], hi[3][STRIPES]; } StripeBoxes;
+typedef struct { float of[2][3][STRIPES]; } StripeBoxes;
 
 // A set of shadow rays in light space.  Neighbours in the light's picture follow each other, so
 // that the boxes of stripes are small.
@@ -149,8 +149,8 @@ inline void bound_stripes(LightSpaceRays *l)
         }
         const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
-            l->stripes.lo[k][stripe] = box.lo[k];
-            l->stripes.hi[k][stripe] = box.hi[k];
+            l->stripes.of[0][k][stripe] = box.hi[k];
+            l->stripes.of[1][k][stripe] = box.lo[k];
         }
         l->lit |= (uint)(stripe * STRIPE < l->count) << stripe;
     }
@@ -209,11 +209,6 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
 {
     for (int first = 0; first < STRIPES; first += LANES) {
         if (!(lit >> first & ((1u << LANES) - 1u))) continue;
-        vf low[3], high[3];
-        for (int axis = 0; axis < 3; ++axis) {
-            low[axis] = VLOAD(stripes->lo[axis] + first);
-            high[axis] = VLOAD(stripes->hi[axis] + first);
-        }
         vi found = 0;
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
@@ -224,8 +219,9 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
                     // Its sign selects, as no branch could foresee.
-                    const vf x = function[axis][lane];
-                    largest = fma(x, select(high[axis], low[axis], AS_VI(x) >> 31), largest);
+                    const float x = function[axis][lane];
+                    largest = fma((vf)(x), VLOAD(stripes->of[as_uint(x) >> 31][axis] + first),
+                                  largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
             }
