@@ -35,6 +35,7 @@ typedef WIDE(uint) vu;
 #define AS_VU WIDE(as_uint)
 #define TO_VF WIDE(convert_float)
 #define TO_VI WIDE(convert_int)
+#define TO_VU WIDE(convert_uint)
 
 #define LT(a, b) MASK((a) < (b))
 #define LE(a, b) MASK((a) <= (b))
@@ -86,8 +87,7 @@ inline vi mask_of_bits(int bits) { return MASK(((vi)(bits) & LANE_BITS) != 0); }
 
 inline int row_any(vi mask) { return any(MASK(mask != 0)); }  // compiles to one instruction
 
-// Index of the lowest set bit
-inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }
+inline uint lowest(uint bits) { return popcount((bits & -bits) - 1u); }  // index of that set bit
 
 // Division and square root are rounded correctly, as tests/opencl/test_rounding.py shows.
 inline vf reciprocal(vf x) { return 1.0f / x; }
