@@ -25,6 +25,12 @@ from lfcore.scene.procedural.primitives import (
 from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
+SPRUCES = (
+    (-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0),
+    (0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0),
+    (2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0),
+)  # fmt: skip
+
 
 def build(seed: int, *, triangles: int = 15000) -> Parts:
     """Exactly ``triangles`` of them; grass takes up what the rest leaves."""
@@ -43,8 +49,7 @@ def build(seed: int, *, triangles: int = 15000) -> Parts:
 
 
 def height(x: Any, z: Any) -> Any:
-    """Height of the ground in metres, of numbers or of arrays; level under the cabin, rising behind
-    it."""
+    """Height of the ground in metres; level under the cabin, rising behind it."""
     swell = 0.10 * np.sin(0.9 * x + 0.4) * np.cos(0.7 * z) + 0.05 * np.sin(2.1 * x - 1.3 * z)
     behind = np.clip((-z - 7.0) / 16.0, 0, 1) ** 1.5 * 3.0
     near_house = np.exp(-(((x - 0.3) / 3.2) ** 4) - ((z + 4.6) / 3.0) ** 4)
@@ -83,24 +88,18 @@ def _surfaces(seed: int) -> Look:
 
 
 def _land(look: Look) -> Parts:
-    x, z = np.linspace(-1, 1, 17), np.linspace(0, 1, 19)
-    depth = 5.5 - 30.0 * z**1.6
-    points = np.zeros((19, 17, 3))
-    points[..., 0] = x[None] * (4.5 + 0.55 * (5.5 - depth))[:, None]
-    points[..., 2] = depth[:, None]
-    points[..., 1] = height(points[..., 0], points[..., 2])
-    ground = mesh_grid(points, look["grass"], points[..., [0, 2]] * 0.35, crease_deg=180)
+    z = 5.5 - 30.0 * np.linspace(0, 1, 19)[:, None] ** 1.6
+    x = np.linspace(-1, 1, 17) * (4.5 + 0.55 * (5.5 - z))
+    grass = xyz(x, height(x, z), z)
     # A hand above the chords of the grass grid.
-    run = np.linspace(0, 1, 15)
-    along = 5.0 - 6.7 * run
-    middle = path_middle(along)
-    across = np.linspace(-0.40, 0.40, 4)
-    way = np.zeros((15, 4, 3))
-    way[..., 0] = middle[:, None] + across * (1 + 0.15 * np.sin(17 * run + 1))[:, None]
-    way[..., 2] = along[:, None]
-    way[..., 1] = height(way[..., 0], way[..., 2]) + 0.035 - 0.9 * (across / 0.40) ** 4 * 0.035
-    path = mesh_grid(way, look["earth"], way[..., [0, 2]] * 0.6, crease_deg=180)
-    return [ground, path]
+    run, across = np.linspace(0, 1, 15)[:, None], np.linspace(-0.40, 0.40, 4)
+    z = 5.0 - 6.7 * run
+    x = path_middle(z) + across * (1 + 0.15 * np.sin(17 * run + 1))
+    way = xyz(x, height(x, z) + 0.035 - 0.9 * (across / 0.40) ** 4 * 0.035, z)
+    return [
+        mesh_grid(grass, look["grass"], grass[..., [0, 2]] * 0.35, crease_deg=180),
+        mesh_grid(way, look["earth"], way[..., [0, 2]] * 0.6, crease_deg=180),
+    ]
 
 
 def _sky(seed: int) -> Parts:
@@ -111,10 +110,8 @@ def _sky(seed: int) -> Parts:
     cover = np.clip((cloud - 0.55) * 2.6, 0, 1) * np.clip(1.1 - v / 0.75, 0, 1)
     picture = sky + (np.array([250, 240, 228]) - sky) * 0.85 * cover[..., None]
     crest = textures.noise(seed + 21, cells=(1, 4), octaves=4)[0]
-    for base, rise, tone, rough in (
-        (0.70, 0.16, (126, 148, 164), 0.0),
-        (0.78, 0.10, (84, 112, 104), 0.012),
-    ):
+    hills = (0.70, 0.16, (126, 148, 164), 0.0), (0.78, 0.10, (84, 112, 104), 0.012)
+    for base, rise, tone, rough in hills:
         ridge = base - rise * np.roll(crest, int(90 * base))
         teeth = rough * np.abs(np.sin(np.arange(512) * 0.9) + np.sin(np.arange(512) * 0.37))
         inside = v > (ridge - teeth)[None, :]
@@ -127,11 +124,8 @@ def _sky(seed: int) -> Parts:
 
 def _trees(rng: Rng, look: Look) -> Parts:
     """Spruces behind and beside the cabin."""
-    spots = [(-4.3, -4.6), (4.6, -6.2), (-2.9, -8.5), (2.9, -9.5), (6.3, -9.0), (-6.4, -8.0)]
-    spots += [(0.4, -11.5), (-8.5, -13.0), (8.6, -13.5), (-4.5, -14.0), (4.4, -15.0), (-1.6, -16.0)]
-    spots += [(2.0, -19.0), (-6.8, -18.5), (7.2, -19.0), (11.5, -18.0), (-11.5, -17.0)]
     parts = []
-    for x, z in spots:
+    for x, z in SPRUCES:
         tall = rng.uniform(4.6, 7.0)
         tree = foliage.conifer(rng, look["needles"], look["bark"], tall)
         place = translate(x + rng.uniform(-0.3, 0.3), height(x, z) - 0.05, z)
@@ -146,15 +140,12 @@ def _fence(rng: Rng, look: Look) -> Parts:
         feet = np.stack([run, height(run, 0.2), 0.2 + 0.12 * np.sin(run * 1.7)], -1)
         for foot in feet:
             top = foot + (rng.uniform(-0.03, 0.03), 0.92, rng.uniform(-0.03, 0.03))
-            ends = foot - (0, 0.1, 0), top
-            parts += log(*ends, 0.065, look["grey wood"], look["rings"], segments=8)
-        for low in (0.38, 0.72):
-            for a, b in itertools.pairwise(feet):
-                lift = rng.uniform(-0.03, 0.03, 2)
-                start = a + (-0.12, low + lift[0], 0.05)
-                end = b + (0.12, low + lift[1], 0.05)
-                rail = [start, (start + end) / 2 + (0, -0.025, 0), end]
-                parts.append(tube(rail, 0.042, look["grey wood"], segments=6, repeat=2))
+            parts += log(foot - (0, 0.1, 0), top, 0.065, look["grey wood"], look["rings"])
+        for low, (a, b) in itertools.product((0.38, 0.72), list(itertools.pairwise(feet))):
+            lift = rng.uniform(-0.03, 0.03, 2)
+            start, end = a + (-0.12, low + lift[0], 0.05), b + (0.12, low + lift[1], 0.05)
+            rail = [start, (start + end) / 2 + (0, -0.025, 0), end]
+            parts.append(tube(rail, 0.042, look["grey wood"], segments=6, repeat=2))
     return parts
 
 
@@ -182,10 +173,8 @@ def _chopping_block(look: Look) -> Parts:
     # Taper the blade towards -x, where it bites.
     edge = head.triangles[..., 0:1] < 0
     bitten = np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles)
-    head = replace(head, triangles=bitten)
-    axe = [handle, head.at(0, 0.01, 0)]
-    lean = chain(rotate("z", 52), rotate("y", 150), translate(0.03, 0.47, 0.02))
-    parts += transform_all(axe, lean)
+    axe = [handle, replace(head, triangles=bitten).at(0, 0.01, 0)]
+    parts += transform_all(axe, rotate("z", 52), rotate("y", 150), translate(0.03, 0.47, 0.02))
     for x, z, turn in ((-0.38, 0.10, 20.0), (-0.30, 0.30, 75.0), (0.34, 0.24, -35.0)):
         parts += transform_all(_split(look), rotate("y", turn), translate(x, 0.02, z))
     return parts
@@ -210,7 +199,6 @@ def _split(look: Look) -> Parts:
 def _mushrooms(look: Look) -> Parts:
     parts = []
     for x, z, size in ((-0.12, 2.78, 1.0), (0.0, 2.86, 0.7), (-0.2, 2.9, 0.55)):
-        place = chain(scale(size), translate(x, height(x, z), z))
         ends = (0, 0, 0), (0.008, 0.13, 0)
         stem = cylinder(*ends, [0.024, 0.017], look["white"], segments=9, caps=False)
         profile = "0 0.11, 0.085 0.105, 0.09 0.12, 0.075 0.155, 0.04 0.18, 0 0.188"
@@ -221,14 +209,17 @@ def _mushrooms(look: Look) -> Parts:
             y = 0.190 - 3.6 * out**2 - 60 * out**4
             spot, radii = (np.cos(turn) * out, y, np.sin(turn) * out), (0.010, 0.005, 0.010)
             dots.append(sphere(radii, look["white"], centre=spot, segments=5, rings=2))
-        parts += transform_all([stem, cap, *dots], place)
+        place = scale(size), translate(x, height(x, z), z)
+        parts += transform_all([stem, cap, *dots], *place)
     return parts
 
 
 def _stones(look: Look) -> Parts:
     parts = []
-    stones = [(-1.75, 2.6, 0.17), (1.55, 2.3, 0.14), (2.05, 3.0, 0.20)]
-    for x, z, size in [*stones, (-0.2, 2.7, 0.09), (0.15, 0.6, 0.13)]:
+    for x, z, size in (
+        (-1.75, 2.6, 0.17), (1.55, 2.3, 0.14), (2.05, 3.0, 0.20), (-0.2, 2.7, 0.09),
+        (0.15, 0.6, 0.13),
+    ):  # fmt: skip
         stone = sphere((size, size * 0.62, size * 0.85), look["stone"], segments=9, rings=6)
         assert stone.uvs is not None
         shape = 1 + 0.16 * np.sin(stone.triangles * 23 / (size * 8) + 9 * x)
@@ -249,8 +240,7 @@ def _meadow(rng: Rng, number: int, tuft: SurfaceMesh) -> SurfaceMesh:
         spots = np.concatenate([spots, np.stack([x, z], -1)[free]])
     x, z = spots[:number].T
     matrices = np.tile(np.eye(4), (number, 1, 1))
-    size = rng.uniform(0.7, 1.5, number)
-    turn = rng.uniform(0, 2 * np.pi, number)
+    size, turn = rng.uniform(0.7, 1.5, number), rng.uniform(0, 2 * np.pi, number)
     matrices[:, 0, 0] = matrices[:, 2, 2] = np.cos(turn) * size
     matrices[:, 0, 2], matrices[:, 2, 0] = np.sin(turn) * size, -np.sin(turn) * size
     matrices[:, 1, 1] = size

@@ -17,12 +17,8 @@ def surfaces(seed: int) -> Look:
     grain = textures.end_grain(seed + 32, (132, 88, 48), (214, 172, 116), size=(128, 128))
     boards = textures.planks(seed + 33, (104, 70, 42), (156, 112, 70), rows=8, stagger=False)
     shingle = textures.wood(seed + 34, (86, 70, 60), (138, 116, 98), size=(256, 256), rings=9)
-    tones, joint, size = (
-        ((112, 106, 100), (150, 142, 130), (132, 120, 106)),
-        (84, 78, 70),
-        (256, 256),
-    )
-    stone = textures.cobbles(seed + 35, tones, joint, cells=6, size=size)
+    tones, size = ((112, 106, 100), (150, 142, 130), (132, 120, 106)), (256, 256)
+    stone = textures.cobbles(seed + 35, tones, (84, 78, 70), cells=6, size=size)
     green = (72, 96, 60), (104, 132, 82)
     door = textures.planks(seed + 36, *green, rows=5, size=size, stagger=False)
     return {
@@ -54,15 +50,16 @@ def loghouse(seed: int) -> Parts:
 
 def _walls(look: Look) -> Parts:
     parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
-    step = 2 * RADIUS * 0.96
+    step, out, far = 2 * RADIUS * 0.96, WIDTH / 2 + 0.24, DEPTH / 2 + 0.24
+    logs = []
     for course in range(COURSES):
         y = 0.30 + (course + 0.5) * step
-        for z in (-DEPTH / 2, DEPTH / 2):
-            ends = (-WIDTH / 2 - 0.24, y, z), (WIDTH / 2 + 0.24, y, z)
-            parts += log(*ends, RADIUS, look["timber"], look["grain"], segments=8)
-        for x in (-WIDTH / 2, WIDTH / 2) if course < COURSES - 1 else ():
-            ends = (x, y + step / 2, -DEPTH / 2 - 0.24), (x, y + step / 2, DEPTH / 2 + 0.24)
-            parts += log(*ends, RADIUS, look["timber"], look["grain"], segments=8)
+        logs += [((-out, y, z), (out, y, z)) for z in (-DEPTH / 2, DEPTH / 2)]
+        y += step / 2
+        if course < COURSES - 1:
+            logs += [((x, y, -far), (x, y, far)) for x in (-WIDTH / 2, WIDTH / 2)]
+    for ends in logs:
+        parts += log(*ends, RADIUS, look["timber"], look["grain"])
     return parts
 
 
@@ -86,9 +83,8 @@ def _roof(rng: Rng, look: Look) -> Parts:
     half, parts = WIDTH / 2 + 0.45, []
     for side in (-1.0, 1.0):
         foot = np.array([0, EAVES - 0.30, side * (DEPTH / 2 + 0.55)])
-        slope = np.array([0, RIDGE, 0]) - foot
+        slope, across = np.array([0, RIDGE, 0]) - foot, np.array([2 * half, 0, 0])
         surface = look["boards"] if side > 0 else look["shingle"]
-        across = np.array([2 * half, 0, 0])
         corner = foot - across / 2
         parts.append(rectangle(corner - (0, 0.06, 0), across, slope, surface, repeat=0.5))
         if side > 0:
@@ -157,40 +153,37 @@ def _window(look: Look, centre: np.ndarray, across: np.ndarray) -> Parts:
 
 
 def _door(look: Look) -> Parts:
-    z = DEPTH / 2 + RADIUS
-    parts = [box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0)]
-    for x in (-0.51, 0.51):
-        parts.append(box((0.12, 1.95, 0.10), look["trim"], centre=(x, 0.33 + 0.975, z)))
-    parts.append(box((1.14, 0.13, 0.11), look["trim"], centre=(0, 0.33 + 1.94, z)))
-    parts.append(rectangle((-0.2, 1.62, z + 0.035), (0.4, 0, 0), (0, 0.36, 0), look["glow"]))
+    z, trim = DEPTH / 2 + RADIUS, look["trim"]
     low, high = ((0.33, y, z + 0.05) for y in (1.2, 1.36))
-    return [*parts, cylinder(low, high, 0.018, look["iron"], segments=6)]
+    return [
+        box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0),
+        *(box((0.12, 1.95, 0.10), trim, centre=(x, 0.33 + 0.975, z)) for x in (-0.51, 0.51)),
+        box((1.14, 0.13, 0.11), trim, centre=(0, 0.33 + 1.94, z)),
+        rectangle((-0.2, 1.62, z + 0.035), (0.4, 0, 0), (0, 0.36, 0), look["glow"]),
+        cylinder(low, high, 0.018, look["iron"], segments=6),
+    ]
 
 
 def _porch(rng: Rng, look: Look) -> Parts:
-    parts, front = [], DEPTH / 2 + 1.25
-    for index in range(9):
-        z = DEPTH / 2 + 0.18 + index * 0.125
-        parts.append(box((3.1, 0.05, 0.115), look["boards"], centre=(0, 0.30, z), repeat=0.5))
-    for step, y in enumerate((0.19, 0.07)):
-        place = (0, y, front + 0.14 + 0.26 * step)
-        parts.append(box((1.0, 0.07, 0.28), look["boards"], centre=place))
+    boards, timber, front = look["boards"], look["timber"], DEPTH / 2 + 1.25
+    planks = [(0, 0.30, DEPTH / 2 + 0.18 + index * 0.125) for index in range(9)]
+    parts = [box((3.1, 0.05, 0.115), boards, centre=place, repeat=0.5) for place in planks]
+    steps = (0, 0.19, front + 0.14 + 0.26 * 0), (0, 0.07, front + 0.14 + 0.26 * 1)
+    parts += [box((1.0, 0.07, 0.28), boards, centre=place) for place in steps]
     eave, before = EAVES - 0.34, front - 0.06
     for x in (-1.5, -0.62, 0.62, 1.5):
-        post = (x, 0.0, before), (x, eave - 0.1, before)
-        parts += log(*post, 0.06, look["timber"], look["grain"], segments=8)
+        parts += log((x, 0.0, before), (x, eave - 0.1, before), 0.06, timber, look["grain"])
     beam = (-1.62, eave - 0.12, before), (1.62, eave - 0.12, before)
-    parts += log(*beam, 0.075, look["timber"], look["grain"], segments=8)
-    roof_low = np.array([-1.8, eave - 0.12, front + 0.28])
+    parts += log(*beam, 0.075, timber, look["grain"])
+    low, across = np.array([-1.8, eave - 0.12, front + 0.28]), np.array([3.6, 0, 0])
     slope = np.array([0, 0.52, -1.35])
-    parts.append(rectangle(roof_low - (0, 0.02, 0), (3.6, 0, 0), slope, look["boards"], repeat=0.5))
-    parts.append(_shingles(rng, roof_low, np.array([3.6, 0, 0]), slope, (5, 14), look["shingle"]))
-    parts.append(rectangle(roof_low - (0, 0.05, 0), (3.6, 0, 0), (0, 0.05, 0), look["trim"]))
+    parts.append(rectangle(low - (0, 0.02, 0), across, slope, boards, repeat=0.5))
+    parts.append(_shingles(rng, low, across, slope, (5, 14), look["shingle"]))
+    parts.append(rectangle(low - (0, 0.05, 0), across, (0, 0.05, 0), look["trim"]))
     for left, right in ((-1.5, -0.62), (0.62, 1.5)):
-        for y in (0.48, 0.92):
-            rail = (left, y, before), (right, y, before)
-            parts.append(tube(rail, 0.03, look["timber"], segments=6))
+        rails = [((left, y, before), (right, y, before)) for y in (0.48, 0.92)]
+        parts += [tube(rail, 0.03, timber, segments=6) for rail in rails]
         for x in np.linspace(left, right, 6)[1:-1]:
             bar = (x, 0.48, before), (x, 0.92, before)
-            parts.append(cylinder(*bar, 0.018, look["timber"], segments=5, caps=False))
+            parts.append(cylinder(*bar, 0.018, timber, segments=5, caps=False))
     return parts

@@ -324,7 +324,7 @@ def log(
     bark: Surface,
     grain: Surface,
     *,
-    segments: int = 10,
+    segments: int = 8,
 ) -> Parts:
     """A trunk with sawn ends: 4 * segments triangles."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
