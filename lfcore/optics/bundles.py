@@ -19,11 +19,8 @@ from lfcore.optics.slab import Slab
 
 @dataclass(frozen=True)
 class ElementLattice:
-    """A square grid of elements, ``count`` a side, centred on the axis.
-
-    From one element to the next along either axis the centre ray's origin changes by ``origin``
-    metres and its direction by ``direction`` (tangent).  ``aside`` is the direction in the middle.
-    """
+    """A square grid of elements, ``count`` a side, centred on the axis: from one to the next the
+    centre ray's origin and direction change by these; ``aside`` is the direction in the middle."""
 
     count: int
     origin: float

@@ -53,12 +53,9 @@ class LensSystem:
             except ValueError:
                 values = []
             if len(values) != 4 or not np.isfinite(values).all():
-                raise OpticsError(
-                    f"{line.strip()!r} is not four numbers",
-                    file=path,
-                    key=f"line {number}",
-                    remedy="Write radius, thickness, index and aperture diameter in millimetres",
-                )
+                remedy = "Write radius, thickness, index and aperture diameter in millimetres"
+                problem, key = f"{line.strip()!r} is not four numbers", f"line {number}"
+                raise OpticsError(problem, file=path, key=key, remedy=remedy)
             rows.append(values)
         if not rows:
             raise OpticsError("the lens file holds no surface", file=path)
@@ -107,10 +104,8 @@ class LensSystem:
         return replace(self, thickness_m=np.append(self.thickness_m[:-1], film))
 
     def paraxial_image(self, distance_m: float) -> float:
-        """Distance behind the last surface of the paraxial image of an axial point.
-
-        ``distance_m`` is before the front vertex.  Negative: a virtual image.
-        """
+        """Distance behind the last surface of the paraxial image of an axial point ``distance_m``
+        before the front vertex; negative: a virtual image."""
         start = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
         height, angle = self._paraxial(*start)
         return -height / angle if angle else math.inf
@@ -264,16 +259,9 @@ class LensSampler:
         safe = np.where(r > 0, r, 1.0)
         cosine = np.where(r > 0, film_xy[:, 0] / safe, 1.0)
         sine = np.where(r > 0, film_xy[:, 1] / safe, 0.0)
-        rear = np.stack(
-            [
-                cosine * x - sine * y,
-                sine * x + cosine * y,
-                np.full(len(x), self.lens.film_distance_m),
-            ],
-            1,
-        )
-        film = np.concatenate([film_xy, np.zeros((len(film_xy), 1))], 1)
-        towards = rear - film
+        turned = np.stack([cosine * x - sine * y, sine * x + cosine * y], 1)
+        film = np.pad(film_xy, ((0, 0), (0, 1)))
+        towards = np.pad(turned, ((0, 0), (0, 1)), constant_values=self.lens.film_distance_m) - film
         slope = towards[:, 2] / np.linalg.norm(towards, axis=1)
         origins, directions, alive = self.lens.trace(film, towards)
         return origins, directions, np.where(alive, slope**4 * area / self._area, 0.0)

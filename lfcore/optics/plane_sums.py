@@ -29,10 +29,11 @@ def one_of_sums(stops: int) -> int:
 
 
 def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """Pixel that a ray of pixel u and lens column i falls on: (M, N) int32 (rows v, j alike).
+    """Pixel that a ray of pixel u and lens column i falls on, perhaps outside the picture: (M, N)
+    int32 (rows v, j alike).
 
     ``floor(u + shift_i + 1/2)``, after magnification about the centre where it is kept or where the
-    plane has pixels of its own; a pixel outside [0, M), or its own, is outside the picture.
+    plane has pixels of its own.
     """
     return np.arange(slab.pixels, dtype=np.int32)[:, None] + offsets(slab, plane)
 

@@ -42,17 +42,13 @@ PLANE_ARGUMENTS = np.dtype([
 
 @dataclass(frozen=True)
 class PlaneTables:
-    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for beams of lens samples.
+    """Planes of a slab over a tile of pixels, for beams of lens samples.
 
-    Attributes
-    ----------
-    order : (P,) int64: ``planes[order[k]]`` is the kernel's plane k; planes that share a mask are
-        neighbours, so that a beam's prefix sums serve them all.
-    info : (P,) PLANE.
-    runs : flat int32: records of RUNS, or, for views, targets.
-    masks : (masks, N, N) uint8, 255 where open, indexed [j, i]; padded with 0 to whole beams.
-    kinds : (masks, blocks, blocks) uint8: 0 closed, 1 partly, 2 wholly open.
-    left, top, width, height : region of the planes that the tile's rays can reach.
+    ``planes[order[k]]`` is the kernel's plane k, with ``info[k]``: planes that share a mask are
+    neighbours, so that a beam's prefix sums serve them all.  ``runs`` are flat int32 records of
+    RUNS, or, for views, targets.  ``masks`` (masks, N, N) are 255 where open, indexed [j, i], and
+    padded with 0 to whole beams; ``kinds`` (masks, blocks, blocks) are 0 closed, 1 partly, 2 wholly
+    open.  The tile's rays can reach the region ``left, top, width, height`` of the planes.
     """
 
     order: np.ndarray
@@ -83,10 +79,8 @@ def lens_tables(
     group: int,
     side: int,
 ) -> PlaneTables:
-    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1).
-
-    Beams are ``group`` x ``group`` pixels by ``side`` x ``side`` blocks of lens samples.
-    """
+    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1), for beams of
+    ``group`` x ``group`` pixels by ``side`` x ``side`` blocks of lens samples."""
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
     info = np.zeros(len(planes), PLANE)
@@ -113,10 +107,7 @@ def reached_region(
     u1: int,
     v1: int,
 ) -> Rectangle:
-    """The pixels of the planes that a tile's rays can reach.
-
-    ``moves_of`` holds each plane's offsets, (1 or M, N), as of :func:`offsets`.
-    """
+    """The pixels of the planes that a tile's rays can reach, of each plane's :func:`offsets`."""
     low, high = [slab.pixels, slab.pixels], [0, 0]
     for moves in moves_of:
         for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):
@@ -172,11 +163,8 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
 
 
 def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
-    """Targets relative to their group's first pixel: (groups, spans, ``group``, ``span``) int32.
-
-    ``moves`` (positions, N) are offsets of every pixel, or of all (1, N); what is beside the lens
-    grid or the picture repeats the last.
-    """
+    """Targets relative to their group's first pixel: (groups, spans, ``group``, ``span``) int32, of
+    :func:`offsets`; what is beside the lens grid or the picture repeats the last."""
     positions, size = moves.shape
     padded = np.pad(moves, ((0, -positions % group), (0, -size % span)), "edge")
     cells = padded.reshape(-1, group, padded.shape[1] // span, span).transpose(0, 2, 1, 3)
@@ -184,11 +172,8 @@ def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
 
 
 def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
-    """Runs of equal target: (groups of pixels, spans of lens samples) RUNS.
-
-    Column k * ``span`` + i of a beam is lens sample i of pixel k of its ``group``, as in
-    :func:`beam_targets`.
-    """
+    """Runs of equal target: (groups of pixels, spans of lens samples) RUNS; column k * ``span`` + i
+    of a beam is lens sample i of pixel k of its ``group``."""
     cells = beam_targets(moves, group, span)
     shape, cells = cells.shape[:2], cells.reshape(-1, group * span)
     begins = np.ones(cells.shape, bool)

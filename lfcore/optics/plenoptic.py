@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 
@@ -92,10 +91,8 @@ class PlenopticCamera:
         return self.lenses * self.samples
 
     def main_lens_points(self) -> np.ndarray:
-        """(M, N) float64, metres: where the ray of each photosensor pixel meets the main lens.
-
-        Indexed [microlens, pixel] along one axis, counted so that the picture is upright.
-        """
+        """(M, N) metres, along one axis: where the ray of each photosensor pixel meets the main
+        lens, counted so that the picture is upright."""
         distance, focal = self.camera.image_distance_m, self.microlens_focal_length_m
         centre = -self._centred(self.lenses) * self.pitch_m
         # The image of the main lens's middle, and pixels about it.
@@ -103,30 +100,6 @@ class PlenopticCamera:
         pixel = image[:, None] - self._centred(self.samples) * self.pixel_pitch_m
         slope = (centre[:, None] - pixel) / focal
         return centre[:, None] + slope * distance
-
-    def bundles(self, lenses: np.ndarray) -> Bundles:
-        """One element a microlens, (E, 2) integer (column, row), upright; the inner grid is its
-        pixels.
-
-        The main lens refracts a ray to the point that is conjugate to its microlens.
-        """
-        points = self.main_lens_points()
-        step = (points[0, -1] - points[0, 0]) / max(self.samples - 1, 1)
-        tangents = self._centred(self.lenses) * self.pitch_m / self.camera.image_distance_m
-        middle = points.mean(axis=1)
-        chosen = np.asarray(lenses)
-        origin = middle[chosen]
-        direction = tangents[chosen] - origin * self.camera.delta
-        elements = np.concatenate([origin, direction], axis=1).astype(np.float32)
-        shear = -step * self.camera.delta
-        pitch = self.pitch_m / self.camera.image_distance_m
-        return Bundles(
-            elements,
-            np.array([step, step, shear, shear], np.float32),
-            self.samples,
-            self.samples,
-            pitch,
-        )
 
     def slab(self) -> Slab:
         """The light slab of the same rays (thesis section 3.3): pixels are microlenses, lens

@@ -39,10 +39,8 @@ class ViewSet:
     def bundles(
         self, part: slice | np.ndarray = slice(None), *, footprint: float | None = None
     ) -> Bundles:
-        """Rays of some of the views, an element a view.
-
-        ``footprint`` is the tangent that textures are filtered over; default a pixel of the slab.
-        """
+        """Rays of some of the views, an element a view; textures are filtered over the tangent
+        ``footprint``, by default a pixel of the slab."""
         slab, at = self.slab, self.positions[part]
         pitch = slab.pixel_pitch
         tangents = self.displacement[part] * pitch - at * slab.camera.delta + slab.off_axis()

@@ -34,44 +34,31 @@ PAIRS = 1 << 21  # ray-triangle pairs looked at together
 
 @dataclass(frozen=True)
 class Crossings:
-    """Pairs of a ray and a triangle that it crosses, or nearly crosses.
-
-    Attributes
-    ----------
-    ray, triangle : (C,) int64.
-    inside : (C,) bool, whether the line of the ray crosses the triangle; exact.
-    t : (C,) float64, parameter of the crossing of the plane, to 1e-10 of its size; NaN for
-        a ray in the plane.  Its sign is exact.
-    weights : (C, 3) float64, barycentric weights of the corners p, q, r.
-    margin : (C,) float64, angle between the ray and the nearest edge as seen from the origin,
-        in units of 2^-24; positive inside, negative outside.
-    nearest : (C,) float64, a lower bound of t over the triangle's corners.
-    grazing : (C,) float64, 1 / |sine| of the angle between ray and plane, the condition
-        number of t; inf for a ray in the plane.
-    """
+    """Pairs of a ray and a triangle that it crosses, or nearly crosses, (C,) each."""
 
     ray: np.ndarray
     triangle: np.ndarray
     inside: np.ndarray
+    """Whether the line of the ray crosses the triangle; exact."""
     t: np.ndarray
+    """Where it crosses the plane, to 1e-10 of its size, its sign exact; NaN in the plane."""
     weights: np.ndarray
+    """(C, 3) barycentric weights of the corners p, q, r."""
     margin: np.ndarray
+    """The angle between the ray and the nearest edge as seen from the origin, in units of 2^-24;
+    positive inside, negative outside."""
     nearest: np.ndarray
+    """A lower bound of t over the triangle's corners."""
     grazing: np.ndarray
+    """1 / |sine| of the angle between ray and plane, the condition number of t."""
 
 
 def crossings(
     triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray, *, near: float = 64.0
 ) -> Iterator[Crossings]:
-    """All crossings, in blocks of rays; each ray lies in one block.
-
-    Parameters
-    ----------
-    triangles : (T, 3, 3) float32 or float64.  Those that are not finite are never crossed.
-    origins, directions : (R, 3) likewise.  Rays that are not finite, or whose direction is
-        zero, cross nothing.
-    near : pairs that miss by less than this angle, in units of 2^-24, are listed too.
-    """
+    """All crossings of triangles (T, 3, 3) and rays (R, 3), in blocks of rays; what is not finite
+    or has no direction crosses nothing.  Pairs that miss by less than the angle ``near``, in units
+    of 2^-24, are listed too."""
     triangles, origins, directions = (
         np.asarray(a, np.float64) for a in (triangles, origins, directions)
     )

@@ -38,15 +38,11 @@ def slice_by_depth(
 ) -> np.ndarray:
     """One picture (H, W, 3) float64, linear light; ``pixels`` are those of its longer side.
 
-    Parameters
-    ----------
-    light : (K, rows, columns, 3) radiance of every ray, [view, v, u], at most ``brightest``.
-    depth : (K, rows, columns), metres; infinity for a miss.
-    least_px : least side of a box, in pixels of the picture.
-    bounds_px : sweeps that part the layers, rising: what is swept by less than the first is in
-        focus; what lies before and behind it has a layer for every further bound.  None: one layer
-        holds all.
-    edge_steps : edges of boxes are rounded to such parts of a pixel; default not at all.
+    Rays have radiance ``light`` (K, rows, columns, 3), at most ``brightest``, and ``depth`` (K,
+    rows, columns), infinity for a miss.  Their boxes have sides of ``least_px`` at least; edges are
+    rounded to a part of a pixel if ``edge_steps`` are given.  ``bounds_px`` are sweeps that part
+    the layers, rising: what is swept by less than the first is in focus; what lies before and
+    behind it has a layer for every further bound.
     """
     slab, scale = views.slab, plane.magnification(views.slab)
     cells = lens_cells(slab, plane.lens_aperture(slab))

@@ -19,35 +19,25 @@ SAME = 4e-10
 
 @dataclass(frozen=True)
 class Hits:
-    """What R rays meet first.
-
-    Attributes
-    ----------
-    triangle : (R,) int64, -1 for a miss; of several at one distance the lowest.
-    t : (R,) float64, the parameter: the hit is origin + t * direction; inf for a miss.
-    weights : (R, 3) float64, barycentric weights of the corners p, q, r; NaN for a miss.
-    margin : (R,) float64, angle seen from the origin between the ray and the nearest edge of
-        any triangle not behind the hit, in units of 2^-24; ``near`` at most.  Float32 cannot
-        be asked to agree where it is small.
-    gap : (R,) float64, distance to the next crossing behind, relative to t and in units of
-        2^-24; 0 for equal depths, inf without one.
-    grazing : (R,) float64, condition number of t, 1 / |sine| of the angle of incidence.
-    near : where ``margin`` ends.
-    """
+    """What R rays meet first, (R,) each."""
 
     triangle: np.ndarray
+    """-1 for a miss; of several at one distance the lowest."""
     t: np.ndarray
+    """The hit is origin + t * direction; inf for a miss."""
     weights: np.ndarray
+    """(R, 3) barycentric weights of the corners p, q, r; NaN for a miss."""
     margin: np.ndarray
+    """The angle seen from the origin between the ray and the nearest edge of any triangle not
+    behind the hit, in units of 2^-24, at most ``near``: float32 may differ where it is small."""
     gap: np.ndarray
+    """The distance to the next crossing behind, relative to t and in units of 2^-24."""
     grazing: np.ndarray
+    """The condition number of t, 1 / |sine| of the angle of incidence."""
     near: float
 
     def clear(self, ulp: float = 16.0) -> np.ndarray:
-        """(R,) bool: rays farther than ``ulp`` from every edge and from an equal depth.
-
-        Raises :class:`ValueError` when ``ulp`` is not below ``near``, where nothing is known.
-        """
+        """(R,) bool: rays farther than ``ulp`` from every edge and from an equal depth."""
         if not ulp < self.near:
             raise ValueError(f"margins were measured up to {self.near} only, not {ulp}")
         grazing = np.where(self.triangle < 0, 1.0, self.grazing)
@@ -63,29 +53,15 @@ def closest_hits(
     exclude: np.ndarray | None = None,
     solid: Solid | None = None,
 ) -> Hits:
-    """First crossings at t > 0, from both sides of the triangles.
+    """First crossings at t > 0 of rays (R, 3) and triangles (T, 3, 3), from both sides.
 
-    Parameters
-    ----------
-    triangles : (T, 3, 3), float32 or float64 taken as they are; those without area or not
-        finite are never hit.
-    origins, directions : (R, 3) likewise; rays that are not finite or have no direction miss.
-        Directions need not be of unit length.
-    near : largest ``margin`` reported, in units of 2^-24.
-    exclude : (R,) int, a triangle each ray ignores; -1 for none.
-    solid : where triangles have no holes; none have without.
+    ``near`` is the largest ``margin`` reported, in units of 2^-24.  Each ray ignores the triangle
+    ``exclude`` (R,), -1 for none.  ``solid`` says where triangles have no holes.
     """
     rays = len(origins)
-    best = np.full(rays, np.inf)
-    hits = Hits(
-        np.full(rays, -1),
-        best,
-        np.full((rays, 3), np.nan),
-        np.full(rays, float(near)),
-        np.full(rays, np.inf),
-        np.full(rays, np.inf),
-        float(near),
-    )
+    best, far, some = np.full(rays, np.inf), np.full(rays, np.inf), np.full((rays, 3), np.nan)
+    margin = np.full(rays, float(near))
+    hits = Hits(np.full(rays, -1), best, some, margin, far, far.copy(), float(near))
     for found in crossings(triangles, origins, directions, near=near):
         seen = np.ones(len(found.ray), bool)
         if exclude is not None:

@@ -13,16 +13,13 @@ from lfcore.optics.slab import Slab
 def form_plane(
     slab: Slab, plane: SensorPlane, light: np.ndarray, *, bilinear: bool = False
 ) -> np.ndarray:
-    """One picture (H, W, 3) float64, linear light, row v and column u; its size is the plane's own.
+    """One picture (H, W, 3) float64, linear light, row v and column u, of all rays of the slab,
+    (rows, columns, N, N, 3) indexed [v, u, j, i].
 
-    Parameters
-    ----------
-    light : (rows, columns, N, N, 3) linear RGB, indexed [v, u, j, i]: all rays of the slab.
-    bilinear : share a ray among the four nearest pixels; else it falls on the nearest one, the
-        larger index where two are equally near.
-
-    A pixel is the sum of its rays through the open lens samples, divided by their number (or
-    share) with ``normalise='aperture'``, by N^2 with ``'lens'``; black where none fell.
+    A ray is shared among the four nearest pixels if ``bilinear``, else it falls on the nearest one,
+    the larger index where two are equally near.  A pixel is the sum of its rays through the open
+    lens samples, divided by their number (or share) with ``normalise='aperture'``, by N^2 with
+    ``'lens'``; black where none fell.
     """
     size, views = plane.pixels or slab.pixels, slab.views
     left, top, width, height = slab.picture(size)

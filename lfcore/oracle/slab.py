@@ -1,24 +1,20 @@
 """The rays of a light slab one by one, and what they see."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from lfcore.optics.slab import Slab
 from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.shading import shade
+from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 
 RAYS = 1 << 16
 
 
 def slab_rays(slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions, each (P, N, N, 3) float32 indexed [pixel, j, i].
-
-    ``pixels`` is (P, 2) integer, columns u and rows v.  ``O = (s_i, t_j, 0)`` and
-    ``D = (x_u - s_i delta, y_v - t_j delta, 1)`` in float64, rounded once.
-    """
+    """Origins and directions (P, N, N, 3) float32, indexed [pixel, j, i], of ``pixels`` (P, 2):
+    ``O = (s_i, t_j, 0)``, ``D = (x_u - s_i delta, y_v - t_j delta, 1)``, rounded once."""
     pixels = np.asarray(pixels).reshape(-1, 2)
     lens, tangent, delta = slab.lens_positions(), slab.pixel_tangents(), slab.camera.delta
     x, y = tangent[pixels[:, 0], None, None], tangent[pixels[:, 1], None, None]
@@ -39,7 +35,7 @@ def trace(
     slab: Slab,
     pixels: np.ndarray,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """(P, N, N, 3) float64 linear RGB in [0, 1] of all rays through ``pixels`` (P, 2)."""
     pixels = np.asarray(pixels).reshape(-1, 2)

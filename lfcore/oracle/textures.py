@@ -6,16 +6,13 @@ from lfcore.oracle.colour import srgb_decode
 
 
 def bilinear(texture: np.ndarray, uv: np.ndarray, *, encoded: bool = True) -> np.ndarray:
-    """(R, 3) linear RGB of ``texture`` (H, W, 3) uint8, row 0 on top, at ``uv`` (R, 2).
-
-    Codes are sRGB or, unless ``encoded``, linear.
+    """(R, 3) linear RGB of ``texture`` (H, W, 3) uint8, row 0 on top, at ``uv`` (R, 2); codes are
+    sRGB or, unless ``encoded``, linear.
 
     v runs up from the bottom; texel (0, 0) has its centre at u = 0.5 / W, v = 1 - 0.5 / H; both
     coordinates wrap.
     """
-    linear = texture / 255.0
-    if encoded:
-        linear = srgb_decode(linear)
+    linear = srgb_decode(texture / 255.0) if encoded else texture / 255.0
     height, width = texture.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import Bundles
+from lfcore.progress import Progress
 from lfcore.refocus.array.sampling import strata
 from lfcore.tracing.tracer import Tracer
 
@@ -19,9 +19,8 @@ def array_bundles(
 ) -> Bundles:
     """All data cameras, row after row, as bundles.
 
-    ``offsets`` (Ny Nx, 2) moves each camera's rays within their pixels, in pixels from the
-    centre.  ``samples`` a pixel narrow the footprint that textures are filtered over; it comes
-    from the data camera's own pixel pitch, so it is right up to the borders of its tile.
+    ``offsets`` (Ny Nx, 2) moves each camera's rays within their pixels, in pixels from the centre.
+    ``samples`` a pixel narrow the footprint that textures are filtered over.
     """
     origins = array.origins().reshape(-1, 3)[:, :2]
     tangents = -array.delta * origins
@@ -54,25 +53,14 @@ def trace_array(
     *,
     seed: int = 0,
     out: np.ndarray | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
-    """Linear radiance of all data cameras.
+    """(Ny h, Nx w, 3) float32 linear radiance of all data cameras, not clamped, tiles as
+    :class:`CameraArray` lays them out.
 
-    Parameters
-    ----------
-    samples_per_pixel : stratified over the pixel; each camera has its own jitter, its pixels
-        share it, which keeps their rays one bundle.
-    out : written and returned: contiguous, of the result's shape and type.  New memory of this size
-        costs the system a tenth to a fifth of the time of tracing into it.
-    progress : called with (parts of the array done, parts).
-
-    Returns
-    -------
-    (Ny h, Nx w, 3) float32, not clamped, tiles as :class:`CameraArray` lays them out.
-
-    Raises
-    ------
-    OpticsError : no samples; ``out`` is not such an array.
+    Each camera has its own jitter of ``samples_per_pixel``, its pixels share it, which keeps their
+    rays one bundle.  ``out`` is written and returned: new memory of this size costs the system a
+    tenth to a fifth of the time of tracing into it.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TypedDict, Unpack
 
@@ -17,6 +17,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera
 from lfcore.tracing.packets import PACKET_ROWS
@@ -48,23 +49,14 @@ def pictures_by_depth(
     pixels: Pixels,
     lattice: Lattice,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Pictures of a scene from the same rays: (P, height, width, 3) float32, linear light.
 
-    Parameters
-    ----------
-    camera : the lens and sensor that ``planes`` belong to.  Rays are traced through the widest of
-        their apertures, those of a single plane at its own focus.
-    pixels : the pictures' side, or width and height.
-    widths : of :class:`Widths`.
-    progress : called with (views done, of all).
-
-    Raises
-    ------
-    OpticsError : a focus inside the focal length, a plane wider than the lens, or pictures too
-        large for the device's memory.
+    Rays are traced through the widest of the planes' apertures, those of a single plane at its own
+    focus.  Raises :class:`OpticsError` for a focus inside the focal length, a plane wider than the
+    lens, or pictures too large for the device's memory.
     """
     planes, size = list(planes), Size.of(pixels)
     if len(planes) == 1:
@@ -91,9 +83,7 @@ def traced_camera(camera: Camera, planes: Sequence[SensorPlane]) -> Camera:
     return replace(camera, f_number=min(plane.f_number for plane in planes))
 
 
-def _within(
-    progress: Callable[[int, int], None] | None, number: int, groups: int
-) -> Callable[[int, int], None] | None:
+def _within(progress: Progress | None, number: int, groups: int) -> Progress | None:
     """The progress of pass ``number`` of several, as a part of all."""
     if progress is None:
         return None
@@ -106,7 +96,7 @@ def _focused(
     plane: SensorPlane,
     size: Size,
     lattice: Lattice,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
     slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
@@ -127,14 +117,12 @@ def trace_by_depth(
     planes: Sequence[SensorPlane],
     pixels: int,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Trace views and slice them by depth: (P, height, width, 3) float32, linear light.
 
-    ``pixels`` are those of the pictures' longer side.  ``progress`` is called with (views done, of
-    all).  Raises :class:`OpticsError` for a plane that the views do not hold, or pictures too large
-    for the device's memory.
+    ``pixels`` are those of the pictures' longer side.  Raises as :func:`pictures_by_depth`.
     """
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
@@ -171,12 +159,8 @@ def traced_views(
     *,
     order: np.ndarray | None = None,
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Yield (part, light, depth) of a few views at a time, for pictures whose longer side has so
-    many pixels.
-
-    ``part`` is of all views, or of ``order``, numbers of some or all of them; ``light`` is
-    (K, rows, columns, 3) and ``depth`` (K, rows, columns) float32.
-    """
+    """Yield part, light (K, rows, columns, 3) and depth of a few views at a time, for pictures
+    whose longer side has so many pixels; ``part`` is of ``order``, numbers of views."""
     for part, bundles in _bundles(views, pixels, footprint_px, order):
         yield part, *tracer.radiance_and_depth(bundles)
 

@@ -7,7 +7,7 @@ through the middle of a pixel, never a mixture of two surfaces.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from lfcore.errors import OpticsError
 from lfcore.files import whole_file
 from lfcore.optics import bundles
 from lfcore.optics.slab import Extent, Slab
+from lfcore.progress import Progress
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
@@ -28,14 +29,11 @@ def depth_of_views(
     slab: Slab,
     samples: np.ndarray | None = None,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """(K, H, W) float32, metres along the axis, indexed [view, v, u]; infinity for a miss.
 
-    Parameters
-    ----------
-    samples : (K, 2) integer, lens samples (i, j); default all, row by row.
-    progress : called with (views done, of all).
+    ``samples`` (K, 2) are lens samples (i, j); default all, row by row.
     """
     samples = check_samples(slab, samples)
     width, height = slab.size
@@ -50,10 +48,8 @@ def depth_of_views(
 
 
 def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
-    """The nearest and the farthest depth, metres, of rays spread over the slab; None if all miss.
-
-    Every ray is traced by itself: what is smaller than a hundredth of the picture may be missed.
-    """
+    """The nearest and the farthest depth, metres, of few rays spread over the slab; None if all
+    miss."""
     depth = _spread_depths(tracer, slab)
     depth = depth[np.isfinite(depth)]
     return (float(depth.min()), float(depth.max())) if len(depth) else None
@@ -134,20 +130,12 @@ def all_in_focus(
     *,
     tolerance_px: float = 0.5,
 ) -> np.ndarray:
-    """The picture through the lens centre, every point averaged over all views that see it.
+    """(H, W, 3) float32, linear light: the picture through the lens centre, every point averaged
+    over all views that see it, else of the view nearest to the axis.
 
-    Parameters
-    ----------
-    depth : (H, W) float32 of the view through the lens centre (of a slab of one view).
-    views : of some or all lens samples, in groups: samples (K, 2), linear light (K, H, W, 3) and
-        depths (K, H, W).
-    tolerance_px : a view sees a point if what it has there lies at the same depth, to within
-        this blur at the rim of the lens.
-
-    Returns
-    -------
-    (H, W, 3) float32, linear light.  A point that no view sees has the colour of the view
-    nearest to the axis.
+    ``depth`` (H, W) is seen through the lens centre.  ``views`` are samples (K, 2), light (K, H, W,
+    3) and depths (K, H, W), in groups.  A view sees a point if it has the same depth there, to
+    within ``tolerance_px`` of blur at the rim of the lens.
     """
     (columns, rows), lens = slab.size, slab.lens_positions()
     near = _inverse(depth)
@@ -176,10 +164,8 @@ def _inverse(depth: np.ndarray) -> np.ndarray:
 
 
 def depth_picture(depth: np.ndarray) -> np.ndarray:
-    """uint8 (H, W, 3) sRGB to look at: depths (H, W) by a colour map, evenly in dioptres.
-
-    Near is warm, far is cold, what is not there black.  The map is Turbo (Mikhailov, 2019).
-    """
+    """uint8 (H, W, 3) sRGB to look at: near is warm, far is cold, evenly in dioptres, what is not
+    there black.  The map is Turbo (Mikhailov, 2019)."""
     import cv2
 
     near = _inverse(depth)
@@ -194,11 +180,8 @@ def depth_picture(depth: np.ndarray) -> np.ndarray:
 
 
 def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndarray) -> None:
-    """Write depths and disparities beside the light field, as npz; the slab is in it as JSON.
-
-    Arrays: ``depth_m`` and ``disparity_px`` (K, H, W) float32, ``samples`` (K, 2) int32,
-    ``slab`` the bytes of the JSON.
-    """
+    """Write depths and disparities (K, H, W) beside the light field, as npz; ``slab`` in it has the
+    bytes of its JSON."""
     header = np.frombuffer(json.dumps(slab.to_json()).encode(), np.uint8)
     with whole_file(path) as file:
         np.savez_compressed(

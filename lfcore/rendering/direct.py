@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.tracing.tracer import TileTracing, Tracer
 
@@ -33,13 +34,9 @@ def tile_sums(
     tile: Tile,
     planes: Sequence[SensorPlane],
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> PlaneSums:
-    """What the rays of one tile add to ``planes``.
-
-    ``progress`` is called with (elements done, of the tile).
-    Raises :class:`OpticsError` for a plane that the slab does not hold.
-    """
+    """What the rays of one tile add to ``planes``."""
     tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=progress))
     assert tracing.plane_sums is not None  # of a tracing that has ended
     return tracing.plane_sums
@@ -50,15 +47,10 @@ def trace_planes(
     slab: Slab,
     planes: Sequence[SensorPlane],
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
-    """Trace a slab and form ``planes`` on the fly (Algorithm 1).
-
-    Returns (P, height, width, 3) float32, linear light.
-
-    ``progress`` is called with (pixels done, pixels in all).
-    Raises :class:`OpticsError` for a plane that the slab does not hold.
-    """
+    """(P, height, width, 3) float32, linear light: ``planes`` formed while a slab is traced
+    (Algorithm 1).  ``progress`` counts pixels."""
     layout = FrameLayout(
         "macropixels", slab.views, slab.pixels, pixel_format="yuv444p", picture=slab.size
     )
@@ -76,8 +68,6 @@ def focused_camera(camera: Camera, plane: SensorPlane) -> Camera:
     Its picture has the extent of the plane's: without the magnification the sensor is scaled with
     its distance, so that tangents stay; with it the sensor stays.  No ray has to move between
     pixels then, so this is the reference for refocused pictures.
-
-    Raises :class:`OpticsError` for a focus inside the focal length.
     """
     check_focus(plane.focus_m, camera.focal_length_m, key="focus_m")
     scale = 1.0
@@ -99,17 +89,12 @@ def trace_picture(
     plane: SensorPlane,
     *,
     views: int | Lattice = 64,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """One picture traced at its own focus, (height, width, 3) float32, linear light.
 
-    Parameters
-    ----------
-    camera : the lens and sensor that ``plane`` belongs to.
-    views : side of the grid of rays over the square around the aperture: 64 are 4096 rays a pixel;
-        of a lattice ``plane`` has the picture's own pixels.
-
-    Raises :class:`OpticsError` for a focus inside the focal length.
+    ``views`` is the side of the grid of rays over the square around the aperture: 64 are 4096 rays
+    a pixel; of a lattice ``plane`` has the picture's own pixels.
     """
     slab = Slab.of(focused_camera(camera, plane), views, pixels)
     own = replace(plane, normalise="aperture", keep_magnification=False)

@@ -7,7 +7,6 @@ shutter open while objects move.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
+from lfcore.progress import Progress
 from lfcore.refocus.array import sampling
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import trace_array
@@ -33,20 +33,13 @@ def photograph(
     instants: int | None = None,
     *,
     device: Device | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """The picture of ``scene.view``: (height, width, 3) float32, linear radiance.
 
-    Parameters
-    ----------
-    samples_per_pixel : rays a pixel; default those of the view.
-    instants : of the shutter; default 1 where nothing moves, else up to 16 of the rays.  Where
-        the rays cannot be shared equally between them, there are more.
-    progress : called with (instants done, instants).
-
-    Raises
-    ------
-    OpticsError : a scene without a view, or no samples.
+    ``samples_per_pixel`` are by default the view's.  ``instants`` of the shutter are by default 1
+    where nothing moves, else up to 16; where the rays cannot be shared equally between them, there
+    are more rays.
     """
     view = scene.view
     if view is None:
@@ -73,18 +66,9 @@ def photograph(
 def thin_lens_bundles(camera: VirtualCamera, focus_z: float, samples: np.ndarray) -> Bundles:
     """Pinholes on a thin lens, sheared so that their pictures coincide on the plane z = focus_z.
 
-    Parameters
-    ----------
-    camera : looking along +z, as the data cameras do, anywhere.
-    focus_z : metres before the data cameras' plane; ``math.inf`` allowed.
-    samples : (S, 4) in [0, 1): film x, film y, lens a, lens b; one pinhole each.
-
-    Rays start in z = 0, where the bundles have their origins: what lies between a camera at z > 0
-    and that plane would hide the scene, and what lies behind it is seen through.
-
-    Raises
-    ------
-    OpticsError : a camera that is turned, or a focus that is not before it.
+    ``samples`` (S, 4) in [0, 1) are film x, film y, lens a, lens b of each.  Rays start in z = 0,
+    where the bundles have their origins: what lies between a camera at z > 0 and that plane would
+    hide the scene, and what lies behind it is seen through.
     """
     if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
         raise OpticsError("a directly traced thin lens must look along z", key="rotation")
@@ -110,13 +94,12 @@ def direct_thin_lens(
     samples_per_pixel: int,
     *,
     first: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
 
     All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
-    ``first`` skips that many points of it.  ``progress`` is called with (samples done, samples).
-    Raises as :func:`thin_lens_bundles`, and :class:`OpticsError` for no samples.
+    ``first`` skips that many points of it.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")

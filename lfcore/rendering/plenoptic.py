@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from lfcore.colour import to_uint8
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
+from lfcore.progress import Progress
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.ycbcr import rgb_from_planes
@@ -23,13 +24,12 @@ def photograph(
     tracer: Tracer,
     camera: PlenopticCamera,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """(M N, M N, 3) uint8 sRGB: what the photosensor records, upright.
 
     All rays of a microlens meet in one point of the scene if that lies at the focus distance, so
     they are traced together, one bundle a microlens.  Colours pass as 8-bit YCbCr 4:4:4.
-    ``progress`` is called with (microlenses done, of all).
     """
     pack = max(1, min(BLOCK_PX // camera.samples, camera.lenses))
     layout = FrameLayout(
@@ -73,11 +73,7 @@ def refocus_photograph(
     filter: str = "bilinear",
     device: Device | None = None,
 ) -> np.ndarray:
-    """Digital refocusing: (P, M, M, 3) float32, linear light, of a photograph.
-
-    ``picture`` is (M N, M N, 3), uint8 sRGB or floating linear light.
-    Raises :class:`OpticsError` for a picture that is not of this camera, or a plane that it did
-    not record.
-    """
+    """Digital refocusing: (P, M, M, 3) float32, linear light, of a photograph (M N, M N, 3), uint8
+    sRGB or floating linear light."""
     views = sub_apertures(picture, camera.samples)
     return shift_sum_views(camera.slab(), views, planes, filter=filter, device=device)

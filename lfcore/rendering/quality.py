@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,6 +14,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
+from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth, traced_camera
 from lfcore.rendering.first_look import FirstLook
 from lfcore.tracing.tracer import Tracer
@@ -96,12 +97,7 @@ class Rendering:
 
 @dataclass(frozen=True)
 class QualitySearch:
-    """The search for the rays that pictures need for a quality.
-
-    Attributes
-    ----------
-    quality : its ``quality_db`` and ``most_rays``.
-    """
+    """The search for the rays that pictures need for a quality."""
 
     tracer: Tracer
     camera: Camera
@@ -116,12 +112,8 @@ class QualitySearch:
         camera = traced_camera(self.camera, planes)
         return FirstLook.at(self.tracer, camera, planes, self.pixels)
 
-    def pictures(self, progress: Callable[[int, int], None] | None = None) -> Rendering:
-        """Trace the pictures with about as few rays as the quality needs.
-
-        ``progress`` is called with (views done, of all).
-        Raises :class:`OpticsError` for a quality that needs more than the budget.
-        """
+    def pictures(self, progress: Progress | None = None) -> Rendering:
+        """Trace the pictures with about as few rays as the quality needs."""
         lattice = self.lattice()
         made = pictures_by_depth(
             self.tracer, self.camera, self.planes, self.pixels, lattice, progress=progress
@@ -130,11 +122,7 @@ class QualitySearch:
         return Rendering(made, lattice, expected, self.look.error_map(lattice))
 
     def plan(self, spare_db: float = 0.0) -> Lattice:
-        """The lattice that reaches the quality and ``spare_db`` more.
-
-        The longer side of a view is a multiple of 8 pixels, for encoders.
-        Raises :class:`OpticsError` for a quality that needs more than the budget.
-        """
+        """As :meth:`lattice`, with a multiple of 8 pixels on a view's longer side, for encoders."""
         lattice, pixels = self.lattice(spare_db), Size.of(self.pixels).longer
         return Lattice(lattice.views, 8 * math.ceil(lattice.subpixels * pixels / 8) / pixels)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from lfcore.files import draft_folder
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.rendering.depth import depth_content
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
@@ -35,22 +36,13 @@ def record_slab(
     spec: Encoding,
     *,
     content: dict | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Metadata:
-    """Trace ``slab`` and write the light field file ``path``.
+    """Trace ``slab`` and write the light field file ``path``, or nothing.
 
-    As many tiles at a time as there are ``tracers``, each traced and encoded by one of them;
-    segments lie in a temporary folder beside ``path`` until they are joined.
-
-    Parameters
-    ----------
-    content : what else is known of it, as :class:`Metadata` has it.
-    tracers : of one scene, on devices (queues) of their own.
-    progress : called with (outer elements done, of all), from any thread but one at a time.
-
-    Raises
-    ------
-    StorageError : a file cannot be written; none is left then.
+    As many tiles at a time as there are ``tracers``, which are of one scene, on devices (queues)
+    of their own; segments lie in a temporary folder beside ``path`` until they are joined.
+    ``content`` is what else is known of it; ``progress`` counts outer elements.
     """
     path, scene = Path(path), tracers[0].scene
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
@@ -98,12 +90,10 @@ def record_tile(
     spec: Encoding,
     planes: Sequence[SensorPlane] = (),
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[TileTracing, float]:
-    """Trace one tile into the file ``segment``; frames are encoded as they come.
-
-    Returns the tracing, which has ended (its seconds, and what it added to ``planes``), and the
-    wall seconds that encoding took beyond it.
+    """Trace one tile into the file ``segment``: the tracing, which has ended, and the wall seconds
+    that encoding took beyond it.
 
     On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
     only take the encoder's core from it.
@@ -126,7 +116,7 @@ class _Stopped(Exception):
 class _Elements:
     """Adds up the outer elements that several threads have done."""
 
-    def __init__(self, callback: Callable[[int, int], None] | None, total: int):
+    def __init__(self, callback: Progress | None, total: int):
         self._callback, self._total, self._done = callback, total, 0
         self._lock, self._stopped = threading.Lock(), False
 
@@ -134,7 +124,7 @@ class _Elements:
         """Let tiles that are being traced end where they next report."""
         self._stopped = True
 
-    def of_tile(self) -> Callable[[int, int], None]:
+    def of_tile(self) -> Progress:
         """What a tile is to call with (done, of its own)."""
         before = 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.depth import depth_content, dioptre_range
 from lfcore.rendering.record import TILE_RAYS
@@ -40,12 +41,8 @@ RANGE_MARGIN = 0.05
 
 @dataclass(frozen=True)
 class DepthStore:
-    """How a slab is stored for slicing by depth.
-
-    displaced : whether its views are displaced within a pixel against one another.
-    pixels : longer side of the pictures that the rays are meant for, which textures are filtered
-        for.
-    """
+    """How a slab is stored for slicing by depth: whether its views are ``displaced`` within a pixel
+    against one another, and the longer side of the pictures that textures are filtered for."""
 
     layout: FrameLayout
     spec: Encoding
@@ -62,10 +59,8 @@ def depth_store(
     kind: str = "views",
     **layout: Any,
 ) -> tuple[Slab, DepthStore]:
-    """The slab of ``lattice``, for pictures of so many pixels, and how it is stored.
-
-    ``kind`` and ``layout`` are as :func:`lfcore.storage.defaults.frame_layout` takes them.
-    """
+    """The slab of ``lattice``, for pictures of so many pixels, and how it is stored, as
+    :func:`lfcore.storage.defaults.frame_layout` takes it."""
     slab = Slab.of(camera, lattice, pixels)
     frames = frame_layout(slab.views, slab.size, spec.stored_format, kind=kind, **layout)
     return slab, DepthStore(frames, spec, lattice.displaced, Size.of(pixels).longer)
@@ -78,22 +73,13 @@ def record_by_depth(
     store: DepthStore,
     *,
     content: dict | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Metadata:
-    """Trace ``slab`` and write the light field file ``path`` with a stream of inverse depths.
+    """Trace ``slab`` and write the light field file ``path``, with a stream of inverse depths, or
+    nothing.
 
     Colour and depth are traced together, by all of the device; they are encoded by a thread each
-    meanwhile.
-
-    Parameters
-    ----------
-    content : what else is known of it, as :class:`Metadata` has it.
-    progress : called with (views done, of all).
-
-    Raises
-    ------
-    OpticsError : more macropixels than are held at a time.
-    StorageError : a file cannot be written; none is left then.
+    meanwhile.  ``content`` is what else is known of it; ``progress`` counts views.
     """
     path, layout, scene = Path(path), store.layout, tracer.scene
     if layout.kind == "macropixels" and slab.rays > MACROPIXEL_RAYS:
@@ -132,13 +118,8 @@ def encode(
     layout: FrameLayout,
     streams: Sequence[tuple[Path, Encoding]],
 ) -> None:
-    """Write segment files side by side, each by a thread of its own.
-
-    Parameters
-    ----------
-    frames : some frames of every stream at a time.
-    layout : of the first of them; those of the others are alike but for their format.
-    """
+    """Write segment files side by side, each by a thread of its own, of some ``frames`` of every
+    stream at a time; ``layout`` is the first stream's."""
     with ExitStack() as stack:
         writers = []
         for file, spec in streams:
@@ -165,7 +146,7 @@ def frames_by_depth(
     store: DepthStore,
     codes: DepthCodes,
     tile: Tile,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
     layout = store.layout
@@ -188,12 +169,10 @@ def _traced(
     slab: Slab,
     store: DepthStore,
     tile: Tile,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(elements, light, depth) of some whole frames of a tile at a time, in their order.
-
-    ``elements`` is (E, 2), ``light`` (E, rows, columns, 3) linear and ``depth`` alike.
-    """
+    """Elements (E, 2), linear light (E, rows, columns, 3) and depths of some whole frames of a tile
+    at a time, in their order."""
     layout, views = tile.layout, views_of(slab, displaced=store.displaced)
     elements, done = tile.elements(), 0
     by_views = layout.kind == "views"
@@ -220,10 +199,8 @@ def _traced(
 
 
 def _in_frames(tile: Tile, elements: np.ndarray, pictures: np.ndarray) -> np.ndarray:
-    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0.
-
-    An element smaller than its slot repeats its last row and column.
-    """
+    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0, and an
+    element smaller than its slot repeats its last row and column."""
     layout = tile.layout
     at, x, y = tile.placement(elements).T[..., None, None]
     first, (wide, high) = at.min(), layout.slot

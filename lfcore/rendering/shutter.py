@@ -13,6 +13,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
+from lfcore.progress import Progress
 from lfcore.rendering.array import trace_array
 from lfcore.rendering.prepared import lit, opened
 from lfcore.scene.model import Scene
@@ -22,10 +23,7 @@ from lfcore.tracing.tracer import Tracer
 
 
 def shutter_times(count: int, seed: int | None = None) -> np.ndarray:
-    """(count,) instants in [0, 1], one in each interval: the middle, or random with a seed.
-
-    Raises :class:`OpticsError` for none.
-    """
+    """(count,) instants in [0, 1], one in each interval: the middle, or random with a seed."""
     if count < 1:
         raise OpticsError(f"must be at least 1, not {count}", key="times")
     jitter = 0.5 if seed is None else np.random.default_rng(seed).random(count)
@@ -39,13 +37,12 @@ def expose(
     *,
     seed: int | None = None,
     device: Device | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """The mean over the open shutter of ``picture(tracer, instant's number)``, float32.
 
-    A scene at rest, and one whose shutter closes when it opens, is taken as it is, once for each
-    of ``times``, with one hierarchy.  Else every instant has a hierarchy of its own.
-    Light is baked once, of the first poses.  ``progress`` is called with (instants done, instants).
+    Every instant at which something moves has a hierarchy of its own.  Light is baked once, of the
+    first poses.
     """
     instants, tracer = shutter_times(times, seed), None
     device = opened(device)
@@ -72,12 +69,10 @@ def trace_shutter(
     *,
     seed: int | None = None,
     device: Device | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
-    """The mean of ``times`` traces of the moving scene: (Ny h, Nx w, 3) float32, linear.
-
-    A scene at rest is traced once.  ``progress`` is called with (instants done, instants).
-    """
+    """The mean of ``times`` traces of the moving scene: (Ny h, Nx w, 3) float32, linear; a scene at
+    rest is traced once."""
 
     def picture(tracer: Tracer, index: int) -> np.ndarray:
         return trace_array(tracer, array, samples_per_pixel, seed=index)
