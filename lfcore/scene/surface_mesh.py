@@ -20,6 +20,11 @@ from lfcore.scene.transforms import chain, translate
 Colour = tuple[float, float, float]
 
 
+def xyz(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
+    """(..., 3) points of coordinates that broadcast."""
+    return np.stack(np.broadcast_arrays(x, y, z), -1)
+
+
 def triple(values: ArrayLike) -> Colour:
     """Three numbers as a tuple of Python's floats."""
     first, second, third = np.asarray(values, np.float64).tolist()

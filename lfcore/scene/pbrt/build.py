@@ -115,8 +115,7 @@ def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple
     """The item's triangles in camera space, front sides counter-clockwise; whether they are seen,
     for some materials are no surface."""
     uvs, found = interpreter.uvs(item)
-    mesh, surface = item.mesh, found or Surface()
-    part = SurfaceMesh(mesh.triangles, surface, mesh.normals, uvs).transformed(to_camera)
+    part = replace(item.mesh, surface=found or Surface(), uvs=uvs).transformed(to_camera)
     mirrored = np.linalg.det(to_camera[:3, :3]) < 0
     if item.reversed and part.normals is not None:
         part = replace(part, normals=-part.normals)

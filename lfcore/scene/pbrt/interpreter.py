@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.errors import SceneError
 from lfcore.scene.emitters import emitter_points
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
@@ -15,10 +16,10 @@ from lfcore.scene.pbrt.lights import LightRig, emitted
 from lfcore.scene.pbrt.materials import Definition, MaterialTable
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.parser import Directive
-from lfcore.scene.pbrt.shapes import Mesh, tessellate, with_uvs
+from lfcore.scene.pbrt.shapes import tessellate, with_uvs
 from lfcore.scene.pbrt.textures import TextureTable
-from lfcore.scene.surface_mesh import Surface
-from lfcore.scene.transforms import rotate, scale, translate
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+from lfcore.scene.transforms import look_at, rotate, scale, translate
 from lfcore.scene.view import View
 
 _TRANSFORMS = ("Translate", "Scale", "Rotate", "LookAt", "Transform", "ConcatTransform", "Identity")
@@ -35,7 +36,7 @@ _LEFT_OUT = ("MediumInterface", "MakeNamedMedium", "Attribute")
 class Item:
     """A shape in place: mesh, surface, texture placement, object-to-world at open and close."""
 
-    mesh: Mesh
+    mesh: SurfaceMesh
     definition: Definition
     emission: tuple
     two_sided: bool
@@ -267,11 +268,10 @@ class Interpreter:
 
     def uvs(self, item: Item) -> tuple[np.ndarray | None, Surface | None]:
         """Texture coordinates of an item (None without texture) and its surface."""
-        resolved = self.materials.resolve(item.definition, item.emission)
-        if resolved.surface is None or resolved.surface.texture is None:
-            return None, resolved.surface
-        uvs = with_uvs(item.mesh) * np.array(resolved.uv_scale) + np.array(resolved.uv_offset)
-        return uvs, resolved.surface
+        surface, texture = self.materials.resolve(item.definition, item.emission) or (None, None)
+        if texture is None or texture.image is None:
+            return None, surface
+        return with_uvs(item.mesh) * texture.uv_scale + texture.uv_offset, surface
 
 
 def _snake(name: str) -> str:
@@ -358,26 +358,14 @@ def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray
             raise syntax_error("Rotate about an axis of no length", place)
         return rotate(numbers[1:].tolist(), numbers[0])
     if name == "LookAt":
-        return look_at(numbers, place)
+        eye, target, up = numbers.reshape(3, 3)
+        if np.array_equal(eye, target):
+            raise syntax_error("LookAt: eye and target coincide", place)
+        try:  # its camera is left-handed: x right, y up, z forward
+            return np.diag([-1.0, -1.0, 1.0, 1.0]) @ look_at(eye, target, up)
+        except SceneError:
+            raise syntax_error("LookAt: up is parallel to the view", place) from None
     matrix = numbers.reshape(4, 4).T  # files list columns
     if np.linalg.matrix_rank(matrix) < 4 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-9):
         raise syntax_error(f"{name} is not an invertible affine matrix", place)
-    return matrix
-
-
-def look_at(numbers: np.ndarray, place: Place) -> np.ndarray:
-    """World to pbrt's left-handed camera space: x right, y up, z forward."""
-    eye, target, up = numbers.reshape(3, 3)
-    forward = target - eye
-    if not forward.any():
-        raise syntax_error("LookAt: eye and target coincide", place)
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(up, forward)
-    if not np.linalg.norm(right) > 1e-12 * np.linalg.norm(up):
-        raise syntax_error("LookAt: up is parallel to the view", place)
-    right = right / np.linalg.norm(right)
-    rows = np.stack([right, np.cross(forward, right), forward])
-    matrix = np.eye(4)
-    matrix[:3, :3] = rows
-    matrix[:3, 3] = -rows @ eye
     return matrix

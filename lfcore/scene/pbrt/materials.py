@@ -7,7 +7,7 @@ incidence, clipped to one.  What Blinn-Phong has no word for -- mirror images, r
 transparency, bumps -- is noted.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,13 +27,8 @@ Look = tuple[Texture, np.ndarray, float]
 """Diffuse texture, specular colour, shininess."""
 
 
-@dataclass(frozen=True, eq=False)
-class Resolved:
-    """A surface and where its texture lies; ``surface`` None: the material is no surface."""
-
-    surface: Surface | None
-    uv_scale: tuple[float, float] = (1.0, 1.0)
-    uv_offset: tuple[float, float] = (0.0, 0.0)
+Resolved = tuple[Surface, Texture] | None
+"""A surface with its texture, which says where the image lies; None: the material is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +83,7 @@ class MaterialTable:
     def _make(self, definition: Definition, emission: tuple) -> Resolved:
         kind, parameters = definition.kind, definition.parameters
         if kind in ("", "none", "interface"):
-            return Resolved(None)
+            return None
         makers = {
             "matte": self._matte, "uber": self._uber, "coateddiffuse": self._coated,
             "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
@@ -109,7 +104,7 @@ class MaterialTable:
             emission=emission,
             texture=texture.image,
         )
-        return Resolved(surface, texture.uv_scale, texture.uv_offset)
+        return surface, texture
 
     def _matte(self, parameters: ParameterSet) -> Look:
         if self.textures.number(parameters, "sigma", 0.0) > 0:
@@ -174,9 +169,9 @@ class MaterialTable:
         return diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS
 
     def _mix(self, parameters: ParameterSet) -> Look:
-        pair = parameters.get("materials", "string")
-        if pair is not None:  # version 4: amount is the weight of the second
-            names: list[str | None] = list(pair.values)
+        both = parameters.get("materials", "string")
+        if both is not None:  # version 4: amount is the weight of the second
+            names: list[str | None] = list(both.values)
             weight = 1.0 - self.textures.number(parameters, "amount", 0.5)
         else:
             names = [parameters.string(f"namedmaterial{n}") for n in (1, 2)]
@@ -184,30 +179,22 @@ class MaterialTable:
         found = [name for name in names if name is not None]
         if len(found) != 2:
             raise syntax_error(f"{parameters.owner} wants two named materials", parameters.place)
-        first, second = (self.resolve(self.find(name, parameters.place)) for name in found)
-        if first.surface is None or second.surface is None:
+        pair = [self.resolve(self.find(name, parameters.place)) for name in found]
+        if pair[0] is None or pair[1] is None:
             what = f"{parameters.owner} mixes a material that is none"
             raise syntax_error(what, parameters.place)
-        return self._blend(first, second, weight, parameters)
-
-    def _blend(
-        self, first: Resolved, second: Resolved, weight: float, parameters: ParameterSet
-    ) -> Look:
-        a, b = first.surface, second.surface
-        assert a is not None and b is not None  # of _mix
-        halves = []
-        for half, surface, share in ((first, a, weight), (second, b, 1.0 - weight)):
-            factor = np.array(surface.diffuse) * share
-            halves.append(Texture(factor, surface.texture, half.uv_scale, half.uv_offset))
+        (a, first), (b, second) = pair
+        halves = [
+            replace(texture, factor=np.array(surface.diffuse) * share)
+            for surface, texture, share in ((a, first, weight), (b, second, 1.0 - weight))
+        ]
         images = [half for half in halves if half.image is not None]
         if images:
             # One texture multiplies the whole diffuse colour, so the other half takes its pattern.
             kept = max(images, key=lambda half: half.factor.sum())
             others = sum((h.mean() for h in halves if h is not kept), np.zeros(3))
-            mean = np.maximum(kept.mean(), 1e-6)
-            texture = Texture(
-                kept.factor * (1 + others / mean), kept.image, kept.uv_scale, kept.uv_offset
-            )
+            factor = kept.factor * (1 + others / np.maximum(kept.mean(), 1e-6))
+            texture = replace(kept, factor=factor)
             parameters.approximated("one texture, of equal mean")
         else:
             texture = Texture(halves[0].factor + halves[1].factor)

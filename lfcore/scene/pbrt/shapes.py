@@ -6,8 +6,7 @@ times the radius; normals are the surface's own.
 
 import io
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,18 +19,9 @@ from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.ply import vertex_columns, with_strips
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
-from lfcore.scene.surface_mesh import normalise
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, xyz
 
 TOLERANCE = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """(T, 3, 3) corners, and per corner normals (T, 3, 3) or None, uvs (T, 3, 2) or None."""
-
-    triangles: np.ndarray
-    normals: np.ndarray | None
-    uvs: np.ndarray | None
 
 
 # Corners of a triangle without texture coordinates, as pbrt gives them.
@@ -40,7 +30,7 @@ _DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 
 def tessellate(
     kind: str, parameters: ParameterSet, folder: Path, tolerance: float = TOLERANCE
-) -> Mesh | None:
+) -> SurfaceMesh | None:
     """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped."""
     meshes = {"trianglemesh": _trianglemesh, "plymesh": _plymesh, "loopsubdiv": _loopsubdiv}
     curved = {"sphere": _sphere, "disk": _disk, "cylinder": _cylinder}
@@ -60,7 +50,7 @@ def tessellate(
     return mesh
 
 
-def with_uvs(mesh: Mesh) -> np.ndarray:
+def with_uvs(mesh: SurfaceMesh) -> np.ndarray:
     """(T, 3, 2): the mesh's texture coordinates, or pbrt's default for each triangle."""
     if mesh.uvs is not None:
         return mesh.uvs
@@ -69,9 +59,9 @@ def with_uvs(mesh: Mesh) -> np.ndarray:
 
 def _indexed(
     points: np.ndarray, faces: np.ndarray, normals: np.ndarray | None, uvs: np.ndarray | None
-) -> Mesh:
-    pick = lambda values: None if values is None else values[faces]  # noqa: E731
-    return Mesh(points[faces], pick(normals), pick(uvs))
+) -> SurfaceMesh:
+    picked = (None if values is None else values[faces] for values in (normals, uvs))
+    return SurfaceMesh(points[faces], Surface(), *picked)
 
 
 def _faces(parameters: ParameterSet, count: int) -> np.ndarray:
@@ -88,10 +78,8 @@ def _faces(parameters: ParameterSet, count: int) -> np.ndarray:
     return indices.reshape(-1, 3)
 
 
-def _trianglemesh(parameters: ParameterSet, folder: Path) -> Mesh:
-    points = parameters.vectors("P")
-    if points is None:
-        raise parameters.error("P", "is missing")
+def _trianglemesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
+    points = _points(parameters)
     normals = parameters.vectors("N")
     uvs = parameters.pairs("uv")
     uvs = parameters.pairs("st") if uvs is None else uvs
@@ -101,7 +89,14 @@ def _trianglemesh(parameters: ParameterSet, folder: Path) -> Mesh:
     return _indexed(points, _faces(parameters, len(points)), normals, uvs)
 
 
-def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
+def _points(parameters: ParameterSet) -> np.ndarray:
+    points = parameters.vectors("P")
+    if points is None:
+        raise parameters.error("P", "is missing")
+    return points
+
+
+def _plymesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
     name = parameters.string("filename")
     if name is None:
         raise parameters.error("filename", "is missing", "Name the PLY file")
@@ -121,22 +116,15 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> Mesh:
         reason = getattr(error, "strerror", None) or error
         raise syntax_error(f"PLY file {str(path)!r} cannot be read: {reason}", place) from error
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    return _indexed(
-        points,
-        faces,
-        vertex_columns(raw, len(points), ("nx", "ny", "nz")),
-        _first(vertex_columns(raw, len(points), pair) for pair in (("u", "v"), ("s", "t"))),
+    normals, uvs, other = (
+        vertex_columns(raw, len(points), names)
+        for names in (("nx", "ny", "nz"), ("u", "v"), ("s", "t"))
     )
+    return _indexed(points, faces, normals, other if uvs is None else uvs)
 
 
-def _first(candidates: Iterable[np.ndarray | None]) -> np.ndarray | None:
-    return next((candidate for candidate in candidates if candidate is not None), None)
-
-
-def _loopsubdiv(parameters: ParameterSet, folder: Path) -> Mesh:
-    points = parameters.vectors("P")
-    if points is None:
-        raise parameters.error("P", "is missing")
+def _loopsubdiv(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
+    points = _points(parameters)
     levels = parameters.integer("levels", parameters.integer("nlevels", 3))
     if not 0 <= levels <= 10:
         raise parameters.error("levels", f"must be from 0 to 10, not {levels}")
@@ -151,10 +139,6 @@ def _angle_steps(angle: float, tolerance: float) -> int:
     return max(3 if angle > 6 else 1, math.ceil(angle / step - 1e-9))
 
 
-def _phi_max(parameters: ParameterSet) -> float:
-    return math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
-
-
 def _radius(parameters: ParameterSet) -> float:
     radius = parameters.float("radius", 1.0)
     if not radius > 0:
@@ -162,69 +146,66 @@ def _radius(parameters: ParameterSet) -> float:
     return radius
 
 
-def _sphere(parameters: ParameterSet, tolerance: float) -> Mesh:
+def _sphere(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
     radius = _radius(parameters)
     ends = [parameters.float("zmin", -radius), parameters.float("zmax", radius)]
     low, high = (min(max(z, -radius), radius) for z in (min(ends), max(ends)))
     start, stop = math.acos(low / radius), math.acos(high / radius)
-    phi_max = _phi_max(parameters)
     # Both directions bend: half the tolerance for each, so that their sum keeps it.
     rows = _angle_steps(start - stop, tolerance / 2)
-    columns = _angle_steps(phi_max, tolerance / 2)
     theta = np.linspace(start, stop, rows + 1)[:, None]
-    phi = np.linspace(0.0, phi_max, columns + 1)[None, :]
     # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
     sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
-    axes = sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)
-    outward = np.stack(np.broadcast_arrays(*axes), -1)
-    _close(outward, phi_max)
-    return _grid(radius * outward, outward)
+
+    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        outward = xyz(sine * x, sine * y, np.cos(theta))
+        return radius * outward, outward
+
+    return _turned(parameters, tolerance / 2, around)
 
 
-def _disk(parameters: ParameterSet, tolerance: float) -> Mesh:
-    radius, inner = _radius(parameters), parameters.float("innerradius", 0.0)
-    height, phi_max = parameters.float("height", 0.0), _phi_max(parameters)
-    columns = _angle_steps(phi_max, tolerance)
-    phi = np.linspace(0.0, phi_max, columns + 1)[None, :]
-    reach = np.array([radius, inner])[:, None]
-    points = np.stack(np.broadcast_arrays(reach * np.cos(phi), reach * np.sin(phi), height), -1)
-    _close(points, phi_max)
-    return _grid(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape))
+def _disk(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
+    reach = np.array([_radius(parameters), parameters.float("innerradius", 0.0)])[:, None]
+    height = parameters.float("height", 0.0)
+
+    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return xyz(reach * x, reach * y, height), xyz(0.0, 0.0, np.ones_like(reach * x))
+
+    return _turned(parameters, tolerance, around)
 
 
-def _cylinder(parameters: ParameterSet, tolerance: float) -> Mesh:
+def _cylinder(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
     radius = _radius(parameters)
-    low, high = sorted([parameters.float("zmin", -1.0), parameters.float("zmax", 1.0)])
-    phi_max = _phi_max(parameters)
+    z = np.sort([parameters.float("zmin", -1.0), parameters.float("zmax", 1.0)])[:, None]
+
+    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return xyz(radius * x, radius * y, z), xyz(x, y, 0.0 * z)
+
+    return _turned(parameters, tolerance, around)
+
+
+def _turned(
+    parameters: ParameterSet,
+    tolerance: float,
+    around: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+) -> SurfaceMesh:
+    """Triangles of the points and normals (R, C, 3) of a surface of revolution, whose columns are
+    at x and y on the unit circle; u along columns and v along rows, without degenerate ones."""
+    phi_max = math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
     phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, tolerance) + 1)[None, :]
-    z = np.array([low, high])[:, None]
-    outward = np.stack(np.broadcast_arrays(np.cos(phi), np.sin(phi), 0.0 * z), -1)
-    points = np.stack(np.broadcast_arrays(radius * np.cos(phi), radius * np.sin(phi), z), -1)
-    _close(outward, phi_max)
-    _close(points, phi_max)
-    return _grid(points, outward)
-
-
-def _close(points: np.ndarray, phi_max: float) -> None:
-    """Make the last column the first to the last bit when the shape goes all the way round."""
-    if phi_max >= 2 * math.pi * (1 - 1e-12):
-        points[:, -1] = points[:, 0]
-
-
-def _grid(points: np.ndarray, normals: np.ndarray) -> Mesh:
-    """Triangles of an (R, C, 3) grid, u along columns and v along rows, without degenerate ones."""
+    points, normals = around(np.cos(phi), np.sin(phi))
+    if phi_max >= 2 * math.pi * (1 - 1e-12):  # all the way round: closed to the last bit
+        points[:, -1], normals[:, -1] = points[:, 0], normals[:, 0]
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     corner = np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)[None, :]
     a, b = corner.ravel(), corner.ravel() + 1
     d, c = a + columns + 1, b + columns + 1
     faces = np.stack([a, b, c, a, c, d], -1).reshape(-1, 3)
     flat = points.reshape(-1, 3)
-    first, second, third = (flat[faces[:, i]] for i in range(3))
-    same = lambda p, q: (p == q).all(1)  # noqa: E731
-    faces = faces[~(same(first, second) | same(second, third) | same(third, first))]
+    same = (flat[faces] == flat[np.roll(faces, -1, axis=1)]).all(-1).any(-1)
     u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
     uvs = np.stack([u.ravel(), v.ravel()], -1)
-    return _indexed(flat, faces, normals.reshape(-1, 3), uvs)
+    return _indexed(flat, faces[~same], normals.reshape(-1, 3), uvs)
 
 
 def loop_subdivide(

@@ -11,14 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Size
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, normalise
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, normalise, xyz
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-
-
-def xyz(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
-    """(..., 3) points of coordinates that broadcast."""
-    return np.stack(np.broadcast_arrays(x, y, z), -1)
 
 
 def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> SurfaceMesh:
