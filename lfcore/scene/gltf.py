@@ -66,10 +66,16 @@ def _inside(uri: str) -> bytes:
     return base64.b64decode(uri.partition(",")[2])
 
 
+def found(holder: Any, kind: Any, *keys: str) -> Any:
+    """What is of this kind below ``keys``; what is malformed counts as absent: None."""
+    for key in keys:
+        holder = holder.get(key) if isinstance(holder, dict) else None
+    return holder if isinstance(holder, kind) else None
+
+
 def has(entry: dict, extension: str) -> bool:
     """Whether an object of the file uses an extension."""
-    extensions = entry.get("extensions")
-    return isinstance(extensions, dict) and extension in extensions
+    return extension in (found(entry, dict, "extensions") or ())
 
 
 class Document:
@@ -99,8 +105,7 @@ class Document:
 
     def extensions(self, how: str) -> set[str]:
         """Names of extensions that are ``Used`` or ``Required``; empty where these are no list."""
-        names = self.tree.get(f"extensions{how}")
-        return set(map(str, names)) if isinstance(names, list) else set()
+        return set(map(str, found(self.tree, list, f"extensions{how}") or ()))
 
     def _broken(self, problem: str) -> SceneError:
         return Where(self.path).error(f"mesh cannot be read: {problem}", "Export it again")
@@ -115,11 +120,14 @@ class Document:
         return self._raw[start : start + length]
 
     def objects(self, *keys: str, of: dict | None = None) -> list[dict]:
-        """The objects of a list below ``keys``; what is malformed counts as absent."""
-        value: Any = self.tree if of is None else of
-        for key in keys:
-            value = value.get(key) if isinstance(value, dict) else None
-        return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []
+        """The objects of a list below ``keys``; empty ones for what is malformed."""
+        values = found(self.tree if of is None else of, list, *keys) or ()
+        return [value if isinstance(value, dict) else {} for value in values]
+
+    def entry(self, number: Any, *keys: str) -> dict | None:
+        """The object of a number among those below ``keys``."""
+        known = self.objects(*keys)
+        return known[number] if isinstance(number, int) and 0 <= number < len(known) else None
 
     def view(self, number: int) -> bytes:
         """The bytes of a bufferView; raises as :class:`Document`, or a LookupError or TypeError."""
@@ -133,17 +141,17 @@ class Document:
             data = _inside(uri)
         else:
             data = read_bytes(self.path.parent / urllib.parse.unquote(uri), LARGEST_MESH, "buffer")
-        found = data[start : start + view["byteLength"]]
-        if len(found) < view["byteLength"]:
+        part = data[start : start + view["byteLength"]]
+        if len(part) < view["byteLength"]:
             raise self._broken("a buffer ends early")
-        return found
+        return part
 
     def pictures(self) -> Iterator[tuple[int, bytes]]:
         """Number and bytes of the images that textures take from within the file."""
         images, used = self.objects("images"), set()
         for texture in self.objects("textures"):
-            webp = (texture.get("extensions") or {}).get("EXT_texture_webp") or {}
-            used |= {texture.get("source"), webp.get("source")}
+            webp = found(texture, object, "extensions", "EXT_texture_webp", "source")
+            used |= {texture.get("source"), webp}
         for number, image in enumerate(images):
             uri, view = image.get("uri"), image.get("bufferView")
             if number in used and view is not None:
@@ -184,21 +192,15 @@ class Document:
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             raise self._broken(f"a mesh compressed by Draco is damaged: {error!r}") from None
 
-    def material(self, number: str | None) -> dict:
-        """The material of a name that :meth:`numbered` gave; empty for none."""
-        materials = self.objects("materials")
-        known = number is not None and number.isdecimal() and int(number) < len(materials)
-        return materials[int(number)] if number is not None and known else {}
+    def material(self, number: str) -> dict:
+        """The material of a name that :meth:`readable` gave; empty for none."""
+        return self.entry(int(number) if number.isdecimal() else None, "materials") or {}
 
     @cached_property
     def placed(self) -> list[tuple[dict, np.ndarray]]:
         """Nodes of the scene that is shown, with their (4, 4) node to world."""
-        nodes, scenes = self.objects("nodes"), self.objects("scenes")
-        shown = self.tree.get("scene", 0)
-        if scenes and isinstance(shown, int) and 0 <= shown < len(scenes):
-            roots = scenes[shown].get("nodes", [])
-        else:
-            roots = list(range(len(nodes)))
+        nodes, shown = self.objects("nodes"), self.entry(self.tree.get("scene", 0), "scenes")
+        roots = list(range(len(nodes))) if shown is None else shown.get("nodes", [])
         return list(self._below(roots, np.eye(4), nodes, frozenset()))
 
     def _below(
@@ -230,15 +232,10 @@ class Document:
     def lights(self) -> list[Light]:
         """Its lights, in the world. Its candela and lux are over pi in ours, as a matte surface of
         colour c returns c / pi of what arrives in glTF."""
-        known = self.objects("extensions", "KHR_lights_punctual", "lights")
-        found = []
-        for node, matrix in self.placed:
-            use = node.get("extensions")
-            use = use.get("KHR_lights_punctual") if isinstance(use, dict) else None
-            number = use.get("light") if isinstance(use, dict) else None
-            if isinstance(number, int) and 0 <= number < len(known):
-                found.append(self._light(known[number], matrix))
-        return found
+        where = "extensions", "KHR_lights_punctual"
+        known = ((self.entry(found(node, int, *where, "light"), *where, "lights"), matrix)
+                 for node, matrix in self.placed)  # fmt: skip
+        return [self._light(light, matrix) for light, matrix in known if light is not None]
 
     def _light(self, light: dict, matrix: np.ndarray) -> Light:
         name, kind = light.get("name", "without name"), light.get("type")
@@ -250,36 +247,33 @@ class Document:
         if kind == "directional":
             # It shines along the node's -z.
             return Light(DIRECTIONAL, triple(normalise(matrix[:3, 2])), colour)
-        found = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
+        lamp = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
         if kind != "spot":
-            return found
-        spot = light.get("spot")
-        angles = [
-            spot.get(key, otherwise) if isinstance(spot, dict) else otherwise
-            for key, otherwise in (("innerConeAngle", 0.0), ("outerConeAngle", math.pi / 4))
-        ]
+            return lamp
+        spot = found(light, dict, "spot") or {}
+        angles = [spot.get("innerConeAngle", 0.0), spot.get("outerConeAngle", math.pi / 4)]
         if not all(isinstance(angle, (int, float)) for angle in angles) or not (
             0 <= angles[0] < angles[1] <= math.pi / 2 + 1e-6
         ):
             raise self._broken(f"the cone of light {name!r} makes no sense: {angles}")
         inner, outer = (max(math.cos(angle), 0.0) for angle in angles)
-        return replace(found, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
+        return replace(lamp, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
 
     def camera(self, notebook: Notebook) -> FoundCamera | None:
         """The first perspective camera of the scene; others are noted."""
-        cameras, found = self.objects("cameras"), None
+        first = None
         for node, matrix in self.placed:
-            number = node.get("camera")
-            if not isinstance(number, int) or not 0 <= number < len(cameras):
+            camera = self.entry(node.get("camera"), "cameras")
+            if camera is None:
                 continue
-            name = cameras[number].get("name") or node.get("name") or number
-            lens = cameras[number].get("perspective")
-            here = self._perspective(lens, matrix) if isinstance(lens, dict) else None
-            if here is None or found is not None:
+            lens = found(camera, dict, "perspective")
+            here = None if lens is None else self._perspective(lens, matrix)
+            if here is None or first is not None:
+                name = camera.get("name") or node.get("name") or node["camera"]
                 notebook.add_in(NOT_USED, self.path, f"camera {name!r}")
             else:
-                found = here
-        return found
+                first = here
+        return first
 
     def _perspective(self, lens: dict, matrix: np.ndarray) -> FoundCamera | None:
         angle, aspect = lens.get("yfov"), lens.get("aspectRatio", 1.0)
@@ -331,17 +325,17 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
             entry.get("transform", []), Where(file)["objects"][index]["transform"]
         )
         here = [moved(light, matrix) for light in document.lights()]
-        found = document.camera(notebook)
+        own = document.camera(notebook)
         if here and "lights" in description:
             notebook.add_in(NOT_USED, document.path, f"{len(here)} lights: the scene has its own")
         else:
             lights += here
-        if found is not None and ("pose" in description["camera"] or camera is not None):
+        if own is not None and ("pose" in description["camera"] or camera is not None):
             notebook.add_in(NOT_USED, document.path, "its camera: the scene has another")
-        elif found is not None:
-            pose = matrix @ found.to_world
+        elif own is not None:
+            pose = matrix @ own.to_world
             pose[:3, :3] = normalise(pose[:3, :3].T).T  # a scale makes no camera larger
-            camera = replace(found, to_world=pose)
+            camera = replace(own, to_world=pose)
     return Staging(tuple(lights), camera)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.scene.gltf import KNOWN, Document
+from lfcore.scene.gltf import KNOWN, Document, found
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Colour, Surface, triple
@@ -33,12 +33,6 @@ class GltfSurfaces:
         self.document, self.notebook = document, notebook
         self._made: dict[str, Surface | None] = {}
 
-    def _metal_left_out(self) -> float:
-        """A metallic factor that is not given: 1, but trimesh leaves it out of what has none."""
-        asset = self.document.tree.get("asset")
-        generator = asset.get("generator") if isinstance(asset, dict) else None
-        return 0.0 if "trimesh" in str(generator) else 1.0
-
     def surface(self, material: Any, colours: Any = None) -> Surface | None:
         """The surface of one of trimesh's PBRMaterials, the same one each time.
 
@@ -57,7 +51,7 @@ class GltfSurfaces:
         """Texture coordinates (T, 3, 2), v up, as KHR_texture_transform moves its textures'."""
         entry = self.document.material(str(material.name))
         name = str(entry.get("name") or self.document.path.stem)
-        infos = [info for info in (_texture(entry, keys) for keys in _TEXTURES) if info]
+        infos = [info for info in (found(entry, dict, *keys) for keys in _TEXTURES) if info]
         changes = [_extension(info, "KHR_texture_transform") or {} for info in infos]
         for info, change in zip(infos, changes, strict=True):
             if change.get("texCoord", info.get("texCoord", 0)) != 0:
@@ -71,13 +65,8 @@ class GltfSurfaces:
 
     def _ends(self, info: dict) -> bool:
         """Whether a texture's sampler does otherwise than repeat it."""
-
-        def entry(kind: str, number: Any) -> dict:
-            known = self.document.objects(kind)
-            inside = isinstance(number, int) and 0 <= number < len(known)
-            return known[number] if inside else {}
-
-        sampler = entry("samplers", entry("textures", info.get("index")).get("sampler"))
+        texture = self.document.entry(info.get("index"), "textures") or {}
+        sampler = self.document.entry(texture.get("sampler"), "samplers") or {}
         return any(sampler.get(key, _REPEAT) != _REPEAT for key in ("wrapS", "wrapT"))
 
     def _moved(self, uvs: np.ndarray, change: dict) -> np.ndarray:
@@ -95,7 +84,10 @@ class GltfSurfaces:
 
     def _make(self, material: Any, entry: dict, name: str) -> Surface | None:
         path = self.document.path
-        surface = surface_of_pbr(material, path, metal_left_out=self._metal_left_out())
+        # A metallic factor that is not given is 1, but trimesh leaves it out of what has none.
+        generator = str(found(self.document.tree, object, "asset", "generator"))
+        metal = 0.0 if "trimesh" in generator else 1.0
+        surface = surface_of_pbr(material, path, metal_left_out=metal)
         changes: dict[str, Any] = {"name": name}
         cutoff = self._cutoff(material, name)
         if cutoff is None:
@@ -105,8 +97,7 @@ class GltfSurfaces:
             changes["texture"] = picture(material.baseColorTexture, path, "RGBA")
         if "occlusionTexture" in entry:
             self._note(LEFT_OUT, name, "baked shadows")
-        normal = entry.get("normalTexture")
-        if isinstance(normal, dict):
+        if (normal := found(entry, dict, "normalTexture")) is not None:
             changes["normal_scale"] = self._number(normal.get("scale", 1.0))
         strength = _extension(entry, "KHR_materials_emissive_strength")
         if strength is not None:
@@ -170,16 +161,7 @@ def _alpha_range(image: Any) -> tuple[int, int]:
 
 
 def _extension(holder: Any, name: str) -> dict | None:
-    extensions = holder.get("extensions") if isinstance(holder, dict) else None
-    found = extensions.get(name) if isinstance(extensions, dict) else None
-    return found if isinstance(found, dict) else None
-
-
-def _texture(entry: dict, keys: tuple[str, ...]) -> dict | None:
-    value: Any = entry
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else None
+    return found(holder, dict, "extensions", name)
 
 
 def surface_of_pbr(material: Any, path: Path, *, metal_left_out: float = 0.0) -> Surface:

@@ -15,6 +15,7 @@ from pathlib import Path
 from lfcore.errors import SceneError
 from lfcore.scene import reading
 from lfcore.scene.baked import ASKS
+from lfcore.scene.reading import DESCRIPTIONS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
 _SKY = re.compile(
@@ -23,8 +24,8 @@ _SKY = re.compile(
     re.MULTILINE,
 )
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
-_MATERIAL_FILE = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
-_TEXTURE_LINE = re.compile(
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
+_TEXTURE = re.compile(
     rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)", re.MULTILINE | re.IGNORECASE
 )
 _PLY_TEXTURE = re.compile(rb"^comment TextureFile[ \t]+(\S[^\r\n]*)", re.MULTILINE)
@@ -65,9 +66,10 @@ def asks_for_light(path: str | Path) -> bool:
     path = Path(path)
     try:
         if _scanner_of(path) is _pbrt:
-            return any(scanner is _pbrt and _SKY.search(reading.read_bytes(
-                file, reading.LARGEST_TEXT)) for file, scanner in _walk(path))  # fmt: skip
-        description = reading.read_yaml(path) if _scanner_of(path) is _description else None
+            scenes = [file for file, scanner in _walk(path) if scanner is _pbrt]
+            read = (reading.read_bytes(file, reading.LARGEST_TEXT) for file in scenes)
+            return any(_SKY.search(text) for text in read)
+        description = reading.read_yaml(path) if path.suffix.lower() in DESCRIPTIONS else None
     except SceneError:
         return False
     return isinstance(description, dict) and any(key in description for key in ASKS)
@@ -97,28 +99,15 @@ def _scanner_of(file: Path) -> Scanner:
     return _SCANNERS.get(suffix, lambda file: ())
 
 
-def _description(file: Path) -> Iterator[str]:
-    description = reading.read_yaml(file)
-    entries = description.get("objects") if isinstance(description, dict) else None
-    yield from _strings_at(_at(description, "sky"), "file")
-    for entry in entries if isinstance(entries, list) else ():
-        yield from _strings_at(entry, "file")
-        for surface in (_at(entry, "material"), *_values(_at(entry, "materials"))):
-            yield from _strings_at(surface, "texture")
-
-
-def _at(holder: object, key: str) -> object:
-    return holder.get(key) if isinstance(holder, dict) else None
-
-
-def _values(holder: object) -> list:
-    return list(holder.values()) if isinstance(holder, dict) else []
-
-
-def _strings_at(holder: object, key: str) -> Iterator[str]:
-    value = _at(holder, key)
+def _strings(value: object) -> Iterator[str]:
+    """Every string in a tree of lists and dictionaries, as it is and as a URI."""
     if isinstance(value, str):
         yield value
+        yield urllib.parse.unquote(value)
+    for each in (
+        value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    ):
+        yield from _strings(each)
 
 
 def _pbrt(file: Path) -> Iterator[str]:
@@ -141,9 +130,7 @@ def _tails(lines: Iterable[bytes]) -> Iterator[str]:
 
 def _ply(file: Path) -> Iterator[str]:
     with file.open("rb") as stream:
-        head = stream.read(_PLY_HEADER_BYTES)
-    for name in _PLY_TEXTURE.findall(head):
-        yield _text(name).strip()
+        return _tails(_PLY_TEXTURE.findall(stream.read(_PLY_HEADER_BYTES)))
 
 
 def _glb(file: Path) -> Iterator[str]:
@@ -151,30 +138,16 @@ def _glb(file: Path) -> Iterator[str]:
         head = stream.read(_GLB.size)
         if len(head) == _GLB.size and head[:4] == b"glTF":
             size = min(_GLB.unpack(head)[3], reading.LARGEST_TEXT)
-            yield from _uris(json.loads(stream.read(size)))
+            yield from _strings(json.loads(stream.read(size)))
 
 
-def _uris(document: object) -> Iterator[str]:
-    for kind in ("buffers", "images"):
-        entries = _at(document, kind)
-        for entry in entries if isinstance(entries, list) else ():
-            for uri in _strings_at(entry, "uri"):
-                if not uri.startswith("data:"):
-                    yield uri
-                    yield urllib.parse.unquote(uri)
-
-
-_SCANNERS: dict[str, Callable[[Path], Iterable[str]]] = {
-    "yaml": _description,
-    "yml": _description,
+_SCANNERS: dict[str, Scanner] = {
+    "yaml": lambda file: _strings(reading.read_yaml(file)),
     "pbrt": _pbrt,
-    "obj": lambda file: _tails(
-        _MATERIAL_FILE.findall(reading.read_bytes(file, reading.LARGEST_MESH))
-    ),
-    "mtl": lambda file: _tails(
-        _TEXTURE_LINE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
-    ),
+    "obj": lambda file: _tails(_LIBRARY.findall(reading.read_bytes(file, reading.LARGEST_MESH))),
+    "mtl": lambda file: _tails(_TEXTURE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))),
     "ply": _ply,
-    "gltf": lambda file: _uris(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT))),
+    "gltf": lambda file: _strings(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT))),
     "glb": _glb,
 }
+_SCANNERS["yml"] = _SCANNERS["yaml"]
