@@ -443,8 +443,7 @@ def record(
     Source: thesis, Algorithm 3.
     """
     from lfcore.lightfield import LightField
-    from lfcore.rendering.brightest import peak_to_store
-    from lfcore.rendering.record import record_slab
+    from lfcore.rendering.record import peak_to_store, record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
     check_keywords("record", more, OF_LENS, ())

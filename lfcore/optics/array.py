@@ -75,11 +75,8 @@ class CameraArray:
             if axis.ndim != 1 or not len(axis) or not np.isfinite(axis).all():
                 raise OpticsError("needs one finite position or more", key=key)
             if (np.diff(axis) <= 0).any():
-                raise OpticsError(
-                    "positions must increase strictly",
-                    key=key,
-                    remedy="Give a grid with different bounds, or a single camera",
-                )
+                remedy = "Give a grid with different bounds, or a single camera"
+                raise OpticsError("positions must increase strictly", key=key, remedy=remedy)
             object.__setattr__(self, key, tuple(axis.tolist()))
         if not 0 < self.fov_deg < 180:
             raise OpticsError(f"must lie between 0 and 180, not {self.fov_deg}", key="fov_deg")
@@ -217,11 +214,9 @@ class CameraArray:
         """
         (nx, ny), (w, h) = self.cameras, self.tile
         if image.shape[:2] != (ny * h, nx * w):
-            raise OpticsError(
-                f"an image of {image.shape[1]} x {image.shape[0]} is not {nx} x {ny} tiles of "
-                f"{w} x {h}",
-                remedy="Check the number of cameras",
-            )
+            size = f"{image.shape[1]} x {image.shape[0]}"
+            problem = f"an image of {size} is not {nx} x {ny} tiles of {w} x {h}"
+            raise OpticsError(problem, remedy="Check the number of cameras")
         return image.reshape(ny, h, nx, w, *image.shape[2:]).swapaxes(1, 2)
 
     def mosaic(self, tiles: np.ndarray) -> np.ndarray:
@@ -267,11 +262,9 @@ def _axis(
     if count == 1:
         return ((low + high) / 2,), (high - low) / 2
     if not high > low:
-        raise OpticsError(
-            f"{count} cameras along {name} share one position",
-            key="bounds",
-            remedy="Give the bounding box of the data cameras",
-        )
+        problem = f"{count} cameras along {name} share one position"
+        remedy = "Give the bounding box of the data cameras"
+        raise OpticsError(problem, key="bounds", remedy=remedy)
     if spacing == "ends":
         return tuple(np.linspace(low, high, count).tolist()), 0.0
     pitch = (high - low) / count

@@ -90,8 +90,6 @@ def image_distance(focal_length_m: float, focus_m: float) -> float:
 def check_focus(focus_m: float, focal_length_m: float, *, key: str) -> None:
     """Raise :class:`OpticsError` unless the lens can focus at this distance."""
     if not focus_m > focal_length_m:
-        raise OpticsError(
-            f"focus at {focus_m} m lies inside the focal length of {focal_length_m} m",
-            key=key,
-            remedy="Focus farther than the focal length, or shorten the focal length",
-        )
+        problem = f"focus at {focus_m} m lies inside the focal length of {focal_length_m} m"
+        remedy = "Focus farther than the focal length, or shorten the focal length"
+        raise OpticsError(problem, key=key, remedy=remedy)

@@ -104,9 +104,8 @@ def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
         check_kind(focus, Real, "focus_m", "a number of metres or a word")
         return float(focus)
     if seen is None:
-        raise OpticsError(
-            f"{focus!r} of a depth that is not known", key="focus_m", remedy="Give metres"
-        )
+        problem = f"{focus!r} of a depth that is not known"
+        raise OpticsError(problem, key="focus_m", remedy="Give metres")
     return seen.at(share_of(focus))
 
 
@@ -117,10 +116,8 @@ def check_place(place: Sequence[float | str]) -> tuple[float, float]:
     except (TypeError, ValueError):
         x = y = math.nan
     if not (0 <= x <= 1 and 0 <= y <= 1):
-        raise OpticsError(
-            f"{place} is no place in the picture", key="focus_at",
-            remedy="Give x and y from 0 to 1, from the upper left corner",
-        )  # fmt: skip
+        remedy = "Give x and y from 0 to 1, from the upper left corner"
+        raise OpticsError(f"{place} is no place in the picture", key="focus_at", remedy=remedy)
     return x, y
 
 
@@ -131,11 +128,8 @@ def blur_share(blur: float | str) -> float:
     except (TypeError, ValueError):
         share = None
     if share is None or not 0 < share <= WIDEST_BLUR:
-        raise OpticsError(
-            f"must be above 0 and at most 100% of the picture's width, not {blur}",
-            key="blur",
-            remedy="Give a share such as 3%",
-        )
+        problem = f"must be above 0 and at most 100% of the picture's width, not {blur}"
+        raise OpticsError(problem, key="blur", remedy="Give a share such as 3%")
     return share
 
 
@@ -151,9 +145,8 @@ def f_number_of_blur(
     share = blur_share(blur)
     defocus = seen.defocus(focus_m) if seen else 0.0
     if not defocus > 1e-6 / focal_m * share * width:
-        raise OpticsError(
-            "nothing that is seen can be out of focus", key="blur", remedy="Give an f-number"
-        )
+        problem = "nothing that is seen can be out of focus"
+        raise OpticsError(problem, key="blur", remedy="Give an f-number")
     return focal_m * defocus / (share * width)
 
 

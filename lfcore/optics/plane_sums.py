@@ -136,11 +136,9 @@ class PlaneSums:
         slab, shape = self.slab, self.sums.shape[2:]
         sides = sorted({plane.side(slab) for plane in self.planes})
         if len(sides) > 1:
-            raise OpticsError(
-                f"planes of {' and '.join(map(str, sides))} pixels cannot be formed together",
-                key="pixels",
-                remedy="Form pictures of one size at a time",
-            )
+            problem = f"planes of {' and '.join(map(str, sides))} pixels cannot be formed together"
+            remedy = "Form pictures of one size at a time"
+            raise OpticsError(problem, key="pixels", remedy=remedy)
         if shape != shown(slab, self.planes)[:1:-1]:
             raise OpticsError("the planes are not whole yet", remedy="Add all tiles first")
         out = np.empty((len(self.planes), *shape, 3), np.float32)

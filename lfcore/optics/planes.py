@@ -183,17 +183,14 @@ class SensorPlane:
         camera = slab.camera
         check_focus(self.focus_m, camera.focal_length_m, key="focus_m")
         if not self.f_number >= camera.f_number * (1 - 1e-9):
-            raise OpticsError(
-                f"aperture f/{self.f_number:g} is wider than the lens, f/{camera.f_number:g}",
-                key="f_number",
-                remedy=f"Use f/{camera.f_number:g} or a larger number, or trace a wider lens",
-            )
+            lens = f"f/{camera.f_number:g}"
+            problem = f"aperture f/{self.f_number:g} is wider than the lens, {lens}"
+            remedy = f"Use {lens} or a larger number, or trace a wider lens"
+            raise OpticsError(problem, key="f_number", remedy=remedy)
         if self.side(slab) > slab.pixels:
-            raise OpticsError(
-                f"a picture of {self.pixels} pixels is finer than the slab's {slab.pixels}",
-                key="pixels",
-                remedy=f"Ask for {slab.pixels} at most, or slice by depth",
-            )
+            problem = f"a picture of {self.pixels} pixels is finer than the slab's {slab.pixels}"
+            remedy = f"Ask for {slab.pixels} at most, or slice by depth"
+            raise OpticsError(problem, key="pixels", remedy=remedy)
 
     def side(self, slab: Slab) -> int:
         """Pixels of the picture's longer side."""
@@ -203,11 +200,9 @@ class SensorPlane:
         """Raise :class:`OpticsError` where a method forms pictures of ``pixels`` alone, and this
         one is of others."""
         if self.pixels not in (None, pixels):
-            raise OpticsError(
-                f"a picture of {self.pixels} pixels from rays of {pixels} is formed by slicing",
-                key="pixels",
-                remedy="Use the method slicing, or leave pixels out",
-            )
+            made = f"a picture of {self.pixels} pixels from rays of {pixels} is formed by slicing"
+            remedy = "Use the method slicing, or leave pixels out"
+            raise OpticsError(made, key="pixels", remedy=remedy)
 
     def mask(self, slab: Slab) -> np.ndarray:
         """(N, N) bool, indexed [j, i]: lens samples inside the aperture.

@@ -36,19 +36,16 @@ class PlenopticCamera:
     def __post_init__(self) -> None:
         slab = self.slab()  # refuses impossible counts
         if self.lens_diameter_m <= self.pitch_m:
-            raise OpticsError(
-                f"microlenses of {1e3 * self.pitch_m:.3g} mm are wider than the main lens",
-                key="lenses",
-                remedy="Use more microlenses, or a wider main lens",
-            )
-        if not slab.camera.image_distance_m > self.hyperfocal_distance_m:
-            away, least = self.camera.image_distance_m, self.hyperfocal_distance_m
+            problem = f"microlenses of {1e3 * self.pitch_m:.3g} mm are wider than the main lens"
+            remedy = "Use more microlenses, or a wider main lens"
+            raise OpticsError(problem, key="lenses", remedy=remedy)
+        away, least = slab.camera.image_distance_m, self.hyperfocal_distance_m
+        if not away > least:
             raise OpticsError(
                 f"the main lens, {1e3 * away:.4g} mm away, is nearer than the microlenses' "
-                f"hyperfocal distance of {1e3 * least:.4g} mm",
-                key="samples",
+                f"hyperfocal distance of {1e3 * least:.4g} mm", key="samples",
                 remedy="Use more microlenses, fewer samples, or a wider main lens",
-            )
+            )  # fmt: skip
 
     @property
     def pitch_m(self) -> float:

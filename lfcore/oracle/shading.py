@@ -16,10 +16,9 @@ Source: J. F. Blinn, "Models of light reflection for computer synthesized pictur
 import numpy as np
 
 from lfcore.oracle import sky_gloss
-from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
 from lfcore.oracle.metal import bent_normals, glow, metals
-from lfcore.oracle.textures import bilinear
+from lfcore.oracle.textures import bilinear, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance as sky_radiance

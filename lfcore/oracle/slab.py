@@ -3,9 +3,9 @@
 import numpy as np
 
 from lfcore.optics.slab import Slab
-from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.shading import shade
+from lfcore.oracle.textures import solid_of
 from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 

@@ -79,8 +79,6 @@ def trace_array(
 def _check(out: np.ndarray, array: CameraArray) -> None:
     shape = (*array.image_size[::-1], 3)
     if out.shape != shape or out.dtype != np.float32 or not out.flags.c_contiguous:
-        raise OpticsError(
-            f"{out.dtype} numbers of shape {out.shape} cannot hold the array's image",
-            key="out",
-            remedy=f"Give a contiguous float32 array of shape {shape}",
-        )
+        problem = f"{out.dtype} numbers of shape {out.shape} cannot hold the array's image"
+        remedy = f"Give a contiguous float32 array of shape {shape}"
+        raise OpticsError(problem, key="out", remedy=remedy)

@@ -128,11 +128,9 @@ def trace_by_depth(
     size = Size(*views.slab.picture(pixels)[2:])
     needed = DepthSlicer.sums_bytes(len(planes), size)
     if needed > device.device.global_mem_size // 2:
-        raise OpticsError(
-            f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB",
-            key="size",
-            remedy="Ask for fewer pixels or pictures, or use the filter 'nearest'",
-        )
+        what = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
+        remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
+        raise OpticsError(what, key="size", remedy=remedy)
     stops, least_px = tracer.needs.stops, widths.get("least_px")
     slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
     for part, bundles in _bundles(views, pixels, widths.get("footprint_px")):

@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.files import draft_folder
+from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
-from lfcore.rendering.depth import depth_content
+from lfcore.rendering.depth import all_samples, depth_content, spread_over
 from lfcore.scene.files import scene_digest
+from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
@@ -26,6 +28,8 @@ from lfcore.tracing.chunks import Chunk
 from lfcore.tracing.tracer import TileTracing, Tracer
 
 TILE_RAYS = 1 << 27
+HEADROOM = 2.0
+"""Highlights that few rays see, over those that all rays see, at most."""
 
 
 def record_slab(
@@ -46,18 +50,24 @@ def record_slab(
     """
     path, scene = Path(path), tracers[0].scene
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
-    count, lock = _Elements(progress, math.prod(layout.outer)), threading.Lock()
-    free = list(tracers)
+    free, lock, failed = list(tracers), threading.Lock(), threading.Event()
+    done, of = dict.fromkeys(range(len(tiles)), 0), math.prod(layout.outer)
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
 
         def one(tile: Tile) -> None:
+            def report(elements: int, _: int) -> None:
+                with lock:
+                    if failed.is_set():  # another tile, or interrupted: this one is not wanted
+                        raise _StoppedError
+                    done[tile.index] = elements
+                    if progress:
+                        progress(sum(done.values()), of)
+
             with lock:
                 tracer = free.pop()
             try:
-                record_tile(
-                    tracer, slab, tile, segments[tile.index], spec, progress=count.of_tile()
-                )
+                record_tile(tracer, slab, tile, segments[tile.index], spec, progress=report)
             finally:
                 free.append(tracer)
 
@@ -67,7 +77,7 @@ def record_slab(
                 for job in jobs:
                     job.result()
             except BaseException:
-                count.stop()
+                failed.set()
                 pool.shutdown(cancel_futures=True)
                 raise
         return join_segments(
@@ -109,36 +119,8 @@ def record_tile(
     return tracing, watch.seconds["whole"] - tracing.seconds
 
 
-class _Stopped(Exception):
-    """Another tile failed, or the user interrupted: this one is not wanted any more."""
-
-
-class _Elements:
-    """Adds up the outer elements that several threads have done."""
-
-    def __init__(self, callback: Progress | None, total: int):
-        self._callback, self._total, self._done = callback, total, 0
-        self._lock, self._stopped = threading.Lock(), False
-
-    def stop(self) -> None:
-        """Let tiles that are being traced end where they next report."""
-        self._stopped = True
-
-    def of_tile(self) -> Progress:
-        """What a tile is to call with (done, of its own)."""
-        before = 0
-
-        def report(done: int, _: int) -> None:
-            nonlocal before
-            with self._lock:
-                if self._stopped:
-                    raise _Stopped
-                self._done += done - before
-                before = done
-                if self._callback:
-                    self._callback(self._done, self._total)
-
-        return report
+class _StoppedError(Exception):
+    """Ends a tile that is being traced."""
 
 
 def _copied_ahead(tracing: Iterable[Chunk]) -> Iterator[np.ndarray]:
@@ -154,3 +136,31 @@ def _copied_ahead(tracing: Iterable[Chunk]) -> Iterator[np.ndarray]:
         while (frames := coming.result()) is not None:
             coming = pool.submit(following)
             yield frames
+
+
+def peak_to_store(tracer: Tracer, slab: Slab, transfer: str | None) -> float | None:
+    """The light of the brightest code, a power of two; None for sRGB, which ends at white.
+
+    Without a ``transfer``, sRGB where nothing brighter than white is seen.  Of surfaces that glow
+    and of the background it is exact, of highlights a measurement by few rays, with headroom.
+    """
+    stops = tracer.needs.stops
+    if transfer == "srgb" or (transfer is None and not stops):
+        return None
+    found = bundles.views(coarse := spread_over(slab), all_samples(coarse))
+    seen = float(tracer.bundle_radiance(found).max(initial=0.0)) if stops else 1.0
+    glow = _glow(tracer.scene, slab)
+    if transfer is None and max(seen, glow) <= 1:
+        return None
+    most = max(1.0, glow, HEADROOM * seen)
+    return 2.0 ** min(stops, math.ceil(math.log2(most)))
+
+
+def _glow(scene: Scene, slab: Slab) -> float:
+    """The brightest emission of a surface that has a corner in the picture."""
+    glows = np.array([max(material.emission) for material in scene.materials], np.float64)
+    x, y, z = np.moveaxis(scene.triangles, -1, 0).astype(np.float64)
+    reach = slab.camera.field_width / 2 * max(slab.size) / min(slab.size)
+    reach = reach * np.maximum(z, 0) + slab.camera.lens_radius_m
+    seen = ((z > 0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)).any(axis=1)
+    return float(glows[scene.material_ids[seen]].max(initial=0.0))

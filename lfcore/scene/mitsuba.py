@@ -56,15 +56,10 @@ class Description:
     def __init__(self, mitsuba: ModuleType, scene: Scene, *, leave_out_ambient: bool = False):
         self.mitsuba, self._scene = mitsuba, scene
         self._glows = not any(any(light.colour) for light in scene.lights)
-        if len(scene.colours):
-            raise SceneError("colours at corners are not exported to Mitsuba", key=scene.name)
         check_exportable(scene, "Mitsuba")
         if any(scene.ambient) and not self._glows and not leave_out_ambient:
-            raise SceneError(
-                "Mitsuba has no ambient light",
-                key=scene.name,
-                remedy="Leave it out, or compare a scene that has no other light",
-            )
+            remedy = "Leave it out, or compare a scene that has no other light"
+            raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
 
     def all(self, sensor: dict) -> dict:
         """What ``mitsuba.load_dict`` takes, for the pictures of a sensor."""

@@ -151,6 +151,7 @@ def check_exportable(scene: Scene, program: str) -> None:
     """Raise :class:`SceneError` for what is exported to no other ray tracer, as ``program``."""
     needs = Needs.of(scene)
     for found, what in (
+        (len(scene.colours), "colours at corners are"),
         (scene.motions, "motion is"),
         (needs.cut_outs or needs.physical, "holes, metal and bent normals are"),
         (needs.emitters or needs.spots, "spots and points of area lights are"),

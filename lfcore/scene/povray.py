@@ -30,12 +30,6 @@ FADE = 1000.0
 
 def write_mesh(folder: str | Path, scene: Scene) -> None:
     """Write mesh and textures of a scene, which all views share, into ``folder``, which is made."""
-    if len(scene.colours):
-        raise SceneError(
-            "colours at corners are not exported to POV-Ray",
-            key=scene.name,
-            remedy="Use a texture or materials instead",
-        )
     check_exportable(scene, "POV-Ray")
     write_text(Path(folder) / MESH, "\n".join(_mesh(scene, Path(folder))) + "\n")
 
@@ -122,11 +116,9 @@ def _over(scene: Scene, index: int) -> np.ndarray:
     material = scene.materials[index]
     diffuse, emission = np.array(material.diffuse), np.array(material.emission)
     if _textured(scene, index) or (emission[diffuse == 0] > 0).any():
-        raise SceneError(
-            f"the emission of material {material.name!r} is not exported to POV-Ray",
-            key=scene.name,
-            remedy="Give it a diffuse colour without zeros, and no texture",
-        )
+        problem = f"the emission of material {material.name!r} is not exported to POV-Ray"
+        remedy = "Give it a diffuse colour without zeros, and no texture"
+        raise SceneError(problem, key=scene.name, remedy=remedy)
     return emission / np.where(diffuse == 0, 1, diffuse)
 
 

@@ -106,11 +106,9 @@ def lightfield_view(
         if count < 1:
             raise OpticsError(f"must be at least 1, not {count}", key="cameras_per_dim")
         if length % count:
-            raise OpticsError(
-                f"divides a film {name} of {length} into {count} tiles with a remainder",
-                key="cameras_per_dim",
-                remedy="Make the film a multiple of the cameras",
-            )
+            problem = f"divides a film {name} of {length} into {count} tiles with a remainder"
+            remedy = "Make the film a multiple of the cameras"
+            raise OpticsError(problem, key="cameras_per_dim", remedy=remedy)
     tile = tuple(length // count for length, count in zip(film, cameras_per_dim, strict=True))
     array = CameraArray.on_grid(cameras_per_dim, grid_bounds_m, fov_deg, tile, spacing)
     widest = max(abs(bound) for bound in grid_bounds_m)

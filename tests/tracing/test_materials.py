@@ -22,9 +22,9 @@ from tracing_scenes import (
 from lfcore import Slab
 from lfcore.optics.bundles import views
 from lfcore.oracle import metal
-from lfcore.oracle.cut_outs import solid_of
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, slab_hits
+from lfcore.oracle.textures import solid_of
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.needs import Needs
 
