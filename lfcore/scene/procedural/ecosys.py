@@ -11,7 +11,7 @@ from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, textured
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube
+from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube, xyz
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join
 
 # Species: plants at density 1, nearest and farthest distance, smallest and largest size.
@@ -98,14 +98,13 @@ def _places(
     # Even over the area of a wedge: the square of the distance is uniform.
     distance = np.sqrt(rng.uniform(near * near, far * far, number))
     x = distance * rng.uniform(-0.85, 0.85, number)
-    positions = np.stack([x, ground_height(x, -distance) - 0.02, -distance], -1)
-    upright = np.broadcast_to([0.0, 1.0, 0.0], (number, 3))
-    return orient(rng, positions, upright, rng.uniform(small, large, number))
+    positions = xyz(x, ground_height(x, -distance) - 0.02, -distance)
+    return orient(rng, positions, (0.0, 1.0, 0.0), rng.uniform(small, large, number))
 
 
 def _ground(cells: int, surface: Surface) -> SurfaceMesh:
     x, z = np.meshgrid(np.linspace(-110, 110, cells + 1), np.linspace(3, -125, cells + 1))
-    points = np.stack([x, ground_height(x, z), z], -1)
+    points = xyz(x, ground_height(x, z), z)
     return mesh_grid(points, surface, np.stack([x, -z], -1) * 0.15)
 
 

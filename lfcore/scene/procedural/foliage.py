@@ -33,7 +33,7 @@ def blade(
     along = np.cumsum(np.r_[0, np.cos(angle[1:])]) * length / pieces
     droop = np.cumsum(np.r_[0, np.sin(angle[1:])]) * length / pieces
     depth = droop[:, None] + fold * width * profile[:, None] * np.array([1.0, 0.0, 1.0])
-    points = np.stack([across, np.broadcast_to(along[:, None], across.shape), depth], -1)
+    points = xyz(across, along[:, None], depth)
     uv = np.stack(np.meshgrid([0.05, 0.5, 0.95], v), -1)
     return mesh_grid(points, surface, uv, crease_deg=85.0)
 
@@ -125,10 +125,9 @@ def tuft(
     leaf = SurfaceMesh(corners[order], surface, None, uv[order])
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     flat = xyz(np.cos(turn) * out, 0.0, np.sin(turn) * out)
-    positions = flat * radius
     directions = (0, 1, 0) + flat * 0.45 + rng.normal(scale=0.10, size=(number, 3))
     sizes = rng.uniform(0.6, 1.1, number) * height
-    return scattered(leaf, orient(rng, positions, directions, sizes))
+    return scattered(leaf, orient(rng, flat * radius, directions, sizes))
 
 
 def stems(
@@ -149,8 +148,7 @@ def stems(
         tall = height * rng.uniform(0.75, 1.1)
         tip = np.asarray(foot) + (np.cos(turn) * out, tall, np.sin(turn) * out)
         half = np.asarray(foot) + (np.cos(turn) * out * 0.3, tall * 0.6, np.sin(turn) * out * 0.3)
-        path = curve([foot, half, tip], 3)
-        parts.append(tube(path, radius, surface, segments=3, caps=False))
+        parts.append(tube(curve([foot, half, tip], 3), radius, surface, segments=3, caps=False))
         tips.append(tip)
     return join(parts), np.array(tips)
 
@@ -167,14 +165,12 @@ def conifer(rng: Rng, needles: Surface, trunk: Surface, height: float) -> Parts:
         angle = np.arange(2 * points) * np.pi / points + rng.uniform(0, 2)
         tip = np.where(np.arange(2 * points) % 2, 0.62, 1.0) * rng.uniform(0.86, 1.12, 2 * points)
         drop = np.where(np.arange(2 * points) % 2, 0.10, 0.0) * reach
-        rim = np.stack([np.cos(angle) * tip * reach, base + drop, np.sin(angle) * tip * reach], -1)
+        rim = xyz(np.cos(angle) * tip * reach, base + drop, np.sin(angle) * tip * reach)
         middle = rim * (0.42, 0, 0.42) + (0, base + 0.42 * (top - base), 0)
         peak = np.broadcast_to((0.0, top, 0.0), rim.shape)
         uv = np.stack(np.meshgrid(np.linspace(0, 4, 2 * points + 1), [0.0, 0.6, 1.0]), -1)
-        sheet = mesh_grid(
-            np.stack([rim, middle, peak]), needles, uv, close_columns=True, crease_deg=35.0
-        )
-        skirts.append(sheet)
+        rows = np.stack([rim, middle, peak])
+        skirts.append(mesh_grid(rows, needles, uv, close_columns=True, crease_deg=35.0))
     stem = tube([(0, 0, 0), (0, height * 0.3, 0)], height * 0.028, trunk, segments=6, caps=False)
     return [join(skirts), stem]
 
@@ -183,17 +179,15 @@ def flowers(
     rng: Rng, positions: np.ndarray, surface: Surface, *, size: float = 0.02, petals: int = 5
 ) -> SurfaceMesh:
     """Blossoms of ``petals`` bent petals of 2 triangles, turned roughly to the front."""
-    angle = np.arange(petals) * 2 * np.pi / petals
     corners = []
-    for turn in angle:
+    for turn in np.arange(petals) * 2 * np.pi / petals:
         across = np.array([-np.sin(turn), np.cos(turn), 0]) * 0.42
         out = np.array([np.cos(turn), np.sin(turn), 0])
         left, right = 0.6 * out + across + (0, 0, 0.25), 0.6 * out - across + (0, 0, 0.25)
         tip = 1.05 * out + np.array([0, 0, 0.12])
         corners += [[np.zeros(3), right, left], [left, right, tip]]
     triangles = np.array(corners)
-    uv = triangles[..., :2] * 0.5 + 0.5
-    blossom = SurfaceMesh(triangles, surface, None, uv)
+    blossom = SurfaceMesh(triangles, surface, None, triangles[..., :2] * 0.5 + 0.5)
     number = len(positions)
     aim = normalise(np.array((0, 0.5, 1)) + rng.normal(scale=0.45, size=(number, 3)))
     sideways = np.cross(aim, (0.3, 1.0, 0.1))

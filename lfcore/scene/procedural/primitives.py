@@ -4,7 +4,7 @@ World space, metres, y up.  Texture coordinates run in metres times ``repeat`` (
 metre) unless said otherwise, so that a brick has one size on every wall.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,20 +91,23 @@ def box(
     """12 triangles, flat shaded. The texture's u runs along axis ``grain`` where it can."""
     half, centre = np.asarray(size, np.float64) / 2, np.asarray(centre, np.float64)
     parts = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            first, second = (axis + 1) % 3, (axis + 2) % 3
-            if sign < 0:
-                first, second = second, first
-            corners = np.zeros((4, 3))
-            corners[:, axis] = sign * half[axis]
-            corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
-            corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
-            along = grain if axis != grain else first
-            other = 3 - axis - along
-            uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
-            parts.append(quad(corners + centre, surface, uv))
+    for sign, axis, first, second in _sides():
+        corners = np.zeros((4, 3))
+        corners[:, axis] = sign * half[axis]
+        corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
+        corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
+        along = grain if axis != grain else first
+        other = 3 - axis - along
+        uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
+        parts.append(quad(corners + centre, surface, uv))
     return join(parts)
+
+
+def _sides() -> Iterator[tuple[float, int, int, int]]:
+    """Of a cube: the sign and axis of its normal, and two axes that it is right-handed with."""
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        yield from ((-1.0, axis, second, first), (1.0, axis, first, second))
 
 
 def cushion(
@@ -118,18 +121,15 @@ def cushion(
     steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, pieces + 1))
     a, b = np.meshgrid(steps, steps)
     parts = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            first, second = (axis + 1) % 3, (axis + 2) % 3
-            cube = np.zeros((*a.shape, 3))
-            cube[..., axis] = sign
-            cube[..., first], cube[..., second] = (a, b) if sign > 0 else (b, a)
-            radius = (np.abs(cube) ** power).sum(-1, keepdims=True) ** (-1 / power)
-            points = cube * radius * half
-            # Upright and unmirrored on every side as seen from outside.
-            along = points[..., [0, 2] if axis == 1 else ([2, 1] if axis == 0 else [0, 1])]
-            flip = {0: (-sign, 1.0), 1: (1.0, -sign), 2: (sign, 1.0)}[axis]
-            parts.append(mesh_grid(points, surface, along * flip * repeat + 0.5, smooth=False))
+    for sign, axis, first, second in _sides():
+        cube = np.zeros((*a.shape, 3))
+        cube[..., axis], cube[..., first], cube[..., second] = sign, a, b
+        radius = (np.abs(cube) ** power).sum(-1, keepdims=True) ** (-1 / power)
+        points = cube * radius * half
+        # Upright and unmirrored on every side as seen from outside.
+        along = points[..., ([2, 1], [0, 2], [0, 1])[axis]]
+        flip = ((-sign, 1.0), (1.0, -sign), (sign, 1.0))[axis]
+        parts.append(mesh_grid(points, surface, along * flip * repeat + 0.5, smooth=False))
     whole = join(parts)
     # The six sides meet at equal positions up to rounding; make them equal to smooth across.
     triangles = np.round(whole.triangles, 9)
@@ -181,12 +181,8 @@ def sphere(
     across[[0, -1]] = 0.0
     part = lathe(np.stack([across, np.sin(latitude)], -1), surface, segments=segments)
     radius = np.broadcast_to(np.asarray(radius, np.float64), 3)
-    return SurfaceMesh(
-        part.triangles * radius + np.asarray(centre, np.float64),
-        surface,
-        normalise(part.triangles / radius),
-        part.uvs,
-    )
+    triangles, normals = part.triangles * radius, normalise(part.triangles / radius)
+    return SurfaceMesh(triangles + np.asarray(centre, np.float64), surface, normals, part.uvs)
 
 
 def tube(
@@ -213,10 +209,8 @@ def tube(
         tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
         length = np.r_[0, length, length[-1]]
     right, up = _frames(tangents, closed)
-    angle = np.arange(segments) * (2 * np.pi / segments)
-    ring = (
-        np.cos(angle)[None, :, None] * right[:, None] + np.sin(angle)[None, :, None] * up[:, None]
-    )
+    angle = np.arange(segments)[:, None] * (2 * np.pi / segments)
+    ring = np.cos(angle) * right[:, None] + np.sin(angle) * up[:, None]
     points = path[:, None] + radii[:, None, None] * ring
     u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radii.max() * repeat))
     if closed:
@@ -291,10 +285,8 @@ def scattered(part: SurfaceMesh, matrices: np.ndarray) -> SurfaceMesh:
 
     triangles = (moved(part.triangles) + offset).reshape(-1, 3, 3)
     normals = None if part.normals is None else moved(part.normals).reshape(-1, 3, 3)
-    copies = len(matrices)
-    uvs = None if part.uvs is None else np.tile(part.uvs, (copies, 1, 1))
-    colours = None if part.colours is None else np.tile(part.colours, (copies, 1, 1))
-    return SurfaceMesh(triangles, part.surface, normals, uvs, colours)
+    uvs = None if part.uvs is None else np.tile(part.uvs, (len(matrices), 1, 1))
+    return SurfaceMesh(triangles, part.surface, normals, uvs)
 
 
 def disc(

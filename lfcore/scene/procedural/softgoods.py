@@ -1,18 +1,17 @@
 """Cloth and stuffing: pillows, draped blankets, curtains, tufted panels, rugs, a teddy bear."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Range, Size
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube
+from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube, xyz
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
+Triple = tuple[float, float, float]
 
-def pillow(
-    size: tuple[float, float, float], surface: Surface, *, seed: int, pieces: int
-) -> SurfaceMesh:
+
+def pillow(size: Triple, surface: Surface, *, seed: int, pieces: int) -> SurfaceMesh:
     """Two sheets sewn along a seam, lying in the plane y = 0; 4 * pieces^2 triangles."""
     width, thick, deep = size
     edge = np.sin(np.linspace(-np.pi / 2, np.pi / 2, pieces + 1))
@@ -23,12 +22,9 @@ def pillow(
     height = body * (1 + 0.10 * wrinkle) + 0.05 * radial * body**0.5
     x = u * (1 - 0.10 * (1 - v**2) * np.abs(u) ** 3) * width / 2
     z = v * (1 - 0.10 * (1 - u**2) * np.abs(v) ** 3) * deep / 2
-    sheets = []
-    for side in (1.0, -1.0):
-        points = np.stack([x, side * height * thick / 2, z], -1)
-        uv = np.stack([x, z], -1) * 2.0
-        sheets.append(mesh_grid(points, surface, uv, crease_deg=180))
-    return join(sheets)
+    sheets = [xyz(x, side * height * thick / 2, z) for side in (1.0, -1.0)]
+    uv = np.stack([x, z], -1) * 2.0
+    return join([mesh_grid(points, surface, uv, crease_deg=180) for points in sheets])
 
 
 def _over_edge(excess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,8 +65,8 @@ def draped(
     x = np.clip(across, -width / 2, width / 2) + np.sign(across) * (side_out + side_fold)
     z = np.minimum(along, length) + foot_out + foot_fold
     y = -down + flat * wrinkle * (2.2 * broad + 1.4 * crease**6)
-    points = np.stack([x, y, z], -1)
-    return mesh_grid(points, surface, np.stack([across, -along], -1) * repeat, crease_deg=180)
+    uv = np.stack([across, -along], -1) * repeat
+    return mesh_grid(xyz(x, y, z), surface, uv, crease_deg=180)
 
 
 def curtain(
@@ -90,9 +86,8 @@ def curtain(
     phase = 2 * np.pi * 9 * s + 1.6 * sway
     depth = (0.030 + 0.022 * (1 - t)) * (1 - 0.35 * waist)
     z = depth * (np.sin(phase) + 0.25 * np.sin(2 * phase + 1)) + 0.03 * sway * (1 - t)
-    points = np.stack([x, t * height, z], -1)
     uv = np.stack([s * width * 2.2, t * height], -1) * 1.4
-    return mesh_grid(points, surface, uv, crease_deg=180)
+    return mesh_grid(xyz(x, t * height, z), surface, uv, crease_deg=180)
 
 
 def tufted(width: float, height: float, surface: Surface) -> SurfaceMesh:
@@ -105,9 +100,8 @@ def tufted(width: float, height: float, surface: Surface) -> SurfaceMesh:
     round_off = np.sqrt(np.clip(1 - (1 - np.clip(rim / 0.05, 0, 1)) ** 2, 0, 1))
     z = 0.075 * round_off * (0.55 + 0.45 * soft)
     top = v * height * (1 + 0.10 * (1 - (2 * u - 1) ** 2) * v)
-    points = np.stack([(u - 0.5) * width, top, z], -1)
     uv = np.stack([u * width, v * height], -1) * 2.0
-    return mesh_grid(points, surface, uv, crease_deg=180)
+    return mesh_grid(xyz((u - 0.5) * width, top, z), surface, uv, crease_deg=180)
 
 
 def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: int) -> Parts:
@@ -117,17 +111,16 @@ def rug(width: float, depth: float, field: Surface, fringe: Surface, *, seed: in
     wave = textures.noise(seed, cells=(3, 3), octaves=2, size=u.shape)
     lift = 0.010 + 0.010 * wave
     border = (u == 0) | (u == 1) | (v == 0) | (v == 1)
-    points = np.stack([(u - 0.5) * width, np.where(border, 0.001, lift), (0.5 - v) * depth], -1)
+    points = xyz((u - 0.5) * width, np.where(border, 0.001, lift), (0.5 - v) * depth)
     parts = [mesh_grid(points, field, np.stack([u, v], -1), crease_deg=180)]
     path = [(0, 0.012, 0), (0.02, 0.014, 0.002), (0.05, 0.006, 0.004), (0.085, 0.004, -0.004)]
     knot = tube(curve(path, 5), [0.006, 0.008, 0.006, 0.007, 0.004], fringe, segments=5)
     number = int(depth / 0.024)
-    for side in (0.0, 180.0):
-        z = (np.arange(number) + 0.5) / number * depth - depth / 2
-        matrices = [
-            chain(rotate("y", rng.uniform(-22, 22)), translate(width / 2, 0, zi), rotate("y", side))
-            for zi in z
+    for side in (rotate("y", 0.0), rotate("y", 180.0)):
+        ends = [
+            translate(width / 2, 0, (k + 0.5) / number * depth - depth / 2) for k in range(number)
         ]
+        matrices = [chain(rotate("y", rng.uniform(-22, 22)), end, side) for end in ends]
         parts.append(scattered(knot, np.array(matrices)))
     return parts
 
@@ -148,15 +141,11 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
     """A sitting bear, 0.45 m tall, facing +z."""
 
     def lump(
-        radius: ArrayLike,
-        centre: tuple[float, float, float],
-        surface: Surface = fur,
-        detail: float = 1.0,
-        plush: float = 0.012,
+        radius: Triple, centre: Triple, surface: Surface = fur, detail: float = 1.0
     ) -> SurfaceMesh:
         ball = sphere(radius, surface, segments=int(40 * detail), rings=int(26 * detail))
-        if plush:
-            ball = fluffy(ball, seed=seed, depth=plush)
+        if surface is not dark:
+            ball = fluffy(ball, seed=seed, depth=0.012)
         return ball.at(*centre)
 
     parts = [
@@ -164,13 +153,13 @@ def teddy(fur: Surface, light: Surface, dark: Surface, *, seed: int) -> Parts:
         lump((0.078, 0.088, 0.03), (0, 0.135, 0.082), light, 0.7),
         lump((0.105, 0.095, 0.092), (0, 0.325, 0.015)),
         lump((0.046, 0.036, 0.036), (0, 0.300, 0.095), light, 0.6),
-        lump((0.015, 0.011, 0.009), (0, 0.316, 0.130), dark, 0.4, 0),
+        lump((0.015, 0.011, 0.009), (0, 0.316, 0.130), dark, 0.4),
     ]
     for side in (-1, 1):
         parts += [
             lump((0.036, 0.036, 0.018), (0.082 * side, 0.405, 0.0), fur, 0.7),
             lump((0.023, 0.023, 0.010), (0.082 * side, 0.404, 0.015), light, 0.4),
-            lump((0.0095, 0.0105, 0.007), (0.038 * side, 0.343, 0.102), dark, 0.4, 0),
+            lump((0.0095, 0.0105, 0.007), (0.038 * side, 0.343, 0.102), dark, 0.4),
         ]
         arm = lump((0.040, 0.090, 0.040), (0, -0.07, 0), fur, 0.8)
         place = translate(0.10 * side, 0.23, 0.02)
