@@ -2,12 +2,21 @@
 
 import hashlib
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from lfcore.scene.appearance import Material
 from lfcore.scene.reading import Where
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, stacked, triple
+from lfcore.scene.surface_mesh import (
+    Surface,
+    SurfaceMesh,
+    area_vectors,
+    face_normals,
+    normalise,
+    stacked,
+    triple,
+)
 
 # Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
 # beyond these it comes near the ends of the float32 range, 3e38 and 1e-38.
@@ -22,6 +31,8 @@ TEXTURES = {
     "emission_texture": "sRGB",
 }
 """Of a surface, and what their codes are."""
+COLOURS = "diffuse", "specular", "emission"
+NUMBERS = "shininess", "alpha_cutoff", "metallic", "roughness", "normal_scale"
 
 
 @dataclass
@@ -103,8 +114,7 @@ def _has_area(triangles: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _twice_area(triangles: np.ndarray) -> np.ndarray:
-    a, b, c = triangles.swapaxes(0, 1)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.linalg.norm(area_vectors(triangles), axis=1)
 
 
 def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -115,8 +125,7 @@ def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if bad.any():
         rows = bad.any(1)
         with np.errstate(all="ignore"):
-            corners = np.nan_to_num(triangles[rows])
-            own = normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+            own = face_normals(np.nan_to_num(triangles[rows]))
         unit[rows] = np.where(bad[rows][..., None], own[:, None], unit[rows])
     return unit
 
@@ -150,19 +159,9 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
 
 
 def _material(surface: Surface, textures: dict[str, int]) -> Material:
-    return Material(
-        surface.name,
-        triple(surface.diffuse),
-        triple(surface.specular),
-        float(surface.shininess),
-        triple(surface.emission),
-        alpha_cutoff=float(surface.alpha_cutoff),
-        metallic=float(surface.metallic),
-        roughness=float(surface.roughness),
-        normal_scale=float(surface.normal_scale),
-        curved=bool(surface.curved),
-        **textures,
-    )
+    colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
+    numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
+    return Material(surface.name, **colours, **numbers, curved=bool(surface.curved), **textures)
 
 
 def _digest(texture: np.ndarray, kind: str) -> bytes:

@@ -15,15 +15,8 @@ _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126
 
 
 def unpacked(tree: dict, view: Callable[[int], bytes]) -> dict:
-    """A copy of a file's JSON whose meshes are in a buffer of their own, without the extension.
-
-    Parameters
-    ----------
-    tree : dict
-        The JSON of a glTF file.
-    view : callable
-        The bytes of the bufferView of a number.
-    """
+    """A copy of a file's JSON whose meshes are in a buffer of their own, without the extension;
+    ``view`` gives the bytes of the bufferView of a number."""
     import DracoPy
 
     tree = copy.deepcopy(tree)

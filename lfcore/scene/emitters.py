@@ -20,6 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.scene.surface_mesh import area_vectors
+
 POINTS = 12
 """Of an emitter, unless asked otherwise."""
 # A flat emitter's points stand off it by this share of its size: no surface holds a light.
@@ -34,10 +36,8 @@ _SHELL = math.sqrt(0.75)
 
 @dataclass(frozen=True, eq=False)
 class EmitterPoints:
-    """``positions`` (P, 3); ``normals`` (P, 3) unit, or zero: shine to all sides; ``areas`` (P,).
-
-    The intensity of a point is the radiance times its area, times the cosine where it has a normal.
-    """
+    """``positions`` (P, 3); ``normals`` (P, 3) unit, or zero: shine to all sides; ``areas`` (P,),
+    times which, and the cosine where there is a normal, the radiance is a point's intensity."""
 
     positions: np.ndarray
     normals: np.ndarray
@@ -54,7 +54,7 @@ def emitter_points(
     a diameter above a sphere; surfaces that are neither are right to 20%, to 5% with 48 points.
     """
     triangles = np.asarray(triangles, np.float64)
-    double = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    double = area_vectors(triangles)
     length = np.linalg.norm(double, axis=1)
     if not length.sum() > 0:
         return None

@@ -18,7 +18,7 @@ from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.gltf import FoundCamera
 from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range, focus_at
-from lfcore.scene.surface_mesh import SurfaceMesh, triple
+from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 FIELD_WIDTH = 0.7
@@ -82,10 +82,8 @@ def _finite(triangles: np.ndarray) -> np.ndarray:
 def place_camera(
     description: dict, extent: Bounds, where: Where, found: FoundCamera | None = None
 ) -> tuple[Camera, np.ndarray]:
-    """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
-
-    ``found`` is a glTF file's camera, for a description without pose and direction.
-    """
+    """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping; ``found`` is
+    a glTF file's camera, for a description without pose and direction."""
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
         raise where["zoom"].error(f"must be positive, not {zoom:g}", "Give 2 for twice")
@@ -181,10 +179,7 @@ def _framing_pose(description: dict, extent: Bounds, where: Where) -> np.ndarray
 
 
 def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (3,) from a scene towards a camera, and upwards in its picture.
-
-    ``view_from`` is a word of :data:`DIRECTIONS` or "azimuth,elevation" in degrees.
-    """
+    """Unit vectors (3,) from a scene towards a camera, and upwards in its picture."""
     text = str(view_from).strip().lower()
     try:
         azimuth, elevation = DIRECTIONS.get(text) or map(float, text.split(","))
@@ -213,22 +208,19 @@ def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
 def default_lights() -> list[Light]:
     """In camera space: a key light with shadows over the camera's left shoulder, and a faint one
     from the right that fills them."""
-    key, fill = ([-0.5, -0.8, -0.7], [0.8, -0.15, -0.6])
+    key, fill = (
+        triple(np.array(towards) / np.linalg.norm(towards))
+        for towards in ([-0.5, -0.8, -0.7], [0.8, -0.15, -0.6])
+    )
     return [
-        Light(DIRECTIONAL, _unit(key), (0.85, 0.83, 0.8)),
-        Light(DIRECTIONAL, _unit(fill), (0.18, 0.19, 0.21), casts_shadows=False),
+        Light(DIRECTIONAL, key, (0.85, 0.83, 0.8)),
+        Light(DIRECTIONAL, fill, (0.18, 0.19, 0.21), casts_shadows=False),
     ]
 
 
-def _unit(towards: list[float]) -> tuple[float, float, float]:
-    return triple(np.array(towards) / np.linalg.norm(towards))
-
-
 def default_focus_distances(camera: Camera, triangles: np.ndarray) -> tuple:
-    """Five distances in metres, near to far, even in dioptres over the depths that are seen.
-
-    ``triangles`` is (T, 3, 3) in camera space.  The recorded focus where nothing is seen.
-    """
+    """Five distances in metres, near to far, even in dioptres over the depths that are seen, or the
+    recorded focus; ``triangles`` are in camera space."""
     seen = depth_range(triangles, camera.field_width)
     nearest = NEAREST_FOCUS * camera.focal_length_m
     if seen is None or seen.far_m <= nearest:
@@ -266,17 +258,14 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
         return False
     triangles = triangles / size
     low, high = triangles.min((0, 1)), triangles.max((0, 1))
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
+    normals = area_vectors(triangles) / 2
     area = np.linalg.norm(normals, axis=1)
     across, deep, height = high - low
     if 0 < height < LOW * min(across, deep) and normals[:, 2].sum() > FACING_UP * area.sum():
         return True
     middle = (low[1] + high[1]) / 2
-    if (
-        abs(low[2]) < ON_ZERO * height
-        and abs(middle) < ABOUT * deep
-        and abs(low[1]) > ON_ZERO * deep
-    ):
+    on_zero = abs(low[2]) < ON_ZERO * height and abs(low[1]) > ON_ZERO * deep
+    if on_zero and abs(middle) < ABOUT * deep:
         return True
 
     def flat_end(axis: int, end: np.ndarray, sign: int) -> float:

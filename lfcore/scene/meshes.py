@@ -61,15 +61,15 @@ def parts_of(
     crease_deg: float = 40.0,
     gltf: GltfSurfaces | None = None,
 ) -> list[SurfaceMesh]:
-    """The parts of a ``trimesh.Scene``; parameters and errors as of :func:`load_mesh`.
-
-    ``path`` names the scene in errors.
-    """
+    """The parts of a ``trimesh.Scene``, as :func:`load_mesh`; ``path`` names it in errors."""
     import trimesh  # the heaviest import of the package, not needed by procedural scenes
 
     parts, empty = [], True
     for matrix, placed in _placed(scene, path):
-        mesh = _with_strips(placed, path)
+        try:
+            mesh = with_strips(placed)
+        except ValueError as error:
+            raise _error(path, str(error)) from None
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             empty = False
             surface, uvs = _surface(mesh.visual, np.asarray(mesh.faces, np.int64), path, gltf)
@@ -77,9 +77,8 @@ def parts_of(
                 part = _part(mesh, surface, uvs, path, shading, crease_deg)
                 parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
-        raise _error(
-            path, "mesh holds no triangles", "Export triangles, not only points, lines or fans"
-        )
+        remedy = "Export triangles, not only points, lines or fans"
+        raise _error(path, "mesh holds no triangles", remedy)
     return parts
 
 
@@ -90,13 +89,6 @@ def _placed(scene: Any, path: Path) -> list:
         return [(matrix, scene.geometry[name]) for matrix, name in nodes]
     except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
         raise _error(path, f"its nodes cannot be placed: {error!r}") from error
-
-
-def _with_strips(mesh: Any, path: Path) -> Any:
-    try:
-        return with_strips(mesh)
-    except ValueError as error:
-        raise _error(path, str(error)) from None
 
 
 def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
@@ -249,10 +241,8 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
 
 
 def _is_invented(material: Any, path: Path) -> bool:
-    """Whether trimesh made the material up, for texture coordinates that came without one.
-
-    Its picture is 2 x 2 texels of (100, 100, 100); GLB files that it exported hold it, too.
-    """
+    """Whether trimesh made the material up, with 2 x 2 texels of (100, 100, 100), for texture
+    coordinates without one; GLB files that it exported hold it, too."""
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if getattr(image, "size", None) != (2, 2) or getattr(material, "kwargs", None):
         return False

@@ -74,11 +74,8 @@ def solid_angles(side: int) -> np.ndarray:
 
 
 def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
-    """The sky without its small bright spots, and a directional light for each of them.
-
-    A spot's share of a surface's light is found by one shadow ray, with sharp shadows, where rays
-    to the whole sky would hardly ever hit it.
-    """
+    """The sky without its small bright spots, and a directional light for each of them: one shadow
+    ray finds what rays to the whole sky would hardly ever hit."""
     import cv2  # loaded for skies alone
 
     angles = solid_angles(len(sky))
@@ -108,11 +105,8 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
 
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
-    """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns.
-
-    ``to_camera`` (4, 4) or (3, 3) turns the world, y up.  Raises :class:`SceneError` for a file
-    that is no panorama of light.
-    """
+    """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns; ``to_camera`` turns
+    the world, y up."""
     return under(scene, _sky_of(description, to_camera, Path(file)))
 
 
@@ -141,11 +135,8 @@ def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
 
 
 def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: int) -> np.ndarray:
-    """The map of a picture (H, W, 3) of all directions.
-
-    ``to_world`` (3, 3) turns directions of the camera, and ``places`` says where on the picture
-    they are.
-    """
+    """The map of a picture (H, W, 3) of all directions; ``to_world`` (3, 3) turns those of the
+    camera, and ``places`` says where on the picture they are."""
     made = np.zeros((side, side, 3), np.float32)
     rays = picture.shape[1] // side + 2
     within = (np.arange(rays) + 0.5) / rays

@@ -151,10 +151,14 @@ def stacked(parts: list[SurfaceMesh]) -> dict[str, np.ndarray | None]:
     return found
 
 
+def area_vectors(triangles: np.ndarray) -> np.ndarray:
+    """(T, 3) normals of the counter-clockwise front, as long as twice the area."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
 def face_normals(triangles: np.ndarray) -> np.ndarray:
     """(T, 3) float64 unit geometric normals (counter-clockwise front), zero if degenerate."""
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return normalise(normal)
+    return normalise(area_vectors(triangles))
 
 
 def normalise(vectors: np.ndarray) -> np.ndarray:
@@ -184,16 +188,14 @@ MAX_VALENCE = 512
 
 def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarray:
     """(T, 3, 3) unit normals, the area-weighted mean of the faces that share a corner's position
-    and whose normal is within ``crease_deg`` of its own face's.
-
-    Corners where more than :data:`MAX_VALENCE` faces meet stay flat: pairs grow with its square.
-    """
+    and whose normal is within ``crease_deg`` of its own face's; flat where more than
+    :data:`MAX_VALENCE` faces meet, as pairs grow with its square."""
     triangles = np.asarray(triangles, np.float64)
     faces = len(triangles)
     if faces == 0:
         return np.zeros((0, 3, 3))
-    area_vectors = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    unit = normalise(area_vectors)
+    doubled = area_vectors(triangles)
+    unit = normalise(doubled)
     points = triangles.reshape(-1, 3)
     corners = np.lexsort(points.T)  # equal points are neighbours
     apart = (points[corners[1:]] != points[corners[:-1]]).any(1)
@@ -209,9 +211,7 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     corner_a, face_b = corners[first], corners[second] // 3
     together = (unit[corner_a // 3] * unit[face_b]).sum(1) >= np.cos(np.radians(crease_deg))
     corner_a, face_b = corner_a[together], face_b[together]
-    sums = np.stack(
-        [np.bincount(corner_a, area_vectors[face_b, k], 3 * faces) for k in range(3)], axis=1
-    )
+    sums = np.stack([np.bincount(corner_a, axis[face_b], 3 * faces) for axis in doubled.T], axis=1)
     flat = np.repeat(unit, 3, axis=0)
     smooth = normalise(sums)
     return np.where((sums != 0).any(1, keepdims=True), smooth, flat).reshape(faces, 3, 3)

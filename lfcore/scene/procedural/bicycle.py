@@ -196,7 +196,7 @@ def _handlebar(look: Look) -> Parts:
 
 def _rack(look: Look) -> Parts:
     y = 0.775
-    wires = [[(-0.82, y, z), (-0.34, y, z)] for z in (-0.06, 0.0, 0.06)]
+    wires: list[list] = [[(-0.82, y, z), (-0.34, y, z)] for z in (-0.06, 0.0, 0.06)]
     wires += [[(x, y, -0.062), (x, y, 0.062)] for x in (-0.82, -0.58, -0.34)]
     wires += [[(-0.66, y, 0.06 * side), REAR + (0, 0, 0.065 * side)] for side in (-1, 1)]
     red, place = painted("tail lamp", "#b3161b", 0.4, 60.0), (-0.868, 0.575, 0)

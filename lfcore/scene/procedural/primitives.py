@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Size
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, normalise, xyz
+from lfcore.scene.surface_mesh import (
+    Surface,
+    SurfaceMesh,
+    area_vectors,
+    crease_normals,
+    join,
+    normalise,
+    xyz,
+)
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
@@ -66,7 +74,7 @@ def mesh_grid(
     if close_rows:
         points = np.concatenate([points, points[:1]], 0)
     triangles = _cells(points)
-    edges = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    edges = area_vectors(triangles)
     size = np.abs(points - points.mean((0, 1))).max()
     keep = np.abs(edges).max(1) > 1e-12 * size * size
     normals = crease_normals(triangles[keep], crease_deg) if smooth else None
