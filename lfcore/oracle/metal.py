@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.oracle.textures import bilinear
-from lfcore.scene.model import Scene
+from lfcore.oracle.textures import Spots
 
 LEAST_ROUGHNESS = 0.05
 
@@ -53,71 +52,38 @@ class Metals:
         return (diffuse + fresnel * peaks * visible) * light
 
 
-def metals(scene: Scene, triangle: np.ndarray, weights: np.ndarray, base: np.ndarray) -> Metals:
-    """Of points on triangles (R,) at ``weights`` (R, 3), of base colours (R, 3)."""
-    factors = _sampled(scene, triangle, weights, "metal_texture", encoded=False)
-    given = [scene.materials[k] for k in scene.material_ids[triangle]]
-    metal = np.array([[m.metallic] for m in given], np.float64) * factors[:, 2:]
-    return Metals(base, metal, np.array([[m.roughness] for m in given]) * factors[:, 1:2])
+def metals(spots: Spots, base: np.ndarray) -> Metals:
+    """Of base colours (R, 3)."""
+    factors = spots.sampled("metal_texture", encoded=False)
+    metal, rough = (spots.of_material(name)[:, None] for name in ("metallic", "roughness"))
+    return Metals(base, metal * factors[:, 2:], rough * factors[:, 1:2])
 
 
-def glow(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(R, 3) emission."""
-    own = np.array([scene.materials[k].emission for k in scene.material_ids[triangle]], np.float64)
-    return own * _sampled(scene, triangle, weights, "emission_texture", encoded=True)
-
-
-def bent_normals(
-    scene: Scene,
-    triangle: np.ndarray,
-    weights: np.ndarray,
-    view: np.ndarray,
-    normal: np.ndarray,
-) -> np.ndarray:
+def bent_normals(every: Spots, normal: np.ndarray) -> np.ndarray:
     """(R, 3) unit normals after their maps; ``normal`` (R, 3) are on the viewer's side.
 
     The tangent is where u grows on the triangle, made perpendicular to the normal; the bitangent
     is perpendicular to both on the side where v grows.
     """
-    bent = normal.copy()
-    given = [scene.materials[k] for k in scene.material_ids[triangle]]
-    has = np.array([m.normal_texture >= 0 for m in given]) & (len(scene.uvs) > 0)
+    bent, scene = normal.copy(), every.scene
+    has = (every.of_material("normal_texture") >= 0) & (len(scene.uvs) > 0)
     if not has.any():
         return bent
-    triangle, weights, view, shown = triangle[has], weights[has], view[has], normal[has]
-    scale = np.array([[m.normal_scale] for m, mine in zip(given, has, strict=True) if mine])
-    p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
-    if len(scene.normals):
-        outward = (weights[:, :, None] * scene.normals[triangle]).sum(1)
-    else:
-        outward = np.cross(q - p, r - p)
-    front = np.where((outward * view).sum(1, keepdims=True) > 0, 1.0, -1.0)
-    outward = shown * front
-    uv = scene.uvs[triangle].astype(np.float64)
-    steps = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], 1)  # (R, edge, u and v)
-    along_u, along_v = (np.linalg.inv(steps) @ np.stack([q - p, r - p], 1)).swapaxes(0, 1)
+    spots = every.some(has)
+    own = spots.interpolated(scene.normals) if len(scene.normals) else spots.face_normals()
+    front = np.where(_dot(own, spots.view) > 0, 1.0, -1.0)
+    outward = normal[has] * front
+    uv = scene.uvs[spots.triangle].astype(np.float64)
+    steps = uv[:, 1:] - uv[:, :1]  # (R, edge, u and v)
+    along_u, along_v = (np.linalg.inv(steps) @ spots.edges).swapaxes(0, 1)
     tangent = along_u - _dot(along_u, outward) * outward
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     across = np.cross(outward, tangent)
     across *= np.sign(_dot(across, along_v))
-    x, y, z = 2 * _sampled(scene, triangle, weights, "normal_texture", encoded=False).T - 1
-    turned = scale * (x[:, None] * tangent + y[:, None] * across) + z[:, None] * outward
+    x, y, z = (2 * spots.sampled("normal_texture", encoded=False) - 1)[..., None].swapaxes(0, 1)
+    turned = spots.of_material("normal_scale")[:, None] * (x * tangent + y * across) + z * outward
     bent[has] = front * turned / np.linalg.norm(turned, axis=1, keepdims=True)
     return bent
-
-
-def _sampled(
-    scene: Scene, triangle: np.ndarray, weights: np.ndarray, name: str, *, encoded: bool
-) -> np.ndarray:
-    """(R, 3) of the texture that materials call ``name``; 1 without one."""
-    values = np.ones((len(triangle), 3))
-    number = np.array([getattr(scene.materials[k], name) for k in scene.material_ids[triangle]])
-    for index in set(number.tolist()) - {-1}:
-        mine = number == index
-        if len(scene.uvs):
-            uv = (weights[mine][:, :, None] * scene.uvs[triangle[mine]].astype(np.float64)).sum(1)
-            values[mine] = bilinear(scene.textures[index][..., :3], uv, encoded=encoded)
-    return values
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -17,8 +17,8 @@ import numpy as np
 
 from lfcore.oracle import sky_gloss
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
-from lfcore.oracle.metal import bent_normals, glow, metals
-from lfcore.oracle.textures import bilinear, solid_of
+from lfcore.oracle.metal import bent_normals, metals
+from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance as sky_radiance
@@ -42,27 +42,20 @@ def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
         colours = sky_radiance(scene.sky, directions).astype(np.float64)
     hit = np.flatnonzero(hits.triangle >= 0)
     if len(hit):
-        triangle, weights = hits.triangle[hit], hits.weights[hit]
         view = -_unit(np.asarray(directions, np.float64)[hit])
-        colours[hit] = _shade_points(scene, triangle, weights, view)
+        colours[hit] = _shade(Spots(scene, hits.triangle[hit], hits.weights[hit], view))
     return np.clip(colours, 0, 1 if scene.clip else 2.0**16)
 
 
-def _shade_points(
-    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
-) -> np.ndarray:
-    materials = [scene.materials[k] for k in scene.material_ids[triangle]]
-    point = _interpolate(scene.triangles[triangle], weights)
-    normal = normals(scene, triangle, weights, view)
-    start = shadow_origins(scene, triangle, weights, point, normal)
-    diffuse = albedo(scene, triangle, weights)
-    specular = np.array([m.specular for m in materials], np.float64)
-    shininess = np.array([m.shininess for m in materials], np.float64)
-    bent = bent_normals(scene, triangle, weights, view, normal)
-    metal = metals(scene, triangle, weights, diffuse)
-    is_metal = np.array([[m.metallic >= 0] for m in materials])
-    colour = glow(scene, triangle, weights)
-    around = surroundings(scene, triangle, weights, view)
+def _shade(spots: Spots) -> np.ndarray:
+    scene, view, point = spots.scene, spots.view, spots.interpolated(spots.scene.triangles)
+    normal = normals(spots)
+    start = shadow_origins(spots, point, normal)
+    diffuse, specular, shininess = albedo(spots), *map(spots.of_material, ("specular", "shininess"))
+    bent, metal = bent_normals(spots, normal), metals(spots, diffuse)
+    is_metal = spots.of_material("metallic")[:, None] >= 0
+    colour = spots.of_material("emission") * spots.sampled("emission_texture", encoded=True)
+    around = surroundings(spots)
     of_metal = around * metal.surrounded()
     if len(scene.sky):
         of_metal = sky_gloss.reflected(scene, metal, around, bent, view)
@@ -74,26 +67,24 @@ def _shade_points(
         gloss = np.maximum((bent * half).sum(1), 0) ** shininess
         seen = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
-            seen &= ~_in_shadow(scene, light, start, triangle)
+            seen &= ~_in_shadow(scene, light, start, spots.triangle)
         plain = diffuse * cosine[:, None] + specular * gloss[:, None]
         reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
         colour += np.where(seen[:, None], strength * reflected, 0)
     return colour
 
 
-def surroundings(
-    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
-) -> np.ndarray:
+def surroundings(spots: Spots) -> np.ndarray:
     """(R, 3) light from everywhere: ambient, or what was baked on the side of the viewer.
 
     Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
     """
+    scene, weights = spots.scene, spots.weights
     if scene.light is None:
-        return np.tile(np.array(scene.ambient, np.float64), (len(triangle), 1))
-    p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
-    front = (np.cross(q - p, r - p) * view).sum(1) > 0
-    side = scene.light.grids[triangle, 2]
-    first = np.where(front, scene.light.grids[triangle, 0], scene.light.grids[triangle, 1])
+        return np.tile(np.array(scene.ambient, np.float64), (len(weights), 1))
+    front = (spots.face_normals() * spots.view).sum(1) > 0
+    of_front, of_back, side = scene.light.grids[spots.triangle].T
+    first = np.where(front, of_front, of_back)
     x, y = weights[:, 1] * side, weights[:, 2] * side
     i = np.clip(np.floor(x), 0, side - 1).astype(int)
     j = np.clip(np.floor(y), 0, side - 1 - i).astype(int)
@@ -102,7 +93,7 @@ def surroundings(
     one = 1 - near
     corners = ((i + one, j + one, abs(1 - f - g)), (i + 1, j, np.where(near, f, 1 - g)),
                (i, j + 1, np.where(near, g, 1 - f)))  # fmt: skip
-    light = np.zeros((len(triangle), 3))
+    light = np.zeros((len(weights), 3))
     for column, row, share in corners:
         # Row j has R + 1 - j points.
         point = first + row * (side + 1) - row * (row - 1) // 2 + column
@@ -110,51 +101,37 @@ def surroundings(
     return light
 
 
-def normals(
-    scene: Scene, triangle: np.ndarray, weights: np.ndarray, view: np.ndarray
-) -> np.ndarray:
-    """(R, 3) unit normals on the viewer's side; ``view`` (R, 3) points to the viewer."""
-    if len(scene.normals):
-        normal = _unit(_interpolate(scene.normals[triangle], weights))
-    else:
-        p, q, r = scene.triangles[triangle].astype(np.float64).swapaxes(0, 1)
-        normal = _unit(np.cross(q - p, r - p))
-    return np.where((normal * view).sum(1, keepdims=True) < 0, -normal, normal)
+def normals(spots: Spots) -> np.ndarray:
+    """(R, 3) unit normals on the viewer's side."""
+    of_corners = spots.scene.normals
+    normal = _unit(spots.interpolated(of_corners) if len(of_corners) else spots.face_normals())
+    return np.where((normal * spots.view).sum(1, keepdims=True) < 0, -normal, normal)
 
 
-def shadow_origins(
-    scene: Scene, triangle: np.ndarray, weights: np.ndarray, point: np.ndarray, normal: np.ndarray
-) -> np.ndarray:
+def shadow_origins(spots: Spots, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(R, 3) where shadow rays start: on curved materials beside ``point`` (R, 3), on the mean of
     its places on the tangent planes of the corners that it is behind, seen from ``normal``.
 
     Source: J. Hanika, "Hacking the shadow terminator", Ray Tracing Gems II, chapter 4, 2021.
     """
+    scene, triangle = spots.scene, spots.triangle
     if not len(scene.normals):
         return point
     of_corner = scene.normals[triangle].astype(np.float64)
-    is_curved = np.array([scene.materials[k].curved for k in scene.material_ids[triangle]])
-    is_curved &= (np.abs(of_corner - of_corner[:, :1]) >= FLAT_NORMALS).any((1, 2))
+    unlike = (np.abs(of_corner - of_corner[:, :1]) >= FLAT_NORMALS).any((1, 2))
+    is_curved = (spots.of_material("curved") > 0) & unlike
     side = np.sign((of_corner.sum(1) * normal).sum(1))
     of_corner *= np.where(side < 0, -1.0, 1.0)[:, None, None]
     away = ((point[:, None] - scene.triangles[triangle]) * of_corner).sum(-1)
-    moved = ((weights * np.minimum(away, 0))[..., None] * of_corner).sum(1)
+    moved = ((spots.weights * np.minimum(away, 0))[..., None] * of_corner).sum(1)
     return point - np.where(is_curved[:, None], moved, 0.0)
 
 
-def albedo(scene: Scene, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def albedo(spots: Spots) -> np.ndarray:
     """(R, 3) diffuse colour: material times texture times vertex colour."""
-    materials = [scene.materials[k] for k in scene.material_ids[triangle]]
-    colour = np.array([m.diffuse for m in materials], np.float64)
-    texture = np.array([m.texture for m in materials])
-    for number, picture in enumerate(scene.textures):
-        uses = texture == number
-        if uses.any():
-            uv = _interpolate(scene.uvs[triangle[uses]], weights[uses])
-            colour[uses] *= bilinear(picture[..., :3], uv)
-    if len(scene.colours):
-        colour *= _interpolate(scene.colours[triangle], weights)
-    return colour
+    colour = spots.of_material("diffuse") * spots.sampled("texture", encoded=True)
+    of_corners = spots.scene.colours
+    return colour * spots.interpolated(of_corners) if len(of_corners) else colour
 
 
 def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,11 +170,6 @@ def _in_shadow(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarr
     solid = solid_of(scene, others)
     return occluded(scene.triangles[others], point, towards, after=after, until=until,
                     exclude=left, solid=solid)  # fmt: skip
-
-
-def _interpolate(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(R, K) of corner values (R, 3, K) and weights (R, 3)."""
-    return (weights[:, :, None] * corners.astype(np.float64)).sum(1)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

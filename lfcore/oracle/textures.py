@@ -1,10 +1,64 @@
-"""Textures at single places, in float64, and the holes that their alpha cuts."""
+"""Points on triangles: what corners, materials and textures say there, in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from lfcore.oracle.colour import srgb_decode
 from lfcore.oracle.intersect import Solid
+from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Spots:
+    """R points on triangles (R,) at ``weights`` (R, 3), which a viewer in the directions ``view``
+    (R, 3), unit, sees."""
+
+    scene: Scene
+    triangle: np.ndarray
+    weights: np.ndarray
+    view: np.ndarray
+
+    def some(self, which: np.ndarray) -> Spots:
+        """Those of a mask (R,)."""
+        return Spots(self.scene, self.triangle[which], self.weights[which], self.view[which])
+
+    @cached_property
+    def materials(self) -> list[Material]:
+        return [self.scene.materials[k] for k in self.scene.material_ids[self.triangle]]
+
+    def of_material(self, name: str) -> np.ndarray:
+        """(R,) numbers or (R, 3) colours."""
+        return np.array([getattr(material, name) for material in self.materials], np.float64)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """(R, 2, 3) from the first corner to the others."""
+        corners = self.scene.triangles[self.triangle].astype(np.float64)
+        return corners[:, 1:] - corners[:, :1]
+
+    def face_normals(self) -> np.ndarray:
+        """(R, 3), not unit."""
+        return np.cross(self.edges[:, 0], self.edges[:, 1])
+
+    def interpolated(self, of_corners: np.ndarray) -> np.ndarray:
+        """(R, K) of one of the scene's arrays, (T, 3, K)."""
+        return (self.weights[:, :, None] * of_corners[self.triangle].astype(np.float64)).sum(1)
+
+    def sampled(self, name: str, *, encoded: bool) -> np.ndarray:
+        """(R, 3) of the texture that materials call ``name``; 1 without one."""
+        values = np.ones((len(self.triangle), 3))
+        if len(self.scene.uvs):
+            number, uv = self.of_material(name), self.interpolated(self.scene.uvs)
+            for index in set(number.astype(int).tolist()) - {-1}:
+                mine = number == index
+                texture = self.scene.textures[index][..., :3]
+                values[mine] = bilinear(texture, uv[mine], encoded=encoded)
+        return values
 
 
 def bilinear(texture: np.ndarray, uv: np.ndarray, *, encoded: bool = True) -> np.ndarray:
@@ -29,10 +83,8 @@ def bilinear(texture: np.ndarray, uv: np.ndarray, *, encoded: bool = True) -> np
 
 
 def solid_of(scene: Scene, numbers: np.ndarray | None = None) -> Solid | None:
-    """Where ``scene`` stops rays; None if all of it does, everywhere.
-
-    ``numbers`` (T,) are the scene's triangles that are asked about, all of them without.
-    """
+    """Where ``scene`` stops rays: below its cutoff, alpha, bilinear at full size, is a hole; None
+    if all of it does, everywhere.  ``numbers`` are the triangles that are asked about, or all."""
     holes = {
         number: material
         for number, material in enumerate(scene.materials)
