@@ -26,7 +26,7 @@ from lfcore.scene.meshes import load_mesh
 from lfcore.scene.model import Scene
 from lfcore.scene.procedural import furniture, textures, toys
 from lfcore.scene.procedural.basics import Parts, Rng
-from lfcore.scene.procedural.bedroom_surfaces import surfaces
+from lfcore.scene.procedural.bedroom import surfaces
 from lfcore.scene.procedural.primitives import (
     box,
     cushion,

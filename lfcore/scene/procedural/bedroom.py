@@ -1,13 +1,14 @@
 """The bedroom scene: a sunny furnished room, toys on the rug in front, the bed behind them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from lfcore.scene.procedural import foliage, furniture, softgoods, textures, toys
+from lfcore.scene.procedural import foliage, furniture, pictures, softgoods, textures, toys
 from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
-from lfcore.scene.procedural.bedroom_surfaces import surfaces
-from lfcore.scene.procedural.pictures import art_print, wallpaper
+from lfcore.scene.procedural.bicycle import wicker
 from lfcore.scene.procedural.primitives import (
     box,
     cylinder,
@@ -20,7 +21,7 @@ from lfcore.scene.procedural.primitives import (
     tube,
     xyz,
 )
-from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
@@ -58,11 +59,53 @@ def build(seed: int, *, triangles: int = 207000, closed: bool = False) -> Parts:
     return merge(parts)
 
 
+def surfaces(seed: int) -> Look:
+    """Woods, cloths and things."""
+
+    def cloth(name: str, colour: ArrayLike, number: int, **more: Any) -> Surface:
+        return textured(name, textures.weave(seed + number, colour, **more))
+
+    white, blue, red = (236, 230, 216), (62, 96, 124), (196, 120, 96)
+    tones = (white, blue, white, blue, white, red)
+    stripes = textures.stripes(seed + 4, tones, (4, 1, 2, 1, 4, 2))
+    curtain = textures.stripes(seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08)
+    leaf = textures.leaf(seed + 10, (26, 70, 40), (92, 150, 74))
+    return furniture.bedroom_wood(seed + 100) | {
+        "linen": cloth("linen", (238, 232, 220), 1),
+        "blush": cloth("blush cotton", (214, 152, 138), 2),
+        "mustard": cloth("mustard cotton", (212, 158, 52), 3),
+        "stripe": textured("striped cotton", stripes),
+        "quilt": textured("quilt", pictures.patchwork(seed + 5)),
+        "knit": textured("knitted throw", pictures.knitting(seed + 6, (196, 108, 78))),
+        "velvet": painted("velvet", "#3f6570", 0.05, 8.0),
+        "velvet 2": painted("ochre velvet", "#b8863b", 0.05, 8.0),
+        "curtain": textured("curtain", curtain),
+        "rug": textured("rug", pictures.rug_pattern(seed + 8)),
+        "fringe": painted("fringe", "#e2d6bc"),
+        "fleece": painted("fleece", "#e9e2d4"),
+        "fur": painted("fur", "#a87542"),
+        "light fur": painted("light fur", "#dcbf92"),
+        "button": painted("button", "#241a16", 0.5, 80.0),
+        "glaze": painted("glaze", "#4d7f86", 0.4, 70.0),
+        "clay": painted("clay", "#bd6f4c"),
+        "shade": painted("lamp shade", "#e8d3a8", emission=(0.42, 0.32, 0.18)),
+        "paper lantern": painted("paper lantern", "#d6cab4"),
+        "paper": painted("paper", "#ece3cd"),
+        "books": textured("books", furniture.spine_atlas(seed + 9), 0.05, 25.0),
+        "leaf": textured("plant leaf", leaf, (0.14, 0.15, 0.13), 35.0),
+        "tulip": painted("tulip", "#e0526a", 0.06, 20.0),
+        "stalk": painted("stalk", "#5b6b34"),
+        "basket": textured("basket", wicker(seed + 11)),
+        "earth": textured("globe", pictures.earth_map(seed + 12), 0.25, 60.0),
+        "white": painted("white paint", "#efebe2", 0.06, 30.0),
+    }
+
+
 def _room(seed: int, look: Look, closed: bool) -> Parts:
     boards = textures.planks(seed + 20, (138, 98, 60), (190, 146, 98), rows=8)
     floor = textured("floor", boards, 0.06, 40.0, tone=0.95)
     paint = textured("wall", textures.plaster(seed + 21, (206, 208, 192), contrast=5), tone=0.95)
-    paper = textured("wallpaper", wallpaper(seed + 22), tone=0.95)
+    paper = textured("wallpaper", pictures.wallpaper(seed + 22), tone=0.95)
     deep, wide, tall = FRONT - BACK, RIGHT - LEFT, CEILING
     z0, z1, sill, head = WINDOW
     parts = [
@@ -140,7 +183,7 @@ def _on_walls(seed: int, look: Look) -> Parts:
     parts = []
     prints = (-1.02, 1.86, 0.46, 0.60), (-0.42, 1.92, 0.56, 0.72), (0.18, 1.86, 0.46, 0.60)
     for number, (x, y, width, tall) in enumerate(prints):
-        picture = textured(f"print {number}", art_print(seed + 90 + number, number))
+        picture = textured(f"print {number}", pictures.art_print(seed + 90 + number, number))
         low = (x - width / 2, y - tall / 2, BACK + 0.016)
         parts.append(rectangle(low, (width, 0, 0), (0, tall, 0), picture))
         for side in (-1, 1):

@@ -1,8 +1,10 @@
-"""Pictures for walls and floors: art prints, a map of the Earth, wallpaper, a rug's pattern."""
+"""Pictures for walls, floors and cloths: art prints, the Earth, wallpaper, rug, quilt, knitting."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural import textures
+from lfcore.scene.procedural.basics import codes
 
 
 def art_print(seed: int, kind: int) -> np.ndarray:
@@ -120,3 +122,47 @@ def rug_pattern(seed: int) -> np.ndarray:
     weave = textures.noise(seed, cells=(180, 16), octaves=1, size=(360, 512))
     wear = textures.noise(seed + 1, cells=(4, 6), octaves=4, size=(360, 512))
     return textures.finish(picture * (0.84 + 0.14 * weave + 0.08 * wear)[..., None])
+
+
+def patchwork(seed: int) -> np.ndarray:
+    """(512, 512, 3) uint8: 4 x 4 squares of different cloths, stitched."""
+    rng = np.random.default_rng(seed)
+    tones = ("#e2d6be", "#6c8c96", "#ca8a76", "#e8c478", "#4a6880", "#96a88c")
+    picture = np.zeros((512, 512, 3), np.uint8)
+    v, u = np.mgrid[:128, :128] / 128.0
+    for row in range(4):
+        for column in range(4):
+            base = np.array(codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
+            other = np.array(codes(tones[(row * 3 + column + 2) % 6]))
+            kind = int(rng.integers(4))
+            if kind == 0:
+                mask = np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22
+            elif kind == 1:
+                mask = (u * 6 % 1) < 0.4
+            elif kind == 2:
+                mask = np.abs(u - 0.5) + np.abs(v - 0.5) < 0.34
+            else:
+                mask = ((np.floor(u * 4) + np.floor(v * 4)) % 2) > 0
+            cloth = textures.weave(
+                seed + row * 4 + column, (255, 255, 255), size=(128, 128), threads=32
+            )
+            patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)
+            seam = np.minimum.reduce([u, 1 - u, v, 1 - v])
+            patch *= (0.80 + 0.20 * np.clip(seam / 0.05, 0, 1))[..., None]
+            stitch = (np.abs(seam - 0.075) < 0.008) & (((u + v) * 16 % 1) < 0.6)
+            patch[stitch] = (246, 240, 228)
+            picture[row * 128 : row * 128 + 128, column * 128 : column * 128 + 128] = (
+                textures.finish(patch)
+            )
+    return picture
+
+
+def knitting(seed: int, colour: ArrayLike) -> np.ndarray:
+    """(256, 256, 3) uint8: stocking stitch with a cable."""
+    v, u = np.mgrid[:256, :256] / 256.0
+    x = u * 20 % 1
+    stitch = np.sin(np.pi * ((v * 20 + np.abs(x - 0.5)) % 1)) * np.sin(np.pi * x) ** 0.6
+    cable = np.exp(-(((u % 0.5 - 0.25 - 0.05 * np.sin(v * 2 * np.pi * 4)) / 0.04) ** 2))
+    fuzz = textures.noise(seed, cells=(40, 40), octaves=2, size=(256, 256))
+    shade = 0.62 + 0.30 * stitch + 0.12 * cable + 0.10 * fuzz
+    return textures.finish(np.asarray(colour) * shade[..., None])
