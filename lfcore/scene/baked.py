@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.files import whole_file
+from lfcore.files import read_arrays, whole_file
 
 FORMAT = "lfcore light 1"
 ASKS = ("sky", "bounces")
@@ -55,14 +56,11 @@ class BakedLight:
     @classmethod
     def load(cls, path: str | Path) -> BakedLight:
         """Inverse of :meth:`save`; raises :class:`SceneError` for a missing or damaged file."""
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                if str(file["format"]) != FORMAT:
-                    raise ValueError(f"format {file['format']}")
-                grids, values = file["grids"], file["values"]
-                return cls(grids, values, float(file["error"]), int(file["rays"]))
-        except Exception as error:  # zipfile, zlib and numpy raise anything
-            raise SceneError(
-                f"no whole file of baked light: {' '.join(str(error).split())[:200]}", file=path,
-                remedy="Delete it and bake again",
-            ) from None  # fmt: skip
+
+        def read(file: Any) -> BakedLight:
+            if str(file["format"]) != FORMAT:
+                raise ValueError(f"format {file['format']}")
+            return cls(file["grids"], file["values"], float(file["error"]), int(file["rays"]))
+
+        remedy = "Delete it and bake again"
+        return read_arrays(path, "file of baked light", read, kind=SceneError, remedy=remedy)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfcore.scene.procedural import foliage, lettering, textures
+from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.bicycle import bicycle
 from lfcore.scene.procedural.primitives import (
@@ -155,8 +155,8 @@ def _door(seed: int, stone: Surface) -> Parts:
     wood = textures.planks(seed + 7, *blue, rows=5, size=size, stagger=False)
     leaf = textured("door", np.rot90(wood).copy(), 0.08, 30.0)
     brass = painted("brass", "#b8903c", (0.5, 0.42, 0.25), 60.0)
-    plate = lettering.blank_page((28, 56, 120), (64, 96))
-    plate = lettering.write(plate, "12", (48, 31), 52, (245, 245, 240))
+    plate = textures.blank_page((28, 56, 120), (64, 96))
+    plate = textures.write(plate, "12", (48, 31), 52, (245, 245, 240))
     number = (middle - 0.12, high + 0.025, WALL_Z + 0.075), (0.24, 0, 0), (0, 0.15, 0)
     posts = [(x, (high + low) / 2, WALL_Z + 0.01) for x in (left - 0.07, right + 0.07)]
     return [

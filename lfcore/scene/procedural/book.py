@@ -8,8 +8,8 @@ import numpy as np
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Size, textured
-from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import quad, rectangle
+from lfcore.scene.procedural.textures import blank_page, write
 from lfcore.scene.transforms import chain, rotate, translate
 
 # Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, textured
-from lfcore.scene.procedural.lettering import blank_page, write
 from lfcore.scene.procedural.primitives import rectangle
+from lfcore.scene.procedural.textures import blank_page, write
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 RED, GREEN, BLUE = (214, 40, 40), (36, 168, 70), (40, 70, 214)

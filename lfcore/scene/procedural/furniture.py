@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.scene.procedural import foliage, lettering, textures
+from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes, painted, textured
 from lfcore.scene.procedural.primitives import (
     box,
@@ -45,7 +45,7 @@ def spine_atlas(seed: int) -> np.ndarray:
         for row in (40, 48, 440, 448, 470):
             page[row : row + 3] = ink
         size = min(34, int(620 / len(title)))
-        page = lettering.write(page, title, (240, 31), size, ink, turn=3)
+        page = textures.write(page, title, (240, 31), size, ink, turn=3)
         atlas[:, index * 64 : index * 64 + 64] = page
     return atlas
 

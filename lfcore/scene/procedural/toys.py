@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lfcore.scene.procedural import lettering, textures
+from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, codes, painted, textured
 from lfcore.scene.procedural.primitives import box, cushion, cylinder, lathe, ring, sphere, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
@@ -29,7 +29,7 @@ def letter_block(letter: str, index: int, seed: int) -> SurfaceMesh:
     face = wood.copy()
     face[10:118, 10:118] = ink
     face[17:111, 17:111] = wood[17:111, 17:111]
-    face = lettering.write(face, letter, (64, 62), 84, ink)
+    face = textures.write(face, letter, (64, 62), 84, ink)
     surface = textured(f"block {letter}", face, 0.04, 25.0)
     side = 0.085
     return cushion((side,) * 3, surface, pieces=8, power=14.0, repeat=1 / side)
