@@ -15,8 +15,8 @@ class Material:
     multiplies roughness by its green and metal by its blue, ``normal_texture`` bends normals, its
     x and y ``normal_scale`` times, and ``emission_texture`` multiplies ``emission``.
 
-    ``texture`` multiplies ``diffuse``.  ``emission`` is added whatever the light: a lamp shade, a screen, test charts.
-    Where the texture's alpha, of 1, is below ``alpha_cutoff`` the surface has a hole.
+    ``texture`` multiplies ``diffuse``.  ``emission`` is added whatever the light: a lamp shade, a
+    screen, test charts.  Where the texture's alpha, of 1, is below ``alpha_cutoff`` the surface has a hole.
     Of a ``curved`` material smooth normals are those of a curved surface, where shadow rays start:
     few triangles then cast no jagged shadows on themselves.
     """
