@@ -16,7 +16,7 @@ class Material:
     x and y ``normal_scale`` times, and ``emission_texture`` multiplies ``emission``.
 
     ``texture`` multiplies ``diffuse``.  ``emission`` is added whatever the light: a lamp shade, a
-    screen, test charts.  Where the texture's alpha, of 1, is below ``alpha_cutoff`` the surface has a hole.
+    screen, test charts.  Where the texture's alpha, of 1, is below ``alpha_cutoff`` is a hole.
     Of a ``curved`` material smooth normals are those of a curved surface, where shadow rays start:
     few triangles then cast no jagged shadows on themselves.
     """

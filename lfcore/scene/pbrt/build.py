@@ -12,7 +12,6 @@ from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
-from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.pbrt.shapes import TOLERANCE
 from lfcore.scene.reading import Where
@@ -104,9 +103,8 @@ def _parts(
 
 def _check_emitter(item: Item, part: SurfaceMesh) -> None:
     if not (np.abs(part.triangles) <= LARGEST_COORDINATE).all():
-        raise syntax_error(
+        raise item.place.error(
             f"an emitter reaches farther than {LARGEST_COORDINATE:g} m from the camera",
-            item.place,
             "Move it nearer, or use a distant light",
         )
 

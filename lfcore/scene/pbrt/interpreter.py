@@ -11,7 +11,7 @@ from lfcore.errors import SceneError
 from lfcore.scene.emitters import emitter_points
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
-from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.lexer import Place
 from lfcore.scene.pbrt.lights import LightRig, emitted
 from lfcore.scene.pbrt.materials import Definition, MaterialTable
 from lfcore.scene.pbrt.parameters import ParameterSet
@@ -72,22 +72,20 @@ class Interpreter:
         """Raises :class:`SceneError` naming file, line and token."""
         for directive in directives:
             if self._after_world:
-                raise syntax_error(
-                    f"{directive.name} after WorldEnd", directive.place, "One scene a file"
-                )
+                raise directive.place.error(f"{directive.name} after WorldEnd", "One scene a file")
             self.handle(directive)
         if not self._in_world:
-            raise syntax_error("the scene has no WorldBegin", Place(self.folder, 1, 1))
+            raise Place(self.folder, 1, 1).error("the scene has no WorldBegin")
         self.state.check_closed()
         if self._open_object is not None:
-            raise syntax_error("ObjectBegin is never closed", self._open_object[1])
+            raise self._open_object[1].error("ObjectBegin is never closed")
 
     def handle(self, directive: Directive) -> None:
         name = directive.name
         if name in _HEADER_ONLY and self._in_world:
-            raise syntax_error(f"{name} inside the world block", directive.place)
+            raise directive.place.error(f"{name} inside the world block")
         if name in _WORLD_ONLY and not self._in_world:
-            raise syntax_error(f"{name} before WorldBegin", directive.place, "Move it behind")
+            raise directive.place.error(f"{name} before WorldBegin", "Move it behind")
         if name in _TRANSFORMS:
             self._transform(directive)
         elif name.endswith(("Begin", "End")):
@@ -115,7 +113,7 @@ class Interpreter:
                 self.state.concatenate(matrix)
         if not np.isfinite(self.state.now.matrices).all():
             what = f"{directive.name} takes the transformation beyond what numbers hold"
-            raise syntax_error(what, directive.place, "Scale or move less")
+            raise directive.place.error(what, "Scale or move less")
 
     def _block(self, directive: Directive) -> None:
         name, place = directive.name, directive.place
@@ -125,7 +123,7 @@ class Interpreter:
             self._after_world = True
         elif name == "ObjectBegin":
             if self._open_object is not None:
-                raise syntax_error("ObjectBegin inside ObjectBegin", place)
+                raise place.error("ObjectBegin inside ObjectBegin")
             self.state.push("Object", place)
             self._open_object = (directive.strings[0], place)
             self._objects[directive.strings[0]] = []
@@ -139,7 +137,7 @@ class Interpreter:
 
     def _world_begin(self, place: Place) -> None:
         if self._in_world:
-            raise syntax_error("WorldBegin a second time", place)
+            raise place.error("WorldBegin a second time")
         self._in_world = True
         film = read_film(self._film)
         if self._camera is None:
@@ -156,19 +154,15 @@ class Interpreter:
     def _active_transform(self, directive: Directive) -> None:
         active = {"StartTime": (0,), "EndTime": (1,), "All": (0, 1)}.get(directive.strings[0])
         if active is None:
-            raise syntax_error(
-                f"ActiveTransform {directive.strings[0]}",
-                directive.place,
-                "Use StartTime, EndTime or All",
+            raise directive.place.error(
+                f"ActiveTransform {directive.strings[0]}", "Use StartTime, EndTime or All"
             )
         self.state.set(active=active)
 
     def _transform_times(self, directive: Directive) -> None:
         start, end = directive.numbers.tolist()
         if not end > start:
-            raise syntax_error(
-                f"TransformTimes {start:g} {end:g}", directive.place, "Give start, then end"
-            )
+            raise directive.place.error(f"TransformTimes {start:g} {end:g}", "Give start, then end")
         self._motion_times = (start, end)
 
     def _coordinate_system(self, directive: Directive) -> None:
@@ -252,9 +246,9 @@ class Interpreter:
     def _object_instance(self, directive: Directive) -> None:
         name = directive.strings[0]
         if name not in self._objects:
-            raise syntax_error(f'object "{name}" is not defined', directive.place)
+            raise directive.place.error(f'object "{name}" is not defined')
         if self._open_object is not None:
-            raise syntax_error("ObjectInstance inside ObjectBegin", directive.place)
+            raise directive.place.error("ObjectInstance inside ObjectBegin")
         for item in self._objects[name]:
             pair = zip(self.state.now.matrices, item.matrices, strict=True)
             matrices = tuple(outer @ inner for outer, inner in pair)
@@ -308,7 +302,7 @@ class GraphicsState:
         """Raises :class:`SceneError` when ``kind`` is not the innermost open block."""
         if not self._stack or self._stack[-1][0] != kind:
             opened = f"{self._stack[-1][0]}Begin is open" if self._stack else "no block is open"
-            raise syntax_error(f"{kind}End, but {opened}", place)
+            raise place.error(f"{kind}End, but {opened}")
         _, saved, _ = self._stack.pop()
         if kind == "Transform":  # it saves the transform alone
             saved = replace(self.now, matrices=saved.matrices, active=saved.active)
@@ -318,7 +312,7 @@ class GraphicsState:
         """Raises :class:`SceneError` at the first block that nothing closes."""
         if self._stack:
             kind, _, place = self._stack[0]
-            raise syntax_error(f"{kind}Begin is never closed", place, f"Add {kind}End")
+            raise place.error(f"{kind}Begin is never closed", f"Add {kind}End")
 
     def set(self, **changes: Any) -> None:
         self.now = replace(self.now, **changes)
@@ -339,8 +333,8 @@ class GraphicsState:
 
     def use_coordinate_system(self, name: str, place: Place) -> None:
         if name not in self.coordinate_systems:
-            raise syntax_error(
-                f'coordinate system "{name}" is not defined', place, "Use CoordinateSystem before"
+            raise place.error(
+                f'coordinate system "{name}" is not defined', "Use CoordinateSystem before"
             )
         self.set(matrices=self.coordinate_systems[name])
 
@@ -351,21 +345,21 @@ def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray
         return translate(*numbers)
     if name == "Scale":
         if not numbers.all():
-            raise syntax_error(f"Scale by {numbers.tolist()} flattens space", place)
+            raise place.error(f"Scale by {numbers.tolist()} flattens space")
         return scale(*numbers)
     if name == "Rotate":
         if not numbers[1:].any():
-            raise syntax_error("Rotate about an axis of no length", place)
+            raise place.error("Rotate about an axis of no length")
         return rotate(numbers[1:].tolist(), numbers[0])
     if name == "LookAt":
         eye, target, up = numbers.reshape(3, 3)
         if np.array_equal(eye, target):
-            raise syntax_error("LookAt: eye and target coincide", place)
+            raise place.error("LookAt: eye and target coincide")
         try:  # its camera is left-handed: x right, y up, z forward
             return np.diag([-1.0, -1.0, 1.0, 1.0]) @ look_at(eye, target, up)
         except SceneError:
-            raise syntax_error("LookAt: up is parallel to the view", place) from None
+            raise place.error("LookAt: up is parallel to the view") from None
     matrix = numbers.reshape(4, 4).T  # files list columns
     if np.linalg.matrix_rank(matrix) < 4 or not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-9):
-        raise syntax_error(f"{name} is not an invertible affine matrix", place)
+        raise place.error(f"{name} is not an invertible affine matrix")
     return matrix

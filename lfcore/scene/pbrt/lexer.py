@@ -42,8 +42,10 @@ class Place:
     line: int
     column: int
 
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
+    def error(self, problem: str, remedy: str | None = None) -> SceneError:
+        """A :class:`SceneError` naming file, line and column."""
+        where = f"line {self.line}, column {self.column}"
+        return SceneError(problem, file=self.file, key=where, remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +59,6 @@ class Token:
     unclosed: bool = False  # a parameter's closing quote was missing and is assumed
 
 
-def syntax_error(problem: str, place: Place, remedy: str | None = None) -> SceneError:
-    """A :class:`SceneError` naming file, line and column."""
-    where = f"line {place.line}, column {place.column}"
-    return SceneError(problem, file=place.file, key=where, remedy=remedy)
-
-
 def read_text(path: Path, asked_from: Place | None = None) -> str:
     """A scene file's text; ``.gz`` is unpacked."""
     try:
@@ -71,7 +67,7 @@ def read_text(path: Path, asked_from: Place | None = None) -> str:
         if asked_from is None:
             raise
         problem = f"{str(path)!r}: {error.problem}"
-        raise syntax_error(problem, asked_from, error.remedy) from None
+        raise asked_from.error(problem, error.remedy) from None
     return raw.decode("utf-8", errors="surrogateescape")
 
 
@@ -98,15 +94,14 @@ def _token(kind: str, text: str, place: Place) -> Token:
         return Token(STRING, value, f'"{value}"', place)
     if kind == "cut":
         problem = f'string "{text[:40]} has no closing quote'
-        raise syntax_error(problem, place, "Close it on the same line")
+        raise place.error(problem, "Close it on the same line")
     if kind != "bare":
         return Token(kind, text, text or "end of file", place)
     if _NUMBER.fullmatch(text):
         return Token(NUMBER, float(_numbers([text], place)[0]), text, place)
     if not re.fullmatch(r"[A-Za-z_][\w]*", text):
-        raise syntax_error(
+        raise place.error(
             f"{text[:80]!r} is neither a number, a directive nor a quoted string",
-            place,
             "Quote strings and parameter names",
         )
     return Token(WORD, text, text, place)
@@ -117,9 +112,9 @@ def _numbers(words: list[str], place: Place) -> np.ndarray:
         values = np.array(words, np.float64)
     except ValueError:
         wrong = next(word for word in words if not _NUMBER.fullmatch(word))
-        raise syntax_error(f"{wrong!r} is not a number", place, "Mend the number") from None
+        raise place.error(f"{wrong!r} is not a number", "Mend the number") from None
     if not np.isfinite(values).all():
         word = words[int(np.argmax(~np.isfinite(values)))]
         shown = word if len(word) <= 20 else f"{word[:20]}..."
-        raise syntax_error(f"{shown} is too great a number", place, "Give one below 1e308")
+        raise place.error(f"{shown} is too great a number", "Give one below 1e308")
     return values

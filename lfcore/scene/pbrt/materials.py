@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.lexer import Place
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.scene.pbrt.textures import Texture, TextureTable, constant
@@ -68,8 +68,8 @@ class MaterialTable:
 
     def find(self, name: str, place: Place) -> Definition:
         if name not in self.named:
-            raise syntax_error(
-                f'material "{name}" is not defined', place, "Define it with MakeNamedMaterial"
+            raise place.error(
+                f'material "{name}" is not defined', "Define it with MakeNamedMaterial"
             )
         return self.named[name]
 
@@ -178,11 +178,11 @@ class MaterialTable:
             weight = float(self.textures.rgb(parameters, "amount", 0.5).mean())
         found = [name for name in names if name is not None]
         if len(found) != 2:
-            raise syntax_error(f"{parameters.owner} wants two named materials", parameters.place)
+            raise parameters.place.error(f"{parameters.owner} wants two named materials")
         pair = [self.resolve(self.find(name, parameters.place)) for name in found]
         if pair[0] is None or pair[1] is None:
             what = f"{parameters.owner} mixes a material that is none"
-            raise syntax_error(what, parameters.place)
+            raise parameters.place.error(what)
         (a, first), (b, second) = pair
         halves = [
             replace(texture, factor=np.array(surface.diffuse) * share)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.lexer import Place
 
 COLOUR_TYPES = ("rgb", "color", "spectrum", "blackbody", "xyz")
 _POINTS = ("point", "point3", "vector", "vector3", "normal", "normal3")
@@ -43,9 +43,8 @@ class ParameterSet:
         if parameter is None:
             return None
         if types and parameter.type not in types:
-            raise syntax_error(
+            raise parameter.place.error(
                 f'{self.owner} wants "{name}" as {" or ".join(types)}, not "{parameter.type}"',
-                parameter.place,
                 f'Write "{types[0]} {name}"',
             )
         parameter.used = True
@@ -118,7 +117,7 @@ class ParameterSet:
 
     def error(self, name: str, problem: str, remedy: str | None = None) -> SceneError:
         """A :class:`SceneError` at the parameter, or at the directive when it is absent."""
-        return syntax_error(f'"{name}" of {self.owner} {problem}', self.place_of(name), remedy)
+        return self.place_of(name).error(f'"{name}" of {self.owner} {problem}', remedy)
 
     def place_of(self, name: str) -> Place:
         """The place of a parameter, or of the directive when it is absent."""
@@ -150,10 +149,10 @@ def declare(text: str, place: Place) -> tuple[str, str]:
     """Split ``"type name"``.  Raises :class:`SceneError` for an unknown type."""
     words = text.split()
     if len(words) != 2:
-        raise syntax_error(
-            f'"{text}" is not a parameter', place, 'Write "type name", for example "float fov"'
+        raise place.error(
+            f'"{text}" is not a parameter', 'Write "type name", for example "float fov"'
         )
     if words[0] not in TYPES:
         remedy = did_you_mean(words[0], TYPES)
-        raise syntax_error(f"unknown parameter type {words[0]!r}", place, remedy)
+        raise place.error(f"unknown parameter type {words[0]!r}", remedy)
     return words[0], words[1]

@@ -13,7 +13,7 @@ import numpy as np
 from lfcore.errors import did_you_mean
 from lfcore.scene.notes import APPROXIMATED, Notebook
 from lfcore.scene.pbrt import lexer
-from lfcore.scene.pbrt.lexer import Place, Token, syntax_error
+from lfcore.scene.pbrt.lexer import Place, Token
 from lfcore.scene.pbrt.parameters import Parameter, ParameterSet, declare
 
 # What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two
@@ -66,16 +66,13 @@ class _Parser:
         try:
             identity = path.resolve()
         except (OSError, ValueError) as error:  # a circle of links, or a NUL in the name
-            raise syntax_error(
-                f"{str(path)!r} is no file: {error}", place, "Check the path"
-            ) from None
+            raise place.error(f"{str(path)!r} is no file: {error}", "Check the path") from None
         if identity in stack:
-            raise syntax_error(f"{str(path)!r} includes itself", place, "Break the circle")
+            raise place.error(f"{str(path)!r} includes itself", "Break the circle")
         self.files += 1
         if len(stack) > DEEPEST_INCLUDE or self.files > MOST_FILES:
-            raise syntax_error(
+            raise place.error(
                 f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}",
-                place,
                 "Include each file once",
             )
         tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
@@ -94,7 +91,7 @@ class _Parser:
         token = tokens.take()
         if token.kind != lexer.WORD or token.text not in GRAMMAR:
             remedy = did_you_mean(token.text, GRAMMAR)
-            raise syntax_error(f"{token.text} is not a directive", token.place, remedy)
+            raise token.place.error(f"{token.text} is not a directive", remedy)
         name, grammar = token.text, GRAMMAR[token.text]
         numbers = np.zeros(0)
         if grammar.startswith("n"):
@@ -122,7 +119,7 @@ class _Parser:
                     f'"{head.value} lacks its closing quote: read as closed',
                 )
             if name in into.items:
-                raise syntax_error(f'"{name}" is given twice', head.place, "Remove one of them")
+                raise head.place.error(f'"{name}" is given twice', "Remove one of them")
             values = _values(tokens, kind, head)
             into.items[name] = Parameter(kind, name, values, head.place)
 
@@ -143,7 +140,7 @@ class _Cursor:
     def take_kind(self, kind: str, directive: str) -> Token:
         token = self.take()
         if token.kind != kind:
-            raise syntax_error(f"{directive} wants a {kind} here, not {token.text}", token.place)
+            raise token.place.error(f"{directive} wants a {kind} here, not {token.text}")
         return token
 
 
@@ -160,7 +157,7 @@ def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
         problem = f"{directive} wants {count} numbers, not {len(values)}"
         if first.kind != lexer.NUMBERS:
             problem, first = f"{problem}, and then {tokens.peek.text}", tokens.peek
-        raise syntax_error(problem, first.place)
+        raise first.place.error(problem)
     return values
 
 
@@ -176,20 +173,20 @@ def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
     elif token.kind != lexer.NUMBERS:
         items = [_scalar(token, head)]
     if len(items) == 0:
-        raise syntax_error(f'"{head.value}" has no value', head.place)
+        raise head.place.error(f'"{head.value}" has no value')
     if kind == "bool":
         words = {"true": True, "false": False}
         # 0.0 == False in Python, so numbers are refused by type.
         if not all(isinstance(item, bool) or str(item) in words for item in items):
-            raise syntax_error(f'"{head.value}" must be true or false', token.place)
+            raise token.place.error(f'"{head.value}" must be true or false')
         return [words.get(item, item) for item in items]
     if kind in ("string", "texture") or (kind == "spectrum" and isinstance(items[0], str)):
         if not all(isinstance(item, str) for item in items):
-            raise syntax_error(f'"{head.value}" must be quoted text, not {token.text}', token.place)
+            raise token.place.error(f'"{head.value}" must be quoted text, not {token.text}')
         return list(items)
     if not isinstance(items, np.ndarray):
         if not all(isinstance(item, float) for item in items):
-            raise syntax_error(f'"{head.value}" must be numbers, not {token.text}', token.place)
+            raise token.place.error(f'"{head.value}" must be numbers, not {token.text}')
         items = np.array(items, np.float64)
     return items
 
@@ -199,5 +196,5 @@ def _scalar(token: Token, head: Token) -> object:
         return token.value == "true"
     if token.kind not in (lexer.NUMBER, lexer.STRING):
         problem = f'{token.text} is no value of "{head.value}"'
-        raise syntax_error(problem, token.place, "Quote strings, close lists with ]")
+        raise token.place.error(problem, "Quote strings, close lists with ]")
     return token.value

@@ -15,7 +15,6 @@ from scipy import sparse
 
 from lfcore.errors import SceneError
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
-from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.ply import vertex_columns, with_strips
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
@@ -111,10 +110,10 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError("its vertices have no x, y and z")
     except SceneError as error:
-        raise syntax_error(f"PLY file {str(path)!r}: {error.problem}", place) from error
+        raise place.error(f"PLY file {str(path)!r}: {error.problem}") from error
     except Exception as error:  # the reader raises whatever its parts raise on damage
         reason = getattr(error, "strerror", None) or error
-        raise syntax_error(f"PLY file {str(path)!r} cannot be read: {reason}", place) from error
+        raise place.error(f"PLY file {str(path)!r} cannot be read: {reason}") from error
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     normals, uvs, other = (
         vertex_columns(raw, len(points), names)

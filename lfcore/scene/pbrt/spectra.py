@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.pbrt.lexer import syntax_error
 from lfcore.scene.pbrt.parameters import Parameter
 from lfcore.scene.reading import LARGEST_DESCRIPTION, read_bytes
 
@@ -85,8 +84,8 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
         wavelengths, values = rows[:, 0], rows[:, 1]
     except (SceneError, ValueError, IndexError) as error:
         reason = getattr(error, "problem", error)
-        raise syntax_error(
-            f"spectrum file {str(path)!r} cannot be read: {reason}", parameter.place
+        raise parameter.place.error(
+            f"spectrum file {str(path)!r} cannot be read: {reason}"
         ) from None
     return wavelengths, values
 
@@ -96,14 +95,13 @@ def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
     values, kind = parameter.values, parameter.type
     if kind in ("rgb", "color", "xyz"):
         if len(values) != 3:
-            raise syntax_error(f'"{kind} {parameter.name}" wants 3 numbers', parameter.place)
+            raise parameter.place.error(f'"{kind} {parameter.name}" wants 3 numbers')
         return np.maximum(XYZ_TO_RGB @ values, 0.0) if kind == "xyz" else np.asarray(values)
     if kind == "blackbody":
         scale = float(values[1]) if len(values) > 1 else 1.0
         if not COLDEST <= values[0] <= HOTTEST:
-            raise syntax_error(
+            raise parameter.place.error(
                 f"a blackbody of {values[0]:g} K, instead of one above {COLDEST:g} K",
-                parameter.place,
                 f"Give {COLDEST:g} to {HOTTEST:g} K",
             )
         return blackbody(float(values[0])) * scale
@@ -111,8 +109,8 @@ def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
         return spectrum_to_rgb(*read_spd(folder / values[0], parameter))
     if kind == "spectrum":
         if len(values) % 2:
-            raise syntax_error("a spectrum is pairs of wavelength and value", parameter.place)
+            raise parameter.place.error("a spectrum is pairs of wavelength and value")
         return spectrum_to_rgb(values[::2], values[1::2])
     if kind == "float" and len(values) == 1:
         return np.repeat(values, 3)
-    raise syntax_error(f'"{kind} {parameter.name}" is not a colour', parameter.place)
+    raise parameter.place.error(f'"{kind} {parameter.name}" is not a colour')

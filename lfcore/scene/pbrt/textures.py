@@ -11,7 +11,7 @@ from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
-from lfcore.scene.pbrt.lexer import Place, syntax_error
+from lfcore.scene.pbrt.lexer import Place
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
 
@@ -58,7 +58,7 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
     Anything else (EXR, PFM, HDR, 16 bit) comes as linear float32.
     """
     if not os.path.isfile(path):
-        raise syntax_error(f"image {str(path)!r} does not exist", place, "Check the path")
+        raise place.error(f"image {str(path)!r} does not exist", "Check the path")
     if path.suffix.lower() == ".exr":
         from lfcore.exr import read_exr_picture as read_exr
 
@@ -67,7 +67,7 @@ def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
         picture = read_codes(path)
     except LfcoreError:
         problem = f"image {str(path)!r} cannot be decoded"
-        raise syntax_error(problem, place, "Use PNG, EXR or TGA") from None
+        raise place.error(problem, "Use PNG, EXR or TGA") from None
     if picture.dtype == np.uint8:
         return picture, True
     if picture.dtype == np.uint16:
@@ -101,9 +101,7 @@ class TextureTable:
     def find(self, name: str, place: Place, is_float: bool) -> Texture:
         texture = self._named.get((is_float, name))
         if texture is None:
-            raise syntax_error(
-                f'texture "{name}" is not defined', place, "Define it before with Texture"
-            )
+            raise place.error(f'texture "{name}" is not defined', "Define it before with Texture")
         return texture
 
     def colour(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> Texture:
