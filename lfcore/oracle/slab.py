@@ -6,7 +6,6 @@ from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.shading import shade
 from lfcore.oracle.textures import solid_of
-from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 
 RAYS = 1 << 16
@@ -30,13 +29,7 @@ def slab_hits(scene: Scene, slab: Slab, pixels: np.ndarray) -> Hits:
     return closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
 
 
-def trace(
-    scene: Scene,
-    slab: Slab,
-    pixels: np.ndarray,
-    *,
-    progress: Progress | None = None,
-) -> np.ndarray:
+def trace(scene: Scene, slab: Slab, pixels: np.ndarray) -> np.ndarray:
     """(P, N, N, 3) float64 linear RGB in [0, 1] of all rays through ``pixels`` (P, 2)."""
     pixels = np.asarray(pixels).reshape(-1, 2)
     colours = np.empty((len(pixels), slab.views, slab.views, 3))
@@ -46,8 +39,6 @@ def trace(
         directions = slab_rays(slab, some)[1].reshape(-1, 3)
         seen = shade(scene, directions, slab_hits(scene, slab, some))
         colours[first : first + step] = seen.reshape(len(some), slab.views, slab.views, 3)
-        if progress:
-            progress(min(first + step, len(pixels)), len(pixels))
     return colours
 
 

@@ -20,6 +20,7 @@ from lfcore.progress import Progress
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
+SAME_PX = 0.5
 RANGE_VIEWS, RANGE_PIXELS = 3, 96
 """Rays a side of lens and picture that tell the range of depths."""
 
@@ -127,19 +128,17 @@ def all_in_focus(
     slab: Slab,
     depth: np.ndarray,
     views: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]],
-    *,
-    tolerance_px: float = 0.5,
 ) -> np.ndarray:
     """(H, W, 3) float32, linear light: the picture through the lens centre, every point averaged
     over all views that see it, else of the view nearest to the axis.
 
     ``depth`` (H, W) is seen through the lens centre.  ``views`` are samples (K, 2), light (K, H, W,
     3) and depths (K, H, W), in groups.  A view sees a point if it has the same depth there, to
-    within ``tolerance_px`` of blur at the rim of the lens.
+    within :data:`SAME_PX` of blur at the rim of the lens.
     """
     (columns, rows), lens = slab.size, slab.lens_positions()
     near = _inverse(depth)
-    limit = tolerance_px * slab.pixel_pitch / max(slab.camera.lens_radius_m, 1e-30)
+    limit = SAME_PX * slab.pixel_pitch / max(slab.camera.lens_radius_m, 1e-30)
     shift = (near - slab.camera.delta) / slab.pixel_pitch  # pixels a metre of lens
     total, weight = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 1))
     fallback, closest = np.zeros((rows, columns, 3)), np.inf

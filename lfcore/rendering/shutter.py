@@ -1,7 +1,7 @@
 """The time dimension of the camera equation: a camera array exposed while objects move.
 
-The shutter is cut into equal intervals and the array is traced once in the middle of each, or at
-one random instant of each; the mean is the exposure.
+The shutter is cut into equal intervals and the array is traced once in the middle of each; the
+mean is the exposure.
 """
 
 from __future__ import annotations
@@ -22,12 +22,11 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 
-def shutter_times(count: int, seed: int | None = None) -> np.ndarray:
-    """(count,) instants in [0, 1], one in each interval: the middle, or random with a seed."""
+def shutter_times(count: int) -> np.ndarray:
+    """(count,) instants in [0, 1], the middles of intervals."""
     if count < 1:
         raise OpticsError(f"must be at least 1, not {count}", key="times")
-    jitter = 0.5 if seed is None else np.random.default_rng(seed).random(count)
-    return (np.arange(count) + jitter) / count
+    return (np.arange(count) + 0.5) / count
 
 
 def expose(
@@ -35,7 +34,6 @@ def expose(
     times: int,
     picture: Callable[[Tracer, int], np.ndarray],
     *,
-    seed: int | None = None,
     device: Device | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
@@ -44,7 +42,7 @@ def expose(
     Every instant at which something moves has a hierarchy of its own.  Light is baked once, of the
     first poses.
     """
-    instants, tracer = shutter_times(times, seed), None
+    instants, tracer = shutter_times(times), None
     device = opened(device)
     scene = lit(scene, device)
     total: np.ndarray = np.zeros(())
@@ -67,7 +65,6 @@ def trace_shutter(
     times: int,
     samples_per_pixel: int = 1,
     *,
-    seed: int | None = None,
     device: Device | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
@@ -78,4 +75,4 @@ def trace_shutter(
         return trace_array(tracer, array, samples_per_pixel, seed=index)
 
     times = times if scene.motions else 1
-    return expose(scene, times, picture, seed=seed, device=device, progress=progress)
+    return expose(scene, times, picture, device=device, progress=progress)

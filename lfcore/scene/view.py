@@ -79,10 +79,10 @@ class View:
 def perspective_view(
     fov_deg: float,
     film: tuple[int, int],
-    lens_radius_m: float = 0.0,
-    focus_m: float = math.inf,
-    shutter: tuple[float, float] = SHUTTER,
-    samples_per_pixel: int = 1,
+    lens_radius_m: float,
+    focus_m: float,
+    shutter: tuple[float, float],
+    samples_per_pixel: int,
 ) -> View:
     """One camera, a pinhole or a thin lens; ``fov_deg`` over the film's shorter side."""
     camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_m)
