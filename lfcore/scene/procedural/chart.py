@@ -46,13 +46,12 @@ def _page_of(origin: ArrayLike, width: float, height: float, surface: Surface) -
 
 def _page(colour: ArrayLike, word: str, distance_m: float) -> np.ndarray:
     """A 512 x 512 page of text in shrinking sizes, with resolution bars."""
-    page = blank_page(colour, (512, 512))
-    page = write(page, word, (256, 150), 92, WHITE)
-    unit = "metre" if distance_m == 1 else "metres"
-    page = write(page, f"{distance_m:g} {unit}", (256, 232), 46, WHITE)
-    page = write(page, "light field", (256, 290), 34, WHITE)
-    page = write(page, "aperture focus lens", (256, 336), 24, WHITE)
-    page = write(page, "the quick brown fox jumps over", (256, 370), 16, WHITE)
+    page, unit = blank_page(colour, (512, 512)), "metre" if distance_m == 1 else "metres"
+    for text, y, height in (
+        (word, 150, 92), (f"{distance_m:g} {unit}", 232, 46), ("light field", 290, 34),
+        ("aperture focus lens", 336, 24), ("the quick brown fox jumps over", 370, 16),
+    ):  # fmt: skip
+        page = write(page, text, (256, y), height, WHITE)
     for line in range(6):
         width = 1 << (line // 2)
         start = 130 + 44 * line

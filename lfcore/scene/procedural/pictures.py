@@ -12,20 +12,18 @@ def art_print(seed: int, kind: int) -> np.ndarray:
     v, u = np.mgrid[:320, :256] / np.array([320.0, 256.0])[:, None, None]
     picture = (_hills, _boats, _branches)[kind % 3](seed, u, v)
     margin = np.minimum(np.minimum(u, 1 - u) * 256, np.minimum(v, 1 - v) * 320)
-    picture = np.where((margin < 26)[..., None], (242, 238, 228), picture)
-    picture = np.where(((margin >= 26) & (margin < 28))[..., None], (120, 112, 100), picture)
+    picture[margin < 28] = (120, 112, 100)
+    picture[margin < 26] = (242, 238, 228)
     return textures.finish(picture)
 
 
 def _hills(seed: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     picture = textures.ramp(v, (246, 214, 160), (244, 226, 196), (236, 200, 170))
-    picture = np.where(
-        (np.hypot((u - 0.6) * 0.8, v - 0.32) < 0.11)[..., None], (222, 108, 68), picture
-    )
+    picture[np.hypot((u - 0.6) * 0.8, v - 0.32) < 0.11] = (222, 108, 68)
     tones = ((168, 176, 160), (110, 146, 144), (64, 108, 118), (40, 72, 88))
     for layer, tone in enumerate(tones):
         crest = 0.44 + 0.13 * layer + 0.07 * np.sin(u * (5 + layer) + seed + 2.1 * layer)
-        picture = np.where((v > crest + 0.03 * np.sin(u * 13 + layer))[..., None], tone, picture)
+        picture[v > crest + 0.03 * np.sin(u * 13 + layer)] = tone
     return picture
 
 
@@ -34,16 +32,14 @@ def _boats(seed: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     sea = textures.ramp(np.clip(0.6 * wave + 0.5 * (v - 0.5), 0, 1), (52, 98, 128), (120, 168, 180))
     sky = textures.ramp(np.clip(v * 1.8, 0, 1), (176, 208, 222), (248, 232, 204))
     picture = np.where((v > 0.55)[..., None], sea, sky)
-    for x, y, size, tone in (
-        (0.38, 0.66, 0.30, (236, 232, 222)),
-        (0.70, 0.60, 0.16, (206, 92, 70)),
-    ):
+    boats = (0.38, 0.66, 0.30, (236, 232, 222)), (0.70, 0.60, 0.16, (206, 92, 70))
+    for x, y, size, tone in boats:
         rise = (y - v) / size
         sail = (rise > 0.05) & (rise < 1) & (u - x > -0.42 * size * (1 - rise)) & (u - x < 0.02)
         jib = (rise > 0.05) & (rise < 0.8) & (u - x < 0.3 * size * (0.8 - rise)) & (u - x > 0.02)
         hull = (rise > -0.14) & (rise <= 0.02) & (np.abs(u - x) < size * (0.42 + rise))
-        picture = np.where((sail | jib)[..., None], tone, picture)
-        picture = np.where(hull[..., None], (84, 54, 42), picture)
+        picture[sail | jib] = tone
+        picture[hull] = (84, 54, 42)
     return picture
 
 
@@ -71,9 +67,7 @@ def earth_map(seed: int) -> np.ndarray:
     ocean = textures.ramp(np.clip(land * 1.5, 0, 1), (58, 104, 140), (112, 164, 184))
     ground = textures.ramp(relief, (150, 140, 84), (196, 176, 120), (112, 140, 84))
     picture = np.where((land > 0.55)[..., None], ground, ocean)
-    picture = np.where(
-        (np.abs(v - 0.5) + 0.04 * relief > 0.46)[..., None], (238, 238, 232), picture
-    )
+    picture[np.abs(v - 0.5) + 0.04 * relief > 0.46] = (238, 238, 232)
     lines = ((u * 12) % 1 < 0.03) | ((v * 6) % 1 < 0.03)
     return textures.finish(np.where(lines[..., None], picture * 0.82, picture))
 
@@ -102,23 +96,18 @@ def rug_pattern(seed: int) -> np.ndarray:
     red, navy, sand, teal = (158, 62, 52), (44, 58, 84), (222, 200, 160), (92, 136, 132)
     p, q = u * 10, v * 7
     diamond = np.abs(p % 1 - 0.5) + np.abs(q % 1 - 0.5)
-    picture = np.where((diamond < 0.40)[..., None], sand, red)
-    picture = np.where((diamond < 0.28)[..., None], navy, picture)
-    picture = np.where((diamond < 0.14)[..., None], (214, 150, 70), picture)
+    ochre = (214, 150, 70)
     big = np.abs(u - 0.5) * 1.42 + np.abs(v - 0.5)
-    for reach, tone in (
-        (0.40, sand),
-        (0.375, teal),
-        (0.28, sand),
-        (0.262, navy),
-        (0.12, (214, 150, 70)),
+    picture = np.full((360, 512, 3), red, np.float64)
+    for distance, *bands in (
+        (diamond, (0.40, sand), (0.28, navy), (0.14, ochre)),
+        (big, (0.40, sand), (0.375, teal), (0.28, sand), (0.262, navy), (0.12, ochre)),
+        (edge, (0.15, navy), (0.135, sand), (0.045, teal), (0.03, red)),
     ):
-        picture = np.where((big < reach)[..., None], tone, picture)
+        for reach, tone in bands:
+            picture[distance < reach] = tone
     teeth = np.abs(((u * 1.42 + v) * 14) % 1 - 0.5)
-    for reach, tone in ((0.15, navy), (0.135, sand), (0.045, teal), (0.03, red)):
-        picture = np.where((edge < reach)[..., None], tone, picture)
-    zigzag = (edge > 0.06) & (edge < 0.06 + 0.06 * 2 * teeth)
-    picture = np.where(zigzag[..., None], red, picture)
+    picture[(edge > 0.06) & (edge < 0.06 + 0.06 * 2 * teeth)] = red
     weave = textures.noise(seed, cells=(180, 16), octaves=1, size=(360, 512))
     wear = textures.noise(seed + 1, cells=(4, 6), octaves=4, size=(360, 512))
     return textures.finish(picture * (0.84 + 0.14 * weave + 0.08 * wear)[..., None])
@@ -130,30 +119,25 @@ def patchwork(seed: int) -> np.ndarray:
     tones = ("#e2d6be", "#6c8c96", "#ca8a76", "#e8c478", "#4a6880", "#96a88c")
     picture = np.zeros((512, 512, 3), np.uint8)
     v, u = np.mgrid[:128, :128] / 128.0
-    for row in range(4):
-        for column in range(4):
-            base = np.array(codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
-            other = np.array(codes(tones[(row * 3 + column + 2) % 6]))
-            kind = int(rng.integers(4))
-            if kind == 0:
-                mask = np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22
-            elif kind == 1:
-                mask = (u * 6 % 1) < 0.4
-            elif kind == 2:
-                mask = np.abs(u - 0.5) + np.abs(v - 0.5) < 0.34
-            else:
-                mask = ((np.floor(u * 4) + np.floor(v * 4)) % 2) > 0
-            cloth = textures.weave(
-                seed + row * 4 + column, (255, 255, 255), size=(128, 128), threads=32
-            )
-            patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)
-            seam = np.minimum.reduce([u, 1 - u, v, 1 - v])
-            patch *= (0.80 + 0.20 * np.clip(seam / 0.05, 0, 1))[..., None]
-            stitch = (np.abs(seam - 0.075) < 0.008) & (((u + v) * 16 % 1) < 0.6)
-            patch[stitch] = (246, 240, 228)
-            picture[row * 128 : row * 128 + 128, column * 128 : column * 128 + 128] = (
-                textures.finish(patch)
-            )
+    masks = (
+        np.hypot((u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5) < 0.22,
+        (u * 6 % 1) < 0.4,
+        np.abs(u - 0.5) + np.abs(v - 0.5) < 0.34,
+        ((np.floor(u * 4) + np.floor(v * 4)) % 2) > 0,
+    )
+    seam = np.minimum.reduce([u, 1 - u, v, 1 - v])
+    stitch = (np.abs(seam - 0.075) < 0.008) & (((u + v) * 16 % 1) < 0.6)
+    for number in range(16):
+        row, column = divmod(number, 4)
+        base = np.array(codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
+        other = np.array(codes(tones[(row * 3 + column + 2) % 6]))
+        mask = masks[int(rng.integers(4))]
+        cloth = textures.weave(seed + number, (255, 255, 255), size=(128, 128), threads=32)
+        patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)
+        patch *= (0.80 + 0.20 * np.clip(seam / 0.05, 0, 1))[..., None]
+        patch[stitch] = (246, 240, 228)
+        there = slice(row * 128, row * 128 + 128), slice(column * 128, column * 128 + 128)
+        picture[there] = textures.finish(patch)
     return picture
 
 
