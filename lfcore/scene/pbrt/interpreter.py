@@ -1,6 +1,6 @@
 """Runs the directives of a pbrt scene: what they do to the state, and what they leave behind."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -102,18 +102,19 @@ class Interpreter:
             getattr(self, f"_{_snake(name)}")(directive)
 
     def _transform(self, directive: Directive) -> None:
-        if directive.name == "Identity":
-            self.state.assign(np.eye(4))
-            return
+        """CTM = CTM * matrix, or the matrix, for the active times."""
+        name, now = directive.name, self.state.now
+        alone = name in ("Identity", "Transform")
         with np.errstate(over="ignore", invalid="ignore"):
-            matrix = transform_matrix(directive.name, directive.numbers, directive.place)
-            if directive.name == "Transform":
-                self.state.assign(matrix)
-            else:
-                self.state.concatenate(matrix)
-        if not np.isfinite(self.state.now.matrices).all():
-            what = f"{directive.name} takes the transformation beyond what numbers hold"
+            matrix = transform_matrix(name, directive.numbers, directive.place)
+            matrices = tuple(
+                (matrix if alone else current @ matrix) if time in now.active else current
+                for time, current in enumerate(now.matrices)
+            )
+        if not np.isfinite(matrices).all():
+            what = f"{name} takes the transformation beyond what numbers hold"
             raise directive.place.error(what, "Scale or move less")
+        self.state.set(matrices=matrices)
 
     def _block(self, directive: Directive) -> None:
         name, place = directive.name, directive.place
@@ -317,20 +318,6 @@ class GraphicsState:
     def set(self, **changes: Any) -> None:
         self.now = replace(self.now, **changes)
 
-    def concatenate(self, matrix: np.ndarray) -> None:
-        """CTM = CTM * matrix, for the active times."""
-        self._update(lambda current: current @ matrix)
-
-    def assign(self, matrix: np.ndarray) -> None:
-        self._update(lambda current: matrix)
-
-    def _update(self, change: Callable[[np.ndarray], np.ndarray]) -> None:
-        matrices = tuple(
-            change(matrix) if time in self.now.active else matrix
-            for time, matrix in enumerate(self.now.matrices)
-        )
-        self.set(matrices=matrices)
-
     def use_coordinate_system(self, name: str, place: Place) -> None:
         if name not in self.coordinate_systems:
             raise place.error(
@@ -341,6 +328,8 @@ class GraphicsState:
 
 def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray:
     """(4, 4) of a transform directive, as pbrt defines it."""
+    if name == "Identity":
+        return np.eye(4)
     if name == "Translate":
         return translate(*numbers)
     if name == "Scale":
