@@ -63,7 +63,7 @@ class Interpreter:
         self._sampler: ParameterSet | None = None
         self._motion_times = (0.0, 1.0)
         self._objects: dict[str, list[Item]] = {}
-        self._open_object: tuple[str, Place] | None = None
+        self._open_object: str | None = None
         self._in_world = self._after_world = False
         start = Place(folder, 1, 1)
         self._default = Definition("matte", ParameterSet("default material", start, notebook))
@@ -77,8 +77,6 @@ class Interpreter:
         if not self._in_world:
             raise Place(self.folder, 1, 1).error("the scene has no WorldBegin")
         self.state.check_closed()
-        if self._open_object is not None:
-            raise self._open_object[1].error("ObjectBegin is never closed")
 
     def handle(self, directive: Directive) -> None:
         name = directive.name
@@ -126,8 +124,8 @@ class Interpreter:
             if self._open_object is not None:
                 raise place.error("ObjectBegin inside ObjectBegin")
             self.state.push("Object", place)
-            self._open_object = (directive.strings[0], place)
-            self._objects[directive.strings[0]] = []
+            self._open_object = directive.strings[0]
+            self._objects[self._open_object] = []
         elif name == "ObjectEnd":
             self.state.pop("Object", place)
             self._open_object = None
@@ -146,8 +144,7 @@ class Interpreter:
             usual = ParameterSet('Camera "perspective"', place, self.notebook)
             self._camera = ("perspective", usual)
             self.world_to_camera = TO_OURS.copy()
-        samples = read_samples(self._sampler)
-        view = read_camera(*self._camera, film, samples)
+        view = read_camera(*self._camera, film, read_samples(self._sampler))
         self.view = replace(view, motion_times=self._motion_times)
         self.state.set(matrices=(np.eye(4), np.eye(4)), active=(START, END))
         self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
@@ -170,7 +167,11 @@ class Interpreter:
         self.state.coordinate_systems[directive.strings[0]] = self.state.now.matrices
 
     def _coord_sys_transform(self, directive: Directive) -> None:
-        self.state.use_coordinate_system(directive.strings[0], directive.place)
+        name, known = directive.strings[0], self.state.coordinate_systems
+        if name not in known:
+            problem = f'coordinate system "{name}" is not defined'
+            raise directive.place.error(problem, "Use CoordinateSystem before")
+        self.state.set(matrices=known[name])
 
     def _camera_directive(self, directive: Directive) -> None:
         start, end = self.state.now.matrices
@@ -179,8 +180,7 @@ class Interpreter:
             self.notebook.add(LEFT_OUT, directive.place, what)
         self._camera = (directive.strings[0], directive.parameters)
         self.world_to_camera = TO_OURS @ start
-        inverse = (np.linalg.inv(start), np.linalg.inv(end))
-        self.state.coordinate_systems["camera"] = inverse
+        self.state.coordinate_systems["camera"] = np.linalg.inv(start), np.linalg.inv(end)
 
     def _film_directive(self, directive: Directive) -> None:
         self._film = directive.parameters
@@ -242,7 +242,7 @@ class Interpreter:
             return
         if any(emission):
             self.notebook.add(LEFT_OUT, directive.place, "light of an emitter inside an object")
-        self._objects[self._open_object[0]].append(item)
+        self._objects[self._open_object].append(item)
 
     def _object_instance(self, directive: Directive) -> None:
         name = directive.strings[0]
@@ -317,13 +317,6 @@ class GraphicsState:
 
     def set(self, **changes: Any) -> None:
         self.now = replace(self.now, **changes)
-
-    def use_coordinate_system(self, name: str, place: Place) -> None:
-        if name not in self.coordinate_systems:
-            raise place.error(
-                f'coordinate system "{name}" is not defined', "Use CoordinateSystem before"
-            )
-        self.set(matrices=self.coordinate_systems[name])
 
 
 def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray:
