@@ -158,7 +158,7 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
     return materials, textures, ids
 
 
-def _material(surface: Surface, textures: dict[str, int]) -> Material:
+def _material(surface: Surface, textures: Any) -> Material:
     colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
     numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
     return Material(surface.name, **colours, **numbers, curved=bool(surface.curved), **textures)

@@ -334,8 +334,8 @@ def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray
             raise place.error("Rotate about an axis of no length")
         return rotate(numbers[1:].tolist(), numbers[0])
     if name == "LookAt":
-        eye, target, up = numbers.reshape(3, 3)
-        if np.array_equal(eye, target):
+        eye, target, up = numbers.reshape(3, 3).tolist()
+        if eye == target:
             raise place.error("LookAt: eye and target coincide")
         try:  # its camera is left-handed: x right, y up, z forward
             return np.diag([-1.0, -1.0, 1.0, 1.0]) @ look_at(eye, target, up)

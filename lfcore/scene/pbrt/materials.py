@@ -179,14 +179,14 @@ class MaterialTable:
         found = [name for name in names if name is not None]
         if len(found) != 2:
             raise parameters.place.error(f"{parameters.owner} wants two named materials")
-        pair = [self.resolve(self.find(name, parameters.place)) for name in found]
-        if pair[0] is None or pair[1] is None:
+        first, second = (self.resolve(self.find(name, parameters.place)) for name in found)
+        if first is None or second is None:
             what = f"{parameters.owner} mixes a material that is none"
             raise parameters.place.error(what)
-        (a, first), (b, second) = pair
+        a, b = first[0], second[0]
         halves = [
             replace(texture, factor=np.array(surface.diffuse) * share)
-            for surface, texture, share in ((a, first, weight), (b, second, 1.0 - weight))
+            for (surface, texture), share in ((first, weight), (second, 1.0 - weight))
         ]
         images = [half for half in halves if half.image is not None]
         if images:
