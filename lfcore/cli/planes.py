@@ -1,5 +1,7 @@
 """Sensor planes from options: ``--focus``, ``--f-number``, ``--aperture`` and ``--plane``."""
 
+from __future__ import annotations
+
 import argparse
 import csv
 from collections.abc import Mapping
@@ -120,7 +122,7 @@ def make_plane(
     merged: dict[str, Any] = {}
     for one in asked.values():
         merged |= one
-    if isinstance(source, lfcore.Scene):
+    if not isinstance(source, lfcore.LightField):
         _refuse_views(merged, key)
         merged["pixels"] = pixels or 1
     try:

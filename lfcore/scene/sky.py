@@ -20,12 +20,10 @@ import numpy as np
 from lfcore.errors import SceneError, StorageError
 from lfcore.pictures import by_opencv
 from lfcore.scene.appearance import DIRECTIONAL, Light
-from lfcore.scene.limits import BRIGHTEST
-from lfcore.scene.reading import Where, read_bytes
-from lfcore.scene.surface_mesh import parse_colour
 
 if TYPE_CHECKING:
     from lfcore.scene.model import Scene
+    from lfcore.scene.reading import Where
 
 MOST_TEXELS = 2**26
 LARGEST_FILE = 1 << 30
@@ -116,6 +114,10 @@ def under(scene: Scene, sky: np.ndarray) -> Scene:
 
 
 def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
+    # All that takes the kernels' header imports this module.
+    from lfcore.scene.reading import Where
+    from lfcore.scene.surface_mesh import parse_colour
+
     strength = description.get("strength", 1.0)
     if "file" in description:
         where = Where(file, "sky.file")
@@ -176,6 +178,8 @@ def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
 def _read_panorama(path: Path, where: Where) -> np.ndarray:
     """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file."""
     from lfcore.exr import read_exr_picture  # for files alone
+    from lfcore.scene.limits import BRIGHTEST
+    from lfcore.scene.reading import read_bytes
 
     def refuse(problem: str, remedy: str) -> SceneError:
         return where.error(f"{str(path)!r} {problem}", remedy)

@@ -1,7 +1,7 @@
 # What is made from the stored light field: only where the configuration stores it.
 if STORE:
-    # The page shows a few hundred views: more are decoded for nothing, for minutes at N = 512.
-    VIEWED = max((n for n in VIEWS if n <= 128), default=VIEWS[0])
+    # The page shows a few hundred views: more are decoded for nothing.
+    VIEWED = max((n for n in VIEWS if n <= 64), default=VIEWS[0])
 
     rule viewer:
         input:
