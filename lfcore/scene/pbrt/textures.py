@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
-from lfcore.errors import LfcoreError, SceneError
+from lfcore.errors import LfcoreError
 from lfcore.pictures import read_codes
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.pbrt.lexer import Place
@@ -84,14 +84,10 @@ class TextureTable:
 
     def define(self, name: str, value_type: str, kind: str, parameters: ParameterSet) -> None:
         """Handle ``Texture "name" "type" "class"``; an unknown class becomes its mean, noted."""
-        makers = {
-            "constant": self._constant,
-            "imagemap": self._imagemap,
-            "scale": self._scale,
-            "checkerboard": self._checkerboard,
-        }
-        if kind in makers:
-            texture = makers[kind](parameters)
+        if kind == "constant":
+            texture = self.colour(parameters, "value", 1.0)
+        elif kind in ("imagemap", "scale", "checkerboard"):
+            texture = getattr(self, f"_{kind}")(parameters)
         else:
             texture = constant(0.5)
             parameters.note(LEFT_OUT, f'Texture "{name}" of class "{kind}": a grey of 0.5')
@@ -99,10 +95,9 @@ class TextureTable:
         self._named[value_type == "float", name] = texture
 
     def find(self, name: str, place: Place, is_float: bool) -> Texture:
-        texture = self._named.get((is_float, name))
-        if texture is None:
+        if (is_float, name) not in self._named:
             raise place.error(f'texture "{name}" is not defined', "Define it before with Texture")
-        return texture
+        return self._named[is_float, name]
 
     def colour(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> Texture:
         """A colour parameter that may be a texture."""
@@ -110,10 +105,8 @@ class TextureTable:
         if parameter is None:
             return constant(default)
         if parameter.type == "texture":
-            try:
-                return self.find(parameter.values[0], parameter.place, False)
-            except SceneError:
-                return self.find(parameter.values[0], parameter.place, True)
+            name = parameter.values[0]
+            return self.find(name, parameter.place, (False, name) not in self._named)
         return Texture(parameter_rgb(parameter, self.folder).astype(np.float64))
 
     def number(self, parameters: ParameterSet, name: str, default: float) -> float:
@@ -124,19 +117,11 @@ class TextureTable:
         if parameter.type == "float":
             return float(parameter.values[0])
         texture = self.find(parameter.values[0], parameter.place, True)
-        if texture.image is not None:
-            _note_mean(parameters, name)
-        return float(texture.mean()[0])
+        return float(_mean(texture, parameters, name)[0])
 
     def rgb(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> np.ndarray:
         """A colour parameter as one colour; a texture counts with its mean, noted."""
-        texture = self.colour(parameters, name, default)
-        if texture.image is not None:
-            _note_mean(parameters, name)
-        return texture.mean()
-
-    def _constant(self, parameters: ParameterSet) -> Texture:
-        return self.colour(parameters, "value", 1.0)
+        return _mean(self.colour(parameters, name, default), parameters, name)
 
     def _scale(self, parameters: ParameterSet) -> Texture:
         # Version 3 multiplies tex1 by tex2, version 4 tex by scale.
@@ -158,10 +143,8 @@ class TextureTable:
             raise parameters.error("filename", "is missing", "Name the image file")
         place = parameters.items["filename"].place
         picture, encoded = read_picture(self.folder / name, place)
-        is_linear = parameters.string("encoding", "sRGB") == "linear" or not parameters.bool(
-            "gamma", True
-        )
-        factor = 1.0
+        coding, factor = parameters.string("encoding", "sRGB"), 1.0
+        is_linear = coding == "linear" or not parameters.bool("gamma", True)
         if encoded and is_linear:
             picture, encoded = picture / 255.0, False
         if not encoded:
@@ -195,9 +178,11 @@ class TextureTable:
         return replace(texture, uv_scale=(u_scale, v_scale), uv_offset=(u, v))
 
 
-def _note_mean(parameters: ParameterSet, name: str) -> None:
-    what = f'"{name}" of {parameters.owner}: the mean of its texture'
-    parameters.note(APPROXIMATED, what, name)
+def _mean(texture: Texture, parameters: ParameterSet, name: str) -> np.ndarray:
+    if texture.image is not None:
+        what = f'"{name}" of {parameters.owner}: the mean of its texture'
+        parameters.note(APPROXIMATED, what, name)
+    return texture.mean()
 
 
 def _product(a: Texture, b: Texture) -> Texture:
