@@ -83,9 +83,9 @@ class Document:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self._raw = read_bytes(self.path, LARGEST_MESH, "mesh file")
-        self._binary = self._raw[:4] == b"glTF"
-        text = self._json_chunk() if self._binary else self._raw
+        raw = read_bytes(self.path, LARGEST_MESH, "mesh file")
+        is_glb = raw[:4] == b"glTF"
+        self._version, text, self._rest = self._chunks(raw) if is_glb else (None, raw, b"")
         try:
             self.tree = json.loads(text)
         except (ValueError, RecursionError) as error:
@@ -110,14 +110,15 @@ class Document:
     def _broken(self, problem: str) -> SceneError:
         return Where(self.path).error(f"mesh cannot be read: {problem}", "Export it again")
 
-    def _json_chunk(self) -> bytes:
+    def _chunks(self, raw: bytes) -> tuple[int, bytes, bytes]:
+        """The version of a GLB file, its JSON, and what follows."""
         start = _HEAD.size + _CHUNK.size
-        if len(self._raw) < start:
+        if len(raw) < start:
             raise self._broken("it ends early")
-        length, kind = _CHUNK.unpack_from(self._raw, _HEAD.size)
-        if kind != _JSON or len(self._raw) < start + length:
+        length, kind = _CHUNK.unpack_from(raw, _HEAD.size)
+        if kind != _JSON or len(raw) < start + length:
             raise self._broken("it has no JSON chunk")
-        return self._raw[start : start + length]
+        return _HEAD.unpack_from(raw)[1], raw[start : start + length], raw[start + length :]
 
     def objects(self, *keys: str, of: dict | None = None) -> list[dict]:
         """The objects of a list below ``keys``; empty ones for what is malformed."""
@@ -136,7 +137,7 @@ class Document:
         start = view.get("byteOffset", 0)
         uri = buffer.get("uri")
         if uri is None:
-            data = self._raw[self._json_end + _CHUNK.size :]
+            data, start = self._rest, start + _CHUNK.size
         elif uri.startswith("data:"):
             data = _inside(uri)
         else:
@@ -159,10 +160,6 @@ class Document:
             elif number in used and isinstance(uri, str) and uri.startswith("data:"):
                 yield number, _inside(uri)
 
-    @property
-    def _json_end(self) -> int:
-        return _HEAD.size + _CHUNK.size + len(self._json_chunk())
-
     def readable(self) -> bytes:
         """The file with its meshes unpacked, and with the number of each material as its name, so
         that the material can be found again."""
@@ -170,17 +167,13 @@ class Document:
         materials = [
             {**entry, "name": str(index)} for index, entry in enumerate(self.objects("materials"))
         ]
-        if not materials and tree is self.tree:
-            return self._raw
         text = json.dumps({**tree, **({"materials": materials} if materials else {})}).encode()
-        if not self._binary:
+        if self._version is None:
             return text
         text += b" " * (-len(text) % 4)
-        rest = self._raw[self._json_end :]
-        size = _HEAD.size + _CHUNK.size + len(text) + len(rest)
-        version = _HEAD.unpack_from(self._raw)[1]
-        head = _HEAD.pack(b"glTF", version, size) + _CHUNK.pack(len(text), _JSON)
-        return head + text + rest
+        size = _HEAD.size + _CHUNK.size + len(text) + len(self._rest)
+        head = _HEAD.pack(b"glTF", self._version, size) + _CHUNK.pack(len(text), _JSON)
+        return head + text + self._rest
 
     def _unpacked(self) -> dict:
         try:
