@@ -84,8 +84,10 @@ class Document:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         raw = read_bytes(self.path, LARGEST_MESH, "mesh file")
-        is_glb = raw[:4] == b"glTF"
-        self._version, text, self._rest = self._chunks(raw) if is_glb else (None, raw, b"")
+        self._version: int | None = None
+        text, self._rest = raw, b""
+        if raw[:4] == b"glTF":
+            self._version, text, self._rest = self._chunks(raw)
         try:
             self.tree = json.loads(text)
         except (ValueError, RecursionError) as error:
