@@ -231,14 +231,11 @@ class CameraArray:
     def from_json(cls, data: dict) -> CameraArray:
         """Raises :class:`OpticsError` for what :meth:`to_json` does not write."""
         try:
-            return cls(
-                tuple(data["columns_m"]),
-                tuple(data["rows_m"]),
-                float(data["fov_deg"]),
-                (int(data["tile"][0]), int(data["tile"][1])),
-                (float(data["margin_m"][0]), float(data["margin_m"][1])),
-                float(data["delta"]),
+            columns, rows, tile, margin = (
+                tuple(data[key]) for key in ("columns_m", "rows_m", "tile", "margin_m")
             )
+            size, beyond = (int(tile[0]), int(tile[1])), (float(margin[0]), float(margin[1]))
+            return cls(columns, rows, float(data["fov_deg"]), size, beyond, float(data["delta"]))
         except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise OpticsError(f"not the description of a camera array: {error!r}") from None
 

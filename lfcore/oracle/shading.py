@@ -15,9 +15,8 @@ Source: J. F. Blinn, "Models of light reflection for computer synthesized pictur
 
 import numpy as np
 
-from lfcore.oracle import sky_gloss
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
-from lfcore.oracle.metal import bent_normals, metals
+from lfcore.oracle.metal import bent_normals, metals, reflected_sky
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
@@ -58,7 +57,7 @@ def _shade(spots: Spots) -> np.ndarray:
     around = surroundings(spots)
     of_metal = around * metal.surrounded()
     if len(scene.sky):
-        of_metal = sky_gloss.reflected(scene, metal, around, bent, view)
+        of_metal = reflected_sky(scene, metal, around, bent, view)
     colour += np.where(is_metal, of_metal, around * diffuse)
     for light in scene.lights:
         towards, strength = arriving(light, point)
