@@ -98,10 +98,6 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     class Resolver(FilePathResolver):
         """Finds side files; trimesh passes over what is missing or damaged, so remember it."""
 
-        def __init__(self, source: str, allow_anywhere: bool = False):
-            super().__init__(source, allow_anywhere)
-            self.trouble: list[str] = []
-
         def get(self, name: str) -> Any:
             here = os.path.isfile(path.parent / name)
             if document and not here:  # its names are URIs: spaces and others are escaped
@@ -117,10 +113,10 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
                     notebook.add_in(LEFT_OUT, path, what)
                 else:
                     what = "texture" if is_picture else "file"
-                    self.trouble.append(f"{what} {name!r} not found")
+                    trouble.append(f"{what} {name!r} not found")
                 raise
             if is_picture and (problem := _problem(data, glossy)):
-                self.trouble.append(f"texture {name!r} {problem}")
+                trouble.append(f"texture {name!r} {problem}")
             return data
 
     if not os.path.isfile(path):
@@ -129,22 +125,23 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     if kind not in trimesh.available_formats():
         known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
         raise _error(path, f"no reader for mesh files named *{path.suffix}", f"Use one of {known}")
+    trouble: list[str] = []
     resolver = Resolver(str(path), allow_anywhere=True)
     glossy = document is not None and any(has(m, GLOSSY) for m in document.objects("materials"))
     try:
         for number, data in document.pictures() if document else ():
             if problem := _problem(data, glossy):
-                resolver.trouble.append(f"image {number} {problem}")
+                trouble.append(f"image {number} {problem}")
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except SceneError:  # of a file beside it, which it names
         raise
     except Exception as error:  # trimesh's readers raise whatever they stumble over
-        _check_found(resolver.trouble, path)
+        _check_found(trouble, path)
         reason = " ".join(str(error).split()) or type(error).__name__
         remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
         raise _error(path, f"mesh cannot be read: {reason[:200]}", remedy) from error
-    _check_found(resolver.trouble, path)
+    _check_found(trouble, path)
     return scene
 
 
