@@ -164,7 +164,7 @@ class Program:
         assert tracing.plane_sums is not None  # of a tracing that has ended
         return frames, tracing.plane_sums.sums
 
-    @property
+    @cached_property
     def bytes(self) -> int:
         """The memory of the scene's buffers on the device and of all workers."""
         s, bvh = pack_surfaces(self.tracer.scene, self.tracer.needs), self.bvh
