@@ -33,7 +33,7 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
     int exponent;
     const Ray r = scaled_ray(origin, direction, &exponent);
-    const Volume volume = {0, &r.path};
+    const Volume volume = {0, &r.path, 1};
     Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);

@@ -68,7 +68,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
         return;
     }
     const Frustum frustum = packet_frustum(p);
-    const Volume volume = {&frustum, 0};
+    const Volume volume = {&frustum, 0, 0};
     Stack stack;
     start_walk(&stack);
     Compaction compaction = start_compaction(tree, p, &v->memory->compacted);

@@ -10,7 +10,6 @@
 #include "packet_sums.cl"
 
 // Cells: the colours of a packet, 16 x 16 inner rays of one element at a time.
-#define BRIGHTEST ((float)(1 << STOPS))  // that is stored
 typedef struct {
     global float *colours;     // (cells, 3, BLOCK_RAYS), and of one block of several elements
     global ColourRow *prefix;  // (PACKET_COLUMNS + 1,)
@@ -96,9 +95,10 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
     const int cell = SINK != FRAMES ? 0 : OUTER > 1 ? packet->rays->cells : block;
     global float *colours = sink->cells.colours + cell * COLOURS;
     if (SINK != HITS) colour_block(packet, block, p, colours);
-    if (SINK == FRAMES) clamp_colours(colours);
-    else write_arrays(packet, block, p->visibility.block + block, colours, &sink->arrays);
-    if (SINK == FRAMES && OUTER > 1) spread_colours(packet, block, colours, sink->cells.colours);
+    if (SINK != FRAMES)
+        write_arrays(packet, block, p->visibility.block + block, colours, &sink->arrays);
+    else if (OUTER > 1) spread_colours(packet, block, colours, sink->cells.colours);
+    else clamp_colours(colours);
 }
 
 // For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:

@@ -103,7 +103,7 @@ inline void write_arrays(const Packet *packet, int block, Coverage *seen,
         write_rays(packet, block, (global uint *)seen->ids, (global uint *)to->triangle);
 }
 
-// Put colours (3, BLOCK_RAYS) of a block of several elements into their cells.
+// Put colours (3, BLOCK_RAYS) of a block of several elements into their cells, clamped.
 inline void spread_colours(const Packet *packet, int block, global const float *colours,
                            global float *cells)
 {
@@ -111,12 +111,13 @@ inline void spread_colours(const Packet *packet, int block, global const float *
     const int side = packet->rays->packet_side / BLOCK;
     const int within = first.y / BLOCK * side + first.x / BLOCK;
     const int corner = first.y % BLOCK * BLOCK + first.x % BLOCK;
-    for (int at = 0; at < COLOURS; at += 4) {
-        const int ray = at % BLOCK_RAYS, row = ray / BLOCK, column = ray % BLOCK;
+    for (int ray = 0; ray < BLOCK_RAYS; ray += 4) {
+        const int row = ray / BLOCK, column = ray % BLOCK;
         const int element = row / INNER * OUTER + column / INNER;
-        global float *to = cells + (element * side * side + within) * COLOURS + corner;
-        vstore4(vload4(0, colours + at), 0,
-                to + at - ray + row % INNER * BLOCK + column % INNER);
+        const int at = corner + row % INNER * BLOCK + column % INNER;
+        global float *to = cells + (element * side * side + within) * COLOURS + at;
+        for (int channel = 0; channel < COLOURS; channel += BLOCK_RAYS)
+            vstore4(clamp(vload4(0, colours + channel + ray), 0.0f, BRIGHTEST), 0, to + channel);
     }
 }
 

@@ -74,6 +74,6 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
 // The next leaf that may hide the light from some ray; -1 once none is left.
 inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
-    const Volume volume = {0, &r->shaft};
+    const Volume volume = {0, &r->shaft, 0};
     return next_leaf(tree, &volume, r->end, stack);
 }

@@ -28,7 +28,7 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
 // The leaf that blocks the ray nearer than `far`, or -1.
 inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int2 light)
 {
-    const Volume volume = {0, &r->path};
+    const Volume volume = {0, &r->path, 1};
     Stack stack;
     start_walk(&stack);
     int leaf;

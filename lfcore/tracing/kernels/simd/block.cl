@@ -17,6 +17,7 @@
 
 // Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
 #define COLOURS (3 * BLOCK_RAYS)
+#define BRIGHTEST ((float)(1 << STOPS))  // colour that frames and planes store
 inline Vec load3(global const float *from, int at)
 {
     from += at;

@@ -1,6 +1,6 @@
 // The hierarchy, nodes of sixteen children and leaves of sixteen triangles, and walks through it.
 // Children are stored by their nearest depth, and camera rays look along +z, so packets walk front
-// to back without sorting; sweeps sort the children that they meet.
+// to back without sorting; single rays sort the children that they meet.
 //
 // Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
@@ -90,8 +90,8 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume that a walk is for is one of these.
-typedef struct { const Frustum *frustum; const Sweep *sweep; } Volume;
+// The volume that a walk is for is a frustum or a sweep; only single rays need leaves `sorted`.
+typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted; } Volume;
 
 // Children still to be looked at, by their places in the tree's arrays, and where each begins: all
 // but one of each node's children.
@@ -131,7 +131,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
         const uint lane = 31 - clz(bits);
         bits ^= 1u << lane;
         int at = stack->size++;
-        for (; volume->sweep && at > base && stack->near[at - 1] < near[lane]; --at) {
+        for (; volume->sorted && at > base && stack->near[at - 1] < near[lane]; --at) {
             stack->near[at] = stack->near[at - 1];
             stack->child[at] = stack->child[at - 1];
         }
