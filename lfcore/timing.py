@@ -26,7 +26,7 @@ SHORT_SECONDS = 0.2
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall seconds of repeated runs of the same work, in order of running."""
+    """Seconds of repeated runs of the same work, in order of running."""
 
     seconds: tuple[float, ...]
 

@@ -6,6 +6,7 @@ vertex colours, a light of no strength, black highlights.
 """
 
 import itertools
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -191,14 +192,16 @@ class Comparison:
     identical: bool | None = None
 
     def row(self, repeats: int) -> dict:
-        """The row of the report; the programs take turns under the clock."""
+        """The row of the report; the programs take turns, and seconds are core seconds."""
         full, lean, identical = self.full, self.lean, self.identical
         (frames, sums), (lean_frames, lean_sums) = full.made, lean.made
         if identical is None:
             identical = not (full.frames and lean.frames) or np.array_equal(frames, lean_frames)
             identical &= not (full.planes and lean.planes) or np.array_equal(sums, lean_sums)
         saved = full.bytes - lean.bytes if self.saved is None else self.saved
-        full_time, lean_time = measure_in_turn((full.run, lean.run), repeats=repeats)
+        full_time, lean_time = measure_in_turn(
+            (full.run, lean.run), repeats=repeats, clock=time.process_time
+        )
         return {
             "feature": self.feature,
             "what": self.what,

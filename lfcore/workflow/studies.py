@@ -129,7 +129,7 @@ class ChosenRays(Keys):
 class LeftOut(Keys):
     views: whole(2, 256) = key("lens samples per side", 64)
     pixels: whole(16, 512) = key("pixels per side", 32)
-    repeats: whole(1, 20) = key("timed runs per program", 3)
+    repeats: whole(1, 20) = key("timed runs per program", 5)
     features: Literal["all"] | several(
         str, 0
     ) = key("features that the scene lacks and that are compiled in to compare", "all")
