@@ -23,7 +23,7 @@ def table_of(
     columns: Sequence[str] | None = None,
     decimals: Mapping[str, int] | None = None,
 ) -> pd.DataFrame:
-    """The rows with these columns in this order, by default those of the first row.
+    """The rows as a table of ``columns``, in this order; by default the first row's.
 
     Numbers are rounded to five significant digits or, where ``decimals`` are given, to those of
     their columns.  Raises :class:`TableError` when a row lacks a column or has one too many.

@@ -54,9 +54,9 @@ def pictures_by_depth(
 ) -> np.ndarray:
     """Pictures of a scene from the same rays: (P, height, width, 3) float32, linear light.
 
-    Rays are traced through the widest of the planes' apertures, those of a single plane at its own
-    focus.  Raises :class:`OpticsError` for a focus inside the focal length, a plane wider than the
-    lens, or pictures too large for the device's memory.
+    Rays pass the widest aperture of the planes; a single plane is traced at its own focus.
+    Raises :class:`OpticsError` for a focus inside the focal length, a plane wider than the lens, or
+    pictures too large for the device's memory.
     """
     planes, size = list(planes), Size.of(pixels)
     if len(planes) == 1:
@@ -122,7 +122,7 @@ def trace_by_depth(
 ) -> np.ndarray:
     """Trace views and slice them by depth: (P, height, width, 3) float32, linear light.
 
-    ``pixels`` are those of the pictures' longer side.  Raises as :func:`pictures_by_depth`.
+    ``pixels`` is the length of the pictures' longer side.  Raises as :func:`pictures_by_depth`.
     """
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])

@@ -151,7 +151,7 @@ class _Stream:
 
 
 def _packets(container: Any, info: SegmentInfo, file: Path) -> Iterator[av.Packet]:
-    """The packets of a segment; :class:`StorageError` where they are not those of ``info``."""
+    """The packets of a segment; :class:`StorageError` where they do not match ``info``."""
     frames = crc = 0
     for packet in container.demux(container.streams.video[0]):
         if packet.size:

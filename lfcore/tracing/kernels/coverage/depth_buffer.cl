@@ -13,7 +13,7 @@ typedef struct { float z[BLOCK_RAYS]; int ids[BLOCK_RAYS]; } DepthBuffer;
 typedef struct {
     int covering_triangle;          // NOTHING, BUFFERED or a triangle
     float half_extent;              // of the block's rays
-    float z_near, z_far;            // of what is seen; z_far is FAR while a ray sees nothing
+    float z_near, z_far;            // least and greatest depth; z_far is FAR while a ray has no hit
     Affine numerator, denominator;  // of the covering triangle's depth
     global float *z;                // of the depth buffer
     global int *ids;

@@ -8,7 +8,7 @@
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
 // the fourth root.
 #define LINEAR_END 0.0031308f
-#define BLACK 1.0e-9f  // far below a code; roots of less would be those of denormal numbers
+#define BLACK 1.0e-9f  // far below a code; roots of less would be denormal
 inline vf encode_srgb(vf x)
 {
     x = clamp(x, (vf)(BLACK), (vf)(1.0f));
