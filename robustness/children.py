@@ -6,19 +6,20 @@ at fault, and another child continues after it.
 """
 
 import faulthandler
-import json
 import os
 import resource
-import select
 import signal
-import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from robustness.outcome import Outcome
+
+FORK = get_context("fork")
 
 
 @dataclass(frozen=True)
@@ -44,70 +45,41 @@ def run_all(
     start = 0
     while start < count:
         crash_log.write_bytes(b"")
-        child, pipe = _fork(range(start, count), one, limits, crash_log)
-        death = ""
-        try:
-            for outcome in _reports(pipe, limits.wall):
-                yield start, outcome
+        reports, tell = FORK.Pipe(duplex=False)
+        given = range(start, count), one, limits, crash_log, tell
+        child = FORK.Process(target=_run, args=given, daemon=True)
+        child.start()
+        tell.close()
+        hangs = False
+        with reports, suppress(EOFError):
+            while not (hangs := not reports.poll(limits.wall)):
+                yield start, reports.recv()
                 start += 1
-        except TimeoutError:
-            death = "hang"
-        finally:
-            os.close(pipe)
-            if start < count:
-                with suppress(ProcessLookupError):
-                    os.killpg(child, signal.SIGKILL)
-            _, status = os.waitpid(child, 0)
         if start < count:
-            yield start, _death(death, status, crash_log)
+            with suppress(ProcessLookupError):
+                os.killpg(child.pid or 0, signal.SIGKILL)
+        child.join()
+        if start < count:
+            yield start, _death(hangs, child.exitcode or 0, crash_log)
             start += 1
 
 
-def _reports(pipe: int, patience: float) -> Iterator[Outcome]:
-    """A child's reports until it ends; :class:`TimeoutError` after ``patience`` silent seconds."""
-    text, deadline = b"", time.monotonic() + patience
-    while True:
-        ready, _, _ = select.select([pipe], [], [], max(0.0, deadline - time.monotonic()))
-        if not ready:
-            raise TimeoutError
-        data = os.read(pipe, 1 << 16)
-        if not data:
-            return
-        *lines, text = (text + data).split(b"\n")
-        for line in lines:
-            deadline = time.monotonic() + patience
-            yield Outcome(*json.loads(line))
-
-
-def _fork(
-    indices: range, one: Callable[[int], Outcome], limits: Limits, crash_log: Path
-) -> tuple[int, int]:
-    """(process, read end of its pipe) of a child that runs the indices."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child:
-        os.close(writer)
-        return child, reader
-    try:
-        os.setsid()
-        _restrain(limits, crash_log)
-        for index in indices:
-            # CPU time, as the wall clock depends on other work of the machine.
-            signal.setitimer(signal.ITIMER_PROF, limits.cpu)
-            try:
-                outcome = one(index)
-            except Exception as error:  # the judge's own mistake
-                outcome = Outcome("harness", repr(error)[:200], traceback.format_exc())
-            signal.setitimer(signal.ITIMER_PROF, 0)
-            _tell(writer, outcome)
-    finally:
-        os._exit(0)
-
-
-def _tell(writer: int, outcome: Outcome) -> None:
-    line = json.dumps([outcome.kind, outcome.signature, outcome.text]).encode() + b"\n"
-    while line:
-        line = line[os.write(writer, line) :]
+def _run(
+    indices: range, one: Callable[[int], Outcome], limits: Limits, crash_log: Path, tell: Connection
+) -> None:
+    """A child: run the indices, and tell of each."""
+    os.setsid()
+    _restrain(limits, crash_log)
+    for index in indices:
+        # CPU time, as the wall clock depends on other work of the machine.
+        signal.setitimer(signal.ITIMER_PROF, limits.cpu)
+        try:
+            outcome = one(index)
+        except Exception as error:  # the judge's own mistake
+            outcome = Outcome("harness", repr(error)[:200], traceback.format_exc())
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        tell.send(outcome)
+    os._exit(0)
 
 
 def _restrain(limits: Limits, crash_log: Path) -> None:
@@ -126,16 +98,13 @@ def _restrain(limits: Limits, crash_log: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
-def _death(death: str, status: int, crash_log: Path) -> Outcome:
+def _death(hangs: bool, status: int, crash_log: Path) -> Outcome:
     stack = crash_log.read_text(errors="replace")
     place = _innermost(stack)
-    if not death and os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGPROF:
-        death = "time"
-    if death:
-        return Outcome(death, f"{death} {place}", stack[:2000])
-    how = f"status {os.WEXITSTATUS(status)}"
-    if os.WIFSIGNALED(status):
-        how = signal.Signals(os.WTERMSIG(status)).name
+    if hangs or status == -signal.SIGPROF:
+        kind = "hang" if hangs else "time"
+        return Outcome(kind, f"{kind} {place}", stack[:2000])
+    how = signal.Signals(-status).name if status < 0 else f"status {status}"
     return Outcome("crash", f"{how} {place}", stack[:2000])
 
 
