@@ -18,7 +18,6 @@ from lfcore.opencl.device import programs_made
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress, silent
 from lfcore.refocus.resampling import FILTERS, coverage
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.rendering.direct import trace_picture, trace_planes
@@ -64,7 +63,6 @@ def equivalence(
     views: int,
     pixels: int,
     reference_views: int = 64,
-    progress: Progress = silent,
 ) -> Equivalence:
     """Make every picture every way, and compare; the reference's own rows are last.
 
@@ -87,10 +85,7 @@ def equivalence(
         lambda: _views(tracer, slab, planes),
         lambda: _plenoptic(tracer, slab, planes),
     ]
-    made: list[Made] = []
-    for done, step in enumerate(steps):
-        made += step()
-        progress(done + 1, len(steps))
+    made = [one for step in steps for one in step()]
     truth = made[0]
     rows: list[dict] = []
     for one in [*made[1:], truth]:

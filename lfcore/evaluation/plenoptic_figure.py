@@ -10,7 +10,6 @@ from lfcore.colour import srgb_decode
 from lfcore.evaluation.figures import Cell, contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
-from lfcore.progress import Progress
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.tracing.tracer import Tracer
@@ -23,17 +22,16 @@ INSET = 2
 
 
 def take(
-    tracer: Tracer, focus_m: float, lenses: int, samples: int, *, progress: Progress | None = None
+    tracer: Tracer, focus_m: float, lenses: int, samples: int
 ) -> tuple[PlenopticCamera, np.ndarray]:
     """The scene's camera with a microlens array, focused at ``focus_m`` with the same field, and
     the photograph (M N, M N, 3), uint8 sRGB.
 
-    ``progress`` is called with (microlenses done, of all).  Raises :class:`OpticsError` for counts
-    that make no camera, or a focus inside the focal length.
+    Raises :class:`OpticsError` for counts that make no camera, or a focus inside the focal length.
     """
     own = tracer.scene.camera
     camera = PlenopticCamera(focused_camera(own, SensorPlane.of(own, focus_m)), lenses, samples)
-    return camera, photograph(tracer, camera, progress=progress)
+    return camera, photograph(tracer, camera)
 
 
 def panels(

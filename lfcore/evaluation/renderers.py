@@ -9,7 +9,6 @@ with the reason.
 import functools
 import importlib
 import importlib.util
-import itertools
 import math
 import re
 import shutil
@@ -28,7 +27,6 @@ from lfcore.opencl.device import programs_made
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
-from lfcore.progress import Progress, silent
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
@@ -66,7 +64,6 @@ def compare(
     *,
     pixels: int,
     views: int,
-    progress: Progress = silent,
 ) -> tuple[list[dict], list[list[Rendered]]]:
     """Rows of the table, and all pictures of each focus distance.
 
@@ -74,7 +71,7 @@ def compare(
     others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
     """
     rows, all_rendered = [], []
-    scene, done = tracer.scene, itertools.count(1)
+    scene = tracer.scene
     methods = (
         *(functools.partial(_ours, tracer, places) for places in (1, PLACES)),
         *(functools.partial(other, scene) for other in (povray, mitsuba)),
@@ -82,10 +79,7 @@ def compare(
     for focus in focus_m:
         plane = SensorPlane(focus, scene.camera.f_number)
         truth = spread_picture(tracer, plane, pixels, REFERENCE_VIEWS, REFERENCE_PLACES)
-        rendered = []
-        for method in methods:
-            rendered.append(method(plane, pixels, views))
-            progress(next(done), len(focus_m) * len(methods))
+        rendered = [method(plane, pixels, views) for method in methods]
         facts = {"scene": scene.name, "M": pixels, "focus_m": focus}
         rows += [facts | _row(one, truth) for one in rendered]
         all_rendered.append(rendered)

@@ -14,7 +14,6 @@ from lfcore.files import draft_folder
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import form_planes
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
@@ -31,13 +30,11 @@ def sweep_rows(
     planes: Sequence[SensorPlane],
     specs: Mapping[str, Encoding],
     folder: Path,
-    *,
-    progress: Progress = silent,
 ) -> list[dict]:
     """A row for each encoder of ``specs``: seconds, size, and quality of pictures from its file.
 
     Quality is against the same planes formed while tracing.  ``folder`` is for the files, which
-    are removed; ``progress`` counts tiles.
+    are removed.
     """
     watch, sums = Stopwatch(), []
 
@@ -63,9 +60,8 @@ def sweep_rows(
 
     with draft_folder(folder / "sweep") as work:
         segments = {case: [work / f"{case}-{t.index}.mp4" for t in tiles] for case in specs}
-        for done, tile in enumerate(tiles, 1):
+        for tile in tiles:
             sums.append(trace(tile, {case: files[tile.index] for case, files in segments.items()}))
-            progress(done, len(tiles))
         pictures = total(slab, list(planes), sums).pictures()
         rows = []
         for case, spec in specs.items():

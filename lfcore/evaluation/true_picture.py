@@ -1,6 +1,6 @@
 """The true picture of a plane: averaged over its pixels and the lens, and how well it is known."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,13 +61,11 @@ def true_pictures(
     planes: Sequence[SensorPlane],
     pixels: Pixels,
     lattices: Sequence[Lattice],
-    *,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Reference:
     """Trace all planes from the same rays, by each of two lattices.
 
-    ``progress`` is called with (views done, of a lattice).  Raises :class:`OpticsError` for
-    lattices too alike to tell each other's error: views and sub-pixels must both differ.
+    Raises :class:`OpticsError` for lattices too alike to tell each other's error: views and
+    sub-pixels must both differ.
     """
     one, two = lattices
     if one.views == two.views or one.subpixels == two.subpixels:
@@ -77,10 +75,7 @@ def true_pictures(
             remedy="Give lattices of unlike lens samples and unlike rays per pixel",
         )
     camera, weights = tracer.scene.camera, [lattice.rays_per_pixel for lattice in lattices]
-    pair = [
-        pictures_by_depth(tracer, camera, planes, pixels, lattice, progress=progress)
-        for lattice in lattices
-    ]
+    pair = [pictures_by_depth(tracer, camera, planes, pixels, each) for each in lattices]
     pictures = np.average(pair, axis=0, weights=weights).astype(np.float32)
     # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
     # Errors that both have alike do not differ; they were found to be as large again.

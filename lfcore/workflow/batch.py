@@ -1,6 +1,6 @@
 """A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -50,7 +50,6 @@ def trace_batch(
     *,
     segments: str | Path | None,
     spec: Encoding,
-    progress: Callable[[int, int], None],
 ) -> tuple[PlaneSums, dict]:
     """Trace tiles one after the other, into the zip file ``segments`` where they are stored.
 
@@ -60,7 +59,7 @@ def trace_batch(
     total: PlaneSums | None = None
     with draft_folder(segments) if segments else nullcontext() as folder:
         files = []
-        for done, tile in enumerate(tiles, 1):
+        for tile in tiles:
             if folder is None:
                 tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False))
             else:
@@ -73,7 +72,6 @@ def trace_batch(
             seconds["trace"] += tracing.seconds
             part = tracing.plane_sums
             total = total.with_part(part) if total and part else part
-            progress(done, len(tiles))
         if segments:
             from lfcore.storage.container import pack_segments
 

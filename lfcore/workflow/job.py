@@ -6,8 +6,7 @@ import logging
 import os
 import signal
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -64,17 +63,3 @@ def _fail(terminal: int, message: str) -> None:
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     os._exit(1)
-
-
-def log_progress(what: str) -> Callable[[int, int], None]:
-    """A ``progress(done, total)`` that writes a line every five seconds, and one at the end."""
-    last = time.monotonic()
-
-    def progress(done: int, total: int) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if done == total or now - last >= 5.0:
-            last = now
-            print(f"{what}: {done} of {total}")
-
-    return progress

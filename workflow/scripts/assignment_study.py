@@ -6,7 +6,7 @@ from lfcore.evaluation.figures import Sheet, contact_sheet, save_figure
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 STUDIES = {study.__name__: study for study in (book, sampling, see_through, time, reconstruction)}
 
@@ -16,8 +16,7 @@ with job(snakemake) as (given, params, output):
     else:
         device_or_tracer = open_device(params.device or None, threads=snakemake.threads)
     files = {key: file for key, file in given.items() if key not in ("scene", "bvh", "light")}
-    study, progress = STUDIES[params.study], log_progress(params.study)
-    sheets, record = study(device_or_tracer, **files, **params.settings, progress=progress)
+    sheets, record = STUDIES[params.study](device_or_tracer, **files, **params.settings)
     for file, sheet in zip(output.figures, sheets, strict=True):
         if isinstance(sheet, Sheet):
             contact_sheet(file, *sheet, panel_px=300)

@@ -3,11 +3,11 @@
 from lfcore.opencl.device import open_device
 from lfcore.rendering.bake import bake_light
 from lfcore.workflow.batch import open_scene
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (given, params, output):
     scene, bvh = open_scene(given)
     device = open_device(params.device or None, threads=snakemake.threads)
-    light = bake_light(scene, bvh, device, scene.bake, progress=log_progress("steps"))
+    light = bake_light(scene, bvh, device, scene.bake)
     print(f"{light.rays} rays, {len(light.values)} points, error {light.error:.3g}")
     light.save(output[0])

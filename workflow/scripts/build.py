@@ -2,10 +2,10 @@
 
 from lfcore.scene.files import load_scene
 from lfcore.tracing.bvh import build_bvh, save_bvh
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (given, _, output):
     scene = load_scene(given.scene)
-    bvh = build_bvh(scene.triangles, progress=log_progress("triangles"))
+    bvh = build_bvh(scene.triangles)
     print(bvh.statistics())
     save_bvh(output[0], bvh)

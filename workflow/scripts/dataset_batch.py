@@ -5,7 +5,7 @@ from pathlib import Path
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
 from lfcore.opencl.device import open_device
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     description = Description.check(params.description)
@@ -17,5 +17,4 @@ with job(snakemake) as (_, params, output):
         output.records,
         Path(output.shard).parent.parent / drafts,
         open_device(params.device or None, threads=snakemake.threads),
-        progress=log_progress("scenes"),
     )

@@ -5,7 +5,7 @@ from lfcore.evaluation.storage.figures import equivalence_sheet
 from lfcore.evaluation.table_files import write_rows
 from lfcore.optics.planes import SensorPlane
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     tracer = open_tracer(snakemake)
@@ -16,7 +16,6 @@ with job(snakemake) as (_, params, output):
         tracer,
         [SensorPlane(distance, camera.f_number) for distance in focus_m],
         **params.study,
-        progress=log_progress("methods"),
     )
     equivalence_sheet(output.figure, found, focus_m)
     write_rows(output.rows, found.rows)

@@ -8,7 +8,7 @@ from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.slab import Slab
 from lfcore.timing import Stopwatch
 from lfcore.workflow import cases
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (given, params, output):
     camera, focus_distances_m, triangles = cases.read_camera(given.scene)
@@ -45,7 +45,6 @@ with job(snakemake) as (given, params, output):
                 scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
                 spec=spec,
                 content={"depth_m": depth} if depth else None,
-                progress=log_progress("segments"),
             )
         stored = {
             "device": facts[0]["processor"],

@@ -3,7 +3,7 @@
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.pictures import write_picture
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     tracer = open_tracer(snakemake)
@@ -12,7 +12,7 @@ with job(snakemake) as (_, params, output):
     rows = []
     # The far plane in focus; then no plane.
     for file, focus_m in zip(output.photographs, (max(focus), scene.camera.focus_m), strict=True):
-        taken = take(tracer, focus_m, **params.camera, progress=log_progress("microlenses"))
+        taken = take(tracer, focus_m, **params.camera)
         write_picture(file, taken[1])
         rows.append(panels(tracer, *taken, (min(focus), max(focus))))
     plenoptic_sheet(output.sheet, rows)

@@ -4,7 +4,7 @@ from lfcore.evaluation.storage.retrieval import retrieval_rows
 from lfcore.evaluation.table_files import write_rows
 from lfcore.opencl.device import open_device
 from lfcore.workflow import cases
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (given, params, output):
     _, focus_distances_m, _ = cases.read_camera(given.scene)
@@ -17,6 +17,5 @@ with job(snakemake) as (given, params, output):
             (min(focus_distances_m), max(focus_distances_m)),
             device,
             **params.study,
-            progress=log_progress(file),
         )
     write_rows(output[0], rows)

@@ -5,12 +5,12 @@ from lfcore.evaluation.stability.measurement import COLUMNS, check_passed
 from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
 from lfcore.evaluation.table_files import write_csv
 from lfcore.opencl.device import open_device
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     device = open_device(params.device or None, threads=snakemake.threads)
     tracer = TracerUnderTest(device, rays=params.rays)
-    measured = report.run_all(tracer, report.chosen(params.cases), progress=log_progress("cases"))
+    measured = [one for case in report.chosen(params.cases) for one in case(tracer)]
     table = report.stability_table(measured)
     print(report.summary(table))
     check_passed(measured)

@@ -8,7 +8,7 @@ from lfcore.optics.slab import Slab
 from lfcore.scene.files import scene_digest
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 from lfcore.workflow.sweep import made_of, unchanged
 
 with job(snakemake) as (_, params, made):
@@ -27,6 +27,5 @@ with job(snakemake) as (_, params, made):
             cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
             {case: cases.encoding(settings, n) for case, settings in changed.items()},
             output.parent,
-            progress=log_progress("tiles"),
         )
     write_rows(output, [row | {"made_of": digests[row["case"]]} for row in rows])

@@ -6,7 +6,7 @@ from lfcore.rendering.depth import depth_range
 from lfcore.timing import Stopwatch, machine
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer, trace_batch
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     watch = Stopwatch()
@@ -23,7 +23,6 @@ with job(snakemake) as (_, params, output):
         planes,
         segments=output.segments if params.store else None,
         spec=cases.encoding(params, slab.views),
-        progress=log_progress("tiles"),
     )
     sums.save(output.planes)
     facts |= {"device": device.name, "threads": device.threads}

@@ -10,7 +10,7 @@ from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 LATTICE = Lattice(8, 2)
 
@@ -24,9 +24,7 @@ with job(snakemake) as (_, params, output):
     }
     for name, planes in stacks.items():
         if name in output.keys():
-            pictures = pictures_by_depth(
-                tracer, camera, planes, params.pixels, LATTICE, progress=log_progress(name)
-            )
+            pictures = pictures_by_depth(tracer, camera, planes, params.pixels, LATTICE)
             save_stack(output[name], pictures, planes)
     if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3
         slab = Slab.of(camera, params.views, params.pixels)

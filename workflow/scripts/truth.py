@@ -6,7 +6,7 @@ from lfcore.evaluation.true_picture import save_reference, true_pictures
 from lfcore.optics.lattice import Lattice
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
-from lfcore.workflow.job import job, log_progress
+from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
     tracer = open_tracer(snakemake)
@@ -14,7 +14,4 @@ with job(snakemake) as (_, params, output):
     planes = cases.sensor_planes(params.planes, scene.camera, scene.focus_distances_m)
     planes = [replace(plane, f_number=plane.f_number * closed) for plane in planes]
     lattices = [Lattice(int(views), subpixels) for views, subpixels in params.lattices]
-    made = true_pictures(
-        tracer, planes, params.pixels, lattices, progress=log_progress("true pictures")
-    )
-    save_reference(output[0], made)
+    save_reference(output[0], true_pictures(tracer, planes, params.pixels, lattices))

@@ -18,7 +18,6 @@ from lfcore.errors import SceneError
 from lfcore.evaluation.metrics import PEAK, mse, psnr
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
-from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.rendering.array import trace_array
 from lfcore.scene.model import Scene
@@ -53,20 +52,11 @@ def array_of(
     )
 
 
-def trace_to_exr(
-    tracer: Tracer,
-    array: CameraArray,
-    samples_per_pixel: int,
-    path: Path,
-    *,
-    progress: Progress = silent,
-) -> dict:
+def trace_to_exr(tracer: Tracer, array: CameraArray, samples_per_pixel: int, path: Path) -> dict:
     """Trace an array into one tiled EXR; returns its row of the ``camera_array`` table."""
     # Kernels are built for the size of a tile: one camera of it, unseen by the clock.
     trace_array(tracer, CameraArray.single(array.fov_deg, array.tile))
-    image, seconds = clocked(
-        lambda: trace_array(tracer, array, samples_per_pixel, progress=progress)
-    )
+    image, seconds = clocked(lambda: trace_array(tracer, array, samples_per_pixel))
     name = tracer.scene.name
     write_array(path, image, array, half=True, extra={"scene": name})
     return array_record(name, array, samples_per_pixel, seconds, path.stat().st_size)

@@ -13,7 +13,6 @@ from lfcore.evaluation.assignment.arrays import errors, read_field
 from lfcore.evaluation.figures import Sheet
 from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.lens_system import LensSystem
-from lfcore.progress import Progress, silent
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.synthesis import isaksen, monte_carlo, realistic
@@ -50,7 +49,6 @@ def book(
     light_field: str | Path,
     lens: str | Path,
     picture_px: int,
-    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Sheets of the three steps, and measurements of two.
 
@@ -58,13 +56,9 @@ def book(
     """
     field = read_field(device, light_field)
     synthesised, of_synthesis = synthesis(field, picture_px)
-    progress(1, 3)
-    surfaces_shown = focal_surfaces(field, picture_px)
-    progress(2, 3)
     seen, of_lens = realistic_lens(field, picture_px, lens)
-    progress(3, 3)
     record = {"synthesis": of_synthesis, "realistic_lens": of_lens}
-    return [synthesised, surfaces_shown, seen], record
+    return [synthesised, focal_surfaces(field, picture_px), seen], record
 
 
 def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:

@@ -25,7 +25,6 @@ from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, BOOK_FOCUS_M, mea
 from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.metrics import mse
 from lfcore.opencl.device import Device, programs_made
-from lfcore.progress import Progress, silent
 from lfcore.refocus.array.device_field import DeviceField, Synthesis
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature
@@ -63,7 +62,6 @@ def reconstruction(
     monte_carlo_samples: Sequence[int],
     convergence_samples: Sequence[int],
     reference_samples: int,
-    progress: Progress = silent,
 ) -> tuple[list[Figure], dict]:
     """``rows`` of the table, ``arrays`` that were traced for it, ``convergence`` by sampler.
 
@@ -77,7 +75,7 @@ def reconstruction(
     rows, arrays = [], []
     # Kernels are built for the size of a tile: unseen by the clock.
     square_field(tracer, 2, bounds, fov_deg, tile_px, 1)
-    for done, cameras in enumerate(sorted(camera_counts), 1):
+    for cameras in sorted(camera_counts):
         tracing = partial(square_field, tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
         field, seconds = clocked(tracing)
         size = exr_bytes(field)
@@ -86,7 +84,6 @@ def reconstruction(
         found = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
         rows += [{"scene": tracer.scene.name, **row} for row in found]
         del field
-        progress(done, len(camera_counts))
     field = square_field(tracer, CONVERGENCE_CAMERAS, bounds, fov_deg, tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
     slopes = convergence(field, small, BOOK_FOCUS_M, convergence_samples)
@@ -186,7 +183,6 @@ def see_through(
     study: Mapping,
     picture_px: int,
     reference_samples: int,
-    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 4: a wide lens, focused on the background, sees through nearer objects.
 
@@ -207,7 +203,7 @@ def see_through(
         return clocked_warm(lambda: quadrature(*given), programs_made)
 
     direct, direct_seconds = clocked(
-        lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples, progress=progress)
+        lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples)
     )
     (pinhole, _), (seen, seconds) = from_field(focus, 0.0), from_field(focus, lens)
     cells = [
@@ -243,7 +239,6 @@ def sampling(
     tile_px: int,
     storage_px: int,
     reference_samples: int,
-    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 6: few cameras of ``tile_px``; many that share ``storage_px`` pixels per side.
 
@@ -254,9 +249,7 @@ def sampling(
     few = [(cameras, tile_px) for cameras in FEW]
     many = [(cameras, storage_px // cameras) for cameras in MANY]
     of_few, few_rows = _compared(tracer, grid, camera, reference, few)
-    progress(1, 2)
     of_many, many_rows = _compared(tracer, grid, camera, reference, many)
-    progress(2, 2)
     return [of_few, of_many], {"storage_px": storage_px, "few": few_rows, "many": many_rows}
 
 
@@ -288,12 +281,11 @@ def time(
     files: Sequence[str | Path],
     picture_px: int,
     instants: int,
-    progress: Progress = silent,
 ) -> tuple[list[Sheet], dict]:
     """Step 6: an open shutter before moving objects, sampled at more and more instants.
 
     Errors are against the picture of the most instants.  ``files`` are a pbrt scene with a camera
-    array and the files that it includes; ``progress`` is called with (instants done, of all).
+    array and the files that it includes.
     """
     scene = build_pbrt_scene(files[0])
     array = array_of(scene, None, 0, None)
@@ -302,8 +294,7 @@ def time(
     counts = [1, *(n for n in (2, 4, 8, 16, 32, 64) if n < instants), instants]
     pictures, seconds = [], []
     for count in counts:
-        tracing = partial(trace_shutter, scene, array, count, device=device, progress=progress)
-        image, taken = clocked(tracing)
+        image, taken = clocked(partial(trace_shutter, scene, array, count, device=device))
         seconds.append(taken)
         field = DeviceField(device, image, array)
         pictures.append(quadrature(field, camera, parallel(SHUTTER_FOCUS_M), 16, 2).image)

@@ -1,7 +1,7 @@
 """All cases in the order of the report, a table of them, their bounds, a heat map, error growth."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,6 @@ from lfcore.errors import did_you_mean
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.stability import light, primitives
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
-from lfcore.evaluation.stability.tested_tracer import TracerUnderTest
-from lfcore.progress import Progress, silent
 
 DECADES = 3
 """The decades from its bound at which an error's colour saturates."""
@@ -51,17 +49,6 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
                 remedy=did_you_mean(name, known),
             )  # fmt: skip
     return tuple(known[name] for name in names)
-
-
-def run_all(
-    tracer: TracerUnderTest, cases: Sequence[Case] = CASES, *, progress: Progress = silent
-) -> list[Measurement]:
-    """Measurements of these cases; ``progress(done, total)`` counts cases."""
-    made: list[Measurement] = []
-    for number, case in enumerate(cases, 1):
-        made.extend(case(tracer))
-        progress(number, len(cases))
-    return made
 
 
 def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:

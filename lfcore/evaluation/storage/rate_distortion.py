@@ -31,7 +31,6 @@ from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress, silent
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.slicing import PlaneFormer
 from lfcore.rendering.record_depth import encode
@@ -235,7 +234,6 @@ def layout_rows(
     views: Sequence[int],
     rays: int,
     packs: Sequence[int],
-    progress: Progress = silent,
 ) -> list[dict]:
     """Rows of one scene (columns :data:`LAYOUT_COLUMNS`), each N of ``views`` at its settings.
 
@@ -244,17 +242,15 @@ def layout_rows(
     """
     size = Size.of(pixels)
     planes, rows = own_planes(tracer.scene), []
-    for step, n in enumerate(views):
+    for n in views:
         sample = trace_sample(tracer, planes, views=n, pixels=size.shorter, most_rays=rays)
-        found = list(layouts(n, sample.slab.pixels, packs))
-        for at, layout in enumerate(found):
+        for layout in layouts(n, sample.slab.pixels, packs):
             known = store(Frames(sample, layout), chosen_encoding(n), tracer.device)
             known |= {"scene": sample.scene, "N": n, "M": size.as_given}
             known |= {"window": layout.pixels, "frame_px": layout.frame_width}
             known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
             known["is_default"] = is_default(layout, size.longer)
             rows.append({column: known[column] for column in LAYOUT_COLUMNS})
-            progress(step * len(found) + at + 1, len(views) * len(found))
     return rows
 
 
@@ -317,7 +313,6 @@ def rate_rows(
     rays: int,
     crfs: Sequence[float],
     curves: Mapping[str, dict] = CURVES,
-    progress: Progress = silent,
 ) -> list[dict]:
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
@@ -330,9 +325,8 @@ def rate_rows(
         sample = trace_sample(tracer, planes, views=n, pixels=size.shorter, most_rays=rays)
         window, kind = sample.slab.pixels, default_kind(n, size.longer)
         pack = min(default_pack(n, size.longer), window)
-        here = [("default", chosen_encoding(n)), *points]
         fed: dict[str, Frames] = {}
-        for name, spec in here:
+        for name, spec in [("default", chosen_encoding(n)), *points]:
             form = spec.stored_format
             if form not in fed:
                 layout = FrameLayout(kind, n, window, "serpentine", pack, form)
@@ -342,7 +336,6 @@ def rate_rows(
             known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
             known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
             rows.append({column: known[column] for column in COLUMNS})
-            progress(len(rows), len(views) * len(here))
     return rows
 
 

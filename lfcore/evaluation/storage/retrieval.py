@@ -17,7 +17,6 @@ import numpy as np
 from lfcore.opencl.device import Device
 from lfcore.opencl.host_memory import page_aligned
 from lfcore.optics.planes import SensorPlane
-from lfcore.progress import Progress, silent
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import clocked
@@ -45,7 +44,6 @@ def retrieval_rows(
     planes: Sequence[int],
     rays: int,
     repeats: int,
-    progress: Progress = silent,
 ) -> list[dict]:
     """Rows of one file.
 
@@ -58,11 +56,10 @@ def retrieval_rows(
     measurements = [*_planes(field, focus_m, planes, rays, device), *_pieces(field)]
     seconds = np.empty((repeats, len(measurements)))
     decoded = np.empty(len(measurements))
-    for done, (round_, at) in enumerate(np.ndindex(seconds.shape), 1):
+    for round_, at in np.ndindex(seconds.shape):
         _, share, work = measurements[at]
         decoded[at], spent = clocked(work, clock=time.process_time)
         seconds[round_, at] = spent / share
-        progress(done, seconds.size)
     medians = np.median(seconds, axis=0).tolist()
     layout = field.layout
     facts = {

@@ -9,6 +9,7 @@ pixel and lens: squared error falls with the number of samples.  A small picture
 therefore predicts the cost of a large picture with many.
 """
 
+import itertools
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -39,7 +40,6 @@ from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress, silent
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.prepared import hierarchy_of
@@ -255,8 +255,6 @@ def scene_rows(
     stopped: Reference,
     grids: Iterable[dict],
     study: Mapping,
-    *,
-    progress: Progress = silent,
 ) -> list[dict]:
     """The rows of a scene, with the columns of :mod:`~lfcore.evaluation.work_precision.points`.
 
@@ -268,8 +266,8 @@ def scene_rows(
     lattices = [Lattice(int(views), subpixels) for views, subpixels in study["lattices"]]
     views, subpixels = study["codec_lattice"]
     stored = Lattice(int(views), subpixels)
-    parts: list[Iterator[dict]] = [
-        iter(grids),
+    parts: list[Iterable[dict]] = [
+        grids,
         nearest_rows(tracer, stopped, study["nearest_views"]),
         *(by_depth_rows(tracer, reference, lattices) for reference in (wide, stopped)),
         *(quality_rows(tracer, reference, study["qualities_db"]) for reference in (wide, stopped)),
@@ -278,8 +276,4 @@ def scene_rows(
         codec_rows(scene, wide, stored, study["codecs"], study["crfs"], device),
         memory_rows(tracer, wide, study["memory_views"], study["monte_carlo_samples"]),
     ]
-    rows: list[dict] = []
-    for done, part in enumerate(parts, 1):
-        rows += [{**row, "scene": scene.name} for row in part]
-        progress(done, len(parts))
-    return rows
+    return [{**row, "scene": scene.name} for row in itertools.chain(*parts)]
