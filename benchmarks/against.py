@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measured.rows import print_table, say, write_csv
+from benchmarks.measured.rows import report, say
 from lfcore.errors import LfcoreError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -150,8 +150,7 @@ def main() -> None:
             finally:
                 for program in programs:
                     program.end()
-    write_csv(options.out, found)
-    print_table(found)
+    report(options.out, f"python -m benchmarks.against {options.revision}", found)
 
 
 if __name__ == "__main__":

@@ -161,7 +161,7 @@ def tables(folder: Path) -> pd.DataFrame:
 def peers(file: Path) -> pd.DataFrame:
     """Of a run of ``benchmarks/tracer.py`` by scene and N: visibility beside Embree's, the better
     of its packets, and pictures beside Mitsuba's where it took part."""
-    table = pd.read_csv(file).set_index(["scene", "N"])
+    table = pd.read_csv(file, comment="#").set_index(["scene", "N"])
 
     def fastest(work: str, method: str) -> pd.Series:
         own = table[(table.work == work) & table.method.str.startswith(method)]
@@ -178,7 +178,9 @@ def peers(file: Path) -> pd.DataFrame:
 
 def against(file: Path) -> pd.DataFrame:
     """The published columns of a run of ``benchmarks/against.py``."""
-    return _three_digits(pd.read_csv(file).filter(list(AGAINST)).rename(columns=AGAINST))
+    return _three_digits(
+        pd.read_csv(file, comment="#").filter(list(AGAINST)).rename(columns=AGAINST)
+    )
 
 
 def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:

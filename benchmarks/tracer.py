@@ -2,34 +2,41 @@
 
     python benchmarks/tracer.py --out tracer.csv
     python benchmarks/tracer.py --scenes bike --views 512 --peers embree --out bike.csv
+    python benchmarks/tracer.py --arrays --scenes book sphere --views 16 --peers mitsuba --out a.csv
 
 Compared are visibility (closest triangle and depth of every ray) and Algorithm 1 (interpolated
 normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in turn on the
-same sampled rays; see benchmarks/README.md for the columns and the rules.
+same sampled rays; or arrays of N x N cameras, one shaded ray per pixel, into host memory that is
+reused, or new.  See benchmarks/README.md for the columns and the rules.
 """
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.measured.rows import in_turn, rates, report, say
 from benchmarks.measured.sample import SCENES, Sample, SampledTile, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, Run, SkippedError, clocked
 from benchmarks.peers.mitsuba_picture import MitsubaPicture
+from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.rendering.array import trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
 from lfcore.tracing.packets import Groups
 from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
+from lfcore.workflow.studies import ARRAYS
 
 NAME = "lfcore"
 CHECKED_RAYS = 1 << 22
@@ -123,6 +130,23 @@ def skipping(name: str) -> Iterator[None]:
         say(f"SKIPPED {name}: {error}")
 
 
+def array_methods(tracer: Tracer, array: CameraArray) -> list[Method]:
+    """Ours of a camera array: into the memory of the turn before, as Mitsuba's allocator does, and
+    into new memory, whose pages come from the system every time."""
+    made: dict = {}
+
+    def again() -> None:
+        made["image"] = trace_array(tracer, array, out=made.get("image"))
+
+    return [
+        Method(name, "array", partial(clocked, work, array.rays), ours=True)
+        for name, work in (
+            (NAME, again),
+            (f"{NAME}, new memory", partial(trace_array, tracer, array)),
+        )
+    ]
+
+
 def all_rows(options) -> list[dict]:
     rows = []
     for name in options.scenes:
@@ -134,48 +158,50 @@ def all_rows(options) -> list[dict]:
                 peers[peer] = PEERS[peer](tracer.scene, tracer.device.threads)
         for views in options.views:
             say(f"{name}, N = {views}")
-            rows += [{"scene": name, **row} for row in _rows(tracer, views, options, peers)]
+            methods = list((of_array if options.arrays else of_slab)(tracer, views, options, peers))
+            facts = {"scene": name, "triangles": tracer.scene.triangle_count, "N": views}
+            facts |= {"M": options.pixels, "threads": tracer.device.threads}
+            rows += [facts | row for row in measured(methods, options.repeats)]
         for opened in peers.values():
             opened.close()
     return rows
 
 
-def _rows(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> list[dict]:
-    scene = tracer.scene
-    sample = sample_slab(Slab(scene.camera, views, options.pixels), options.mrays)
-    planes = planes_of(scene)
-    methods = [visibility(tracer, sample), algorithm1(tracer, sample, planes)]
+def of_slab(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iterator[Method]:
+    sample = sample_slab(Slab(tracer.scene.camera, views, options.pixels), options.mrays)
+    yield visibility(tracer, sample)
+    yield algorithm1(tracer, sample, planes_of(tracer.scene))
     for name, peer in peers.items():
         with skipping(name):
-            methods += peer.methods(sample)
-    rows = []
-    for work in ("visibility", "algorithm1"):
+            yield from peer.methods(sample)
+
+
+def of_array(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iterator[Method]:
+    grid = ARRAYS[tracer.scene.name]
+    size = (views,) * 2, (options.pixels,) * 2
+    array = CameraArray.on_grid(size[0], grid["bounds_m"], grid["fov_deg"], size[1])
+    yield from array_methods(tracer, array)
+    if "mitsuba" in peers:
+        with skipping("mitsuba"):
+            yield peers["mitsuba"].of_array(array)
+
+
+def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
+    """A row per method, in turn with those of the same work."""
+    for work in dict.fromkeys(method.work for method in methods):
         chosen = [method for method in methods if method.work == work]
-        found = {name: rates(runs) for name, runs in in_turn(chosen, options.repeats).items()}
-        others = [m for m in chosen if not m.ours]
+        found = {name: rates(runs) for name, runs in in_turn(chosen, repeats).items()}
+        peers = pd.DataFrame([found[m.name] for m in chosen if not m.ours])
         for method in chosen:
-            row = found[method.name]
-            best = max((found[m.name]["mrays_per_second"] for m in others), default=None)
-            core = max((found[m.name]["mrays_per_core_second"] for m in others), default=None)
             hits, depth = method.check() or (None, None)
             tiles = method.extra.get("tile_seconds")
-            rows.append({
-                "triangles": scene.triangle_count,
-                "N": views,
-                "M": options.pixels,
-                "method": method.name,
-                "work": work,
-                "mrays_per_second": row["mrays_per_second"],
-                "ratio_to_best_peer": row["mrays_per_second"] / best if best else None,
-                **{key: row[key] for key in row if key != "mrays_per_second"},
-                "core_ratio_to_best_peer": row["mrays_per_core_second"] / core if core else None,
-                "hit_share": hits,
-                "mean_depth_m": depth,
-                "tile_seconds": float(np.median(tiles)) if tiles else None,
-                "threads": tracer.device.threads,
-                "note": method.note,
-            })  # fmt: skip
-    return rows
+            row = {"method": method.name, "work": work, **found[method.name]}
+            for each in ("mrays_per_second", "mrays_per_core_second") if len(peers) else ():
+                row[f"{each} of best peer"] = row[each] / peers[each].max()
+            yield row | {
+                "hit_share": hits, "mean_depth_m": depth,
+                "tile_seconds": float(np.median(tiles)) if tiles else None, "note": method.note,
+            }  # fmt: skip
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -184,6 +210,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
     parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
     parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=[*PEERS, "none"])
+    parser.add_argument("--arrays", action="store_true", help="of N x N cameras of M x M pixels")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
@@ -196,7 +223,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 def main() -> None:
     options = parse()
-    report(options.out, lambda: all_rows(options))
+    report(options.out, "python benchmarks/tracer.py", all_rows(options))
 
 
 if __name__ == "__main__":

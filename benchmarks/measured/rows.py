@@ -1,16 +1,14 @@
 """Methods measured in turn, and their rows."""
 
-import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.peers.method import Method, Run
-from lfcore.files import write_text
-from lfcore.timing import machine
+from benchmarks.publish import Result, of_this_run
 
 
 def say(text: str) -> None:
@@ -45,29 +43,8 @@ def rates(runs: list[Run]) -> dict[str, float]:
     }
 
 
-def write_csv(path: Path, rows: Sequence[dict]) -> None:
-    """Write ``rows``, whole or not at all; columns in order of first appearance."""
-    text = pd.DataFrame(rows).to_csv(index=False, lineterminator="\n", float_format=_shown)
-    write_text(path, text)
-
-
-def print_table(rows: Sequence[dict], leave_out: Sequence[str] = ()) -> None:
-    """``rows`` as aligned columns on standard output."""
-    table = pd.DataFrame(rows).drop(columns=list(leave_out), errors="ignore")
-    shown = table.astype(object).where(table.notna(), "")
-    print(shown.to_string(index=False, float_format=_shown), flush=True)
-
-
-def report(path: Path, measure: Callable[[], list[dict]]) -> None:
-    """Measure, and write and print the rows, each with the machine's processor."""
-    here = machine()
-    say(", ".join(f"{key} {value}" for key, value in here.items()))
-    say(f"load of the machine over the last minute: {os.getloadavg()[0]:.1f}")
-    rows = [{**row, "processor": here["processor"], "cores": here["cores"]} for row in measure()]
-    write_csv(path, rows)
-    beside = ("note", "processor", "cores", "threads", "sampled_rays", "repeats")
-    print_table(rows, leave_out=beside)
-
-
-def _shown(value: float) -> str:
-    return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
+def report(path: Path, command: str, rows: Sequence[dict]) -> None:
+    """Write the rows, below what is known of this run of ``command``, and print them."""
+    table = pd.DataFrame(rows)
+    Result(of_this_run(command), table).write(path)
+    print(table.to_string(index=False, na_rep="", float_format="{:.4g}".format), flush=True)

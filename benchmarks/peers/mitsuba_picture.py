@@ -1,4 +1,4 @@
-"""Mitsuba 3: a picture through a thin lens, by its direct integrator.
+"""Mitsuba 3: pictures through a thin lens, or of a camera array, by its direct integrator.
 
 The same: triangles, interpolated normals, texture coordinates and textures, diffuse colour, camera,
 lens and focus, lights that cast shadows, one shadow ray per camera ray.
@@ -6,12 +6,13 @@ Different: Mitsuba has no Blinn-Phong lobe (materials with a highlight are rough
 that width), no ambient light (we add none, which saves Mitsuba a second ray) and no lights without
 shadows (left out); it does not filter textures by their footprint, and draws points of the round
 lens at random.
+
+Of an array a row of data cameras is on one film: the whole array would not fit into memory.
 """
 
 import itertools
 import os
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -19,7 +20,9 @@ from types import ModuleType
 import numpy as np
 
 from benchmarks.peers.method import Method, Renderer, Run, Samples, check_installed, clocked
-from lfcore.scene.mitsuba import Description, thin_lens
+from lfcore.optics.array import CameraArray
+from lfcore.optics.slab import Slab
+from lfcore.scene.mitsuba import Description, film, thin_lens
 from lfcore.scene.model import Scene
 
 NAME = "mitsuba llvm_ad_rgb"
@@ -86,11 +89,31 @@ def _open(scene: Scene, threads: int, llvm: str | None) -> None:
     _here["describe"] = Description(mitsuba, scene, leave_out_ambient=True)
 
 
-def _load(slab) -> str:
+def _load(seen: Slab | CameraArray) -> str:
     describe = _here["describe"]
-    sensor = thin_lens(describe.mitsuba, slab.camera, slab.pixels)
-    _here["scene"] = describe.mitsuba.load_dict(describe.all(sensor))
-    return describe.mitsuba.__version__
+    mitsuba = describe.mitsuba
+    if isinstance(seen, Slab):
+        sensor = thin_lens(mitsuba, seen.camera, seen.pixels)
+    else:
+        sensor = _row(mitsuba, seen)
+    _here["scene"] = mitsuba.load_dict(describe.all(sensor))
+    return mitsuba.__version__
+
+
+def _row(mitsuba: ModuleType, array: CameraArray) -> dict:
+    """The data cameras of the middle row: a film as wide as all of them."""
+    place, y = mitsuba.ScalarTransform4f(), array.rows_m[len(array.rows_m) // 2]
+    sensors = {
+        f"camera_{k}": {
+            "type": "perspective", "fov": array.fov_deg, "fov_axis": "smaller",
+            "to_world": place.look_at([x, y, 0], [x, y, 1], [0, -1, 0]),
+            "near_clip": 0.001, "far_clip": 1.0e5,
+        }
+        for k, x in enumerate(array.columns_m)
+    }  # fmt: skip
+    width, height = array.cameras[0] * array.tile[0], array.tile[1]
+    shared = {"film": film(width, height), "sampler": {"type": "independent"}}
+    return {"type": "batch", **shared, **sensors}
 
 
 def _clocked(samples: int, rays: int, seed: int) -> Run:
@@ -114,14 +137,20 @@ class MitsubaPicture(Renderer):
         """
         slab = sample.slab
         count = min(SAMPLES, slab.views**2)
-        rays, note = slab.pixels**2 * count, f"{count} samples per pixel"
-        return [self.rendered("algorithm1", _load, slab, count, rays, note)]
+        note = f"{count} samples per pixel"
+        return [self._rendered("algorithm1", slab, count, slab.pixels**2 * count, note)]
 
-    def rendered(
-        self, work: str, load: Callable, what: object, samples: int, rays: int, note: str
+    def of_array(self, array: CameraArray) -> Method:
+        """The rate of one row of the array, one ray per pixel."""
+        cameras, (width, height) = array.cameras[0], array.tile
+        rays = cameras * width * height
+        return self._rendered("array", array, 1, rays, f"{cameras} cameras per run")
+
+    def _rendered(
+        self, work: str, seen: Slab | CameraArray, samples: int, rays: int, note: str
     ) -> Method:
-        """The rate of pictures of the scene that ``load(what)`` makes, of ``rays`` in all."""
-        version, seeds = self.ask(load, what), itertools.count(1)
+        """The rate of pictures of ``rays`` in all."""
+        version, seeds = self.ask(_load, seen), itertools.count(1)
         self.ask(_clocked, 1, 0, 0)
         parts = (f"Mitsuba {version}", f"{self._threads} threads", note, Path(self.llvm or "").name)
         run = lambda: self.ask(_clocked, samples, rays, next(seeds))  # noqa: E731
