@@ -197,7 +197,7 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
             tiles = method.extra.get("tile_seconds")
             row = {"method": method.name, "work": work, **found[method.name]}
             for each in ("mrays_per_second", "mrays_per_core_second") if len(peers) else ():
-                row[f"{each} of best peer"] = row[each] / peers[each].max()
+                row[f"{each}_over_best_peer"] = row[each] / peers[each].max()
             yield row | {
                 "hit_share": hits, "mean_depth_m": depth,
                 "tile_seconds": float(np.median(tiles)) if tiles else None, "note": method.note,

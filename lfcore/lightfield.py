@@ -26,7 +26,7 @@ from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.free_views import FreeViews, views_at
 from lfcore.refocus.from_views import store_arrays
 from lfcore.refocus.labelled import labelled_views
-from lfcore.refocus.resampling import check_filter
+from lfcore.refocus.resampling import FILTERS
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
@@ -494,7 +494,7 @@ def _numbers(given: Sequence | np.ndarray | None) -> list:
 def check_method(method: str | None, filter: str) -> str:
     """The method to use; :class:`OpticsError` for one that is unknown or lacks the filter."""
     if filter != "depth":
-        check_filter(filter)
+        check_known(OpticsError, "filter", filter, FILTERS)
     method = method or ("shift-sum" if filter == "bilinear" else "slicing")
     check_known(OpticsError, "method", method, METHODS)
     other = {"slicing": "bilinear", "shift-sum": "depth"}

@@ -8,3 +8,8 @@ Progress = Callable[[int, int], None]
 
 def silent(done: int, total: int) -> None:
     """Report nothing."""
+
+
+def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """The progress of part ``number`` of several, as a part of all."""
+    return progress and (lambda done, of: progress(number * of + done, parts * of))

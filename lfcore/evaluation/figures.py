@@ -70,6 +70,12 @@ def _panel(codes: np.ndarray, panel_px: int) -> np.ndarray:
     return np.asarray(Image.fromarray(codes).resize(size, Image.Resampling.BICUBIC))
 
 
+def enlarged(picture: np.ndarray, corner: int, side: int, panel_px: int) -> np.ndarray:
+    """The square of ``side`` at (corner, corner), by a whole factor, to at most ``panel_px``."""
+    inside, times = picture[corner : corner + side, corner : corner + side], panel_px // side
+    return inside.repeat(max(1, times), axis=0).repeat(max(1, times), axis=1)
+
+
 THESIS_PIXELS = 512
 """M of the thesis's measurements."""
 

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.evaluation.figures import Cell, contact_sheet
+from lfcore.evaluation.figures import Cell, contact_sheet, enlarged
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.tracing.tracer import Tracer
@@ -43,39 +43,22 @@ def panels(
     microlenses, views from the left and right of the lens, and the photograph refocused at each
     of ``focus_m``, through the round lens.
     """
-    samples, middle = camera.samples, camera.samples // 2
+    lenses, samples, middle = camera.lenses, camera.samples, camera.samples // 2
+    reduced = sub_apertures(srgb_decode(pixels), samples).mean((0, 1))
+    part = min(LENSES_SHOWN, lenses)
+    detail = enlarged(pixels, (lenses - part) // 2 * samples, part * samples, PANEL_PX)
     recorded = f"focus {camera.camera.focus_m:.3g} m"
     cells = [
-        (reduced(pixels, samples), f"{len(pixels)} x {len(pixels)}, {recorded}, reduced"),
-        (detail(pixels, samples), f"{LENSES_SHOWN} x {LENSES_SHOWN} microlenses"),
+        (reduced, f"{len(pixels)} x {len(pixels)}, {recorded}, reduced"),
+        (srgb_decode(detail), f"{LENSES_SHOWN} x {LENSES_SHOWN} microlenses"),
     ]
     for i, name in ((INSET, "left"), (samples - 1 - INSET, "right")):
-        view = srgb_decode(sub_aperture(pixels, samples, i, middle))
+        view = srgb_decode(sub_apertures(pixels, samples)[middle, i])
         cells.append((view, f"view from the {name} of the lens"))
     planes = [SensorPlane(focus, camera.camera.f_number) for focus in focus_m]
     refocused = refocus_photograph(camera, pixels, planes, device=tracer.device)
     labels = (f"refocused to {focus:.3g} m" for focus in focus_m)
     return [*cells, *zip(refocused, labels, strict=True)]
-
-
-def reduced(pixels: np.ndarray, samples: int) -> np.ndarray:
-    """(M, M, 3) float32, linear light: the mean under each microlens."""
-    lenses = len(pixels) // samples
-    out = np.empty((lenses, lenses, 3), np.float32)
-    for row in range(lenses):
-        band = srgb_decode(pixels[row * samples : (row + 1) * samples])
-        out[row] = band.reshape(samples, lenses, samples, 3).mean(0).mean(1)
-    return out
-
-
-def detail(pixels: np.ndarray, samples: int) -> np.ndarray:
-    """Some microlenses around the middle, enlarged by a whole factor; linear light."""
-    lenses = len(pixels) // samples
-    part = min(LENSES_SHOWN, lenses)
-    start = (lenses - part) // 2 * samples
-    inside = pixels[start : start + part * samples, start : start + part * samples]
-    times = max(1, PANEL_PX // (part * samples))
-    return srgb_decode(inside.repeat(times, axis=0).repeat(times, axis=1))
 
 
 def plenoptic_sheet(path: str | Path, rows: Sequence[list[Cell]]) -> None:

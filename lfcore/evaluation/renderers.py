@@ -8,7 +8,6 @@ with the reason.
 
 import functools
 import importlib
-import importlib.util
 import math
 import re
 import shutil
@@ -17,14 +16,12 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.opencl.device import programs_made
-from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import read_codes
 from lfcore.rendering.direct import focused_camera, trace_picture
@@ -74,7 +71,7 @@ def compare(
     scene = tracer.scene
     methods = (
         *(functools.partial(_ours, tracer, places) for places in (1, PLACES)),
-        *(functools.partial(other, scene) for other in (povray, mitsuba)),
+        *(functools.partial(or_left_out, *peer, scene) for peer in PEERS.items()),
     )
     for focus in focus_m:
         plane = SensorPlane(focus, scene.camera.f_number)
@@ -117,12 +114,12 @@ def _ours(tracer: Tracer, places: int, plane: SensorPlane, pixels: int, views: i
     return _timed(work, method, (places * views) ** 2, note)
 
 
-def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    """POV-Ray's picture, or the reason why not.  Seconds are its own, without parsing."""
+def or_left_out(name: str, render: Callable[..., Rendered], *given: object) -> Rendered:
+    """The picture of a renderer, or why it is not installed, or cannot show the scene."""
     try:
-        return _run_povray(scene, focused_camera(scene.camera, plane), pixels, views**2)
+        return render(*given)
     except (NotRenderedError, SceneError) as error:
-        return Rendered("POV-Ray", None, note=f"left out: {error}")
+        return Rendered(name, None, note=f"left out: {error}")
 
 
 @functools.lru_cache(1)  # pictures of one scene follow each other
@@ -133,12 +130,14 @@ def _mesh_folder(scene: Scene) -> tempfile.TemporaryDirectory:
     return folder
 
 
-def _run_povray(scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendered:
+def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    """POV-Ray's picture.  Seconds are its own, without parsing."""
     program = shutil.which("povray")
     if program is None:
         raise NotRenderedError("povray is not installed")
     folder = Path(_mesh_folder(scene).name)
-    write_view(folder, scene, camera, samples=rays)
+    rays = views**2
+    write_view(folder, scene, focused_camera(scene.camera, plane), samples=rays)
     made = folder / "out.png"
     made.unlink(missing_ok=True)
     # 16-bit PNG without a gamma curve: linear light.
@@ -164,51 +163,35 @@ def _run_povray(scene: Scene, camera: Camera, pixels: int, rays: int) -> Rendere
 
 
 def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    """Mitsuba 3's picture by its scalar variant, which runs on every processor, or the reason why
-    not."""
-    name = "Mitsuba 3"
-    try:
-        module = _import_mitsuba()
-        camera = focused_camera(scene.camera, plane)
-        describe = Description(module, scene)
-        loaded = module.load_dict(describe.all(thin_lens(module, camera, pixels)))
-    except (NotRenderedError, SceneError) as error:
-        return Rendered(name, None, note=f"left out: {error}")
-    note = f"Mitsuba {module.__version__} scalar_rgb, random lens points"
-    rays = views**2
-    return _timed(lambda: np.asarray(module.render(loaded, spp=rays)), name, rays, note)
-
-
-def _import_mitsuba() -> ModuleType:
-    if importlib.util.find_spec("mitsuba") is None:
-        raise NotRenderedError("the package mitsuba is not installed")
+    """Mitsuba 3's picture by its scalar variant, which runs on every processor."""
     try:
         module = importlib.import_module("mitsuba")
         module.set_variant("scalar_rgb")
         # The calling thread works, too.
         importlib.import_module("drjit").set_thread_count(0)
     except (ImportError, RuntimeError) as error:
-        raise NotRenderedError(f"mitsuba does not run here: {error}") from None
-    return module
+        raise NotRenderedError(f"mitsuba is not installed, or does not run here: {error}") from None
+    camera, describe = focused_camera(scene.camera, plane), Description(module, scene)
+    loaded = module.load_dict(describe.all(thin_lens(module, camera, pixels)))
+    note, rays = f"Mitsuba {module.__version__} scalar_rgb, random lens points", views**2
+    return _timed(lambda: np.asarray(module.render(loaded, spp=rays)), "Mitsuba 3", rays, note)
+
+
+PEERS = {"POV-Ray": povray, "Mitsuba 3": mitsuba}
 
 
 def renderers_sheet(
     path: str | Path, rendered: Sequence[Sequence[Rendered]], focus_m: Sequence[float]
 ) -> None:
     """All pictures, a row per focus distance, above enlarged details."""
-    from lfcore.evaluation.figures import Cell, contact_sheet  # slow to import
+    from lfcore.evaluation.figures import Cell, contact_sheet, enlarged  # slow to import
 
     cells: list[Cell] = []
     for focus, row in zip(focus_m, rendered, strict=True):
         made = [(one.method, one.picture) for one in row if one.picture is not None]
         cells += [(picture, f"{method}, {focus:.3g} m") for method, picture in made]
-        cells += [(detail(picture), "detail") for _, picture in made]
+        for _, picture in made:
+            part = len(picture) // ZOOM
+            detail = enlarged(picture, (len(picture) - part) // 2, part, len(picture))
+            cells.append((detail, "detail"))
     contact_sheet(path, cells, len(cells) // (2 * len(focus_m)))
-
-
-def detail(picture: np.ndarray) -> np.ndarray:
-    """The square of 1/4 of the side in the middle, enlarged without smoothing to full size."""
-    part = len(picture) // ZOOM
-    corner = (len(picture) - part) // 2
-    inside = picture[corner : corner + part, corner : corner + part]
-    return inside.repeat(ZOOM, axis=0).repeat(ZOOM, axis=1)

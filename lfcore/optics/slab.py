@@ -167,6 +167,12 @@ class Slab:
         )
 
 
+def all_samples(slab: Slab) -> np.ndarray:
+    """(N N, 2) int32: the lens samples (i, j), row by row."""
+    j, i = np.divmod(np.arange(slab.views**2, dtype=np.int32), np.int32(slab.views))
+    return np.stack([i, j], 1)
+
+
 def _rectangle(numbers: Sequence[float]) -> Rectangle:
     column, row, columns, rows = (int(number) for number in numbers)
     return column, row, columns, rows

@@ -13,18 +13,12 @@ directly and lay within 0.7 dB of the better of these two, above it or below.
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_known
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
 FILTERS = ("nearest", "bilinear")
 """Of views as they are; a file with depth has the filter ``depth``, too."""
-
-
-def check_filter(name: str) -> None:
-    """Raise :class:`OpticsError` for a filter that is not known."""
-    if name not in FILTERS:
-        raise OpticsError(f"unknown filter {name!r}", key="filter", remedy=f"Use one of {FILTERS}")
 
 
 def taps(slab: Slab, plane: SensorPlane, filter: str) -> tuple[np.ndarray, np.ndarray]:
@@ -34,7 +28,7 @@ def taps(slab: Slab, plane: SensorPlane, filter: str) -> tuple[np.ndarray, np.nd
     the next one with ``share``.  The nearest pixel is the one from which slicing throws to X,
     where the magnification is not kept: a shift by one whole number.
     """
-    check_filter(filter)
+    check_known(OpticsError, "filter", filter, FILTERS)
     pixels, shifts = np.arange(slab.pixels), plane.shifts(slab)
     magnification, centre = plane.magnification(slab), (slab.pixels - 1) / 2
     if magnification == 1.0 and filter == "nearest":

@@ -16,7 +16,7 @@ from lfcore.opencl.device import Device, build_program, cl, open_device
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus.resampling import check_filter, crop, normalise, taps
+from lfcore.refocus.resampling import crop, normalise, taps
 from lfcore.refocus.stored_views import TakesViews, add_frames
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -41,7 +41,6 @@ class ViewSummer:
         one: float = FIXED_ONE,
         most_views: int = MOST_VIEWS,
     ):
-        check_filter(filter)
         for plane in planes:
             plane.check(slab)
             plane.check_pixels(slab.pixels)

@@ -1,6 +1,6 @@
 """Slicing by depth of a stored light field: colours and depths from the file, side by side."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -8,12 +8,13 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, cl, open_device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
+from lfcore.optics.slab import all_samples
+from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.refocus.stored_views import add_frames, frame_planes
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
-Progress = Callable[[int, int], None] | None
 VIEWS_RAYS = 1 << 20
 """Rays of views that are sliced at a time."""
 HELD_RAYS = 1 << 27
@@ -26,7 +27,7 @@ def slice_stored(
     pixels: Pixels | None = None,
     *,
     device: Device | str | None = None,
-    progress: Progress = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """Pictures of a file that holds depth: (P, height, width, 3) float32, linear light.
 
@@ -52,7 +53,7 @@ def slice_stored(
         slicer = DepthSlicer(
             views, group, side, device, stops=layout.stops, codes=codes, one=layout.one
         )
-        tell = _of_all(progress, number, len(groups))
+        tell = part_of(progress, number, len(groups))
         if by_views:
             add_frames(_Taker(field, slicer), field, tell)
         else:
@@ -78,14 +79,8 @@ def picture_side(field: LightFieldFile, pixels: Pixels) -> int:
     return asked.longer
 
 
-def _of_all(progress: Progress, number: int, groups: int) -> Progress:
-    if progress is None:
-        return None
-    return lambda done, of: progress(number * of + done, groups * of)
-
-
 def read_rays(
-    field: LightFieldFile, *, device: Device, progress: Progress = None
+    field: LightFieldFile, *, device: Device, progress: Progress | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """All rays of a file that holds depth, view by view with i fastest, as they are stored.
 
@@ -99,7 +94,7 @@ def read_rays(
             f"{slab.rays:,} rays are more than the {HELD_RAYS:,} that are held at a time",
             file=field.path, remedy="Trace fewer views, or store views and refocus them",
         )  # fmt: skip
-    light = read_views(field, _samples(slab.views), device=device, progress=progress)
+    light = read_views(field, all_samples(slab), device=device, progress=progress)
     return light, read_depths(field, np.arange(len(light)))
 
 
@@ -122,17 +117,12 @@ def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
     return depth
 
 
-def _samples(views: int) -> np.ndarray:
-    j, i = np.divmod(np.arange(views**2, dtype=np.int32), np.int32(views))
-    return np.stack([i, j], 1)
-
-
 class _Taker:
     """Takes the colours of whole views as they are decoded, and their depths beside them."""
 
     def __init__(self, field: LightFieldFile, slicer: DepthSlicer):
         self.device, self._slicer, self._field = slicer.device, slicer, field
-        self.open_samples = _samples(field.layout.views)
+        self.open_samples = all_samples(slicer.views.slab)
         self._codes = (
             (tuple(place), picture)
             for elements, pictures in _elements(field)

@@ -17,7 +17,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress
+from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera
 from lfcore.tracing.packets import PACKET_ROWS
@@ -67,7 +67,7 @@ def pictures_by_depth(
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
-        tell = _within(progress, number, len(groups))
+        tell = part_of(progress, number, len(groups))
         made.append(trace_by_depth(tracer, views, group, size.longer, progress=tell, **widths))
     pictures = np.concatenate(made)
     for picture, plane in zip(pictures, planes, strict=True):
@@ -81,13 +81,6 @@ def traced_camera(camera: Camera, planes: Sequence[SensorPlane]) -> Camera:
     if len(planes) == 1:
         return focused_camera(camera, planes[0])
     return replace(camera, f_number=min(plane.f_number for plane in planes))
-
-
-def _within(progress: Progress | None, number: int, groups: int) -> Progress | None:
-    """The progress of pass ``number`` of several, as a part of all."""
-    if progress is None:
-        return None
-    return lambda done, of: progress(number * of + done, groups * of)
 
 
 def _focused(
@@ -134,19 +127,15 @@ def trace_by_depth(
     stops, least_px = tracer.needs.stops, widths.get("least_px")
     slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
     for part, bundles in _bundles(views, pixels, widths.get("footprint_px")):
-        step = _band_rows(bundles)
+        rays = len(bundles.elements) * bundles.columns
+        # Whole packets, so that no ray's bits change.
+        step = max(1, BAND_RAYS // rays // PACKET_ROWS) * PACKET_ROWS
         for first in range(0, bundles.rows, step):
             band = first, min(step, bundles.rows - first)
             slicer.add(part, *tracer.radiance_and_depth(replace(bundles, band=band)), first)
         if progress:
             progress(part.stop, len(views.positions))
     return slicer.pictures()
-
-
-def _band_rows(bundles: Bundles) -> int:
-    """Rows of views that are traced at a time: whole packets, so that no ray's bits change."""
-    rays = len(bundles.elements) * bundles.columns
-    return max(1, BAND_RAYS // rays // PACKET_ROWS) * PACKET_ROWS
 
 
 def traced_views(

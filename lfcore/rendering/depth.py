@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.files import whole_file
 from lfcore.optics import bundles
-from lfcore.optics.slab import Extent, Slab
+from lfcore.optics.slab import Extent, Slab, all_samples
 from lfcore.progress import Progress
 from lfcore.tracing.tracer import Tracer
 
@@ -95,12 +95,6 @@ def spread_over(slab: Slab) -> Slab:
     if slab.extent is not None:
         extent = Extent((0, 0, views, views), slab.picture(RANGE_PIXELS))
     return Slab(slab.camera, views, RANGE_PIXELS, extent)
-
-
-def all_samples(slab: Slab) -> np.ndarray:
-    """(N N, 2) int32 (i, j), row by row."""
-    j, i = np.divmod(np.arange(slab.views**2, dtype=np.int32), np.int32(slab.views))
-    return np.stack([i, j], 1)
 
 
 def check_samples(slab: Slab, samples: np.ndarray | None) -> np.ndarray:

@@ -11,12 +11,12 @@ import numpy as np
 
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.lattice import Lattice
-from lfcore.optics.plane_sums import PlaneSums, total
+from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import TileTracing, Tracer
 
 TILE_RAYS = 1 << 26
@@ -26,20 +26,6 @@ def finished(tracing: TileTracing) -> TileTracing:
     """``tracing`` traced to its end; for a tile without frames, whose chunks are empty."""
     deque(tracing, maxlen=0)
     return tracing
-
-
-def tile_sums(
-    tracer: Tracer,
-    slab: Slab,
-    tile: Tile,
-    planes: Sequence[SensorPlane],
-    *,
-    progress: Progress | None = None,
-) -> PlaneSums:
-    """What the rays of one tile add to ``planes``."""
-    tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=progress))
-    assert tracing.plane_sums is not None  # of a tracing that has ended
-    return tracing.plane_sums
 
 
 def trace_planes(
@@ -57,7 +43,9 @@ def trace_planes(
     done, parts, pixels = 0, [], math.prod(slab.size)
     for tile in layout.tiles(TILE_RAYS, least=1):
         count = (lambda n, _, before=done: progress(before + n, pixels)) if progress else None
-        parts.append(tile_sums(tracer, slab, tile, planes, progress=count))
+        tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=count))
+        assert tracing.plane_sums is not None  # of a tracing that has ended
+        parts.append(tracing.plane_sums)
         done += tile.element_count
     return total(slab, list(planes), parts).pictures()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
+from lfcore.refocus.stored_views import ahead
 from lfcore.rendering.depth import all_samples, depth_content, spread_over
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
@@ -24,7 +25,6 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
-from lfcore.tracing.chunks import Chunk
 from lfcore.tracing.tracer import TileTracing, Tracer
 
 TILE_RAYS = 1 << 27
@@ -111,7 +111,7 @@ def record_tile(
     layout, tracing = tile.layout, tracer.trace_tile(slab, tile, planes, progress=progress)
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
-        frames = _copied_ahead(tracing)
+        frames = ahead(chunk.frames.copy() for chunk in tracing)
     watch, size = Stopwatch(), (layout.frame_width, layout.frame_height)
     with watch.part("whole"), SegmentWriter(segment, spec, *size) as writer:
         for some in frames:
@@ -121,21 +121,6 @@ def record_tile(
 
 class _StoppedError(Exception):
     """Ends a tile that is being traced."""
-
-
-def _copied_ahead(tracing: Iterable[Chunk]) -> Iterator[np.ndarray]:
-    """Frames of a tile, traced by one thread while the other encodes those before."""
-    chunks = iter(tracing)
-
-    def following() -> np.ndarray | None:
-        chunk = next(chunks, None)
-        return None if chunk is None else chunk.frames.copy()
-
-    with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(following)
-        while (frames := coming.result()) is not None:
-            coming = pool.submit(following)
-            yield frames
 
 
 def peak_to_store(tracer: Tracer, slab: Slab, transfer: str | None) -> float | None:

@@ -6,20 +6,12 @@ encoded RGB (sRGB, or PQ); ``gbrp`` is sRGB-encoded RGB itself, planes in the or
 red.  Grey formats have one plane of codes, which need not be light.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lfcore.errors import StorageError, check_known
-
-
-@dataclass(frozen=True)
-class Plane:
-    """Where one plane lies: byte offset within the frame, and its size in samples."""
-
-    offset: int
-    height: int
-    width: int
 
 
 @dataclass(frozen=True)
@@ -46,21 +38,15 @@ class PixelFormat:
             return (0,)
         return (0, 0, 0) if self.rgb else (16 * scale, 128 * scale, 128 * scale)
 
-    def planes(self, width: int, height: int) -> tuple[Plane, ...]:
-        """The planes of a frame, one or three; ``width`` and ``height`` are even for 4:2:0."""
+    def planes(self, width: int, height: int) -> list[tuple[int, int]]:
+        """Rows and columns of the planes, one or three, of a frame of even sides for 4:2:0."""
         self.check_size(width, height)
-        if self.grey:
-            return (Plane(0, height, width),)
-        size, step = self.dtype.itemsize, self.subsampling
-        first = width * height * size
-        small = (height // step, width // step)
-        second = first + small[0] * small[1] * size
-        return Plane(0, height, width), Plane(first, *small), Plane(second, *small)
+        small = height // self.subsampling, width // self.subsampling
+        return [(height, width)] + [small, small] * (not self.grey)
 
     def frame_bytes(self, width: int, height: int) -> int:
         """Bytes of one frame."""
-        samples = sum(plane.height * plane.width for plane in self.planes(width, height))
-        return samples * self.dtype.itemsize
+        return sum(map(math.prod, self.planes(width, height))) * self.dtype.itemsize
 
     def check_size(self, width: int, height: int) -> None:
         """Raise :class:`StorageError` for a frame that this format cannot hold."""
@@ -79,12 +65,11 @@ class PixelFormat:
                 f"frames must be uint8 (F, {expected}) for {self.name} {width} x {height}, "
                 f"not {frames.dtype} {frames.shape}"
             )
-        size = self.dtype.itemsize
+        shapes = self.planes(width, height)
+        samples, ends = frames.view(self.dtype), np.cumsum([math.prod(shape) for shape in shapes])
+        parts = np.split(samples, ends[:-1], axis=1)
         return [
-            frames[:, plane.offset : plane.offset + plane.height * plane.width * size]
-            .view(self.dtype)
-            .reshape(len(frames), plane.height, plane.width)
-            for plane in self.planes(width, height)
+            part.reshape(len(frames), *shape) for part, shape in zip(parts, shapes, strict=True)
         ]
 
 

@@ -110,7 +110,7 @@ def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
 @pytest.mark.kernels
 def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
-    monkeypatch.setattr(renderers.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
     rows, rendered = renderers.compare(chart, (1.0, 2.0), pixels=32, views=4)
     table = table_of(rows)
     assert len(table) == 8

@@ -96,7 +96,7 @@ def test_every_surface_equals_its_reference(field, image, array, kind):
 @pytest.mark.parametrize("name", list(sampling.SAMPLERS))
 def test_samplers_equal_their_reference(field, image, array, name):
     camera, surface = tilted_camera((7, 5)), surfaces.parallel(2.5)
-    code = sampling.sampler_code(name)
+    code = sampling.SAMPLERS[name]
     table = sampling.halton_table(6) if code == sampling.HALTON else None
     fast = monte_carlo(field, camera, surface, 6, sampler=name, seed=9)
     slow = reference.thin_lens(image, array, camera, surface, code, table, 6, 9)
@@ -212,7 +212,7 @@ def test_a_realistic_lens_equals_its_reference(field, image, array, lens):
     camera = tilted_camera((9, 6))
     surface = surfaces.at_distance(camera, 2.5)
     fast = realistic(field, camera, lens, surface, 16, seed=4)
-    shooter, code = LensSampler(lens, 0.035 / 2), sampling.sampler_code("halton")
+    shooter, code = LensSampler(lens, 0.035 / 2), sampling.HALTON
     rays = film_rays(camera, shooter, np.arange(9 * 6), 16, code, 4)
     slow = reference.rays(image, array, camera, surface, *rays)
     assert slow.coverage.any()

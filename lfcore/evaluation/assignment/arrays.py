@@ -6,9 +6,8 @@ Errors are of linear radiance (RMSE) and of sRGB codes (PSNR, the convention of
 
 import math
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -119,11 +118,3 @@ def overview(image: np.ndarray, width: int) -> np.ndarray:
     rows, columns = (length // factor for length in image.shape[:2])
     cut = image[: rows * factor, : columns * factor].astype(np.float32)
     return cut.reshape(rows, factor, columns, factor, 3).mean((1, 3))
-
-
-def merged_arrays(swept: Iterable[Mapping], whole: Iterable[Mapping]) -> list[Mapping]:
-    """Rows of a sweep that are not in ``whole``, then the rows of ``whole``."""
-    whole = list(whole)
-    size = itemgetter("scene", "cameras", "pixels")
-    known = {size(row) for row in whole}
-    return [*(row for row in swept if size(row) not in known), *whole]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from lfcore.errors import did_you_mean
+from lfcore.errors import check_known
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.stability import light, primitives
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
@@ -43,11 +43,7 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
     if names == "all":
         return CASES
     for name in names:
-        if name not in known:
-            raise StabilityError(
-                f"no stability sweep is called {name!r}", key="analysis.stability_cases",
-                remedy=did_you_mean(name, known),
-            )  # fmt: skip
+        check_known(StabilityError, "analysis.stability_cases", name, known, "stability sweep")
     return tuple(known[name] for name in names)
 
 

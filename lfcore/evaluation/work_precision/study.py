@@ -22,8 +22,7 @@ import numpy as np
 
 import lfcore
 from lfcore.errors import OpticsError
-from lfcore.evaluation import renderers
-from lfcore.evaluation.renderers import Rendered
+from lfcore.evaluation.renderers import PEERS, Rendered, or_left_out
 from lfcore.evaluation.true_picture import Reference, inner_psnr
 from lfcore.evaluation.work_precision.in_memory import memory_rows
 from lfcore.evaluation.work_precision.points import (
@@ -191,7 +190,6 @@ def grid_row(
     )  # fmt: skip
 
 
-PEERS = {"Mitsuba 3": renderers.mitsuba, "POV-Ray": renderers.povray}
 PIXELS = 24
 """The side of the pictures that are rendered; time is proportional to the number of pixels."""
 SAMPLES, TRUE_SAMPLES = 4, 16
@@ -215,7 +213,7 @@ def peer_rows(
     dark = replace(scene, ambient=(0.0, 0.0, 0.0))
     for method, renderer in peers.items():
         context = {"panel": ON_THE_FLY, "f_number": planes[0].f_number, "method": method}
-        sampled, note = _sampled(renderer, dark, planes)
+        sampled, note = _sampled(method, renderer, dark, planes)
         if note:
             yield dict.fromkeys(COLUMNS) | context | {"note": note}
             continue
@@ -232,16 +230,16 @@ def peer_rows(
 
 
 def _sampled(
-    renderer: Callable[..., Rendered], scene: Scene, planes: Sequence[SensorPlane]
+    name: str, renderer: Callable[..., Rendered], scene: Scene, planes: Sequence[SensorPlane]
 ) -> tuple[list[tuple[float, float]], str]:
     """For each plane the PSNR in dB of a few samples, and the seconds per pixel and sample; or
     nothing, and the reason."""
     found = []
     for plane in planes:
-        few, true = (renderer(scene, plane, PIXELS, side) for side in (SAMPLES, TRUE_SAMPLES))
-        for one in (few, true):
-            if one.picture is None:
-                return [], one.note
+        given = name, renderer, scene, plane, PIXELS
+        few, true = (or_left_out(*given, side) for side in (SAMPLES, TRUE_SAMPLES))
+        if few.picture is None or true.picture is None:
+            return [], few.note or true.note
         # The measured difference includes the truth's own error, of 16 times as many samples.
         apart = inner_psnr(*(np.asarray(one.picture, float) for one in (few, true)))
         own = apart + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)

@@ -10,17 +10,8 @@ import math
 
 import numpy as np
 
-from lfcore.errors import OpticsError
-
 QUADRATURE, HALTON, STRATIFIED, INDEPENDENT = 0, 1, 2, 3
 SAMPLERS = {"halton": HALTON, "stratified": STRATIFIED, "independent": INDEPENDENT}
-
-
-def sampler_code(name: str) -> int:
-    """Raises :class:`OpticsError` for an unknown sampler."""
-    if name not in SAMPLERS:
-        raise OpticsError(f"unknown sampler {name!r}", remedy=f"Use one of {tuple(SAMPLERS)}")
-    return SAMPLERS[name]
 
 
 def hash32(value: np.ndarray) -> np.ndarray:

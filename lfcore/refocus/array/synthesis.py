@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pyopencl as cl
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, check_known
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import sampling
 from lfcore.refocus.array.device_field import DeviceField, Synthesis
@@ -182,7 +182,7 @@ def _look_up(
 
 def _checked(sampler: str, samples_per_pixel: int) -> int:
     """The code of a sampler."""
-    code = sampling.sampler_code(sampler)
+    check_known(OpticsError, "sampler", sampler, sampling.SAMPLERS)
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
-    return code
+    return sampling.SAMPLERS[sampler]
