@@ -87,25 +87,10 @@ class PlenopticCamera:
         """M N, pixels."""
         return self.lenses * self.samples
 
-    def main_lens_points(self) -> np.ndarray:
-        """(M, N) metres, along one axis: where the ray of each photosensor pixel meets the main
-        lens, counted so that the picture is upright."""
-        distance, focal = self.camera.image_distance_m, self.microlens_focal_length_m
-        centre = -self._centred(self.lenses) * self.pitch_m
-        # The image of the main lens's middle, and pixels about it.
-        image = centre * (1 + focal / distance)
-        pixel = image[:, None] - self._centred(self.samples) * self.pixel_pitch_m
-        slope = (centre[:, None] - pixel) / focal
-        return centre[:, None] + slope * distance
-
     def slab(self) -> Slab:
         """The light slab of the same rays (thesis section 3.3): pixels are microlenses, lens
         samples photosensor pixels."""
         return Slab(self.camera, self.samples, self.lenses)
-
-    @staticmethod
-    def _centred(count: int) -> np.ndarray:
-        return np.arange(count) - (count - 1) / 2.0
 
 
 def sub_aperture(photograph: np.ndarray, samples: int, i: int, j: int) -> np.ndarray:

@@ -167,12 +167,10 @@ class Encoding:
         own = {"level": "3", "slices": "4", "slicecrc": "1", "coder": "range_def", "context": "0"}
         return own | dict(self.extra)
 
-    def _named(self) -> dict[str, str]:
-        named = {"preset": self.preset, "tune": self.tune} | self._rate()
+    def _named(self, **more: str | None) -> dict[str, str]:
+        crf = None if self.crf is None else f"{self.crf:g}"
+        named = {"crf": crf, "preset": self.preset, **more}
         return {key: value for key, value in named.items() if value is not None}
-
-    def _rate(self) -> dict[str, str]:
-        return {} if self.crf is None else {"crf": f"{self.crf:g}"}
 
     def _x26x(self, width: int) -> dict[str, str]:
         # Segments are joined: headers must not depend on what is in them (stitchable), and no
@@ -195,7 +193,7 @@ class Encoding:
         chosen = {"bframes": self.bframes, "ref": self.refs, "rc-lookahead": lookahead}
         own |= {key: str(value) for key, value in chosen.items() if value is not None}
         name = self.codec.removeprefix("lib")
-        return self._named() | {f"{name}-params": _joined(own | dict(self.extra))}
+        return self._named(tune=self.tune) | {f"{name}-params": _joined(own | dict(self.extra))}
 
     def _svtav1(self) -> dict[str, str]:
         os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to stderr by itself
@@ -205,12 +203,9 @@ class Encoding:
             "scd": "0",
             "lp": str(self.threads),
         }
-        named = self._rate()
-        if self.preset is not None:
-            named["preset"] = self.preset
         if self.tune == "psnr":
             own["tune"] = "1"
-        return named | {"svtav1-params": _joined(own | dict(self.extra))}
+        return self._named() | {"svtav1-params": _joined(own | dict(self.extra))}
 
     def to_json(self) -> dict:
         """The encoder's settings, as light field files record them."""

@@ -67,7 +67,6 @@ def join_segments(
         numbers[place] = [*tile.to_json(), first, info.frames, info.bytes, info.crc32]
         first += info.frames
     metadata = Metadata(
-        geometry="slab" if isinstance(geometry, Slab) else "array",
         slab=geometry if isinstance(geometry, Slab) else None,
         array=None if isinstance(geometry, Slab) else geometry,
         layout=layout,

@@ -49,8 +49,8 @@ class Metadata:
 
     Attributes
     ----------
-    geometry : ``slab`` (then ``slab`` is one) or ``array`` (then ``array`` is a JSON object:
-        :meth:`CameraArray.to_json`, and ``white``, the linear light of the brightest code).
+    slab, array : one of them; an array is a JSON object: :meth:`CameraArray.to_json`, and
+        ``white``, the linear light of the brightest code.
     codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
     header_crc32 : of the codec's global header.
     scene : JSON object with at least ``name`` and ``digest``.
@@ -58,7 +58,6 @@ class Metadata:
     depth : of the stream of inverse depths, where there is one.
     """
 
-    geometry: str
     slab: Slab | None
     array: dict | None
     layout: FrameLayout
@@ -70,6 +69,10 @@ class Metadata:
     software: str
     content: dict = field(default_factory=dict)
     depth: StoredDepth | None = None
+
+    @property
+    def geometry(self) -> str:
+        return "array" if self.slab is None else "slab"
 
     @property
     def frames(self) -> int:
@@ -160,9 +163,13 @@ class Metadata:
         _check_types(data)
         layout = FrameLayout.from_json(data["layout"])
         segments = SegmentIndex.from_json(layout, data["segments"])
+        check_known(StorageError, "geometry", data["geometry"], GEOMETRIES)
+        lacking = [key for key in GEOMETRIES if (data[key] is None) == (key == data["geometry"])]
+        if lacking:
+            raise StorageError(f"is {data['geometry']}, which lacks its data", key="geometry")
         slab = Slab.from_json(data["slab"]) if data["slab"] is not None else None
         found = cls(
-            data["geometry"], slab, data["array"], layout, data["codec"], data["header_crc32"],
+            slab, data["array"], layout, data["codec"], data["header_crc32"],
             data["settings"], data["scene"], segments, data["software"],
             data.get("content", {}),
             StoredDepth.from_json(data["depth"]) if "depth" in data else None,
@@ -172,35 +179,26 @@ class Metadata:
 
     def check(self) -> None:
         """Raise :class:`StorageError` where the parts contradict one another."""
-        check_known(StorageError, "geometry", self.geometry, GEOMETRIES)
-        if (self.slab is None) != (self.geometry != "slab") or (self.array is None) != (
-            self.geometry != "array"
-        ):
-            raise StorageError(f"the geometry {self.geometry!r} lacks its data", key="geometry")
-        if self.slab and (self.slab.views, self.slab.pixels) != (
-            self.layout.views,
-            self.layout.pixels,
-        ):
+        slab, array, layout = self.slab, self.camera_array, self.layout
+        n, m = layout.views, layout.pixels
+        if slab and (slab.views, slab.pixels) != (n, m):
             raise StorageError(
-                f"the slab has {self.slab.views} views and {self.slab.pixels} pixels a side, the "
-                f"layout {self.layout.views} and {self.layout.pixels}",
-                key="layout",
-            )
-        array, layout = self.camera_array, self.layout
-        if array and (array.cameras, array.tile) != ((layout.views,) * 2, (layout.pixels,) * 2):
+                f"the slab has {slab.views} views and {slab.pixels} pixels a side, the layout {n} "
+                f"and {m}", key="layout",
+            )  # fmt: skip
+        if array and (array.cameras, array.tile) != ((n, n), (m, m)):
             raise StorageError(
-                f"the array has {array.cameras} cameras of {array.tile} pixels, the layout "
-                f"{layout.views} and {layout.pixels} a side",
-                key="layout",
-            )
+                f"the array has {array.cameras} cameras of {array.tile} pixels, the layout {n} and "
+                f"{m} a side", key="layout",
+            )  # fmt: skip
         if not (self.white > 0 and math.isfinite(self.white)):
             raise StorageError(f"a white of {self.white} is none", key="array")
         if not all(isinstance(self.scene.get(key), str) for key in ("name", "digest")):
             raise StorageError("the scene lacks name or digest", key="scene")
-        if layout.picture and (self.slab is None or self.slab.size != layout.size):
+        if layout.picture and (slab is None or slab.size != layout.size):
             raise StorageError("has pictures of another size than the slab", key="layout")
-        whole = self.slab is None or bool(self.slab.views_held().all())
-        same = self.slab is None or self.slab.size == layout.size
+        whole = slab is None or bool(slab.views_held().all())
+        same = slab is None or slab.size == layout.size
         if layout.kind != "views" and not (whole and same):
             raise StorageError("a part of the grids is stored as views", key="layout")
         if layout.format.grey:
@@ -209,9 +207,9 @@ class Metadata:
             ends = self.content.get(key) if isinstance(self.content, dict) else ()
             if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
                 raise StorageError(f"{ends} is no range of depths", key="content")
-        by_views = self.slab if layout.kind == "views" else None
+        by_views = slab if layout.kind == "views" else None
         self.segments.check(by_views.held.views if by_views else None)
-        if self.depth and not (self.slab and whole and same):
+        if self.depth and not (slab and whole and same):
             raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
             raise StorageError("must have a segment for each of the colours'", key="depth")

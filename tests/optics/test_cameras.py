@@ -127,7 +127,11 @@ def test_geometry_by_hand():
 def test_rays_through_microlenses_are_the_slab():
     """Section 3.3: the two representations have the same rays."""
     camera = PlenopticCamera(CAMERA, 12, 4)
-    points, slab = camera.main_lens_points(), camera.slab()
+    distance, focal = CAMERA.image_distance_m, camera.microlens_focal_length_m
+    centre = (5.5 - np.arange(12))[:, None] * camera.pitch_m
+    # Pixels about the image of the main lens's middle, from which lines go through the microlens.
+    pixel = centre * (1 + focal / distance) + (1.5 - np.arange(4)) * camera.pixel_pitch_m
+    points, slab = centre + (centre - pixel) / focal * distance, camera.slab()
     np.testing.assert_allclose(points, np.tile(slab.lens_positions(), (12, 1)), atol=1e-12)
     pixels = np.array([(0, 0), (11, 3), (5, 7)])
     origins, directions = bundles.macropixels(slab, pixels).rays()
