@@ -5,8 +5,16 @@ from functools import partial
 import pytest
 from stored_fields import tile_frames, write_field
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS, two_planes
+from viewer_browser import chromium
 
 from lfcore import FrameLayout, LightField
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """One for all pages."""
+    with chromium(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ from two_planes import FAR, NEAR, PIXELS
 from viewer_browser import (
     before_pages,
     choose,
-    chromium,
     complaints,
     pixels,
     psnr,
@@ -24,12 +23,6 @@ pytestmark = pytest.mark.browser
 NO_WEBGL2 = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ...more) { " \
     "return kind === 'webgl2' ? null : own.call(this, kind, ...more); })" \
     "(HTMLCanvasElement.prototype.getContext);"  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with chromium(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
 
 
 @pytest.fixture

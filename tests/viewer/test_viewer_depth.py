@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from plain_scenes import SCENES, scene, wall
-from viewer_browser import before_pages, choose, chromium, complaints, needed, pixels, psnr, visit
+from viewer_browser import before_pages, choose, complaints, pixels, psnr, visit
 
 import lfcore
 from lfcore import Material, load_scene, record
@@ -23,22 +23,20 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(
     scope="module", params=[("bike", 128), ("cabin", 128), ("bedroom", 128), ("bike", (160, 90))]
 )
-def field(request, tmp_path_factory):
-    needed()
+def field(browser, request, tmp_path_factory):
     name, size = request.param
     path = tmp_path_factory.mktemp("field") / f"{name}.mkv"
     return record(load_scene(SCENES / name), path, pixels=size)
 
 
 @pytest.fixture(scope="module")
-def opened(field, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("page")
-    field.page = folder / "lf.html"
+def opened(browser, field):
+    field.page = field.path.with_suffix(".html")
     field.viewer().save(field.page)
-    with chromium(folder / "profile") as browser:
-        visit(browser, field.page)
-        yield browser
-        assert complaints(browser) == []
+    complaints(browser)
+    visit(browser, field.page)
+    yield browser
+    assert complaints(browser) == []
 
 
 class MovedAperture:
@@ -150,8 +148,7 @@ def test_the_old_picture_stays_until_the_new_one_is_drawn(opened):
 
 
 @pytest.mark.parametrize("encoding", [{}, {"depth": False, "layout": "views"}])
-def test_the_page_exposes_what_refocus_makes(tmp_path, encoding):
-    needed()
+def test_the_page_exposes_what_refocus_makes(browser, tmp_path, encoding):
     camera = lfcore.Camera(focal_length_m=0.1, sensor_width_m=0.05, f_number=2.0, focus_m=1.0)
     triangles = np.concatenate(
         [wall(1.2, 0.06) + np.float32([0.1, 0, 0]), wall(1.6, 0.05), wall(3)]
@@ -169,11 +166,11 @@ def test_the_page_exposes_what_refocus_makes(tmp_path, encoding):
     field.viewer(jpeg_quality=100).save(tmp_path / "a.html")
     plane = field.plane(disparity_px=0)
     made = field.refocus_many([plane])[0]
-    with chromium(tmp_path / "profile") as browser:
-        visit(browser, tmp_path / "a.html")
-        for ev in (0, -5):
-            choose(browser, d=0, a=field.slab.views, ev=ev)
-            found = psnr(pixels(browser), srgb_codes(lfcore.exposed(made, ev)))
-            print(f"{ev} stops: {found:.1f} dB")
-            assert found >= 36
-        assert complaints(browser) == []
+    complaints(browser)
+    visit(browser, tmp_path / "a.html")
+    for ev in (0, -5):
+        choose(browser, d=0, a=field.slab.views, ev=ev)
+        found = psnr(pixels(browser), srgb_codes(lfcore.exposed(made, ev)))
+        print(f"{ev} stops: {found:.1f} dB")
+        assert found >= 36
+    assert complaints(browser) == []
