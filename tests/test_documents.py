@@ -1,6 +1,5 @@
 """The manual's pages run and its links lead somewhere; published numbers are their results'."""
 
-import csv
 import re
 import shutil
 import subprocess
@@ -108,8 +107,8 @@ def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, caps
     words = ["against", revision, "--scenes", "chart", *small, "--out", str(out)]
     monkeypatch.setattr("sys.argv", words)
     against.main()
-    rows = list(csv.DictReader(out.open()))
-    assert [(row["work"], row["scene"]) for row in rows] == [
+    rows = publish.read_result(out).rows
+    assert list(zip(rows.work, rows.scene, strict=True)) == [
         (work, "chart") for work in against.WORK
     ]
     assert worktrees() == before  # the other checkout is gone
