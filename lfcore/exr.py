@@ -27,29 +27,29 @@ def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = Fal
     return stream.getvalue()
 
 
-def read_exr(path: str | Path) -> tuple[np.ndarray, dict]:
+def read_exr(path: str | Path | io.BytesIO) -> tuple[np.ndarray, dict]:
     """(H, W, 3) float32, or float16 where all channels are, and the header's attributes.
 
     A single channel is repeated.  Raises :class:`StorageError` for a file that is no EXR.
     """
+    name = None if isinstance(path, io.BytesIO) else str(path)
+    if name and not Path(name).exists():
+        raise StorageError("no such file", file=name, remedy="Check the path")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with OpenEXR.File(name or path, separate_channels=True) as file:
             header = dict(file.header())
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except Exception as error:  # the package raises RuntimeError, ValueError and more
-        if not Path(path).exists():
-            raise StorageError("no such file", file=path, remedy="Check the path") from None
-        raise StorageError(
-            f"not a readable EXR: {error}", file=path, remedy="Write the file again"
-        ) from None
+        problem = f"not a readable EXR: {error}"
+        raise StorageError(problem, file=name, remedy="Write the file again") from None
     if {"R", "G", "B"} <= set(channels):
         planes = [channels[name] for name in "RGB"]
     elif "Y" in channels or len(channels) == 1:
         planes = [channels.get("Y", next(iter(channels.values())))] * 3
     else:
-        raise StorageError(f"has channels {sorted(channels)}, not R, G, B", file=path)
+        raise StorageError(f"has channels {sorted(channels)}, not R, G, B", file=name)
     if len({plane.shape for plane in planes}) > 1:
-        raise StorageError("has channels of different sizes", file=path)
+        raise StorageError("has channels of different sizes", file=name)
     dtype = np.float16 if all(p.dtype == np.float16 for p in planes) else np.float32
     return np.stack([np.asarray(plane, dtype) for plane in planes], -1), header
 

@@ -138,8 +138,9 @@ def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits:
 
         return exr_bytes(_linear(picture), half=half)
     if suffix == ".pfm":
-        return _pfm_bytes(_linear(picture))
-    return _coded_bytes(suffix, picture, bits)
+        return _by_opencv(suffix, _linear(picture).astype(np.float32))
+    is_codes = picture.dtype in (np.uint8, np.uint16)
+    return _by_opencv(suffix, picture if is_codes else srgb_codes(picture, bits))
 
 
 def _linear(picture: np.ndarray) -> np.ndarray:
@@ -149,31 +150,19 @@ def _linear(picture: np.ndarray) -> np.ndarray:
     return srgb_decode(picture) if picture.dtype == np.uint8 else picture
 
 
-def _coded_bytes(suffix: str, picture: np.ndarray, bits: int) -> bytes:
+def _by_opencv(suffix: str, picture: np.ndarray) -> bytes:
     import cv2  # heavy: whoever writes no such picture does without
 
-    if picture.dtype in (np.uint8, np.uint16):
-        codes = picture
-    else:
-        codes = srgb_codes(picture, bits)
     options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION] if suffix == ".png" else []
     try:
-        if codes.ndim == 3 and codes.shape[2] == 3:
-            codes = cv2.cvtColor(codes, cv2.COLOR_RGB2BGR)
-        done, data = cv2.imencode(suffix, np.ascontiguousarray(codes), options)
+        if picture.ndim == 3:
+            picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+        done, data = cv2.imencode(suffix, np.ascontiguousarray(picture), options)
     except cv2.error:
         done = False
     if not done:
-        raise LfcoreError(f"{codes.dtype} of shape {codes.shape} cannot be written as {suffix}")
+        raise LfcoreError(f"{picture.dtype} of shape {picture.shape} cannot be written as {suffix}")
     return data.tobytes()
-
-
-def _pfm_bytes(picture: np.ndarray) -> bytes:
-    """A Portable FloatMap: little-endian, last row first."""
-    picture = np.asarray(picture, "<f4")
-    kind = "Pf" if picture.ndim == 2 else "PF"
-    head = f"{kind}\n{picture.shape[1]} {picture.shape[0]}\n-1.0\n".encode("ascii")
-    return head + np.ascontiguousarray(picture[::-1]).tobytes()
 
 
 def contact_sheet(
@@ -236,7 +225,7 @@ def read_codes(path: str | Path) -> np.ndarray:
     if deep or (picture is None and reason == UNKNOWN):
         found = by_opencv(data)
         if found is not None and (picture is None or found.dtype == np.uint16):
-            picture = found
+            picture = found if found.ndim == 3 else np.repeat(found[..., None], 3, -1)
     if picture is None:
         raise LfcoreError(
             f"cannot be decoded as a picture: {reason}", file=path, remedy="Use a PNG or JPEG"
@@ -259,15 +248,14 @@ def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
 
 
 def by_opencv(data: bytes) -> np.ndarray | None:
-    """(H, W, 3) RGB of a picture file's bytes, in the file's own type; None for other bytes."""
+    """(H, W, 3) RGB or (H, W) of a picture file's bytes, in its own type; None for other bytes."""
     import cv2
 
+    cv2.utils.logging.setLogLevel(0)  # else it prints why it cannot read
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         return None
-    if picture is None:
-        return None
-    if picture.ndim == 2:
-        picture = np.repeat(picture[..., None], 3, -1)
+    if picture is None or picture.ndim == 2:
+        return picture
     return np.ascontiguousarray(picture[..., 2::-1])

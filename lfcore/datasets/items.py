@@ -11,7 +11,6 @@ import math
 import re
 import shutil
 import tarfile
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -29,7 +28,6 @@ from lfcore.datasets.description import Description
 from lfcore.datasets.sample import BACKDROP, sample
 from lfcore.errors import OpticsError, SceneError, StorageError
 from lfcore.exchange import arrays, hci
-from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr
 from lfcore.files import cannot_write, make_folder, whole_file, write_json
 from lfcore.opencl.device import Device
@@ -38,7 +36,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.pictures import picture_bytes, read_codes
+from lfcore.pictures import by_opencv, picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
@@ -331,19 +329,13 @@ class StoredItem:
 
     def codes(self, name: str) -> np.ndarray:
         """(H, W, 3) uint8."""
-        return self._read(name, read_codes)
+        return cast(np.ndarray, by_opencv(self.files[name]))
 
     def floats(self, name: str) -> np.ndarray:
         """(H, W) float32 of an EXR, the first channel, or of a PFM."""
         if name.endswith(".pfm"):
-            return self._read(name, read_pfm)
-        return self._read(name, lambda file: read_exr(file)[0][..., 0].astype(np.float32))
-
-    def _read(self, name: str, read: Callable[[Path], np.ndarray]) -> np.ndarray:
-        with tempfile.NamedTemporaryFile(suffix=Path(name).suffix) as file:
-            file.write(self.files[name])
-            file.flush()
-            return read(Path(file.name))
+            return self.codes(name)
+        return read_exr(io.BytesIO(self.files[name]))[0][..., 0].astype(np.float32)
 
 
 def stored_items(shards: Iterable[str | Path], indices: Iterable[int]) -> Iterator[StoredItem]:

@@ -15,7 +15,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -188,23 +188,14 @@ def write_jpeg_pleno(source: Source, folder: Path, options: WriteOptions) -> Non
         pictures.write_ppm(folder / f"{first:03d}_{second:03d}.ppm", picture, PLENO_BITS)
 
 
-class _Named(NamedTuple):
-    """A picture of Stanford's with the numbers in its name."""
-
-    path: Path
-    first: int
-    second: int
-    x: float
-    y: float
-
-
-def _stanford_views(folder: Path) -> list[_Named]:
+def _stanford_views(folder: Path) -> list[tuple[tuple[int, int], tuple[float, float, Path]]]:
+    """Of each picture the indices in its name, then y, x and the file."""
     found = []
     for path in pictures.pictures_of(folder) if folder.is_dir() else ():
         words = [word for word in path.stem.split("_") if word]
         try:
             _, first, second, y, x = words
-            found.append(_Named(path, int(first), int(second), float(x), float(y)))
+            found.append(((int(first), int(second)), (float(y), float(x), path)))
         except ValueError:
             continue
     return found
@@ -212,7 +203,7 @@ def _stanford_views(folder: Path) -> list[_Named]:
 
 def recognise_stanford(path: Path) -> bool:
     found = _stanford_views(path)
-    return bool(found) and found[0].path.name.startswith("out_")
+    return bool(found) and found[0][1][2].name.startswith("out_")
 
 
 def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
@@ -222,16 +213,12 @@ def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
             "holds no views named with two indices, y and x", file=path,
             remedy="Names are like out_00_00_-12.5_8.0.png",
         )  # fmt: skip
-    by_index = {(one.first, one.second): one for one in named}
+    by_index = dict(named)
     if len(by_index) != len(named):
         raise ExchangeError("holds two views of one index", file=path)
-    lines = sorted({one.first for one in named}), sorted({one.second for one in named})
-    grid = np.empty((len(lines[0]), len(lines[1])), object)
-    grid[:] = [[one.path for one in line] for line in _full_grid(by_index, lines, path)]
-    x, y = (
-        np.array([[getattr(by_index[i, j], key) for j in lines[1]] for i in lines[0]])
-        for key in "xy"
-    )
+    lines = [sorted(set(numbers)) for numbers in zip(*by_index, strict=True)]
+    *places, grid = np.moveaxis(np.array(_full_grid(by_index, lines, path), object), -1, 0)
+    y, x = (place.astype(float) for place in places)
     # The index along which y changes most counts rows.
     if np.ptp(x.mean(1)) > np.ptp(x.mean(0)) or np.ptp(y.mean(0)) > np.ptp(y.mean(1)):
         grid, x, y = grid.T, x.T, y.T

@@ -18,6 +18,7 @@ import numpy as np
 
 from lfcore.errors import StorageError
 from lfcore.optics.grid_geometry import Geometry
+from lfcore.progress import Progress
 
 MOST_VIEWS = 4096
 """The largest number of views per side, as for a scene's camera array."""
@@ -175,5 +176,5 @@ class WriteOptions:
     tiles: tuple[int, int] | None = None
     near_m: float | None = None
     far_m: float | None = None
-    progress: Callable[[int, int], None] | None = None
+    progress: Progress | None = None
     notes: list[str] = field(default_factory=list, init=False)

@@ -1,8 +1,6 @@
 """Light fields of others into ours: recognise, read, complete the geometry, encode."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +9,6 @@ from lfcore.exchange import table
 from lfcore.exchange.grid import (
     NOT_OF_THE_FORMAT,
     ExchangeError,
-    Geometry,
     Order,
     ReadOptions,
     ViewGrid,
@@ -19,6 +16,7 @@ from lfcore.exchange.grid import (
 from lfcore.exchange.pictures import is_picture
 from lfcore.files import make_folder
 from lfcore.lightfield import LightField
+from lfcore.progress import Progress
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.metadata import Metadata
@@ -53,19 +51,12 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     geometry = asked.or_else(grid.geometry)
     if asked.pixel_pitch is not None:
         geometry = replace(geometry, sensor_m=None)
-    _check(geometry)
+    values = geometry.pitch_m, geometry.pixel_pitch, geometry.delta
+    for option, value in zip(("--baseline", "--field-of-view", "--focus"), values, strict=True):
+        if value is not None and not (0 < value < np.inf or (option == "--focus" and value == 0)):
+            raise ExchangeError(f"cannot be {value:g}", key=option)
     order = options.order or Order()
     return replace(grid, geometry=geometry).turned(order.left, order.up)
-
-
-def _check(geometry: Geometry) -> None:
-    for option, value, good in (
-        ("--baseline", geometry.pitch_m, lambda x: 0 < x < np.inf),
-        ("--field-of-view", geometry.pixel_pitch, lambda x: 0 < x < np.inf),
-        ("--focus", geometry.delta, lambda x: 0 <= x < np.inf),
-    ):
-        if value is not None and not good(value):
-            raise ExchangeError(f"cannot be {value:g}", key=option)
 
 
 def import_lightfield(
@@ -75,7 +66,7 @@ def import_lightfield(
     format: str | None = None,
     options: ReadOptions | None = None,
     encoding: Encoding | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> LightField:
     """Write a light field of another program to a light field file.
 
@@ -109,8 +100,7 @@ def import_lightfield(
     grid = read_grid(source, format, options or ReadOptions())
     if encoding.codec == "ffv1" and encoding.pixel_format is None:
         encoding = replace(encoding, pixel_format="gbrp")
-    note = check_order(grid)
-    if note:
+    if note := check_order(grid):
         grid = replace(grid, notes=(*grid.notes, note))
     make_folder(path.parent)
     spec = chosen_encoding(max(grid.columns, grid.rows), encoding)
@@ -119,32 +109,20 @@ def import_lightfield(
 
 
 def store_grid(
-    path: Path,
-    grid: ViewGrid,
-    spec: Encoding,
-    *,
-    progress: Callable[[int, int], None] | None = None,
+    path: Path, grid: ViewGrid, spec: Encoding, *, progress: Progress | None = None
 ) -> Metadata:
     """Encode all views of ``grid``, each read once, into the light field file ``path``, one a
     frame."""
-    slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
-    read = partial(_checked, grid)
-    return store_views(
-        path, slab, read, spec, name=grid.name, content=_content(grid), progress=progress
-    )
 
+    def read(column: int, row: int) -> np.ndarray:
+        picture = grid.read(column, row)
+        if picture.shape != (grid.height, grid.width, 3):
+            raise ExchangeError(
+                f"view ({column}, {row}) is {picture.shape}, not {grid.width} x {grid.height} RGB",
+                file=grid.name,
+            )
+        return picture
 
-def _checked(grid: ViewGrid, column: int, row: int) -> np.ndarray:
-    picture = grid.read(column, row)
-    if picture.shape != (grid.height, grid.width, 3):
-        raise ExchangeError(
-            f"view ({column}, {row}) is {picture.shape}, not {grid.width} x {grid.height} RGB",
-            file=grid.name,
-        )
-    return picture
-
-
-def _content(grid: ViewGrid) -> dict:
     content: dict = {"source": {"format": grid.format}}
     if grid.notes:
         content["source"]["notes"] = list(grid.notes)
@@ -154,7 +132,8 @@ def _content(grid: ViewGrid) -> dict:
         content["source"] |= known
     if grid.depth_m:
         content["depth_m"] = [float(depth) for depth in grid.depth_m]
-    return content
+    slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
+    return store_views(path, slab, read, spec, name=grid.name, content=content, progress=progress)
 
 
 def check_order(grid: ViewGrid) -> str | None:

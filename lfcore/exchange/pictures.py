@@ -11,7 +11,7 @@ from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
 from lfcore.exchange.grid import ExchangeError, unreadable
 from lfcore.files import whole_file
-from lfcore.pictures import MOST_PIXELS, read_codes
+from lfcore.pictures import MOST_PIXELS, by_opencv, read_codes
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
 PPM_HEADER = re.compile(rb"P6%b(\d{1,9})%b(\d{1,9})%b(\d{1,9})\s" % ((rb"(?:\s|#[^\n]*\n)+",) * 3))
@@ -112,19 +112,9 @@ def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
 def read_pfm(path: Path) -> np.ndarray:
     """(h, w) or (h, w, 3) float32 of a Portable FloatMap, first row on top."""
     try:
-        with path.open("rb") as file:
-            kind, size, factor = file.readline().strip(), file.readline(), file.readline()
-            data = file.read()
-        (width, height), scale = (int(word) for word in size.split()), float(factor)
-        channels = {b"Pf": 1, b"PF": 3}[kind]
+        picture = by_opencv(path.read_bytes())
     except OSError as error:
         raise unreadable(path, error, "cannot be read as a picture") from None
-    except (ValueError, KeyError):
-        raise ExchangeError("is no float map (PFM)", file=path) from None
-    count = width * height * channels
-    if len(data) < 4 * count:
-        raise ExchangeError(f"is cut short: {len(data)} bytes, {4 * count} expected", file=path)
-    values: np.ndarray = np.frombuffer(data, "<f4" if scale < 0 else ">f4", count)
-    values = values * np.array(abs(scale), np.float32)
-    shape = (height, width) if channels == 1 else (height, width, 3)
-    return values.reshape(shape)[::-1].astype(np.float32)
+    if picture is None or picture.dtype != np.float32:
+        raise ExchangeError("is no whole float map (PFM)", file=path)
+    return picture

@@ -1,7 +1,7 @@
 """The input of an export: some of the views of a light field file, cropped, and their geometry."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ from lfcore.optics import bundles
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.refocus.free_views import FreeViews, served_positions
 from lfcore.refocus.views import read_views
 from lfcore.rendering.prepared import open_dark_tracer
@@ -24,6 +25,8 @@ from lfcore.scene.model import Scene
 BAND_BYTES = 1 << 28
 """The largest number of bytes of views that are decoded at a time."""
 _ON_STEP = 1e-6
+View = tuple[int, int, np.ndarray]
+"""Column, row and picture."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,14 @@ class Source:
             self.pitch_m = self.stride * slab.lens_pitch_m
         self.slab = slab
         self.columns, self.rows = len(self.columns_m), len(self.rows_m)
-        self._crop(selection)
+        width, height = slab.size
+        left, top, across, down = selection.crop or (0, 0, width, height)
+        if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
+            raise ExchangeError(
+                f"{across}x{down}+{left}+{top} is not within {width} x {height}",
+                file=field.path, key="--crop",
+            )  # fmt: skip
+        self.left, self.top, self.width, self.height = left, top, across, down
         left, top = slab.held.pixels[:2]
         half = slab.pixels / 2
         self.axis_px = (half - left - self.left, half - top - self.top)
@@ -125,17 +135,6 @@ class Source:
             whole = KnownGeometry.of_slab(slab)
             self.geometry = replace(whole, pitch_m=self.pitch_m, sensor_m=whole.sensor_m * share)
         self.name = _word(str(field.metadata.scene.get("name") or field.path.stem))
-
-    def _crop(self, selection: Selection) -> None:
-        width, height = self.slab.size
-        left, top, across, down = selection.crop or (0, 0, width, height)
-        if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
-            raise ExchangeError(
-                f"{across}x{down}+{left}+{top} is not within {width} x {height}",
-                file=self.field.path,
-                key="--crop",
-            )
-        self.left, self.top, self.width, self.height = left, top, across, down
 
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
@@ -148,9 +147,7 @@ class Source:
             )
         return self.geometry
 
-    def views(
-        self, progress: Callable[[int, int], None] | None = None
-    ) -> Iterator[tuple[int, int, np.ndarray]]:
+    def views(self, progress: Progress | None = None) -> Iterator[View]:
         """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
         total = self.columns * self.rows
         in_rows = self.field.layout.kind == "views"
@@ -161,7 +158,7 @@ class Source:
             if progress:
                 progress(done, total)
 
-    def _bands(self) -> Iterator[tuple[int, int, np.ndarray]]:
+    def _bands(self) -> Iterator[View]:
         """From a file of views, whose frames are in the order of rows."""
         first, last = int(self._i[0]), int(self._i[-1])
         width, height = self.field.picture_size
@@ -176,7 +173,7 @@ class Source:
                 for column, picture in enumerate(line[self._i - first]):
                     yield column, start + k, self.selection.codes(picture) if light else picture
 
-    def _groups(self) -> Iterator[tuple[int, int, np.ndarray]]:
+    def _groups(self) -> Iterator[View]:
         """From a file of macropixels, which is decoded whole for each group of views."""
         samples = np.array([(i, j) for j in self._j for i in self._i])
         width, height = self.slab.size
@@ -187,7 +184,7 @@ class Source:
                 row, column = divmod(k, self.columns)
                 yield column, row, self.selection.codes(picture)
 
-    def _made(self) -> Iterator[tuple[int, int, np.ndarray]]:
+    def _made(self) -> Iterator[View]:
         """By depth."""
         assert self.free is not None
         for row, column in np.ndindex(self.rows, self.columns):
@@ -197,7 +194,7 @@ class Source:
     def _point(self, column: int, row: int) -> np.ndarray:
         return np.array([self.columns_m[column], self.rows_m[row]])
 
-    def array(self, progress: Callable[[int, int], None] | None = None) -> np.ndarray:
+    def array(self, progress: Progress | None = None) -> np.ndarray:
         """(rows, columns, height, width, 3) uint8: all views at once."""
         out = np.empty((self.rows, self.columns, self.height, self.width, 3), np.uint8)
         for column, row, picture in self.views(progress):

@@ -82,8 +82,10 @@ def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> Non
         if not parallel:
             frame |= dict(zip(("cx", "cy"), map(float, source.centre(column, row)), strict=True))
         if source.has_depth:
-            depth, _ = source.depth(column, row)
-            write_picture(folder / "depth" / name, _millimetres(depth))
+            # uint16 millimetres; 0, which is "not known", for a miss and beyond 65.5 m.
+            mm = np.rint(1e3 * source.depth(column, row)[0].astype(np.float64))
+            known = np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)
+            write_picture(folder / "depth" / name, known)
             frame["depth_file_path"] = f"depth/{name}"
         frames.append(frame)
     shared = {
@@ -96,12 +98,6 @@ def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> Non
     write_json(folder / NERFSTUDIO, {**shared, "frames": frames})
     if not source.has_depth:
         options.notes.append("no depth was written: --scene adds it")
-
-
-def _millimetres(depth: np.ndarray) -> np.ndarray:
-    """uint16; 0, which is "not known", for a miss and for what is farther than 65.5 m."""
-    mm = np.rint(1e3 * np.where(np.isfinite(depth), depth, np.inf).astype(np.float64))
-    return np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)
 
 
 def read_blender(path: Path, options: ReadOptions) -> ViewGrid:

@@ -12,6 +12,7 @@
   ``pat_type`` ``rec`` for a rectangular grid.
 """
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -114,7 +115,10 @@ def read_quilt(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def write_quilt(source: Source, folder: Path, options: WriteOptions) -> None:
-    across, down = options.tiles or (LOOKING_GLASS if source.free else _factors(source.columns))
+    # Of stored views exactly all, in tiles as near to a square as possible.
+    side = max(k for k in range(1, math.isqrt(source.columns) + 1) if source.columns % k == 0)
+    stored = source.columns // side, side
+    across, down = options.tiles or (LOOKING_GLASS if source.free else stored)
     if across * down > source.columns and not source.free:
         raise ExchangeError(
             f"a quilt of {across} x {down} shows {across * down} views; there are "
@@ -133,12 +137,6 @@ def write_quilt(source: Source, folder: Path, options: WriteOptions) -> None:
     write_picture(folder / name, quilt)
     if source.rows > 1 and not source.free:
         options.notes.append("a quilt shows one row of views: the middle one was used")
-
-
-def _factors(count: int) -> tuple[int, int]:
-    """Columns and rows of exactly ``count`` tiles, as near to a square as possible."""
-    rows = max(k for k in range(1, int(count**0.5) + 1) if count % k == 0)
-    return count // rows, rows
 
 
 def _lit(samples: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Runs the directives of a pbrt scene: what they do to the state, and what they leave behind."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -51,7 +52,9 @@ class Interpreter:
     def __init__(self, folder: Path, notebook: Notebook, tolerance: float, light_points: int):
         self.folder, self.notebook = folder, notebook
         self.tolerance, self.light_points = tolerance, light_points
-        self.state = GraphicsState()
+        self.now = Attributes()
+        self._stack: list[tuple[str, Attributes, Place]] = []
+        self._systems: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.textures = TextureTable(folder)
         self.materials = MaterialTable(self.textures)
         self.rig = LightRig(folder)
@@ -76,7 +79,9 @@ class Interpreter:
             self.handle(directive)
         if not self._in_world:
             raise Place(self.folder, 1, 1).error("the scene has no WorldBegin")
-        self.state.check_closed()
+        if self._stack:
+            kind, _, place = self._stack[0]
+            raise place.error(f"{kind}Begin is never closed", f"Add {kind}End")
 
     def handle(self, directive: Directive) -> None:
         name = directive.name
@@ -97,11 +102,12 @@ class Interpreter:
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
         else:
-            getattr(self, f"_{_snake(name)}")(directive)
+            snake = re.sub("(?<!^)([A-Z])", r"_\1", name).lower()
+            getattr(self, f"_do_{snake}")(directive)
 
     def _transform(self, directive: Directive) -> None:
         """CTM = CTM * matrix, or the matrix, for the active times."""
-        name, now = directive.name, self.state.now
+        name, now = directive.name, self.now
         alone = name in ("Identity", "Transform")
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = transform_matrix(name, directive.numbers, directive.place)
@@ -112,7 +118,7 @@ class Interpreter:
         if not np.isfinite(matrices).all():
             what = f"{name} takes the transformation beyond what numbers hold"
             raise directive.place.error(what, "Scale or move less")
-        self.state.set(matrices=matrices)
+        self._set(matrices=matrices)
 
     def _block(self, directive: Directive) -> None:
         name, place = directive.name, directive.place
@@ -123,16 +129,26 @@ class Interpreter:
         elif name == "ObjectBegin":
             if self._open_object is not None:
                 raise place.error("ObjectBegin inside ObjectBegin")
-            self.state.push("Object", place)
             self._open_object = directive.strings[0]
             self._objects[self._open_object] = []
         elif name == "ObjectEnd":
-            self.state.pop("Object", place)
             self._open_object = None
-        elif name.endswith("Begin"):
-            self.state.push(name.removesuffix("Begin"), place)
-        else:
-            self.state.pop(name.removesuffix("End"), place)
+        if name.endswith("Begin") and name != "WorldBegin":
+            self._stack.append((name.removesuffix("Begin"), self.now, place))
+        elif name not in ("WorldBegin", "WorldEnd"):
+            self._pop(name.removesuffix("End"), place)
+
+    def _pop(self, kind: str, place: Place) -> None:
+        if not self._stack or self._stack[-1][0] != kind:
+            opened = f"{self._stack[-1][0]}Begin is open" if self._stack else "no block is open"
+            raise place.error(f"{kind}End, but {opened}")
+        _, saved, _ = self._stack.pop()
+        if kind == "Transform":  # it saves the transform alone
+            saved = replace(self.now, matrices=saved.matrices, active=saved.active)
+        self.now = saved
+
+    def _set(self, **changes: Any) -> None:
+        self.now = replace(self.now, **changes)
 
     def _world_begin(self, place: Place) -> None:
         if self._in_world:
@@ -146,52 +162,52 @@ class Interpreter:
             self.world_to_camera = TO_OURS.copy()
         view = read_camera(*self._camera, film, read_samples(self._sampler))
         self.view = replace(view, motion_times=self._motion_times)
-        self.state.set(matrices=(np.eye(4), np.eye(4)), active=(START, END))
-        self.state.coordinate_systems["world"] = (np.eye(4), np.eye(4))
+        self._set(matrices=(np.eye(4), np.eye(4)), active=(START, END))
+        self._systems["world"] = (np.eye(4), np.eye(4))
 
-    def _active_transform(self, directive: Directive) -> None:
+    def _do_active_transform(self, directive: Directive) -> None:
         active = {"StartTime": (0,), "EndTime": (1,), "All": (0, 1)}.get(directive.strings[0])
         if active is None:
             raise directive.place.error(
                 f"ActiveTransform {directive.strings[0]}", "Use StartTime, EndTime or All"
             )
-        self.state.set(active=active)
+        self._set(active=active)
 
-    def _transform_times(self, directive: Directive) -> None:
+    def _do_transform_times(self, directive: Directive) -> None:
         start, end = directive.numbers.tolist()
         if not end > start:
             raise directive.place.error(f"TransformTimes {start:g} {end:g}", "Give start, then end")
         self._motion_times = (start, end)
 
-    def _coordinate_system(self, directive: Directive) -> None:
-        self.state.coordinate_systems[directive.strings[0]] = self.state.now.matrices
+    def _do_coordinate_system(self, directive: Directive) -> None:
+        self._systems[directive.strings[0]] = self.now.matrices
 
-    def _coord_sys_transform(self, directive: Directive) -> None:
-        name, known = directive.strings[0], self.state.coordinate_systems
+    def _do_coord_sys_transform(self, directive: Directive) -> None:
+        name, known = directive.strings[0], self._systems
         if name not in known:
             problem = f'coordinate system "{name}" is not defined'
             raise directive.place.error(problem, "Use CoordinateSystem before")
-        self.state.set(matrices=known[name])
+        self._set(matrices=known[name])
 
-    def _camera_directive(self, directive: Directive) -> None:
-        start, end = self.state.now.matrices
+    def _do_camera(self, directive: Directive) -> None:
+        start, end = self.now.matrices
         if not np.array_equal(start, end):
             what = "motion of the camera: shutter open's pose"
             self.notebook.add(LEFT_OUT, directive.place, what)
         self._camera = (directive.strings[0], directive.parameters)
         self.world_to_camera = TO_OURS @ start
-        self.state.coordinate_systems["camera"] = np.linalg.inv(start), np.linalg.inv(end)
+        self._systems["camera"] = np.linalg.inv(start), np.linalg.inv(end)
 
-    def _film_directive(self, directive: Directive) -> None:
+    def _do_film(self, directive: Directive) -> None:
         self._film = directive.parameters
 
-    def _reverse_orientation(self, directive: Directive) -> None:
-        self.state.set(reversed=not self.state.now.reversed)
+    def _do_reverse_orientation(self, directive: Directive) -> None:
+        self._set(reversed=not self.now.reversed)
 
-    def _material(self, directive: Directive) -> None:
-        self.state.set(material=Definition(directive.strings[0], directive.parameters))
+    def _do_material(self, directive: Directive) -> None:
+        self._set(material=Definition(directive.strings[0], directive.parameters))
 
-    def _make_named_material(self, directive: Directive) -> None:
+    def _do_make_named_material(self, directive: Directive) -> None:
         parameters, name = directive.parameters, directive.strings[0]
         kind = parameters.string("type")
         if kind is None:
@@ -199,21 +215,21 @@ class Interpreter:
         named = replace(parameters, owner=f'Material "{kind}" named "{name}"')
         self.materials.named[name] = Definition(kind, named)
 
-    def _named_material(self, directive: Directive) -> None:
-        self.state.set(material=self.materials.find(directive.strings[0], directive.place))
+    def _do_named_material(self, directive: Directive) -> None:
+        self._set(material=self.materials.find(directive.strings[0], directive.place))
 
-    def _texture(self, directive: Directive) -> None:
+    def _do_texture(self, directive: Directive) -> None:
         name, value_type, kind = directive.strings
         self.textures.define(name, value_type, kind, directive.parameters)
 
-    def _light_source(self, directive: Directive) -> None:
-        start, end = self.state.now.matrices
+    def _do_light_source(self, directive: Directive) -> None:
+        start, end = self.now.matrices
         if not np.array_equal(start, end):
             self.notebook.add(LEFT_OUT, directive.place, "motion of a light: shutter open's pose")
         to_camera = self.world_to_camera @ start
         self.rig.add(directive.strings[0], directive.parameters, to_camera)
 
-    def _area_light_source(self, directive: Directive) -> None:
+    def _do_area_light_source(self, directive: Directive) -> None:
         parameters = directive.parameters
         if directive.strings[0] not in ("diffuse", "area"):
             parameters.approximated("as diffuse")
@@ -221,10 +237,10 @@ class Interpreter:
         parameters.approximated(f"{self.light_points} point lights per shape and side")
         for name in ("samples", "nsamples"):
             parameters.get(name)
-        self.state.set(area_light=parameters)
+        self._set(area_light=parameters)
 
-    def _shape(self, directive: Directive) -> None:
-        now, parameters = self.state.now, directive.parameters
+    def _do_shape(self, directive: Directive) -> None:
+        now, parameters = self.now, directive.parameters
         mesh = tessellate(directive.strings[0], parameters, self.folder, self.tolerance)
         if mesh is None:
             return
@@ -244,14 +260,14 @@ class Interpreter:
             self.notebook.add(LEFT_OUT, directive.place, "light of an emitter inside an object")
         self._objects[self._open_object].append(item)
 
-    def _object_instance(self, directive: Directive) -> None:
+    def _do_object_instance(self, directive: Directive) -> None:
         name = directive.strings[0]
         if name not in self._objects:
             raise directive.place.error(f'object "{name}" is not defined')
         if self._open_object is not None:
             raise directive.place.error("ObjectInstance inside ObjectBegin")
         for item in self._objects[name]:
-            pair = zip(self.state.now.matrices, item.matrices, strict=True)
+            pair = zip(self.now.matrices, item.matrices, strict=True)
             matrices = tuple(outer @ inner for outer, inner in pair)
             self.items.append(replace(item, matrices=matrices, emission=(0.0, 0.0, 0.0)))
 
@@ -269,11 +285,6 @@ class Interpreter:
         return with_uvs(item.mesh) * texture.uv_scale + texture.uv_offset, surface
 
 
-def _snake(name: str) -> str:
-    words = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name)[1:]
-    return f"{words}_directive" if words in ("camera", "film") else words
-
-
 START, END = 0, 1
 
 
@@ -286,37 +297,6 @@ class Attributes:
     material: Definition | None = None
     area_light: ParameterSet | None = None
     reversed: bool = False
-
-
-class GraphicsState:
-    """The current attributes with their stack and the named coordinate systems."""
-
-    def __init__(self) -> None:
-        self.now = Attributes()
-        self._stack: list[tuple[str, Attributes, Place]] = []
-        self.coordinate_systems: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-
-    def push(self, kind: str, place: Place) -> None:
-        self._stack.append((kind, self.now, place))
-
-    def pop(self, kind: str, place: Place) -> None:
-        """Raises :class:`SceneError` when ``kind`` is not the innermost open block."""
-        if not self._stack or self._stack[-1][0] != kind:
-            opened = f"{self._stack[-1][0]}Begin is open" if self._stack else "no block is open"
-            raise place.error(f"{kind}End, but {opened}")
-        _, saved, _ = self._stack.pop()
-        if kind == "Transform":  # it saves the transform alone
-            saved = replace(self.now, matrices=saved.matrices, active=saved.active)
-        self.now = saved
-
-    def check_closed(self) -> None:
-        """Raises :class:`SceneError` at the first block that nothing closes."""
-        if self._stack:
-            kind, _, place = self._stack[0]
-            raise place.error(f"{kind}Begin is never closed", f"Add {kind}End")
-
-    def set(self, **changes: Any) -> None:
-        self.now = replace(self.now, **changes)
 
 
 def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray:
