@@ -116,7 +116,11 @@ def answers_typos(made: type[Class]) -> type[Class]:
 
 def one_line(text: str) -> str:
     """``text`` as one printable line of at most some :data:`LONGEST_TEXT` characters."""
-    return _shortened(_printable(text), LONGEST_TEXT)
+    text = _printable(text)
+    if len(text) <= LONGEST_TEXT:
+        return text
+    # Both ends: the place, and the reason.
+    return f"{text[: LONGEST_TEXT * 2 // 3]} ... {text[-(LONGEST_TEXT // 3) :]}"
 
 
 def _printable(text: str) -> str:
@@ -131,13 +135,6 @@ def _printable(text: str) -> str:
     return "".join(
         ascii(letter)[1:-1] if unicodedata.category(letter) in bad else letter for letter in text
     )
-
-
-def _shortened(text: str, most: int) -> str:
-    """What stands at both ends of a text that is too long: the place, and the reason."""
-    if len(text) <= most:
-        return text
-    return f"{text[: most * 2 // 3]} ... {text[-(most // 3) :]}"
 
 
 class SceneError(LfcoreError):

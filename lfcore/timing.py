@@ -142,22 +142,23 @@ class Stopwatch:
 
 def machine() -> dict[str, str | int]:
     """What stands beside every published second: processor, cores, memory, system, Python."""
+    cpuinfo = Path("/proc/cpuinfo")  # of Linux
+    text = cpuinfo.read_text(encoding="utf-8", errors="replace") if cpuinfo.is_file() else ""
+    found = re.search(r"^model name\s*: *(.*\S)", text, re.MULTILINE)
     return {
-        "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1,
+        "processor": found[1] if found else platform.processor() or platform.machine(),
+        "cores": processors(),
         "memory_gib": round(memory_bytes() / 2**30),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
     }
 
 
-def _processor() -> str:
-    cpuinfo = Path("/proc/cpuinfo")  # of Linux
-    text = cpuinfo.read_text(encoding="utf-8", errors="replace") if cpuinfo.is_file() else ""
-    found = re.search(r"^model name\s*: *(.*\S)", text, re.MULTILINE)
-    return found[1] if found else platform.processor() or platform.machine()
+def processors() -> int:
+    """Processors that this process may use; all there are where the system does not say."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS, nor on Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def memory_bytes() -> int:

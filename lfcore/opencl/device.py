@@ -19,6 +19,7 @@ import numpy as np
 
 from lfcore.errors import DeviceError, check_kind
 from lfcore.opencl import drivers, program_cache
+from lfcore.timing import processors
 
 drivers.prepare()
 # Programs have a cache of ours.  pyopencl keeps its calls of kernels in a database of the user's,
@@ -138,17 +139,13 @@ def is_named(device: cl.Device, name: str | None) -> bool:
     return not name or name.lower() in f"{name_of(device)} {device.platform.version}".lower()
 
 
-def _give_pocl_a_folder() -> None:
-    """Where the user has none, PoCL offers no device without one of its own."""
-    if program_cache.folder() is None and "POCL_CACHE_DIR" not in os.environ:
-        folder = os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="lfcore-pocl-")
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-
-
 @functools.cache
 def all_devices() -> list[cl.Device]:
     """All devices that drivers offer, CPUs first, by the name of the driver."""
-    _give_pocl_a_folder()
+    # Where the user has no folder, PoCL offers no device without one of its own.
+    if program_cache.folder() is None and "POCL_CACHE_DIR" not in os.environ:
+        folder = os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="lfcore-pocl-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
@@ -218,17 +215,10 @@ def open_device(
         raise DeviceError(f"lanes must be 1, 4, 8 or 16, not {lanes}")
     if not device.double_fp_config:
         log.warning("%s has no float64: single rays may pass between triangles", device.name)
-    available = _processors() if on_cpu else 64 * device.max_compute_units
+    available = processors() if on_cpu else 64 * device.max_compute_units
     threads = threads or _asked_threads() or available
     context = _context(device)
     return Device(device, context, cl.CommandQueue(context), lanes, min(threads, available))
-
-
-def _processors() -> int:
-    """Processors that this process may use; all there are where the system does not say."""
-    if hasattr(os, "sched_getaffinity"):  # not on macOS, nor on Windows
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _asked_threads() -> int:

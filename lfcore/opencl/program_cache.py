@@ -189,22 +189,13 @@ def _make_room(path: Path, limit: int) -> None:
 
     What is half written counts as an entry.
     """
-    entries = []
-    with contextlib.suppress(OSError), os.scandir(path) as files:
-        for file in files:
-            if file.name.endswith(".bin"):
-                with contextlib.suppress(OSError):
-                    found = file.stat()
-                    entries.append((found.st_mtime, found.st_size, file.path))
-    total = sum(size for _, size, _ in entries)
-    if total <= limit:
-        return
-    for _, size, name in sorted(entries):
-        with contextlib.suppress(OSError):
-            os.unlink(name)
-        total -= size
-        if total <= 0.75 * limit:
-            return
+    with contextlib.suppress(OSError):  # another process may remove them as well
+        entries = [(file.stat().st_mtime, file.stat().st_size, file) for file in path.glob("*.bin")]
+        total = sum(size for _, size, _ in entries)
+        for _, size, file in sorted(entries) if total > limit else ():
+            if total > 0.75 * limit:
+                file.unlink(missing_ok=True)
+                total -= size
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +31,6 @@ from lfcore.scene.reading import DESCRIPTIONS, Where
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
-
-if TYPE_CHECKING:
-    from lfcore.scene.assemble import Geometry
-    from lfcore.scene.model import Motion
 
 PBRT = (".pbrt", ".pbrt.gz")
 
@@ -125,8 +121,12 @@ def build(
         here = where["objects"][index]
         made = _object(entry, notebook, file.parent, here)
         if "motion" in entry:
-            poses = _poses(entry, here)
-            moving += [(part, poses) for part in made]
+            names = "transform", "motion"
+            start, move = (parse_transform(entry.get(name, []), here[name]) for name in names)
+            if not is_rigid(start, start @ move):
+                remedy = "Use translate_m and rotate alone"
+                raise here["motion"].error("moves an object otherwise than rigidly", remedy)
+            moving += [(part, (start, start @ move)) for part in made]
         else:
             parts += made
     every = parts + [part for part, _ in moving]
@@ -136,20 +136,31 @@ def build(
     extent = framing.bounds(every, file=file)
     camera, to_camera = framing.place_camera(description["camera"], extent, where, staging.camera)
     geometry = assemble(every, to_camera)
+    placed = [
+        (part.transformed(to_camera), (to_camera @ start, to_camera @ end))
+        for part, (start, end) in moving
+    ]
     view = _view(description["camera"], where["camera"]["lightfield"])
     if view:
         camera = view.camera
     remedy = "Check the meshes for zero-area triangles, NaN and huge coordinates"
     geometry.refuse_none(where["objects"], remedy)
     focus = description.get("focus_distances_m")
-    _check_focus_distances(focus or [], camera.focal_length_m, where["focus_distances_m"])
+    for index, distance in enumerate(focus or []):
+        try:
+            check_focus(distance, camera.focal_length_m, key="")
+        except OpticsError as error:
+            here = where["focus_distances_m"][index]
+            raise here.error(error.problem, error.remedy) from None
+    keys = {"bounces": "bounces", "bake_error": "error", "bake_mib": "mib"}
+    baking = {name: description[key] for key, name in keys.items() if key in description}
     scene = Scene(
         name=name,
         camera=camera,
         view=view,
-        motions=_motions(geometry, parts, moving, to_camera),
+        motions=motions(geometry, transform_all(parts, to_camera), placed) if moving else (),
         lights=_lights(description, staging, to_camera, where["lights"]),
-        bake=_bake(description),
+        bake=BakeOptions(**baking) if any(key in description for key in ASKS) else None,
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
         clip=description["clip"],
@@ -166,37 +177,6 @@ def build(
     if not bare and not staging.lights:
         scene = studio.around(scene, extent, to_camera, file=file)
     return within_limits(scene, file)
-
-
-def _check_focus_distances(distances: list[float], focal_length_m: float, where: Where) -> None:
-    for index, distance in enumerate(distances):
-        try:
-            check_focus(distance, focal_length_m, key="")
-        except OpticsError as error:
-            raise where[index].error(error.problem, error.remedy) from None
-
-
-def _poses(entry: dict, where: Where) -> tuple[np.ndarray, np.ndarray]:
-    """(4, 4) object-to-world at shutter open and close."""
-    names = "transform", "motion"
-    start, move = (parse_transform(entry.get(name, []), where[name]) for name in names)
-    if not is_rigid(start, start @ move):
-        remedy = "Use translate_m and rotate alone"
-        raise where["motion"].error("moves an object otherwise than rigidly", remedy)
-    return start, start @ move
-
-
-def _motions(
-    geometry: Geometry, parts: list[SurfaceMesh], moving: list[Moving], to_camera: np.ndarray
-) -> tuple[Motion, ...]:
-    """Motions in camera space of parts in world space."""
-    if not moving:
-        return ()
-    placed = [
-        (part.transformed(to_camera), (to_camera @ start, to_camera @ end))
-        for part, (start, end) in moving
-    ]
-    return motions(geometry, transform_all(parts, to_camera), placed)
 
 
 def _view(camera: dict, where: Where) -> View | None:
@@ -271,13 +251,6 @@ def _with_material(
         dataclasses.replace(part, surface=dataclasses.replace(part.surface, **changes))
         for part in parts
     ]
-
-
-def _bake(description: dict) -> BakeOptions | None:
-    """How light is baked; None without a sky and bounces."""
-    names = {"bounces": "bounces", "bake_error": "error", "bake_mib": "mib"}
-    given = {name: description[key] for key, name in names.items() if key in description}
-    return BakeOptions(**given) if any(key in description for key in ASKS) else None
 
 
 def _lights(

@@ -55,7 +55,7 @@ def complete(description: dict) -> dict:
 
 def _with_defaults(value: Any, rule: dict) -> Any:
     if "$ref" in rule:
-        rule = {**_resolve(rule["$ref"]), **rule}
+        rule = {**schema()["$defs"][rule["$ref"].removeprefix("#/$defs/")], **rule}
     if rule.get("type") == "integer" and isinstance(value, float):
         return int(value)  # 1.0 is an integer to JSON schema, and to no generator of random numbers
     if isinstance(value, dict):
@@ -72,10 +72,6 @@ def _with_defaults(value: Any, rule: dict) -> Any:
     if isinstance(value, list) and isinstance(rule.get("items"), dict):
         return [_with_defaults(item, rule["items"]) for item in value]
     return value
-
-
-def _resolve(reference: str) -> dict:
-    return schema()["$defs"][reference.removeprefix("#/$defs/")]
 
 
 def _check_finite(value: Any, where: Where) -> None:

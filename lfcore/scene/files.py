@@ -64,7 +64,7 @@ def _header(scene: Scene) -> dict:
         "format": FORMAT,
         "name": scene.name,
         "camera": camera,
-        "needs": Needs.of(scene).to_json(),
+        "needs": asdict(Needs.of(scene)),
         "materials": [asdict(material) for material in scene.materials],
         "textures": len(scene.textures),
         "lights": [asdict(light) for light in scene.lights],

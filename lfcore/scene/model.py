@@ -23,7 +23,7 @@ from lfcore.optics.size import Pixels
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
-from lfcore.scene.notes import Note, summary
+from lfcore.scene.notes import KINDS, Note
 from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
@@ -369,7 +369,8 @@ class Scene:
 
     def summary(self) -> str:
         """The notes as text, one a line, what is missing first."""
-        return summary(self.notes)
+        ranked = sorted(self.notes, key=lambda note: KINDS.index(note.kind))
+        return "\n".join(map(str, ranked))
 
 
 def _checked(key: str, values: ArrayLike, count: int | None, width: int) -> np.ndarray:

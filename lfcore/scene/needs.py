@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,9 +133,6 @@ class Needs:
             sky=len(scene.sky) > 0,
             stops=stops_above_white(scene),
         )
-
-    def to_json(self) -> dict:
-        return asdict(self)
 
 
 def _has_curves(scene: Scene) -> bool:

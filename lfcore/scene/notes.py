@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lfcore.scene.pbrt.lexer import Place
 
-LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = "left out", "approximated", "not used", "assumed"
+KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
+    "left out", "approximated", "not used", "assumed"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,3 @@ class Notebook:
 
     def notes(self) -> tuple[Note, ...]:
         return tuple(self._notes)
-
-
-def summary(notes: tuple[Note, ...]) -> str:
-    """All notes as text, what is missing first; empty when everything was mapped."""
-    order = (LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED)
-    ranked = sorted(notes, key=lambda note: order.index(note.kind))
-    return "\n".join(str(note) for note in ranked)

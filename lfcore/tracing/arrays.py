@@ -80,7 +80,8 @@ def fill_arrays(
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
         some = [replace(one, elements=one.elements[start:stop]) for one in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
-        most = _groups_per_launch(job.shape, first) if progress else count
+        packets = job.shape.packets_per_group(first.columns, first.traced_rows)
+        most = max(1, LAUNCH_RAYS // (256 * job.shape.blocks * packets)) if progress else count
         launches = list(
             zip(*(_launches(job.shape, one, places, most) for one in some), strict=True)
         )
@@ -119,12 +120,6 @@ def _launches(
         )  # fmt: skip
     parts = [members[start : start + most] for start in range(0, len(members), most)]
     return [replace(groups, members=part) for part in parts]
-
-
-def _groups_per_launch(shape: PacketShape, bundles: Bundles) -> int:
-    each = 256 * shape.blocks
-    each *= shape.packets_per_group(bundles.columns, bundles.traced_rows)
-    return max(1, LAUNCH_RAYS // each)
 
 
 def check_sets(sets: Sequence[Bundles], across: int = 1) -> None:

@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.files import whole_file
+from lfcore.files import read_arrays, whole_file
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_tree import Bvh, in_one_order, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
@@ -129,16 +129,11 @@ def load_bvh(path: str | Path) -> Bvh:
     SceneError
         if the file is missing, damaged or holds something else.
     """
-    path = Path(path)
-    remedy = "Build the tree of this scene again"
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            bvh = Bvh(**{f.name: data[f.name] for f in fields(Bvh)})
-    except FileNotFoundError:
-        raise SceneError("there is no such file", file=path, remedy=remedy) from None
-    except Exception as error:  # zipfile, zlib, numpy and OS errors all mean the same here
-        raise SceneError(f"cannot be read as a BVH ({error})", file=path, remedy=remedy) from error
-    problem = shape_problem(bvh)
-    if problem:
-        raise SceneError(problem, file=path, remedy=remedy)
-    return bvh
+
+    def read(data: Any) -> Bvh:
+        bvh = Bvh(**{f.name: data[f.name] for f in fields(Bvh)})
+        if problem := shape_problem(bvh):
+            raise ValueError(problem)
+        return bvh
+
+    return read_arrays(path, "BVH", read, kind=SceneError)

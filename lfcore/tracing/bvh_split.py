@@ -112,10 +112,6 @@ def _half_area(box: np.ndarray) -> np.ndarray:
     return area
 
 
-def _tests(count: np.ndarray, leaf_size: int) -> np.ndarray:
-    return (count + (leaf_size - 1)) // leaf_size
-
-
 def _scan_areas(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Half areas of all prefixes and suffixes of (W, 6, n) tables of boxes, along W.
 
@@ -135,8 +131,8 @@ def _cheapest(
     """Row and cost of the cheapest of the cuts (W - 1, n); inf where none is valid."""
     in_right = count - in_left
     with np.errstate(invalid="ignore"):  # inf * 0 where a side is empty, masked below
-        cost = left * _tests(in_left, leaf_size)
-        cost += right * _tests(in_right, leaf_size)
+        cost = left * -(-in_left // leaf_size)
+        cost += right * -(-in_right // leaf_size)
         cost *= 1.0 + BALANCE * np.abs(in_right - in_left) / count
     cost[(in_left < 1) | (in_right < 1)] = np.inf
     row = np.argmin(cost, axis=0)

@@ -49,9 +49,12 @@ def collapse(tree: BinaryTree, leaf_size: int, leaf_cost: float) -> WideTree:
     boxes, children, leaves = [], [], []
     nodes, leaf_count = 1, 0
     # The root is a wide node even over a single leaf.
-    slots = _root_slots(tree, as_leaf, given, used_slots)
+    root = np.array([[0] + [-1] * (WIDTH - 1)])
+    slots = root if as_leaf[0] else _distribute(tree, given, used_slots, np.array([0]))
     while len(slots):
-        slots = _sorted_by_depth(slots, tree)
+        # By lo.z ascending, unused last, ties as they were.
+        depth = np.where(slots >= 0, tree.lo[slots, 2], np.inf)
+        slots = np.take_along_axis(slots, np.argsort(depth, axis=1, kind="stable"), axis=1)
         used = slots >= 0
         is_leaf = used & as_leaf[slots]
         is_inner = used & ~is_leaf
@@ -63,7 +66,10 @@ def collapse(tree: BinaryTree, leaf_size: int, leaf_cost: float) -> WideTree:
         nodes += len(inner)
         children.append(child)
         leaves.append(new_leaves)
-        boxes.append(_child_boxes(slots, tree))
+        low, high = tree.lo[slots].transpose(0, 2, 1), tree.hi[slots].transpose(0, 2, 1)
+        used = used[:, None, :]
+        box = np.where(used, low, LARGEST), np.where(used, high, -LARGEST)
+        boxes.append(np.concatenate(box, axis=1))
         slots = _distribute(tree, given, used_slots, inner)
     return WideTree(np.concatenate(boxes), np.concatenate(children), np.concatenate(leaves))
 
@@ -148,14 +154,6 @@ def _least_costs(
     return costs
 
 
-def _root_slots(
-    tree: BinaryTree, as_leaf: np.ndarray, given: np.ndarray, used_slots: np.ndarray
-) -> np.ndarray:
-    if as_leaf[0]:
-        return np.array([[0] + [-1] * (WIDTH - 1)])
-    return _distribute(tree, given, used_slots, np.array([0]))
-
-
 def _distribute(
     tree: BinaryTree, given: np.ndarray, used_slots: np.ndarray, roots: np.ndarray
 ) -> np.ndarray:
@@ -182,17 +180,3 @@ def _distribute(
         more = budget > 1
         row, node, budget = row[more], node[more], budget[more]
     return slots
-
-
-def _sorted_by_depth(slots: np.ndarray, tree: BinaryTree) -> np.ndarray:
-    """Children by lo.z ascending, unused last, ties as they were."""
-    depth = np.where(slots >= 0, tree.lo[slots, 2], np.inf)
-    return np.take_along_axis(slots, np.argsort(depth, axis=1, kind="stable"), axis=1)
-
-
-def _child_boxes(slots: np.ndarray, tree: BinaryTree) -> np.ndarray:
-    boxes = np.empty((len(slots), 6, WIDTH), np.float32)
-    unused = (slots < 0)[:, None, :]
-    boxes[:, :3] = np.where(unused, LARGEST, tree.lo[slots].transpose(0, 2, 1))
-    boxes[:, 3:] = np.where(unused, -LARGEST, tree.hi[slots].transpose(0, 2, 1))
-    return boxes

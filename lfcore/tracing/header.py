@@ -10,7 +10,10 @@ from lfcore.tracing.layouts import CONSTANTS, FLOAT, INT, PARAMETERS, RECORDS, S
 @cache
 def header(**records: np.dtype) -> str:
     """The C source of all constants, records and parameters, and of ``records`` by their names."""
-    lines = [f"#define {name} {_literal(value)}" for name, value in CONSTANTS.items()]
+    lines = [
+        f"#define {name} {value!r}{'f' * isinstance(value, float)}"
+        for name, value in CONSTANTS.items()
+    ]
     lines += [f"#define {name} {number}" for number, name in enumerate(SINKS)]
     for name, layout in (RECORDS | records).items():
         assert layout.names is not None
@@ -20,18 +23,10 @@ def header(**records: np.dtype) -> str:
     return "\n".join([*lines, f"#define PARAMETERS {parameters}"]) + "\n"
 
 
-def _literal(value: int | float) -> str:
-    return f"{value!r}f" if isinstance(value, float) else str(value)
-
-
 def _member(layout: np.dtype, name: str) -> str:
     """The C declaration of a field."""
-    types: dict[np.dtype, str] = {
-        np.dtype(FLOAT): "float",
-        np.dtype(INT): "int",
-        np.dtype(UINT): "uint",
-    }
-    types[np.dtype(np.uint16)] = "ushort"
+    plain = {FLOAT: "float", INT: "int", UINT: "uint", np.uint16: "ushort"}
+    types: dict[np.dtype, str] = {np.dtype(known): name for known, name in plain.items()}
     types |= {known: name for name, known in RECORDS.items()}
     size = "".join(f"[{length}]" for length in layout.shape)
     return f"{types[layout.base]} {name}{size}"

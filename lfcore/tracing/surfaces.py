@@ -90,6 +90,9 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "SKY": int(len(scene.sky) > 0),
     }
     grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
+    colours = scene.sky.reshape(-1, 3)  # behind them what metals and gloss reflect
+    if len(colours) and needs.physical:
+        colours = np.concatenate([colours, sky_gloss(scene.sky)])
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),
         attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
@@ -102,7 +105,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         background=np.array(scene.background, np.float32),
         grids=np.ascontiguousarray(grids, np.int32),
         light=pack_light(values),
-        sky=_padded(_with_gloss(scene.sky, needs)),
+        sky=np.concatenate([colours, np.zeros_like(colours[:, :1])], 1, dtype=np.float32),
         shadow_lights=shadows,
         defines=defines,
     )
@@ -157,19 +160,6 @@ def pack_light(values: np.ndarray) -> np.ndarray:
     codes = np.rint(np.ldexp(values, (9 - exponent)[:, None])).astype(np.uint32)
     codes <<= np.arange(3, dtype=np.uint32) * 9
     return np.bitwise_or.reduce(codes, axis=-1) | (exponent + 15).astype(np.uint32) << 27
-
-
-def _with_gloss(sky: np.ndarray, needs: Needs) -> np.ndarray:
-    """A sky's colours (P, 3), and behind them what metals and gloss reflect."""
-    parts = [sky.reshape(-1, 3)]
-    if len(sky) and needs.physical:
-        parts.append(sky_gloss(sky))
-    return np.concatenate(parts)
-
-
-def _padded(colours: np.ndarray) -> np.ndarray:
-    """Colours as four floats each: one load."""
-    return np.concatenate([colours, np.zeros_like(colours[..., :1])], -1, dtype=np.float32)
 
 
 def _pack_materials(scene: Scene) -> np.ndarray:
