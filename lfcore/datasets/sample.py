@@ -39,7 +39,7 @@ from lfcore.scene.procedural.primitives import (
 )
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all, triple
-from lfcore.scene.transforms import look_at, rigid_to_camera, rotate, scale, translate
+from lfcore.scene.transforms import look_at, rotate, scale, translate
 
 UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp", "globe")
 """Shapes that stand as they are built; others rest in one of their stable poses."""
@@ -122,10 +122,9 @@ def _unwrapped(part: SurfaceMesh) -> SurfaceMesh:
 
 def _shape(name: str, parts: Parts, upright: bool, has_look: bool) -> Shape:
     kept = [part.picked(sound(part.triangles)[0]) for part in parts]
-    kept = [part for part in kept if part.count]
-    if not kept:
-        raise SceneError("has no triangle that can be traced", file=name)
     points = np.concatenate([part.triangles.reshape(-1, 3) for part in kept])
+    if not len(points):
+        raise SceneError("has no triangle that can be traced", file=name)
     middle = (points.min(0) + points.max(0)) / 2
     radius = float(np.linalg.norm(points - middle, axis=1).max())
     unit = scale(1 / radius) @ translate(*-middle)
@@ -346,33 +345,31 @@ class _Draw:
         return builder(self.pick(names))
 
     def _turn(self) -> np.ndarray:
-        """A rotation, all alike probable.  Source: Shoemake, Graphics Gems III, 1992."""
-        u, a, b = self.rng.random(3).tolist()
-        a, b = 2 * math.pi * a, 2 * math.pi * b
-        less, more = math.sqrt(1 - u), math.sqrt(u)
-        x, y, z, w = less * math.sin(a), less * math.cos(a), more * math.sin(b), more * math.cos(b)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        return rigid_to_camera(np.array(rows), np.zeros(3))
+        """A rotation, all alike probable."""
+        from trimesh.transformations import random_rotation_matrix
+
+        return random_rotation_matrix(self.rng.random(3))
 
     def _pose_at_rest(self, shape: Shape) -> np.ndarray:
         """A pose on y = 0, turned about the upright axis through the sphere's middle."""
         along = np.cumsum(shape.shares / shape.shares.sum())
         pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
-        angle = 2 * math.pi * float(self.rng.random())
-        cos, sin = math.cos(angle), math.sin(angle)
-        turn = np.array([[cos, 0, sin, 0], [0, 1, 0, 0], [-sin, 0, cos, 0], [0, 0, 0, 1]])
+        turn = rotate("y", 360 * float(self.rng.random()))
         return turn @ translate(-pose[0, 3], 0, -pose[2, 3]) @ pose
 
     def _dressed(self, shape: Shape) -> Parts:
         if shape.has_look:
             return shape.parts
-        surface = self._surface(shape.name)
-        repeats = self.span(self.of.materials.repeats)
-        return [_painted(part, surface, repeats) for part in shape.parts]
+        surface, repeats = self._surface(shape.name), self.span(self.of.materials.repeats)
+        flat = replace(surface, curved=False)
+        return [
+            replace(
+                part,
+                surface=flat if part.normals is None else surface,
+                uvs=None if part.uvs is None else part.uvs * repeats,
+            )
+            for part in shape.parts
+        ]
 
     def _surface(self, name: str) -> Surface:
         of = self.of.materials
@@ -430,9 +427,3 @@ class _Draw:
         floor = self._surface("floor")
         start = (-side / 2, 0, side / 2)
         return [upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)]
-
-
-def _painted(part: SurfaceMesh, surface: Surface, repeats: float) -> SurfaceMesh:
-    uvs = None if part.uvs is None else part.uvs * repeats
-    curved = surface.curved and part.normals is not None
-    return replace(part, surface=replace(surface, curved=curved), uvs=uvs)
