@@ -69,7 +69,7 @@ def collapse(tree: BinaryTree, leaf_size: int, leaf_cost: float) -> WideTree:
         low, high = tree.lo[slots].transpose(0, 2, 1), tree.hi[slots].transpose(0, 2, 1)
         used = used[:, None, :]
         box = np.where(used, low, LARGEST), np.where(used, high, -LARGEST)
-        boxes.append(np.concatenate(box, axis=1))
+        boxes.append(np.ascontiguousarray(np.concatenate(box, axis=1)))
         slots = _distribute(tree, given, used_slots, inner)
     return WideTree(np.concatenate(boxes), np.concatenate(children), np.concatenate(leaves))
 
