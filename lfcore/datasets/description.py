@@ -60,62 +60,63 @@ def span(least: float, most: float) -> Any:
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
+_key: Any = Field
 
 
 class Counts(_Keys):
-    train: int = Field(400, ge=0, le=10**7)
-    validation: int = Field(100, ge=0, le=10**7)
-    test: int = Field(0, ge=0, le=10**7)
+    train: int = _key(400, ge=0, le=10**7)
+    validation: int = _key(100, ge=0, le=10**7)
+    test: int = _key(0, ge=0, le=10**7)
 
 
 class Shapes(_Keys):
-    meshes: str | list[str] = Field([], description="a folder of mesh files, or a list of files")
-    licence: str = Field(
+    meshes: str | list[str] = _key([], description="a folder of mesh files, or a list of files")
+    licence: str = _key(
         "", description="licence and source of meshes that have no file MESH.license beside them"
     )
-    builders: list[Literal[SHAPES]] = Field(list(SHAPES), description="procedural shapes")
-    share_of_meshes: Share = Field(0.5, description="of objects, where there are both")
+    builders: list[Literal[SHAPES]] = _key(list(SHAPES), description="procedural shapes")
+    share_of_meshes: Share = _key(0.5, description="of objects, where there are both")
 
 
 class Materials(_Keys):
-    textures: str = Field("", description="a folder of pictures; empty: procedural ones")
-    share_textured: Share = Field(0.85, description="of objects and walls that have no texture")
-    repeats: span(0.1, 100) = Field((1, 4, "log"), description="of a texture over an object")
+    textures: str = _key("", description="a folder of pictures; empty: procedural ones")
+    share_textured: Share = _key(0.85, description="of objects and walls that have no texture")
+    repeats: span(0.1, 100) = _key((1, 4, "log"), description="of a texture over an object")
     share_metal: Share = 0.15
     roughness: span(0.02, 1) = (0.15, 1, "even")
 
 
 class Lights(_Keys):
-    kinds: list[Literal[LAMPS]] = Field(list(LAMPS), min_length=1, description="of lamps")
+    kinds: list[Literal[LAMPS]] = _key(list(LAMPS), min_length=1, description="of lamps")
     count: span(1, 8) = (1, 3, "even")
-    strength: span(0, 100) = Field((0.6, 1.4, "even"), description="irradiance of all together")
+    strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
     elevation_deg: span(5, 90) = (20, 80, "even")
     ambient: span(0, 10) = (0.1, 0.3, "even")
-    share_sky: Share = Field(0.0, description="of scenes lit by a baked sky in place of ambient")
+    share_sky: Share = _key(0.0, description="of scenes lit by a baked sky in place of ambient")
 
 
 class Lens(_Keys):
     focal_length_mm: Positive = 2.9
     sensor_width_mm: Positive = 3.1
-    f_number: Positive = Field(1.0, description="of stacks and pairs")
-    focus_m: list[Positive] = Field(
+    f_number: Positive = _key(1.0, description="of stacks and pairs")
+    focus_m: list[Positive] = _key(
         [0.1, 0.15, 0.3, 0.7, 1.5], min_length=1, max_length=100,
         description="of a stack's pictures; of a pair one of them; of a light field the first",
     )  # fmt: skip
-    views: int = Field(9, ge=2, le=64, description="per side of a light field")
-    baseline_mm: Positive = Field(4.0, description="between neighbouring views")
+    views: int = _key(9, ge=2, le=64, description="per side of a light field")
+    baseline_mm: Positive = _key(4.0, description="between neighbouring views")
 
 
 class Placement(_Keys):
     objects: span(1, 1000) = (12, 30, "even")
-    depth_m: span(1e-3, 1e6) = Field((0.12, 2.0, "log"), description="of objects")
-    size: span(1e-3, 10) = Field(
+    depth_m: span(1e-3, 1e6) = _key((0.12, 2.0, "log"), description="of objects")
+    size: span(1e-3, 10) = _key(
         (0.15, 0.6, "log"), description="an object's diameter as a share of the field there"
     )
-    share_resting: Share = Field(0.5, description="of scenes with a floor; in others objects fly")
-    pitch_deg: span(5, 60) = Field((12, 35, "even"), description="of the camera above a floor")
-    wall_m: span(1e-3, 1e6) = Field((2.2, 2.6, "even"), description="from the camera")
-    least_seen: Share = Field(0.1, description="of the picture that objects must fill")
+    share_resting: Share = _key(0.5, description="of scenes with a floor; in others objects fly")
+    pitch_deg: span(5, 60) = _key((12, 35, "even"), description="of the camera above a floor")
+    wall_m: span(1e-3, 1e6) = _key((2.2, 2.6, "even"), description="from the camera")
+    least_seen: Share = _key(0.1, description="of the picture that objects must fill")
 
 
 class Description(_Keys):
@@ -123,16 +124,16 @@ class Description(_Keys):
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
     kind: Literal["focal_stacks", "light_fields", "defocus_pairs"]
-    licence: str = Field("", description="of the data set, a URL or SPDX name")
-    seed: int = Field(1, ge=0, lt=2**63)
+    licence: str = _key("", description="of the data set, a URL or SPDX name")
+    seed: int = _key(1, ge=0, lt=2**63)
     scenes: Counts = Counts()
-    pixels: int = Field(256, ge=16, le=4096)
-    quality_db: float = Field(45, gt=0, le=100, description="PSNR that no picture is below")
-    also: list[Literal["mat", "hdf5"]] = Field(
+    pixels: int = _key(256, ge=16, le=4096)
+    quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
+    also: list[Literal["mat", "hdf5"]] = _key(
         ["mat"], description="layouts of light fields beside HCI's"
     )
-    shards: bool = Field(False, description="keep WebDataset's tar files, not folders of files")
-    scenes_per_job: int = Field(32, ge=1, le=10**5)
+    shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
+    scenes_per_job: int = _key(32, ge=1, le=10**5)
     shapes: Shapes = Shapes()
     materials: Materials = Materials()
     lights: Lights = Lights()

@@ -9,7 +9,8 @@ import numpy as np
 SIDE = 128
 """The most pixels of the map's longer side."""
 CANDIDATES = 64
-MOST_VIEWS = 25
+GRID_SIDE = 5
+"""The most views per side of the lens that are compared with the central one."""
 SMOOTH = 1.5
 """The standard deviation of the blur of disagreement, pixels of the map."""
 
@@ -30,7 +31,12 @@ def estimate(
     scale = min(1.0, SIDE / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
     centre = int(np.argmin(np.hypot(*places.T)))
-    chosen = _spread(places, centre)
+    # Those nearest to a coarse grid over the lens.
+    ends = zip(places.min(0), places.max(0), strict=True)
+    x, y = (np.linspace(*both, GRID_SIDE) for both in ends)
+    wanted = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+    nearest = {int(np.argmin(np.hypot(*(places - point).T))) for point in wanted}
+    chosen = sorted(nearest - {centre})
     small = [
         cv2.resize(pictures[k], size, interpolation=cv2.INTER_AREA).astype(np.float32)
         for k in (centre, *chosen)
@@ -50,15 +56,3 @@ def estimate(
         better = cost < best
         best[better], found[better] = cost[better], disparity
     return cv2.medianBlur(found, 5) if min(size) >= 5 else found
-
-
-def _spread(places: np.ndarray, centre: int) -> list[int]:
-    """Views of a coarse grid over the lens, without the central one."""
-    side = int(np.sqrt(MOST_VIEWS))
-    low, high = places.min(0), places.max(0)
-    wanted = [
-        (x, y) for y in np.linspace(low[1], high[1], side)
-        for x in np.linspace(low[0], high[0], side)
-    ]  # fmt: skip
-    nearest = {int(np.argmin(np.hypot(*(places - point).T))) for point in wanted}
-    return sorted(nearest - {centre})

@@ -104,36 +104,42 @@ def viewer_page(
     slab = field.require_slab()
     choice = choose(field, grid, pixels)
     pictures = read(field, choice, device=device, progress=progress)
-    seen = _range(field, slab)
-    stored = _stored(field, slab)
-    found = _estimated(slab, choice, pictures, seen) if stored is None else stored
-    disparities = None if found is None else _map(found, seen)
-    data = _describe(field, slab, choice) | {"range": _widened(seen), "map": disparities}
+    low, high = seen = _range(field, slab)
     if field.metadata.depth:
-        data |= _by_depth(field, slab, choice, pictures, format or "webp", jpeg_quality)
+        inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
+        found: np.ndarray | None = (inverse - slab.camera.delta) * (
+            slab.lens_pitch_m / slab.pixel_pitch
+        )
+        status = STORED
+        views = _by_depth(field, slab, choice, pictures, format or "webp", jpeg_quality)
     else:
-        data |= {
-            "depth": None,
-            "atlas": _coded(encode(pictures, format or "jpeg", jpeg_quality or 90)),
-        }
+        places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
+        found = estimate(pictures, places, low * choice.scale, high * choice.scale)
+        found = None if found is None else found / choice.scale
+        status = NO_MAP if found is None else ESTIMATED
+        atlas = encode(pictures, format or "jpeg", jpeg_quality or 90)
+        views = {"depth": None, "atlas": _coded(atlas)}
+    # As recorded, 0, is always within reach.
+    low, high = min(low, 0.0), max(high, 0.0)
+    margin = MARGIN * (high - low) or 1e-3
+    data = _describe(field, slab, choice) | views | {
+        "range": [low - margin, high + margin], "map": None if found is None else _map(found, seen)
+    }  # fmt: skip
+    # The program without comments and indentation.
+    scripts = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    program = '"use strict";\n' + COMMENT.sub("", scripts)
     parts = {
         "title": html.escape(data["name"]),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
-        "status": NO_MAP if disparities is None else ESTIMATED if stored is None else STORED,
+        "status": status,
         # "<" would end the script element.
         "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        "script": _base64(zlib.compress(_program().encode(), 9)),
+        "script": _base64(zlib.compress(program.encode(), 9)),
     }
     template = (HERE / "page.html").read_text(encoding="utf-8")
     pieces = template.split("@")  # text and names by turns: the page itself has no other "@"
     pieces[1::2] = [parts[name] for name in pieces[1::2]]
     return ViewerPage("".join(pieces))
-
-
-def _program() -> str:
-    """The page's program without comments and indentation."""
-    text = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    return '"use strict";\n' + COMMENT.sub("", text)
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
@@ -251,31 +257,6 @@ def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
         return (1 / far - delta) / step, (1 / near - delta) / step
     most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
     return max(-most, -delta / step) if field.metric else -most, most
-
-
-def _widened(seen: tuple[float, float]) -> list[float]:
-    # As recorded, 0, is always within reach.
-    low, high = min(seen[0], 0.0), max(seen[1], 0.0)
-    margin = MARGIN * (high - low) or 1e-3
-    return [low - margin, high + margin]
-
-
-def _stored(field: LightFieldFile, slab: Slab) -> np.ndarray | None:
-    """(h, w) disparities from the middle of the lens, by the file's depth."""
-    if field.metadata.depth is None:
-        return None
-    inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
-    return (inverse - slab.camera.delta) * (slab.lens_pitch_m / slab.pixel_pitch)
-
-
-def _estimated(
-    slab: Slab, choice: Choice, pictures: np.ndarray, seen: tuple[float, float]
-) -> np.ndarray | None:
-    """(h, w) disparities estimated from the views; None from too few."""
-    columns, rows = _places(slab, choice)
-    places = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
-    found = estimate(pictures, places, seen[0] * choice.scale, seen[1] * choice.scale)
-    return None if found is None else found / choice.scale
 
 
 def _map(found: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
