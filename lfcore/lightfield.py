@@ -7,7 +7,7 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Extent, Slab
+from lfcore.progress import Progress
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.free_views import FreeViews, views_at
@@ -38,8 +39,6 @@ if TYPE_CHECKING:  # what most uses of a file do without is imported where it is
 
     from lfcore.scene.model import Scene
     from lfcore.viewer.page import ViewerPage
-
-Progress = Callable[[int, int], None]
 
 PLANE_KEYWORDS = ("focus_at", "blur", "disparity_px", "aperture_views")
 """The keywords of :meth:`LightField.plane` beside those of :class:`PlaneOptions`."""

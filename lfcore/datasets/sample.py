@@ -17,12 +17,11 @@ import numpy as np
 
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
-from lfcore.pictures import read_codes
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble, sound
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.limits import within_limits
-from lfcore.scene.meshes import load_mesh
+from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.procedural import furniture, textures, toys
 from lfcore.scene.procedural.basics import Parts, Rng
@@ -37,6 +36,7 @@ from lfcore.scene.procedural.primitives import (
     sphere,
     tube,
 )
+from lfcore.scene.reading import Where
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all, triple
 from lfcore.scene.transforms import look_at, rotate, scale, translate
@@ -157,11 +157,7 @@ def _stable(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def texture(source: Path | tuple[int, int]) -> np.ndarray:
     """(H, W, 3) uint8: a picture file, or procedural number ``source[1]`` of seed ``source[0]``."""
     if isinstance(source, Path):
-        try:
-            codes = read_codes(source)
-        except Exception as error:
-            raise SceneError(f"texture cannot be read: {error}", file=source) from None
-        return np.ascontiguousarray(codes[..., :3] >> 8 if codes.dtype == np.uint16 else codes)
+        return read_texture(source, Where(source))
     seed, number = source
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(number,))))
     drawn = rng.random((4, 3))

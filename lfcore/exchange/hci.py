@@ -7,8 +7,10 @@ point at depth Z has the disparity ``b f w / S (1 / Z - 1 / F)`` pixels, as in a
 """
 
 import configparser
+import io
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -138,36 +140,31 @@ def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float,
 def parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:
     """The text of parameters.cfg; ``reach`` is the nearest and farthest depth, metres."""
     focal = geometry.sensor_m / (geometry.pixel_pitch * max(source.width, source.height))
-    meta = {"scene": source.name, "category": "synthetic", "date": "", "version": "v0",
-            "authors": "", "contact": ""}  # fmt: skip
+    meta: dict[str, Any] = {"scene": source.name, "category": "synthetic", "date": "",
+                            "version": "v0", "authors": "", "contact": ""}  # fmt: skip
     if reach:
         high, low = source.disparity(np.array(reach, np.float64)).tolist()
         for prefix in ("", "frustum_"):
-            meta |= {f"{prefix}disp_min": _number(low), f"{prefix}disp_max": _number(high)}
-    meta["depth_map_scale"] = "1.0"
-    sections = {
+            meta |= {f"{prefix}disp_min": low, f"{prefix}disp_max": high}
+    meta["depth_map_scale"] = 1.0
+    config, text = configparser.ConfigParser(interpolation=None), io.StringIO()
+    config.read_dict({
         "intrinsics": {
-            "focal_length_mm": _number(1e3 * focal),
-            "image_resolution_x_px": str(source.width),
-            "image_resolution_y_px": str(source.height),
-            "sensor_size_mm": _number(1e3 * geometry.sensor_m),
-            "fstop": _number(FSTOP),
+            "focal_length_mm": 1e3 * focal,
+            "image_resolution_x_px": source.width,
+            "image_resolution_y_px": source.height,
+            "sensor_size_mm": 1e3 * geometry.sensor_m,
+            "fstop": FSTOP,
         },
         "extrinsics": {
-            "num_cams_x": str(source.columns),
-            "num_cams_y": str(source.rows),
-            "baseline_mm": _number(1e3 * geometry.pitch_m),
-            "focus_distance_m": _number(1 / geometry.delta if geometry.delta else 0.0),
-            **{f"center_cam_{axis}_m": "0.0" for axis in "xyz"},
-            **{f"center_cam_r{axis}_rad": "0.0" for axis in "xyz"},
+            "num_cams_x": source.columns,
+            "num_cams_y": source.rows,
+            "baseline_mm": 1e3 * geometry.pitch_m,
+            "focus_distance_m": 1 / geometry.delta if geometry.delta else 0.0,
+            **{f"center_cam_{axis}_m": 0.0 for axis in "xyz"},
+            **{f"center_cam_r{axis}_rad": 0.0 for axis in "xyz"},
         },
         "meta": meta,
-    }
-    lines = []
-    for title, values in sections.items():
-        lines += [f"[{title}]", *(f"{key} = {value}" for key, value in values.items()), ""]
-    return "\n".join(lines)
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
+    })  # fmt: skip
+    config.write(text)
+    return text.getvalue()

@@ -5,6 +5,7 @@
 looks into a single directory, ``OCL_ICD_VENDORS``: this module fills one with what there is.
 """
 
+import contextlib
 import ctypes
 import hashlib
 import os
@@ -17,7 +18,7 @@ from lfcore.errors import StorageError
 from lfcore.files import write_text
 from lfcore.opencl.program_cache import cache_home
 
-SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
+SYSTEM_VENDORS, NVIDIA = Path("/etc/OpenCL/vendors"), "libnvidia-opencl.so.1"
 
 
 def prepare() -> Path | None:
@@ -62,19 +63,11 @@ def _entries() -> dict[str, str]:
             there = library and (not os.path.isabs(library) or os.path.exists(library))
             if there and library not in entries.values():
                 entries[icd.name] = library
-    if not any("nvidia" in library for library in entries.values()) and _loads(
-        "libnvidia-opencl.so.1"
-    ):
-        entries["lfcore-nvidia.icd"] = "libnvidia-opencl.so.1"
+    if not any("nvidia" in library for library in entries.values()):
+        with contextlib.suppress(OSError):
+            ctypes.CDLL(NVIDIA)
+            entries["lfcore-nvidia.icd"] = NVIDIA
     return entries
-
-
-def _loads(library: str) -> bool:
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
 
 
 def _write(entries: dict[str, str]) -> Path:

@@ -130,7 +130,11 @@ def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
         ends = [
             np.multiply(parse_colour(description[end]), strength) for end in ("horizon", "zenith")
         ]
-        panorama, side = _gradient(*ends), GRADIENT_SIDE
+        # Above the horizon linear in the sine of the elevation; below as at the horizon.
+        rows = (np.arange(GRADIENT_SIDE) + 0.5) / GRADIENT_SIDE
+        up = np.maximum(np.cos(rows * math.pi), 0)[:, None]
+        column = (ends[0] + up * (ends[1] - ends[0])).astype(np.float32)
+        panorama, side = np.repeat(column[:, None], 2 * GRADIENT_SIDE, axis=1), GRADIENT_SIDE
     turned = math.radians(description.get("rotation_deg", 0.0))
     places = partial(panorama_places, turned=turned)
     return octahedral(panorama, to_camera[:3, :3].T, places, side)
@@ -165,14 +169,6 @@ def _looked_up(panorama: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray
     places = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
     x, y = (np.asarray(axis, np.float32) for axis in places)
     return cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-
-
-def _gradient(horizon: np.ndarray, zenith: np.ndarray) -> np.ndarray:
-    """Above the horizon linear in the sine of the elevation; below as at the horizon."""
-    height = GRADIENT_SIDE
-    up = np.maximum(np.cos((np.arange(height) + 0.5) / height * math.pi), 0)[:, None]
-    rows = (horizon + up * (zenith - horizon)).astype(np.float32)
-    return np.repeat(rows[:, None], 2 * height, axis=1)
 
 
 def _read_panorama(path: Path, where: Where) -> np.ndarray:

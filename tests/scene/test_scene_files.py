@@ -228,7 +228,7 @@ def test_round_trip(tmp_path, scene):
     assert loaded.depth_range == scene.depth_range and loaded.summary() == scene.summary()
     header = read_header(tmp_path / "scene.npz")
     assert header["name"] == "study" and header["triangles"] == 5
-    assert header["needs"] == Needs.of(scene).to_json()
+    assert header["needs"] == dataclasses.asdict(Needs.of(scene))
     assert (tmp_path / "scene.npz").read_bytes() == (tmp_path / "again.npz").read_bytes()
     assert len(list(tmp_path.iterdir())) == 2
 

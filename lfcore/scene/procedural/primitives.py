@@ -210,7 +210,8 @@ def tube(
     path = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
-    tangents = _tangents(path, closed)
+    ahead = np.roll(path, -1, 0) - np.roll(path, 1, 0) if closed else np.gradient(path, axis=0)
+    tangents = normalise(ahead)
     if caps and not closed:
         path = np.concatenate([path[:1], path, path[-1:]])
         radii = np.r_[0, radii, 0]
@@ -227,17 +228,10 @@ def tube(
     return mesh_grid(points, surface, uv, close_columns=True, close_rows=closed, crease_deg=70.0)
 
 
-def _tangents(path: np.ndarray, closed: bool) -> np.ndarray:
-    if closed:
-        return normalise(np.roll(path, -1, 0) - np.roll(path, 1, 0))
-    return normalise(np.gradient(path, axis=0))
-
-
 def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
     """Right and up vectors carried along the path without twist (double reflection's limit)."""
-    start = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+    right = np.eye(3)[np.argmin(np.abs(tangents[0]))]
     rights = np.empty((len(tangents), 3))
-    right = start
     for number, tangent in enumerate(tangents):
         right = right - tangent * (right @ tangent)
         rights[number] = right = right / np.linalg.norm(right)

@@ -3,7 +3,6 @@
 Colours are given as sRGB triples in [0, 255]; mixing happens on encoded values, as painters do.
 """
 
-import functools
 from collections.abc import Sequence
 
 import cv2
@@ -236,12 +235,6 @@ def end_grain(
     return finish(picture)
 
 
-@functools.cache
-def _font(size: float) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
-    """The typeface that Pillow carries, so that it is the same everywhere."""
-    return ImageFont.load_default(size=size)
-
-
 def write(
     picture: np.ndarray,
     text: str,
@@ -251,13 +244,14 @@ def write(
     *,
     turn: int = 0,
 ) -> np.ndarray:
-    """A copy of (H, W, 3) uint8 ``picture`` with ``text`` on it.
+    """A copy of (H, W, 3) uint8 ``picture`` with ``text`` on it, in the typeface of Pillow's own.
 
     ``centre`` is (x, y) from the top left and ``height`` the letters' size, in pixels; ``turn``
     counts quarter turns counter-clockwise of the picture under the text.
     """
     image, ink = Image.fromarray(np.ascontiguousarray(np.rot90(picture, -turn))), map(int, colour)
-    ImageDraw.Draw(image).text(centre, text, tuple(ink), font=_font(float(height)), anchor="mm")
+    font = ImageFont.load_default(size=height)
+    ImageDraw.Draw(image).text(centre, text, tuple(ink), font=font, anchor="mm")
     return np.rot90(np.array(image), turn).copy()
 
 
