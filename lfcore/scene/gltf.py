@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene import draco
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.reading import LARGEST_MESH, Where, read_bytes
@@ -27,11 +26,11 @@ from lfcore.scene.surface_mesh import normalise, triple
 from lfcore.scene.transforms import parse_transform
 
 SUFFIXES = (".glb", ".gltf")
-GLOSSY = "KHR_materials_pbrSpecularGlossiness"
+GLOSSY, DRACO = "KHR_materials_pbrSpecularGlossiness", "KHR_draco_mesh_compression"
 # Those that trimesh or this package knows; others may be used, but not required.
 KNOWN = (
     "EXT_texture_webp",
-    "KHR_draco_mesh_compression",
+    DRACO,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     GLOSSY,
@@ -163,29 +162,17 @@ class Document:
                 yield number, _inside(uri)
 
     def readable(self) -> bytes:
-        """The file with its meshes unpacked, and with the number of each material as its name, so
-        that the material can be found again."""
-        tree = self._unpacked() if draco.EXTENSION in self.extensions("Used") else self.tree
+        """The file with the number of each material as its name, so that it can be found again."""
         materials = [
             {**entry, "name": str(index)} for index, entry in enumerate(self.objects("materials"))
         ]
-        text = json.dumps({**tree, **({"materials": materials} if materials else {})}).encode()
+        text = json.dumps(self.tree | ({"materials": materials} if materials else {})).encode()
         if self._version is None:
             return text
         text += b" " * (-len(text) % 4)
         size = _HEAD.size + _CHUNK.size + len(text) + len(self._rest)
         head = _HEAD.pack(b"glTF", self._version, size) + _CHUNK.pack(len(text), _JSON)
         return head + text + self._rest
-
-    def _unpacked(self) -> dict:
-        try:
-            return draco.unpacked(self.tree, self.view)
-        except ImportError:
-            remedy = "Install the package DracoPy, or export the file without compression"
-            where = Where(self.path, "extensionsUsed")
-            raise where.error("its meshes are compressed by Draco", remedy) from None
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            raise self._broken(f"a mesh compressed by Draco is damaged: {error!r}") from None
 
     def material(self, number: str) -> dict:
         """The material of a name that :meth:`readable` gave; empty for none."""

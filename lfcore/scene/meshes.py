@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import read_codes
-from lfcore.scene.gltf import GLOSSY, SUFFIXES, Document, has
+from lfcore.scene.gltf import DRACO, GLOSSY, SUFFIXES, Document, has
 from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.ply import with_strips
@@ -93,6 +93,7 @@ def _placed(scene: Any, path: Path) -> list:
 
 def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     import trimesh
+    from trimesh.exchange.gltf import extensions
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):
@@ -112,12 +113,34 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
                     what = f"material library {name.strip()!r}, not found: the default material"
                     notebook.add_in(LEFT_OUT, path, what)
                 else:
-                    what = "texture" if is_picture else "file"
-                    trouble.append(f"{what} {name!r} not found")
+                    lacks(f"{'texture' if is_picture else 'file'} {name!r} not found")
                 raise
             if is_picture and (problem := _problem(data, glossy)):
-                trouble.append(f"texture {name!r} {problem}")
+                lacks(f"texture {name!r} {problem}")
             return data
+
+    def lacks(problem: str) -> None:
+        remedy = f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh"
+        trouble.append(_error(path, problem, remedy))
+
+    @extensions.register_handler(DRACO, "primitive_preprocess")
+    def unpack(context: Any) -> None:
+        """As trimesh, which goes on with zeros for what it cannot unpack, so remember it."""
+        try:
+            assert document is not None  # of glTF
+            document.view(context["data"]["bufferView"])  # it is whole
+            placed = {name: context["primitive"]["attributes"][name]
+                      for name in context["data"]["attributes"]}  # fmt: skip
+            before = [context["accessors"][number] for number in placed.values()]
+            extensions.draco_decode(context)
+            for (name, number), old in zip(placed.items(), before, strict=True):
+                if context["accessors"][number] is old:
+                    raise ValueError(f"it has no {name}")
+        except ImportError:
+            remedy = "Install the package DracoPy, or export the file without compression"
+            trouble.append(_error(path, "its meshes are compressed by Draco", remedy))
+        except Exception as error:
+            trouble.append(_error(path, f"mesh cannot be read: Draco's data: {error!r}"))
 
     if not os.path.isfile(path):
         raise _error(path, "mesh file not found", "Check the path")
@@ -125,23 +148,25 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
     if kind not in trimesh.available_formats():
         known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
         raise _error(path, f"no reader for mesh files named *{path.suffix}", f"Use one of {known}")
-    trouble: list[str] = []
+    trouble: list[SceneError] = []
     resolver = Resolver(str(path), allow_anywhere=True)
     glossy = document is not None and any(has(m, GLOSSY) for m in document.objects("materials"))
     try:
         for number, data in document.pictures() if document else ():
             if problem := _problem(data, glossy):
-                trouble.append(f"image {number} {problem}")
+                lacks(f"image {number} {problem}")
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except SceneError:  # of a file beside it, which it names
         raise
     except Exception as error:  # trimesh's readers raise whatever they stumble over
-        _check_found(trouble, path)
+        if trouble:
+            raise trouble[0] from None
         reason = " ".join(str(error).split()) or type(error).__name__
         remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
         raise _error(path, f"mesh cannot be read: {reason[:200]}", remedy) from error
-    _check_found(trouble, path)
+    if trouble:
+        raise trouble[0]
     return scene
 
 
@@ -157,12 +182,6 @@ def _problem(data: bytes, glossy: bool) -> str:
     if glossy and image.mode == "P":  # trimesh takes the numbers in a palette for colours
         return f"has a palette, which cannot be read with {GLOSSY}: save it as RGB"
     return ""
-
-
-def _check_found(trouble: list[str], path: Path) -> None:
-    if trouble:
-        remedy = f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh"
-        raise _error(path, trouble[0], remedy)
 
 
 def _part(
