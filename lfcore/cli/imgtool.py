@@ -336,6 +336,7 @@ def _synthesise(
     method: str, arguments: argparse.Namespace, field: DeviceField, camera: VirtualCamera
 ) -> Synthesis:
     from lfcore.optics.lens_system import LensSystem
+    from lfcore.refocus.array.focal_surface import inverse_depth
     from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature, realistic
 
     surface = focal_surface(arguments, camera)
@@ -354,20 +355,13 @@ def _synthesise(
     system = LensSystem.read(file)
     if "stop" in sizes:
         system = system.stopped_down(sizes["stop"])
+    # Focused where the focal surface crosses its axis.
+    middle, axis = np.array([camera.size]) / 2.0, camera.rotation[:, 2][None]
+    inverse = float(inverse_depth(surface, camera, camera.position_m[None], axis, middle)[0])
     return realistic(
-        field, camera, system.focused(_lens_focus(surface, camera)), surface, samples,
+        field, camera, system.focused(1 / inverse if inverse > 0 else math.inf), surface, samples,
         film_diagonal_m=sizes.get("film", 0.035), sampler=name, seed=seed,
     )  # fmt: skip
-
-
-def _lens_focus(surface: FocalSurface, camera: VirtualCamera) -> float:
-    """Focus of a realistic lens: where the focal surface crosses its axis."""
-    from lfcore.refocus.array.focal_surface import inverse_depth
-
-    middle = np.array([camera.size]) / 2.0
-    axis = camera.rotation[:, 2][None]
-    q = inverse_depth(surface, camera, camera.position_m[None], axis, middle)
-    return 1.0 / float(q[0]) if q[0] > 0 else math.inf
 
 
 TOOLS = {

@@ -10,6 +10,7 @@ import lfcore
 from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
 from lfcore.optics.size import Size
+from lfcore.scene.reading import SCENES
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
@@ -76,7 +77,8 @@ def devices(arguments: argparse.Namespace) -> None:
 
 
 def info(arguments: argparse.Namespace) -> None:
-    if is_scene(arguments.lightfield):
+    name = arguments.lightfield
+    if name.lower().endswith(SCENES) or os.path.isfile(os.path.join(name, "scene.yaml")):
         info_of_scene(arguments)
         return
     field = open_field(arguments)
@@ -90,13 +92,6 @@ def info(arguments: argparse.Namespace) -> None:
     )  # fmt: skip
     for name, value in () if arguments.json else facts(field).items():
         print(f"{name:<15} {value}")
-
-
-def is_scene(name: str) -> bool:
-    """Whether a name is a scene's folder, or ends as a scene's file."""
-    from lfcore.scene.reading import SCENES
-
-    return name.lower().endswith(SCENES) or os.path.isfile(os.path.join(name, "scene.yaml"))
 
 
 def info_of_scene(arguments: argparse.Namespace) -> None:

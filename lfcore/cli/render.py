@@ -237,17 +237,13 @@ def record(arguments: argparse.Namespace) -> None:
         say(f"lens {field.content['lens']}: {2e3 * camera.lens_radius_m:.4g} mm wide, focus "
             f"{camera.focus_m:.4g} m; --f-number or --blur makes another")  # fmt: skip
     if quality:
-        _report_recorded(field)
+        slab, expected = field.require_slab(), field.content["expected"]
+        near, far = expected["focus_m"]
+        size = f"{slab.views} x {slab.views} views of {slab.size}"
+        say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
+        note(expected_db=expected["db"], focus_range_m=[near, far])
     length = os.path.getsize(arguments.output)
     wrote(arguments.output, f": {length:,} bytes")
-
-
-def _report_recorded(field: lfcore.LightField) -> None:
-    slab, expected = field.require_slab(), field.content["expected"]
-    near, far = expected["focus_m"]
-    size = f"{slab.views} x {slab.views} views of {slab.size}"
-    say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
-    note(expected_db=expected["db"], focus_range_m=[near, far])
 
 
 COMMANDS = {

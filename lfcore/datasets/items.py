@@ -224,10 +224,6 @@ def place_of(kind: str, split: str, index: int, name: str) -> str:
     return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
 
 
-PARTS = ("scene", "files")
-"""The parts of an item's core seconds; the rest is rays and pictures."""
-
-
 def make_batch(
     description: Description,
     indices: Iterable[int],
@@ -267,7 +263,7 @@ def _tried(description: Description, index: int, device: Device) -> Item:
         item = Item(record={"index": index, "refused": str(error)})
     item.record["seconds"] = round(time.perf_counter() - start, 3)
     item.record["core_seconds"] = round(time.process_time() - processor, 3)
-    for part in PARTS:
+    for part in ("scene", "files"):  # the rest is rays and pictures
         item.record[f"{part}_core_seconds"] = round(item.watch.seconds.get(part, 0.0), 3)
     return item
 

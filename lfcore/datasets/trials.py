@@ -13,9 +13,10 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from lfcore.colour import srgb_decode, srgb_encode
+from lfcore.colour import display_values, srgb_decode
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import StoredItem, blur_px
+from lfcore.evaluation.metrics import PEAK, psnr
 from lfcore.evaluation.page import Section
 from lfcore.optics.camera import Camera
 from lfcore.pictures import write_picture
@@ -116,10 +117,7 @@ def psnr_db(found: np.ndarray, expected: np.ndarray, where: np.ndarray) -> float
     """PSNR of linear light as sRGB, over some of the pixels; NaN over none."""
     if not where.any():
         return float("nan")
-    error = srgb_encode(found[where].astype(np.float64)) - srgb_encode(
-        expected[where].astype(np.float64)
-    )
-    return float(-10 * np.log10(max(np.square(error).mean(), 1e-12)))
+    return psnr(display_values(found[where]), display_values(expected[where]), peak=PEAK)
 
 
 def texture_of(sharp: np.ndarray) -> np.ndarray:
@@ -127,11 +125,6 @@ def texture_of(sharp: np.ndarray) -> np.ndarray:
     grey = cv2.cvtColor(sharp, cv2.COLOR_RGB2GRAY).astype(np.float32)
     mean, square = (cv2.boxFilter(g, -1, (WINDOW, WINDOW)) for g in (grey, grey * grey))
     return np.sqrt(np.maximum(square - mean * mean, 0))
-
-
-def linear(codes: np.ndarray) -> np.ndarray:
-    """Linear light, float32, of uint8 codes."""
-    return srgb_decode(codes).astype(np.float32)
 
 
 BLURS_PX = (0, 0.5, 1, 2, 4, 8)
@@ -265,10 +258,10 @@ class Layers(Trial):
 
     def add(self, item: StoredItem) -> None:
         stack, depth, camera, focus = _stack(item)
-        sharp = linear(item.codes("sharp.tif"))
+        sharp = srgb_decode(item.codes("sharp.tif"))
         for codes, distance in zip(stack, focus, strict=True):
             blur = blur_px(camera, self.of.pixels, depth, distance)
-            made, true = blurred_by_layers(sharp, blur), linear(codes)
+            made, true = blurred_by_layers(sharp, blur), srgb_decode(codes)
             edges = occlusion_edges(blur)
             parts = {"all": np.ones_like(edges), "edges": edges, "elsewhere": ~edges}
             row = {f"{k}, dB": psnr_db(made, true, v) for k, v in parts.items()}

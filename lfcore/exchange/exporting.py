@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lfcore.exchange import table
 from lfcore.exchange.grid import ExchangeError, WriteOptions
-from lfcore.exchange.source import Selection, Source, Truth
+from lfcore.exchange.source import Selection, Source
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device, open_device
@@ -65,11 +65,7 @@ def export_lightfield(
             "exists already", file=folder, key="--output", remedy="Name a folder that is not there"
         )
     device = open_device(device) if isinstance(device, str) else device
-    source = Source(opened, selection or Selection(), device=device)
-    if scene is not None:
-        if source.geometry is None:
-            source.require_geometry("its scene's depth")
-        source.truth = Truth(scene, opened, device)
+    source = Source(opened, selection or Selection(), device, scene)
     with draft_folder(folder) as draft, named_errors(folder, "exporting"):
         stage = draft / "export"
         stage.mkdir()

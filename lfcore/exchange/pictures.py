@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -31,13 +32,13 @@ def view_name(column: int, row: int) -> str:
 
 def pictures_of(folder: Path) -> list[Path]:
     """Pictures in a folder, sorted by the numbers in their names."""
-    return sorted((path for path in folder.iterdir() if is_picture(path)), key=natural)
 
+    def natural(path: Path) -> list:
+        words: list[Any] = re.split(r"(\d+)", path.name)
+        words[1::2] = map(int, words[1::2])
+        return words
 
-def natural(path: Path) -> list:
-    """Sort key: runs of digits count as numbers."""
-    return [int(part) if number % 2 else part
-            for number, part in enumerate(re.split(r"(\d+)", path.name))]  # fmt: skip
+    return sorted(filter(is_picture, folder.iterdir()), key=natural)
 
 
 def size_of(path: Path) -> tuple[int, int]:

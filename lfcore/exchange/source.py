@@ -14,13 +14,13 @@ from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.size import Pixels
-from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.refocus.free_views import FreeViews, served_positions
 from lfcore.refocus.views import read_views
 from lfcore.rendering.prepared import open_dark_tracer
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
+from lfcore.tracing.tracer import Tracer
 
 BAND_BYTES = 1 << 28
 """The largest number of bytes of views that are decoded at a time."""
@@ -61,41 +61,21 @@ class Selection:
         return srgb_codes(exposed(light, self.exposure_ev, self.roll_off))
 
 
-class Truth:
-    """Depths and materials of a light field's scene, traced again."""
-
-    def __init__(self, scene: Scene, field: LightField, device: Device | str | None = None):
-        """Raises :class:`ExchangeError` for a scene that is not the light field's."""
-        # A pinhole is recorded through a fitted lens.
-        digests = {scene_digest(one) for one in (scene, scene.with_lens())}
-        if field.metadata.scene["digest"] not in digests:
-            raise ExchangeError(
-                f"is not the scene of {field.path}, {field.metadata.scene['name']!r}",
-                file=scene.name,
-                key="--scene",
-                remedy="Give the scene as it was, or record it again",
-            )
-        self._tracer = open_dark_tracer(scene, device)
-        self._materials = scene.material_ids
-
-    def of_view(self, slab: Slab, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W) float32 depth in metres from a point of the lens, infinity for a miss; and (H, W)
-        uint16 number of the material plus one, 0 for a miss."""
-        place = np.asarray(point)[None] / slab.lens_pitch_m + (slab.views - 1) / 2
-        triangle, depth = self._tracer.bundle_hits(bundles.views(slab, place))
-        ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
-        return depth[0], ids.astype(np.uint16)
-
-
 class Source:
     """The views of ``field`` in a selection, with their geometry, None where it is not known.
 
     ``columns_m`` and ``rows_m`` are the cameras' positions (y down); ``axis_px`` is the optical
     axis in the picture of a camera at the origin, from the corner of the top left pixel; ``free``
-    makes views by depth.
+    makes views by depth.  Of a ``scene`` depths and materials are traced again.
     """
 
-    def __init__(self, field: LightField, selection: Selection, device: Device | None = None):
+    def __init__(
+        self,
+        field: LightField,
+        selection: Selection,
+        device: Device | None = None,
+        scene: Scene | None = None,
+    ):
         slab = field.slab
         if slab is None:
             raise ExchangeError(
@@ -103,7 +83,6 @@ class Source:
                 remedy="Write its pictures with lfcore imgtool tiles",
             )  # fmt: skip
         self.field, self.selection, self.device = field, selection, device
-        self.truth: Truth | None = None
         self.stride = 1
         recorded = _chosen(selection, field)
         self.free: FreeViews | None = None
@@ -135,6 +114,18 @@ class Source:
             whole = KnownGeometry.of_slab(slab)
             self.geometry = replace(whole, pitch_m=self.pitch_m, sensor_m=whole.sensor_m * share)
         self.name = _word(str(field.metadata.scene.get("name") or field.path.stem))
+        self._tracer: Tracer | None = None
+        if scene is not None:
+            self.require_geometry("its scene's depth")
+            # A pinhole is recorded through a fitted lens.
+            digests = {scene_digest(one) for one in (scene, scene.with_lens())}
+            if field.metadata.scene["digest"] not in digests:
+                raise ExchangeError(
+                    f"is not the scene of {field.path}, {field.metadata.scene['name']!r}",
+                    file=scene.name, key="--scene",
+                    remedy="Give the scene as it was, or record it again",
+                )  # fmt: skip
+            self._tracer, self._materials = open_dark_tracer(scene, device), scene.material_ids
 
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
@@ -204,16 +195,18 @@ class Source:
     @property
     def has_depth(self) -> bool:
         """Whether there is depth of every view: the scene's, or the file's."""
-        return self.truth is not None or self.field.metadata.depth is not None
+        return self._tracer is not None or self.field.metadata.depth is not None
 
     def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """(height, width) float32 depth of a view, metres; and (height, width) uint16 material,
-        None without the scene."""
+        """(height, width) float32 depth of a view, metres, infinity for a miss; and (height, width)
+        uint16 number of the material plus one, 0 for a miss; None without the scene."""
         window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
         point = self._point(column, row)
-        if self.truth is not None:
-            depth, ids = self.truth.of_view(self.slab, point)
-            return depth[window], ids[window]
+        if self._tracer is not None:
+            place = point[None] / self.slab.lens_pitch_m + (self.slab.views - 1) / 2
+            triangle, depth = self._tracer.bundle_hits(bundles.views(self.slab, place))
+            ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
+            return depth[0][window], ids[window].astype(np.uint16)
         depth = self.field.metres(self._free_depths.inverse_depth(point))
         return depth[window].astype(np.float32), None
 

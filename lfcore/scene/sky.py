@@ -143,7 +143,9 @@ def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
 def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: int) -> np.ndarray:
     """The map of a picture (H, W, 3) of all directions; ``to_world`` (3, 3) turns those of the
     camera, and ``places`` says where on the picture they are."""
-    made = np.zeros((side, side, 3), np.float32)
+    import cv2  # loaded for skies alone
+
+    made, (height, width) = np.zeros((side, side, 3), np.float32), picture.shape[:2]
     rays = picture.shape[1] // side + 2
     within = (np.arange(rays) + 0.5) / rays
     for row in range(side):
@@ -151,7 +153,11 @@ def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: 
         x = (np.arange(side)[:, None] + within).ravel() / side * 2 - 1
         world = octahedron(np.stack(np.broadcast_arrays(x, y[:, None]), -1)) @ to_world.T
         world /= np.sqrt((world * world).sum(-1, keepdims=True))
-        made[row] = _looked_up(picture, *places(world)).reshape(rays, side, rays, 3).mean((0, 2))
+        u, v = places(world)
+        at = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
+        x, y = (np.asarray(axis, np.float32) for axis in at)
+        light = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        made[row] = light.reshape(rays, side, rays, 3).mean((0, 2))
     return made
 
 
@@ -160,15 +166,6 @@ def panorama_places(world: np.ndarray, turned: float = 0.0) -> tuple[np.ndarray,
     whose middle is -z, x to the right and y up; ``turned`` turns it by radians, to the right."""
     u = 0.5 + (np.arctan2(world[..., 0], -world[..., 2]) - turned) / (2 * math.pi)
     return u % 1.0, np.arccos(np.clip(world[..., 1], -1, 1)) / math.pi
-
-
-def _looked_up(panorama: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    import cv2  # loaded for skies alone
-
-    height, width = panorama.shape[:2]
-    places = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
-    x, y = (np.asarray(axis, np.float32) for axis in places)
-    return cv2.remap(panorama, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
 
 
 def _read_panorama(path: Path, where: Where) -> np.ndarray:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from lfcore.files import read_arrays, whole_file
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_tree import Bvh, in_one_order, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
-
-if TYPE_CHECKING:
-    from lfcore.tracing.bvh_binary import BinaryTree
 
 LEAF_LANES = 16
 
@@ -61,7 +58,11 @@ def build_bvh(
         return _empty()
     tree = build_binary(triangles, leaf_size, progress)
     wide = collapse(tree, leaf_size, leaf_cost)
-    ids = _leaf_ids(tree, wide.leaves)
+    # The triangles of each leaf, ascending, and -1 for padding.
+    lane, start, count = np.arange(LEAF_LANES), tree.start[wide.leaves], tree.count[wide.leaves]
+    position = np.minimum(start[:, None] + lane, len(tree.order) - 1)
+    ids = np.sort(np.where(lane < count[:, None], tree.order[position], np.int32(UNUSED)), axis=1)
+    ids[ids == UNUSED] = -1
     used = ids >= 0
     corners = np.zeros((len(ids), LEAF_LANES, 9), np.float32)
     corners[used] = in_one_order(triangles).reshape(-1, 9)[ids[used]]
@@ -102,17 +103,6 @@ def _empty() -> Bvh:
         np.zeros((0, LEAF_LANES), np.int32),
         np.zeros((0, 6), np.float32),
     )
-
-
-def _leaf_ids(tree: BinaryTree, leaves: np.ndarray) -> np.ndarray:
-    """(L, 16) int32 triangle numbers, ascending in each leaf, -1 padding last."""
-    lane = np.arange(LEAF_LANES)
-    start, count = tree.start[leaves, None], tree.count[leaves, None]
-    position = np.minimum(start + lane, len(tree.order) - 1)
-    ids = np.where(lane < count, tree.order[position], np.int32(UNUSED))
-    ids.sort(axis=1)
-    ids[ids == UNUSED] = -1
-    return ids
 
 
 def save_bvh(path: str | Path, bvh: Bvh) -> None:
