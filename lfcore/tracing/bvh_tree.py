@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
 ROWS["leaf_boxes"] = (6,)
@@ -20,10 +20,8 @@ class Statistics:
     """Figures of a tree.
 
     ``depth`` : wide nodes on the longest path from the root to a leaf.
-    ``sah_cost`` : expected 16-wide tests (nodes and leaves) of a random line through the root's
-        box, by surface areas; ``node_cost`` and ``leaf_cost`` are its parts.
-    ``leaf_fill`` : mean share of a leaf's 16 lanes in use; ``node_fill`` likewise of children.
-    ``bytes`` : of all arrays.
+    ``node_cost``, ``leaf_cost`` : expected 16-wide tests of nodes and leaves by a random line
+        through the root's box, by surface areas.
     """
 
     triangles: int
@@ -32,13 +30,6 @@ class Statistics:
     depth: int
     node_cost: float
     leaf_cost: float
-    leaf_fill: float
-    node_fill: float
-    bytes: int
-
-    @property
-    def sah_cost(self) -> float:
-        return self.node_cost + self.leaf_cost
 
 
 @dataclass(frozen=True)
@@ -64,10 +55,6 @@ class Bvh:
     leaf_boxes: np.ndarray
 
     @property
-    def node_count(self) -> int:
-        return len(self.children)
-
-    @property
     def leaf_count(self) -> int:
         return len(self.leaf_ids)
 
@@ -77,11 +64,27 @@ class Bvh:
         Every triangle lies in exactly one leaf with its own vertices, boxes are exact bounds,
         children are sorted, and every node and leaf is reached once.
         """
-        _check(self, triangles)
+        problem = shape_problem(self) or _leaf_problem(self, triangles) or _node_problem(self)
+        if problem:
+            raise SceneError(problem, remedy="Build the tree of this scene again")
 
     def statistics(self) -> Statistics:
-        """Size, depth, SAH cost and fill of this tree."""
-        return _statistics(self)
+        """Size, depth and SAH cost of this tree."""
+        used = self.children != UNUSED
+        boxes = self.boxes.transpose(0, 2, 1).astype(np.float64)
+        extent = np.where(used[..., None], boxes[..., 3:] - boxes[..., :3], 0.0)
+        area = extent[..., 0] * extent[..., 1] + (extent[..., 0] + extent[..., 1]) * extent[..., 2]
+        root = boxes[0][used[0]]
+        size = root[:, 3:].max(axis=0) - root[:, :3].min(axis=0) if len(root) else np.zeros(3)
+        whole = size[0] * size[1] + (size[0] + size[1]) * size[2] or 1.0
+        return Statistics(
+            triangles=int((self.leaf_ids >= 0).sum()),
+            nodes=len(self.children),
+            leaves=self.leaf_count,
+            depth=len(depths(self)),
+            node_cost=1.0 + float(area[used & (self.children >= 0)].sum() / whole),
+            leaf_cost=float(area[self.children < 0].sum() / whole),
+        )
 
 
 def shape_problem(bvh: Bvh) -> str | None:
@@ -139,13 +142,6 @@ def depths(bvh: Bvh) -> list[np.ndarray]:
     return levels
 
 
-def _check(bvh: Bvh, triangles: np.ndarray) -> None:
-    """See :meth:`Bvh.check`."""
-    problem = shape_problem(bvh) or _leaf_problem(bvh, triangles) or _node_problem(bvh)
-    if problem:
-        raise SceneError(problem, remedy="Build the tree of this scene again")
-
-
 def _leaf_problem(bvh: Bvh, triangles: np.ndarray) -> str | None:
     ids, used = bvh.leaf_ids, bvh.leaf_ids >= 0
     if not np.array_equal(np.sort(ids[used]), np.arange(len(triangles))):
@@ -191,26 +187,3 @@ def _node_problem(bvh: Bvh) -> str | None:
     if not np.array_equal(boxes[is_inner], nodes[child[is_inner]]):
         return "a node's box is not the bounds of its children"
     return None
-
-
-def _statistics(bvh: Bvh) -> Statistics:
-    """See :meth:`Bvh.statistics`."""
-    used = bvh.children != UNUSED
-    boxes = bvh.boxes.transpose(0, 2, 1).astype(np.float64)
-    extent = np.where(used[..., None], boxes[..., 3:] - boxes[..., :3], 0.0)
-    area = extent[..., 0] * extent[..., 1] + (extent[..., 0] + extent[..., 1]) * extent[..., 2]
-    root = boxes[0][used[0]]
-    size = root[:, 3:].max(axis=0) - root[:, :3].min(axis=0) if len(root) else np.zeros(3)
-    whole = size[0] * size[1] + (size[0] + size[1]) * size[2] or 1.0
-    triangles = int((bvh.leaf_ids >= 0).sum())
-    return Statistics(
-        triangles=triangles,
-        nodes=bvh.node_count,
-        leaves=bvh.leaf_count,
-        depth=len(depths(bvh)),
-        node_cost=1.0 + float(area[used & (bvh.children >= 0)].sum() / whole),
-        leaf_cost=float(area[bvh.children < 0].sum() / whole),
-        leaf_fill=triangles / (WIDTH * max(1, bvh.leaf_count)),
-        node_fill=float(used.mean()),
-        bytes=sum(getattr(bvh, name).nbytes for name in ROWS),
-    )

@@ -13,6 +13,7 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.bvh_tree import depths
 from lfcore.tracing.cut_outs import pack_cut_outs
 from lfcore.tracing.layouts import MOST_LEVELS, record
 from lfcore.tracing.surfaces import pack_surfaces
@@ -48,7 +49,7 @@ class DeviceScene:
     """
 
     def __init__(self, scene: Scene, bvh: Bvh, device: Device, needs: Needs, *, mipmaps: bool):
-        if bvh.statistics().depth > MOST_LEVELS:
+        if len(depths(bvh)) > MOST_LEVELS:
             raise SceneError(
                 f"its hierarchy has more than {MOST_LEVELS} levels",
                 remedy="Remove triangles that lie in each other",
