@@ -30,17 +30,17 @@ from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tracer import TileTracing, Tracer
 
-NO_LIGHT = 1e-30
-"""The strength of the additional light: not black, and adds nothing."""
+IDLE = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (1e-30,) * 3)
+"""An additional light: not black, and adds nothing."""
 
 
 @dataclass(frozen=True)
 class Feature:
     """A feature that a scene may lack, a ``field`` of :class:`Needs`.
 
-    ``defines`` are macros of the kernels, none where they test the scene's own values; ``what`` is
-    the code and data left out.  ``fill`` adds neutral data of the feature, for the full program;
-    ``part`` is the part of the scene that both programs trace.
+    ``defines`` are macros of the kernels; ``what`` is the code and data left out.  ``fill`` adds
+    neutral data of the feature, for the full program; ``part`` is the part of the scene that both
+    programs trace.
     """
 
     field: str
@@ -78,11 +78,6 @@ def _in_the_dark(scene: Scene) -> Scene:
     return replace(scene, ambient=(0.0,) * 3, background=(0.0,) * 3)
 
 
-def _idle_light(*, shadows: bool) -> Callable[[Scene], Scene]:
-    light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (NO_LIGHT,) * 3, casts_shadows=shadows)
-    return lambda scene: replace(scene, lights=[*scene.lights, light])
-
-
 FEATURES = (
     Feature("textures", ("TEXTURES",), "texture coordinates, texels, and their lookup",
             _unused_texture),
@@ -98,21 +93,9 @@ FEATURES = (
     Feature("vertex_colours", ("VERTEX_COLOURS",), "corner colours and their interpolation",
             lambda scene: replace(
                 scene, colours=np.ones((scene.triangle_count, 3, 3), np.float32))),
-    Feature("specular", (), "highlights: half vector and power"),
-    Feature("emission", (), "emission of materials"),
-    Feature("ambient", (), "ambient light"),
-    Feature("background", (), "colour of rays without a hit"),
     Feature("shadows", ("SHADOWS",),
             "shadow rays, hit points and unshadowed light",
-            _idle_light(shadows=True)),
-    Feature("directional_lights", (),
-            "a directional light without shadows, and the question of each light's kind",
-            _idle_light(shadows=False)),
-    Feature("point_lights", (), "the question of each light's kind"),
-    Feature("falloff", (), "fall-off with the distance of the light"),
-    Feature("coloured_lights", (), "two of the three factors of a grey light"),
-    Feature("emitters", (), "cosines at emitting surfaces, and their emission"),
-    Feature("spots", (), "cones of lights"),
+            lambda scene: replace(scene, lights=[*scene.lights, IDLE])),
     Feature("baked", ("BAKED",), "baked light (without background and ambient light)",
             _black_light, _in_the_dark),
     Feature("sky", ("SKY",), "the sky and baked light (without background and ambient light)",
@@ -281,12 +264,10 @@ def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Ite
     )
     yield Comparison("triangles", what, program(), program(met, leaves))
 
-    def with_light(strength: float) -> Program:
-        light = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (strength,) * 3)
-        return program(replace(scene, lights=[*scene.lights, light]))
-
     what = "a light of no strength, its shadow rays, and lights behind all visible surfaces"
-    yield Comparison("dark_lights", what, with_light(NO_LIGHT), with_light(0.0))
+    black = replace(IDLE, colour=(0.0,) * 3)
+    full, lean = (program(replace(scene, lights=[*scene.lights, one])) for one in (IDLE, black))
+    yield Comparison("dark_lights", what, full, lean)
 
 
 def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:

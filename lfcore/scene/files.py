@@ -17,7 +17,6 @@ from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
 from lfcore.scene.model import Motion, Scene
-from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
 from lfcore.scene.view import View
 
@@ -64,7 +63,6 @@ def _header(scene: Scene) -> dict:
         "format": FORMAT,
         "name": scene.name,
         "camera": camera,
-        "needs": asdict(Needs.of(scene)),
         "materials": [asdict(material) for material in scene.materials],
         "textures": len(scene.textures),
         "lights": [asdict(light) for light in scene.lights],
@@ -86,7 +84,7 @@ def _header(scene: Scene) -> dict:
 
 
 def read_header(path: str | Path) -> dict:
-    """The JSON header alone (name, camera, needs, ...), without loading the arrays."""
+    """The JSON header alone (name, camera, ...), without loading the arrays."""
     return _read(path, _parse_header)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import POINT, Light, Material
 
 if TYPE_CHECKING:
     from lfcore.scene.model import Scene
@@ -78,8 +78,8 @@ class Needs:
     everywhere.
 
     ``physical`` materials are of metal and roughness, or have more than a texture of their colour;
-    on a ``curved`` one shadow rays start beside the hit points; ``emitters`` are points of glowing
-    surfaces; ``stops`` above white hold the brightest ray.
+    on a ``curved`` one shadow rays start beside the hit points; ``stops`` above white hold the
+    brightest ray.
     """
 
     textures: bool
@@ -88,17 +88,7 @@ class Needs:
     smooth_normals: bool
     curved: bool
     vertex_colours: bool
-    specular: bool
-    emission: bool
-    ambient: bool
-    background: bool
     shadows: bool
-    point_lights: int
-    directional_lights: int
-    falloff: bool
-    coloured_lights: bool
-    emitters: bool
-    spots: bool
     baked: bool
     sky: bool
     stops: int
@@ -107,7 +97,7 @@ class Needs:
     def of(cls, scene: Scene) -> Needs:
         """Only materials that some triangle has, and lights that are not black, count."""
         used = [scene.materials[i] for i in sorted(set(scene.material_ids.tolist()))]
-        lights = [light for light in scene.lights if any(light.colour)]
+        casting = any(light.casts_shadows and any(light.colour) for light in scene.lights)
         return cls(
             textures=any(material.textures for material in used) and len(scene.uvs) > 0,
             cut_outs=any(scene.is_cut_out(material) for material in used),
@@ -116,19 +106,9 @@ class Needs:
                 for material in used
             ),
             smooth_normals=len(scene.normals) > 0,
-            curved=any(light.casts_shadows for light in lights) and _has_curves(scene),
+            curved=casting and _has_curves(scene),
             vertex_colours=len(scene.colours) > 0,
-            specular=bool(lights) and any(any(m.specular) or m.is_metallic for m in used),
-            emission=any(any(material.emission) for material in used),
-            ambient=any(scene.ambient),
-            background=any(scene.background),
-            shadows=any(light.casts_shadows for light in lights),
-            point_lights=sum(light.kind == POINT for light in lights),
-            directional_lights=sum(light.kind == DIRECTIONAL for light in lights),
-            falloff=any(light.kind == POINT and light.reference_distance_m for light in lights),
-            coloured_lights=any(len(set(light.colour)) > 1 for light in lights),
-            emitters=any(light.is_of_emitter for light in lights),
-            spots=any(light.is_spot for light in lights),
+            shadows=casting,
             baked=scene.light is not None,
             sky=len(scene.sky) > 0,
             stops=stops_above_white(scene),
@@ -151,7 +131,10 @@ def check_exportable(scene: Scene, program: str) -> None:
         (len(scene.colours), "colours at corners are"),
         (scene.motions, "motion is"),
         (needs.cut_outs or needs.physical, "holes, metal and bent normals are"),
-        (needs.emitters or needs.spots, "spots and points of area lights are"),
+        (
+            any(light.is_of_emitter or light.is_spot for light in scene.lights),
+            "spots and points of area lights are",
+        ),
     ):
         if found:
             raise SceneError(f"{what} not exported to {program}", key=scene.name)

@@ -170,7 +170,7 @@ def test_pictures_are_identical_without_what_is_left_out(plain):
     bvh = build_bvh(plain.triangles)
     made = left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
     found = {row["feature"]: row for row in made}
-    assert set(found) == {f.field for f in FEATURES} - {"directional_lights"} | {
+    assert set(found) == {f.field for f in FEATURES} | {
         "frames", "planes", "lens_blocks", "triangles", "dark_lights",
     }  # fmt: skip
     assert [name for name, row in found.items() if not row["identical"]] == []

@@ -18,6 +18,7 @@ from plain_scenes import refused
 from lfcore import Slab, Tracer
 from lfcore.optics.bundles import macropixels
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.build import build_scene
 from lfcore.scene.meshes import load_mesh
 from lfcore.scene.needs import Needs
@@ -201,8 +202,9 @@ def features(tmp_path_factory):
 
 def test_everything_is_found_and_what_is_dropped_is_said(features):
     needs = Needs.of(features)
-    assert needs.cut_outs and needs.physical and needs.spots and needs.vertex_colours
-    assert (needs.point_lights, needs.directional_lights) == (2, 1) and not needs.emitters
+    assert needs.cut_outs and needs.physical and needs.vertex_colours
+    assert sorted(light.kind for light in features.lights) == [POINT, POINT, DIRECTIONAL]
+    assert sum(light.is_spot for light in features.lights) == 1
     assert {f"{note.kind}: {note.what}" for note in features.notes} == SAID
     assert features.dropped == {}
 

@@ -250,7 +250,7 @@ def truth(spots):
 @pytest.mark.parametrize("spots", [False, True])
 def test_emitters_and_spots_are_the_oracles(device, way, spots):
     here, expected = glowing(spots=spots), truth(spots)
-    assert (Needs.of(here).spots, Needs.of(here).emitters) == (spots, not spots)
+    assert {(light.is_spot, light.is_of_emitter) for light in here.lights} == {(spots, not spots)}
     found = tracer_of(here, device, **way).bundle_radiance(RAYS).reshape(-1, 3)
     assert np.ptp(expected) > 0.15 and len(np.unique(expected.round(2))) > 10
     assert (expected == 0.05).mean() > 0.1 or not spots  # dark beside the cones
