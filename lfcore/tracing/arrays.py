@@ -233,17 +233,13 @@ class ArrayTracer:
         return PacketJob(self._on_device, self.plan.shape(bundles, sink, grouped=grouped), sink)
 
     def bundle_radiance(
-        self,
-        bundles: Bundles,
-        coordinates: np.ndarray | None = None,
-        out: np.ndarray | None = None,
+        self, bundles: Bundles, coordinates: np.ndarray | None = None
     ) -> np.ndarray:
         """Linear RGB radiance of every ray, not clamped: (E, rows, columns, 3) float32.
 
-        ``coordinates`` as for :meth:`bundle_hits`; ``out``, contiguous, is written and returned.
+        ``coordinates`` as for :meth:`bundle_hits`.
         """
-        shape = len(bundles.elements), bundles.traced_rows, bundles.columns, 3
-        radiance = page_aligned(shape) if out is None else out
+        radiance = page_aligned((len(bundles.elements), bundles.traced_rows, bundles.columns, 3))
         self._fill_image([bundles], coordinates, {"radiance": radiance})
         return radiance
 

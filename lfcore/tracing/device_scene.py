@@ -59,7 +59,7 @@ class DeviceScene:
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
         arrays = {**vars(bvh), **vars(pack_cut_outs(scene, needs)), **vars(s)}
         numbers = record(
-            layouts.SCENE_ARGUMENTS, ambient=s.ambient, background=s.background,
+            layouts.SCENE_ARGUMENTS, ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,
             sky_side=len(scene.sky),
         )  # fmt: skip

@@ -48,8 +48,6 @@ class Surfaces:
     lights: np.ndarray
     levels: np.ndarray
     texels: np.ndarray
-    ambient: np.ndarray
-    background: np.ndarray
     grids: np.ndarray
     light: np.ndarray
     sky: np.ndarray
@@ -101,8 +99,6 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         lights=_pack_lights(lights),
         levels=levels,
         texels=texels,
-        ambient=np.array(scene.ambient, np.float32),
-        background=np.array(scene.background, np.float32),
         grids=np.ascontiguousarray(grids, np.int32),
         light=pack_light(values),
         sky=np.concatenate([colours, np.zeros_like(colours[:, :1])], 1, dtype=np.float32),
