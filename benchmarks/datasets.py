@@ -180,7 +180,7 @@ def cycles_row(count: int) -> dict:
         small = of.model_copy(update={"pixels": CYCLES_PIXELS, "quality_db": target})
         for _ in range(2):  # the first builds programs
             begun = time.process_time()
-            made = items.formed(small, tracer, [plane.focus_m for plane in planes])[0]
+            made = items.formed(small, tracer, [plane.focus_m for plane in planes])
         own = time.process_time() - begun
         reached = min(
             psnr(picture, true_picture(tracer, plane, CYCLES_PIXELS, TRUTH))

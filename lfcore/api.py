@@ -245,13 +245,16 @@ def render(
         ).pictures  # fmt: skip
         return found[0] if planes is None else found
     lattice = lattice_to_trace(filter, views)
-    wanted = _wanted_planes(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
-    camera = _lens_for(scene, wanted)
+    wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
     tracer = open_tracer(scene, device)
+    coarse = [replace(plane, pixels=size.longer) for plane in wanted]
     if filter == "depth":
         made = pictures_by_depth(tracer, camera, wanted, size, lattice, progress=progress)
+    elif len(wanted) > 1:
+        made = trace_planes(tracer, Slab.of(camera, lattice, size), coarse, progress=progress)
     else:
-        made = _nearest(tracer, camera, wanted, lattice, size, progress)
+        one = trace_picture(tracer, camera, size, coarse[0], views=lattice, progress=progress)
+        made = one[None]
     return made[0] if planes is None else made
 
 
@@ -264,13 +267,16 @@ def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
     check_known(OpticsError, "filter", filter, FILTERS)
     if filter == "depth":
         return views if isinstance(views, Lattice) else Lattice(8 if views is None else views)
+    remedy = "Give a Lattice with displaced=False"
+    return _plain(views, "the filter 'nearest' takes views that are not displaced", remedy)
+
+
+def _plain(views: int | Lattice | None, problem: str, remedy: str) -> Lattice:
+    """Views that are not displaced, by default with one ray per pixel."""
     if not isinstance(views, Lattice):
         return Lattice(VIEWS if views is None else views, 1, displaced=False)
     if views.displaced:
-        raise OpticsError(
-            "the filter 'nearest' takes views that are not displaced", key="views",
-            remedy="Give a Lattice with displaced=False",
-        )  # fmt: skip
+        raise OpticsError(problem, key="views", remedy=remedy)
     return views
 
 
@@ -323,49 +329,31 @@ def render_to_quality(
     if quality.focus_range_m is not None:
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
-    wanted = _wanted_planes(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
-    camera = _lens_for(scene, wanted)
+    wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
     tracer = open_tracer(scene, device)
     return QualitySearch(tracer, camera, wanted, size, quality).pictures(progress)
 
 
-def _wanted_planes(
+def _wanted(
     scene: Scene, planes: Sequence[SensorPlane] | None, size: Size, **asked: Any
-) -> list[SensorPlane]:
+) -> tuple[list[SensorPlane], Camera]:
+    """The planes, and the scene's camera with their widest aperture, as it knows all its light."""
     if planes is None:
-        return [scene.plane(pixels=size, **asked)]
-    for name, value in asked.items():
-        exclude_twice(**{name: value, "planes": planes})
+        planes = [scene.plane(pixels=size, **asked)]
+    else:
+        for name, value in asked.items():
+            exclude_twice(**{name: value, "planes": planes})
     check_kind(planes, Sequence, "planes", "a sequence of SensorPlanes")
-    for plane in planes:
-        check_kind(plane, SensorPlane, "planes")
-    return list(planes)
-
-
-def _lens_for(scene: Scene, planes: list[SensorPlane]) -> Camera:
-    """The scene's camera, with the widest aperture of ``planes``: a scene knows all its light."""
     if not planes:
         raise OpticsError("no planes were asked for", key="planes")
+    for plane in planes:
+        check_kind(plane, SensorPlane, "planes")
     widest = min(plane.f_number for plane in planes)
     camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
     for plane in planes:
         plane.check(Slab(camera, 1, 1))
         plane.lens_aperture(Slab(camera, 1, 1))
-    return camera
-
-
-def _nearest(
-    tracer: Tracer,
-    camera: Camera,
-    planes: list[SensorPlane],
-    lattice: Lattice,
-    size: Size,
-    progress: Progress | None,
-) -> np.ndarray:
-    coarse = [replace(plane, pixels=size.longer) for plane in planes]
-    if len(planes) > 1:
-        return trace_planes(tracer, Slab.of(camera, lattice, size), coarse, progress=progress)
-    return trace_picture(tracer, camera, size, coarse[0], views=lattice, progress=progress)[None]
+    return list(planes), camera
 
 
 def record(
@@ -545,14 +533,8 @@ def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[b
         # Views between them are made by depth: 36 to 47 dB from 4 x 4, 0.7 dB more from 6 x 6.
         served = whole_number("views", 4 if views is None else views, 4096)
         return True, Lattice(max(4, math.isqrt(served)))
-    if not isinstance(views, Lattice):
-        return False, Lattice(VIEWS if views is None else views, 1, displaced=False)
-    if views.displaced:
-        raise OpticsError(
-            "displaced views need their depths", key="views",
-            remedy="Store depth, or give a Lattice with displaced=False",
-        )  # fmt: skip
-    return False, views
+    remedy = "Store depth, or give a Lattice with displaced=False"
+    return False, _plain(views, "displaced views need their depths", remedy)
 
 
 def trace_array(

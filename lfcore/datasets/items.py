@@ -93,7 +93,7 @@ def make_item(description: Description, index: int, device: Device | str | None 
 
 def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """As FoD500: a TIFF per focus, and depth as half floats in three channels."""
-    made, focus = formed(of, tracer, list(of.lens.focus_m))
+    made, focus = formed(of, tracer, of.lens.focus_m), of.lens.focus_m
     for number, picture in enumerate(made.pictures):
         item.add(f"focus{number:02d}.tif", picture)
     _add_sharp(item, "sharp.tif", of, tracer)
@@ -104,7 +104,7 @@ def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
 def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Sharp and out of focus, with depth and the signed circle of confusion."""
     number = item.record["index"] % len(of.lens.focus_m)
-    made, focus = formed(of, tracer, [of.lens.focus_m[number]])
+    made = formed(of, tracer, focus := [of.lens.focus_m[number]])
     _add_sharp(item, "sharp.png", of, tracer)
     item.add("defocused.png", made.pictures[0])
     item.add("coc_px.exr", blur_px(tracer.scene.camera, of.pixels, depth, focus[0]))
@@ -112,9 +112,7 @@ def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray
     _note(item, of, tracer.scene.camera, depth, focus, made)
 
 
-def formed(
-    of: Description, tracer: Tracer, focus: list[float]
-) -> tuple[Rendering, list[float]]:  # fmt: skip
+def formed(of: Description, tracer: Tracer, focus: list[float]) -> Rendering:
     """Pictures of the wanted quality at these distances, of a wider field that is cut."""
     camera = tracer.scene.camera
     planes = [SensorPlane(distance, camera.f_number) for distance in focus]
@@ -124,7 +122,7 @@ def formed(
     wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / of.pixels)
     made = QualitySearch(tracer, wide, planes, side, Quality(of.quality_db)).pictures()
     window = np.s_[:, margin : side - margin, margin : side - margin]
-    return replace(made, pictures=made.pictures[window], error=made.error[window]), focus
+    return replace(made, pictures=made.pictures[window], error=made.error[window])
 
 
 def _add_sharp(item: Item, name: str, of: Description, tracer: Tracer) -> None:

@@ -53,7 +53,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     expected = depth_of_views(tracer, Slab(camera, 1, of.pixels))[0]
     assert depth.dtype == np.float16 and np.array_equal(depth[..., 0], expected.astype(np.float16))
     # The border: a blurred picture of a wider field has the same pixels there.
-    wide, _ = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [of.lens.focus_m[0]])
+    wide = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [of.lens.focus_m[0]])
     assert db(found[:3], wide.pictures[0][:3]) > of.quality_db - 4
 
 
