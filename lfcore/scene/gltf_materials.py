@@ -98,10 +98,10 @@ class GltfSurfaces:
         if "occlusionTexture" in entry:
             self._note(LEFT_OUT, name, "baked shadows")
         if (normal := found(entry, dict, "normalTexture")) is not None:
-            changes["normal_scale"] = self._number(normal.get("scale", 1.0))
+            changes["normal_scale"] = _number(normal.get("scale", 1.0), path)
         strength = _extension(entry, "KHR_materials_emissive_strength")
         if strength is not None:
-            strong = self._number(strength.get("emissiveStrength", 1.0))
+            strong = _number(strength.get("emissiveStrength", 1.0), path)
             changes["emission"] = tuple(strong * channel for channel in surface.emission)
         if _extension(entry, "KHR_materials_unlit") is not None:
             changes |= {
@@ -112,12 +112,6 @@ class GltfSurfaces:
             if extension.startswith("KHR_materials_") and extension not in _HANDLED:
                 self._note(APPROXIMATED if extension in KNOWN else LEFT_OUT, name, extension)
         return Surface(**{**vars(surface), **changes})
-
-    def _number(self, value: Any) -> float:
-        if isinstance(value, (int, float)) and abs(value) <= 1e308:
-            return float(value)
-        problem = f"a material's factor is {str(value)[:40]!r}"
-        raise Where(self.document.path).error(problem, "Give a finite number")
 
     def _note_colours(self, colours: np.ndarray, entry: dict, name: str) -> None:
         if _extension(entry, "KHR_materials_unlit") is not None:
@@ -205,13 +199,16 @@ def base_colour(material: Any) -> Colour:
     return clipped(factor(material)[:3])
 
 
+def _number(value: Any, path: Path) -> float:
+    if isinstance(value, (int, float)) and abs(value) <= 1e308:
+        return float(value)
+    problem = f"a material's factor is {str(value)[:40]!r}"
+    raise Where(path).error(problem, "Give a finite number")
+
+
 def _share(value: Any, otherwise: float, path: Path) -> float:
     """A factor from 0 to 1; ``otherwise`` where there is none."""
-    try:
-        return otherwise if value is None else float(np.clip(float(value), 0, 1))
-    except (TypeError, ValueError, OverflowError):
-        problem = f"a material's factor is {str(value)[:40]!r}"
-        raise Where(path).error(problem, "Give it from 0 to 1") from None
+    return otherwise if value is None else min(max(_number(value, path), 0.0), 1.0)
 
 
 def factor(material: Any) -> np.ndarray:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import LARGEST_COORDINATE
 from lfcore.scene.model import Scene
@@ -37,7 +36,17 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
             _check(getattr(material, name), 0, BRIGHTEST, here)
     _check(scene.ambient, 0, BRIGHTEST, where["ambient light"])
     _check(scene.background, 0, BRIGHTEST, where["background"])
-    _check_camera(scene.camera, where)
+    camera = scene.camera
+    focus = 0.0 if math.isinf(camera.focus_m) else camera.focus_m
+    for name, value, least, most in (
+        ("focal length in metres", camera.focal_length_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        ("sensor width in metres", camera.sensor_width_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        ("image distance in metres", camera.image_distance_m, SMALLEST_LENGTH, LARGEST_LENGTH),
+        ("lens radius in metres", camera.lens_radius_m, 1e-30, LARGEST_LENGTH),
+        ("focus distance in metres", focus, 0, 1e30),
+        ("width of the field at 1 m", camera.field_width, 1 / WIDEST_FIELD, WIDEST_FIELD),
+    ):
+        _check([value], least, most, where[f"camera: {name}"])
     farthest = np.abs(scene.uvs).max(initial=0)
     _check([float(farthest)], 0, FARTHEST_UV, where["texture coordinates"])
     for motion in scene.motions:
@@ -59,19 +68,6 @@ def _check_light(light: Light, where: Where) -> None:
         _check([math.hypot(*light.vector)], 0.999, 1.001, of("length of its direction"))
     _check(light.colour, 0, BRIGHTEST, of("colour"))
     _check([light.reference_distance_m], 0, LARGEST_LENGTH, of("reference distance"))
-
-
-def _check_camera(camera: Camera, where: Where) -> None:
-    limits = {
-        "focal length in metres": (camera.focal_length_m, SMALLEST_LENGTH, LARGEST_LENGTH),
-        "sensor width in metres": (camera.sensor_width_m, SMALLEST_LENGTH, LARGEST_LENGTH),
-        "image distance in metres": (camera.image_distance_m, SMALLEST_LENGTH, LARGEST_LENGTH),
-        "lens radius in metres": (camera.lens_radius_m, 1e-30, LARGEST_LENGTH),
-        "focus distance in metres": (0 if math.isinf(camera.focus_m) else camera.focus_m, 0, 1e30),
-        "width of the field at 1 m": (camera.field_width, 1 / WIDEST_FIELD, WIDEST_FIELD),
-    }
-    for name, (value, least, most) in limits.items():
-        _check([value], least, most, where[f"camera: {name}"])
 
 
 def _check(values: Iterable[float], least: float, most: float, where: Where) -> None:

@@ -98,6 +98,7 @@ def read_yaml(path: str | Path, what: str = "scene file") -> Any:
     raw, where = read_bytes(path, LARGEST_DESCRIPTION, what), Where(Path(path))
     try:
         loader = _Loader(raw.decode("utf-8"))
+        loader.where = where
         try:
             node = loader.get_single_node()
             if node is None:
@@ -108,9 +109,6 @@ def read_yaml(path: str | Path, what: str = "scene file") -> Any:
             loader.dispose()
     except UnicodeDecodeError as error:
         raise where.error(f"{what} is not text in UTF-8: {error}", "Save it as UTF-8") from None
-    except _TooDeep as error:
-        problem = f"nests more than {DEEPEST_YAML} deep on line {error}"
-        raise where.error(problem, "Close the brackets, or flatten it") from None
     except yaml.YAMLError as error:
         problem = f"not valid YAML: {' '.join(str(error).split())}"
         raise where.error(problem, "Mend the syntax") from None
@@ -119,19 +117,17 @@ def read_yaml(path: str | Path, what: str = "scene file") -> Any:
         raise where.error(problem, "Put it in quotes") from None
 
 
-class _TooDeep(Exception):
-    """Its text is the line."""
-
-
 class _Loader(yaml.SafeLoader):
     """yaml.SafeLoader, which calls itself for each level, down to :data:`DEEPEST_YAML`."""
 
-    depth = 0
+    depth, where = 0, NOWHERE
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         self.depth += 1
         if self.depth > DEEPEST_YAML:
-            raise _TooDeep(self.peek_event().start_mark.line + 1)
+            line = self.peek_event().start_mark.line + 1
+            problem = f"nests more than {DEEPEST_YAML} deep on line {line}"
+            raise self.where.error(problem, "Close the brackets, or flatten it")
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node

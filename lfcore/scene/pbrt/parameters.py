@@ -1,7 +1,7 @@
 """Parameter lists ``"type name" [values]`` of pbrt directives, checked and typed."""
 
 from dataclasses import dataclass, field
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,11 +105,7 @@ class ParameterSet:
         parameter = self.get(name, "bool")
         return default if parameter is None else bool(parameter.values[0])
 
-    @overload
-    def string(self, name: str, default: str) -> str: ...
-    @overload
-    def string(self, name: str, default: None = None) -> str | None: ...
-    def string(self, name: str, default: str | None = None) -> str | None:
+    def string(self, name: str, default: str | None = None) -> Any:
         parameter = self.get(name, "string")
         if parameter is not None and len(parameter.values) != 1:
             raise self.wrong_count(parameter, "one string")
