@@ -7,12 +7,13 @@ one JSON object (``--json``).
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from lfcore.opencl.program_cache import watching
+from lfcore.progress import Progress
 
 SHORTEST_S = 0.05
 """The shortest time for which a rate is reported."""
@@ -20,7 +21,7 @@ _records: list[dict[str, Any]] = []
 
 
 @contextmanager
-def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Callable[[int, int], None]]:
+def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
     """Yield ``report(done, total)``, which draws a bar on a terminal; ends with a line of seconds.
 
     The line has the rate of ``rays``, where given, without the seconds of OpenCL builds.
@@ -60,7 +61,7 @@ class _Builds:
 
 
 @contextmanager
-def _bar(what: str, unit: str, builds: _Builds) -> Iterator[Callable[[int, int], None]]:
+def _bar(what: str, unit: str, builds: _Builds) -> Iterator[Progress]:
     """A bar that is there while the block runs; none where standard error is no terminal."""
     if _records or not sys.stderr.isatty():
         yield lambda done, total: None

@@ -12,7 +12,7 @@ import re
 import shutil
 import tarfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import groupby
@@ -37,6 +37,7 @@ from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import by_opencv, picture_bytes
+from lfcore.progress import Progress
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
@@ -230,7 +231,7 @@ def make_batch(
     drafts: str | Path,
     device: Device,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[dict]:
     """Make scenes ``indices``: a tar file of all, and their records as JSON.
 

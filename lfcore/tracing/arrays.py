@@ -5,7 +5,7 @@ What comes from outside is checked here, before a kernel sees it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
@@ -43,7 +44,7 @@ def fill_arrays(
     arrays: Mapping[str, np.ndarray],
     *,
     across: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     **inputs: Any,
 ) -> None:
     """Trace bundles into arrays of the host, whose parts follow each other as elements do.
@@ -260,7 +261,7 @@ class ArrayTracer:
         coordinates: np.ndarray | None,
         across: int,
         out: np.ndarray | None = None,
-        progress: Callable[[int, int], None] | None = None,
+        progress: Progress | None = None,
     ) -> np.ndarray:
         """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
 

@@ -14,7 +14,6 @@ must hold for it).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
+from lfcore.progress import Progress
 from lfcore.tracing.bvh_binary import build_binary
 from lfcore.tracing.bvh_tree import Bvh, in_one_order, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
@@ -35,7 +35,7 @@ def build_bvh(
     *,
     leaf_size: int = LEAF_LANES,
     leaf_cost: float = 1.0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Bvh:
     """Build a tree; equal input gives an equal tree, bit by bit.
 

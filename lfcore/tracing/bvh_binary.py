@@ -6,12 +6,12 @@ numpy over the triangles and not a Python step per node.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from lfcore.progress import Progress
 from lfcore.tracing.bvh_split import Cuts, best_cuts, ranges
 
 # Of a binary node, in leaf tests, when a leaf is cut further.  The collapse joins again what
@@ -41,9 +41,7 @@ class BinaryTree:
     hi: np.ndarray
 
 
-def build_binary(
-    triangles: np.ndarray, leaf_size: int, progress: Callable[[int, int], None] | None
-) -> BinaryTree:
+def build_binary(triangles: np.ndarray, leaf_size: int, progress: Progress | None) -> BinaryTree:
     """SAH tree over ``triangles`` (T, 3, 3) float32, finite, T >= 1."""
     total = len(triangles)
     boxes, centroids, identity = _prepare(triangles)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.timing import Stopwatch
 from lfcore.tracing.arrays import ArrayTracer
 from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, slots_of
@@ -72,9 +73,7 @@ class TileJob:
         self.job = PacketJob(scene, self.shape, "FRAMES", **defines)
         self.strips = tile_strips(scene, self.shape, slab, tile, planes)
 
-    def run(
-        self, tracing: TileTracing, progress: Callable[[int, int], None] | None
-    ) -> Iterator[Chunk]:
+    def run(self, tracing: TileTracing, progress: Progress | None) -> Iterator[Chunk]:
         slots = slots_of(self.tile, self.slab, frames=self.frames)
         frame_of = slots["frame"].copy()
         cuts = chunk_cuts(
@@ -141,7 +140,7 @@ class Tracer(ArrayTracer):
         planes: Sequence[SensorPlane] = (),
         *,
         frames: bool = True,
-        progress: Callable[[int, int], None] | None = None,
+        progress: Progress | None = None,
     ) -> TileTracing:
         """Trace one tile of a slab (Algorithms 1 and 3).
 

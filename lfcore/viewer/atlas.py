@@ -6,7 +6,6 @@ by the texture that every WebGL2 has in practice, and their number by memory.
 
 import io
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from lfcore.colour import to_uint8
 from lfcore.errors import StorageError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
+from lfcore.progress import Progress
 from lfcore.refocus.stored_depth import picture_side, read_depths
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
@@ -111,7 +111,7 @@ def read(
     choice: Choice,
     *,
     device: Device | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> np.ndarray:
     """(K, height, width, 3) uint8 of the chosen views, sRGB or PQ as in the file; sizes change in
     linear light."""

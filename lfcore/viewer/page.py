@@ -6,7 +6,6 @@ import http.server
 import json
 import re
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,6 +17,7 @@ from lfcore.errors import StorageError
 from lfcore.files import write_text
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_disparities
@@ -97,7 +97,7 @@ def viewer_page(
     format: str | None = None,
     jpeg_quality: int | None = None,
     device: Device | str | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> ViewerPage:
     """As :meth:`lfcore.LightField.viewer`."""
     device = device if isinstance(device, Device) else open_device(device)
