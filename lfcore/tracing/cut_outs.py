@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,23 +23,15 @@ SLACK = 0.01
 """Of an alpha's code: what interpolation between equal texels rounds is far less."""
 
 
-@dataclass(frozen=True)
-class CutOuts:
+def pack_cut_outs(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
     """Arrays for ``traversal/cut_outs.cl``; all empty without cut-outs.
 
     ``cut_out_of`` (T,) int32 is the record of a triangle, -1 without holes; ``cut_outs`` (C,)
     CUT_OUT; ``alpha`` (A,) uint8, the pictures one after the other.
     """
-
-    cut_out_of: np.ndarray
-    cut_outs: np.ndarray
-    alpha: np.ndarray
-
-
-def pack_cut_outs(scene: Scene, needs: Needs) -> CutOuts:
-    """What :func:`Needs.of` calls cut-outs."""
     if not needs.cut_outs:
-        return CutOuts(np.zeros(0, np.int32), np.zeros(0, CUT_OUT), np.zeros(0, np.uint8))
+        empty: dict[str, Any] = {"cut_out_of": np.int32, "cut_outs": CUT_OUT, "alpha": np.uint8}
+        return {name: np.zeros(0, dtype) for name, dtype in empty.items()}
     cut = np.array([scene.is_cut_out(material) for material in scene.materials])
     numbers = np.flatnonzero(cut[scene.material_ids])
     of = np.full(scene.triangle_count, -1, np.int32)
@@ -61,7 +52,7 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> CutOuts:
     records = materials[scene.material_ids[numbers]]
     u, v = _coordinates(scene.triangles[numbers], scene.uvs[numbers])
     records["u"], records["v"] = u, v
-    return CutOuts(of, records, np.concatenate([np.zeros(0, np.uint8), *pictures]))
+    return {"cut_out_of": of, "cut_outs": records, "alpha": np.concatenate(pictures)}
 
 
 def _coordinates(triangles: np.ndarray, uvs: np.ndarray) -> list[np.ndarray]:

@@ -57,7 +57,7 @@ class DeviceScene:
         self.device, self.stops = device, needs.stops
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
-        arrays = {**vars(bvh), **vars(pack_cut_outs(scene, needs)), **vars(s)}
+        arrays = {**vars(bvh), **pack_cut_outs(scene, needs), **vars(s)}
         numbers = record(
             layouts.SCENE_ARGUMENTS, ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,

@@ -222,9 +222,7 @@ def test_memory_that_cannot_hold_the_image(traced):
     for wrong in (right[:-1], right.astype(float), np.zeros((80, 240, 3), np.float32)[:, ::2]):
         refused("out", trace_array, traced[1], array, out=wrong)
     with pytest.raises(OpticsError, match="contiguous"):
-        traced[1].bundle_radiance(
-            array_bundles(array), out=np.zeros((6, 40, 80, 3), np.float32)[:, :, ::2]
-        )
+        traced[1].mosaic_radiance([array_bundles(array)], None, array.cameras[0], wrong)
 
 
 def test_offsets_hold_one_sample_in_each_stratum():
