@@ -21,52 +21,34 @@ def form_plane(
     lens samples, divided by their number (or share) with ``normalise='aperture'``, by N^2 with
     ``'lens'``; black where none fell.
     """
-    size, views = plane.pixels or slab.pixels, slab.views
-    left, top, width, height = slab.picture(size)
-    column, row, columns, rows = slab.held.pixels
-    total, weight = np.zeros((height, width, 3)), np.zeros((height, width))
-    mask = plane.mask(slab)
-    for j in range(views):
-        for i in range(views):
-            if not mask[j, i]:
-                continue
-            for x, share_x in _targets(slab, plane, i, bilinear):
-                x, share_x = (each[column : column + columns] for each in (x - left, share_x))
-                for y, share_y in _targets(slab, plane, j, bilinear):
-                    y, share_y = (each[row : row + rows] for each in (y - top, share_y))
-                    _scatter(total, weight, light[:, :, j, i], x, y, share_x, share_y)
+    *_, width, height = slab.picture(plane.pixels or slab.pixels)
+    total = np.zeros((height, width, 4))
+    counted = np.concatenate([light, np.ones((*light.shape[:-1], 1))], -1)
+    for j, i in np.argwhere(plane.mask(slab)):
+        for x, across in _targets(slab, plane, i, 0, bilinear):
+            for y, down in _targets(slab, plane, j, 1, bilinear):
+                share = np.outer(down, across)[..., None]
+                np.add.at(total, np.ix_(y, x), counted[:, :, j, i] * share)
+    picture, weight = total[..., :3], total[..., 3:]
     if plane.normalise == "lens":
-        return total / (views * slab.pixels / size) ** 2
-    return total / np.where(weight > 0, weight, 1)[:, :, None]
+        return picture / (slab.views * slab.pixels / (plane.pixels or slab.pixels)) ** 2
+    return picture / np.where(weight > 0, weight, 1)
 
 
 def _targets(
-    slab: Slab, plane: SensorPlane, sample: int, bilinear: bool
+    slab: Slab, plane: SensorPlane, sample: int, axis: int, bilinear: bool
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(target, share) of the rays of pixels 0 .. M - 1 through one lens column (or row)."""
-    size = plane.pixels or slab.pixels
+    """(pixel of the picture, share) of the rays of the pixels held through one lens column (axis 0)
+    or row (1); what falls beside the picture has no share."""
+    size, (first, count) = plane.pixels or slab.pixels, slab.held.pixels[axis::2]
     coarser = plane.magnification(slab) * (size / slab.pixels)
-    position = np.arange(slab.pixels) + plane.shifts(slab)[sample] - (slab.pixels - 1) / 2
+    position = first + np.arange(count) + plane.shifts(slab)[sample] - (slab.pixels - 1) / 2
     position = position * coarser + (size - 1) / 2
-    if not bilinear:
-        return [(np.floor(position + 0.5).astype(np.int64), np.ones(slab.pixels))]
-    low = np.floor(position).astype(np.int64)
-    return [(low, 1 - (position - low)), (low + 1, position - low)]
-
-
-def _scatter(
-    total: np.ndarray,
-    weight: np.ndarray,
-    view: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    share_x: np.ndarray,
-    share_y: np.ndarray,
-) -> None:
-    height, width = weight.shape
-    column, row = np.meshgrid(x, y)
-    share = share_y[:, None] * share_x[None, :]
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    at = row[inside], column[inside]
-    np.add.at(total, at, view[inside] * share[inside][:, None])
-    np.add.at(weight, at, share[inside])
+    low = np.floor(position if bilinear else position + 0.5).astype(np.int64)
+    over = position - low
+    corner, extent = slab.picture(size)[axis::2]
+    return [
+        (place.clip(corner, corner + extent - 1) - corner,
+         share * ((place >= corner) & (place < corner + extent)))
+        for place, share in ([(low, 1 - over), (low + 1, over)] if bilinear else [(low, 1.0)])
+    ]  # fmt: skip
