@@ -94,9 +94,9 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
         if (clusters or element.name != "Cluster") and _intact(file, element) is False:
             found.faults.append(f"the {element.name} at byte {position} is damaged")
         elif element.name == "Cues":
-            found.keys = sorted(_cue_times(file, element))
+            found.keys = sorted(_numbers(file, element, CUE_POINT, CUE_TIME))
         elif element.name == "SeekHead":
-            known += [begin + offset for offset in _seek_positions(file, element)]
+            known += [begin + offset for offset in _numbers(file, element, SEEK, SEEK_POSITION)]
         position = element.stop
         if element.name == "Cluster" and not clusters:
             position = min((one for one in known if position < one < size), default=position)
@@ -197,21 +197,11 @@ def _intact(file: BinaryIO, element: Element) -> bool | None:
     return crc == expected
 
 
-def _seek_positions(file: BinaryIO, head: Element) -> Iterator[int]:
-    """Where the elements of a SeekHead are, from the beginning of the Segment's content."""
-    for identity, start, stop in _children(file, head.start, head.stop):
-        if identity == SEEK:
-            for inner, first, last in _children(file, start, stop):
-                if inner == SEEK_POSITION and last - first <= 8:
-                    yield int.from_bytes(file_range(file, first, last), "big")
-
-
-def _cue_times(file: BinaryIO, cues: Element) -> Iterator[int]:
-    """Times of a Cues element that is whole; there may be as many as segments, so from memory."""
-    memory = io.BytesIO(file_range(file, cues.start, cues.stop))
-    for identity, start, stop in _children(memory, 0, cues.stop - cues.start):
-        if identity == CUE_POINT:
-            for inner, first, last in _children(memory, start, stop):
-                if inner == CUE_TIME:
-                    yield int.from_bytes(file_range(memory, first, last), "big")
-                    break
+def _numbers(file: BinaryIO, element: Element, outer: int, inner: int) -> Iterator[int]:
+    """The ``inner`` numbers in the ``outer`` elements of one that is whole; there may be as many as
+    segments, so from memory."""
+    memory = io.BytesIO(file_range(file, element.start, element.stop))
+    for identity, *place in _children(memory, 0, element.stop - element.start):
+        for name, start, stop in _children(memory, *place) if identity == outer else ():
+            if name == inner:
+                yield int.from_bytes(file_range(memory, start, stop), "big")
