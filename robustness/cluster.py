@@ -20,7 +20,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 
 import pandas as pd
@@ -62,7 +61,11 @@ class Run:
 
     @property
     def inside_s(self) -> float:
-        return sum(_seconds(one["begun"], one["ended"]) for one in self.submissions)
+        begun, ended = (
+            pd.to_datetime([one[end] for one in self.submissions], errors="coerce")
+            for end in ("begun", "ended")
+        )
+        return float((ended - begun).total_seconds().to_series().sum())  # without those never begun
 
     def compare(self, undisturbed: Run) -> None:
         """Results must be those of ``undisturbed``, and no file half-written under any name."""
@@ -85,13 +88,6 @@ class Run:
         """One line, and one for each thing that is wrong."""
         line = ", ".join(f"{key} {value}" for key, value in self.row().items() if key != "run")
         return "\n".join([f"{self.name}: {line}", *(f"WRONG {one}" for one in self.wrong)])
-
-
-def _seconds(start: str, end: str) -> float:
-    try:
-        return (datetime.fromisoformat(end) - datetime.fromisoformat(start)).total_seconds()
-    except ValueError:  # never begun
-        return 0.0
 
 
 def run(
@@ -263,25 +259,17 @@ def more_was_asked(done: Run, failed: list[dict[str, str]]) -> Iterator[str]:
             other for other in done.submissions
             if other["comment"] == one["comment"] and int(other["number"]) > int(one["number"])
         ]  # fmt: skip
-        if not any(
-            minutes(other["limit"]) > minutes(one["limit"])
-            and memory_mib(other["memory"]) > memory_mib(one["memory"])
-            for other in again
-        ):
+        (time_asked, memory_asked), more = asked(one), map(asked, again)
+        if not any(time > time_asked and memory > memory_asked for time, memory in more):
             yield f"{one} was not asked for again with more time and memory: {again}"
 
 
-def minutes(limit: str) -> float:
-    """Of SLURM's D-HH:MM:SS."""
-    days, _, clock = limit.rpartition("-")
-    parts = [int(part) for part in clock.split(":")]
-    seconds = sum(part * 60**place for place, part in enumerate(reversed(parts)))
-    return int(days or 0) * 1440 + seconds / 60
-
-
-def memory_mib(text: str) -> float:
-    """Of SLURM's 3000M or 2.5G."""
-    return float(text.rstrip("KMGT")) * {"K": 1 / 1024, "M": 1, "G": 1024, "T": 1 << 20}[text[-1]]
+def asked(submission: dict[str, str]) -> tuple[pd.Timedelta, float]:
+    """The time, D-HH:MM:SS or MM:SS in SLURM's words, and the memory in KiB, 3000M or 2.5G."""
+    days, _, clock = submission["limit"].rpartition("-")
+    memory = submission["memory"]
+    time = pd.Timedelta(f"{days or 0} days {clock if clock.count(':') == 2 else '0:' + clock}")
+    return time, float(memory[:-1]) * 1024 ** "KMGT".index(memory[-1])
 
 
 def one_of(fault: type[Fault], folder: Path, undisturbed: Run | None) -> Run:

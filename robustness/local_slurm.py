@@ -135,8 +135,8 @@ def local_slurm(folder: Path) -> Iterator[LocalSlurm]:
     key = folder / "munge" / "key"
     key.write_bytes(secrets.token_bytes(128))
     key.chmod(0o600)
-    conf, port = folder / "slurm.conf", _free_port()
-    places = {"folder": folder, "user": getpass.getuser(), "port": port, "node_port": port + 1}
+    conf, (port, node_port) = folder / "slurm.conf", _free_ports()
+    places = {"folder": folder, "user": getpass.getuser(), "port": port, "node_port": node_port}
     text = CONFIGURATION.read_text(encoding="utf-8")
     conf.write_text(text.format(**places))
     # Snakemake's job step starts its srun without SLURM_CONF, which a site has in /etc.
@@ -153,14 +153,13 @@ def local_slurm(folder: Path) -> Iterator[LocalSlurm]:
         slurm.stop()
 
 
-def _free_port() -> int:
-    """The first of two ports in a row that nobody listens at."""
-    for port in range(26817, 32000, 10):
-        with suppress(OSError), socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", port))
-            second.bind(("127.0.0.1", port + 1))
-            return port
-    raise CannotRun("no port is free between 26817 and 32000")
+def _free_ports() -> tuple[int, int]:
+    """Two ports that nobody listens at."""
+    with (
+        socket.create_server(("127.0.0.1", 0)) as one,
+        socket.create_server(("127.0.0.1", 0)) as two,
+    ):
+        return one.getsockname()[1], two.getsockname()[1]
 
 
 def _start(slurm: LocalSlurm, folder: Path, conf: Path) -> None:
