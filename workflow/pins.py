@@ -8,11 +8,13 @@ for the rest, and no Snakemake, which reaches into a rule's environment by itsel
 """
 
 import importlib.metadata
-import re
 import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from lfcore.files import write_text
 
@@ -48,24 +50,16 @@ CONDA_NAMES = {
 }
 
 
-def canonical(name: str) -> str:
-    """The name as package indices compare it: lower case, one hyphen for any separator."""
-    return re.sub(r"[-_.]+", "-", name).lower()
-
-
 def name_of(requirement: str) -> str:
-    """The canonical name of a requirement, without its range and marker."""
-    return canonical(re.split(r"[^A-Za-z0-9._-]", requirement)[0])
+    """The name of a requirement as package indices compare it."""
+    return canonicalize_name(Requirement(requirement).name)
 
 
 def installed() -> list[str]:
     """``name==version`` of every package of this environment but lfcore and the installers."""
-    found = {}
-    for package in importlib.metadata.distributions():
-        name = package.metadata["Name"]
-        if canonical(name) not in NOT_OURS:
-            found[canonical(name)] = f"{name}=={package.version}"
-    return [found[name] for name in sorted(found)]
+    named = ((one.metadata["Name"], one.version) for one in importlib.metadata.distributions())
+    found = {canonicalize_name(name): f"{name}=={version}" for name, version in named}
+    return [found[name] for name in sorted(found.keys() - NOT_OURS)]
 
 
 def needed_by_rules() -> list[str]:
@@ -83,7 +77,9 @@ def stale() -> Iterator[str]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     pinned = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     asked = [*needed_by_rules(), *project["optional-dependencies"]["dev"]]
-    if missing := {name_of(one) for one in asked} - {name_of(one) for one in pinned if one}:
+    if missing := {name_of(one) for one in asked} - {
+        name_of(one) for one in pinned if one[:1].isalnum()
+    }:
         yield f"constraints.txt, without {', '.join(sorted(missing))}"
 
 

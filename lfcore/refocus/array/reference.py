@@ -138,11 +138,9 @@ def quadrilinear(
 
 
 def _interval(axis: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(axis) == 1:
-        return np.zeros(len(value), np.int64), np.zeros(len(value))
-    index = np.clip(np.searchsorted(axis, value, side="right") - 1, 0, len(axis) - 2)
-    share = (value - axis[index]) / (axis[index + 1] - axis[index])
-    return index, np.clip(share, 0.0, 1.0)
+    place = np.interp(value, axis, np.arange(len(axis)))
+    index = np.minimum(place.astype(np.int64), max(len(axis) - 2, 0))
+    return index, place - index
 
 
 def thin_lens(
