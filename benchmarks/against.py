@@ -86,7 +86,7 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     for work in options.work:
         for scene in options.scenes:
-            row: dict[str, Any] = {"work": work, "held_to": held_to or "nothing", "scene": scene}
+            row: dict[str, Any] = {"work": work, "held to": held_to or "nothing", "scene": scene}
             for views in options.views:
                 case = {"work": work, "scene": scene, "views": views, "pixels": options.pixels,
                         "mrays": options.mrays}  # fmt: skip
@@ -150,7 +150,7 @@ def main() -> None:
             finally:
                 for program in programs:
                     program.end()
-    report(options.out, f"python -m benchmarks.against {options.revision}", found)
+    report(options.out, "python -m benchmarks.against", found)
 
 
 if __name__ == "__main__":

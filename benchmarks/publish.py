@@ -6,8 +6,6 @@
     python -m benchmarks.publish --take true_picture --command "make tables" results/tables
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
-    python -m benchmarks.publish --take against --command "..." against.csv
-    python -m benchmarks.publish --take drivers --command "..." drivers.csv
 
 A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
 that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
@@ -62,10 +60,6 @@ TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
              "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
-AGAINST = {"work": "work", "held_to": "held to", "scene": "scene"} | {
-    f"N = {views}": f"N = {views}" for views in (4, 8, 16, 64, 512)
-}
-"""The published columns of ``against.py``, and their names."""
 HITS, PICTURES = "hits, Mrays per core-second", "pictures, Mrays per core-second"
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
@@ -173,19 +167,7 @@ def peers(file: Path) -> pd.DataFrame:
     if not mitsuba.empty:
         ours = fastest("algorithm1", "lfcore")
         both[PICTURES], both["Mitsuba 3"], both["times Mitsuba"] = ours, mitsuba, ours / mitsuba
-    return _three_digits(both.dropna().reset_index())
-
-
-def against(file: Path) -> pd.DataFrame:
-    """The published columns of a run of ``benchmarks/against.py``."""
-    return _three_digits(
-        pd.read_csv(file, comment="#").filter(list(AGAINST)).rename(columns=AGAINST)
-    )
-
-
-def _three_digits(rows: pd.DataFrame) -> pd.DataFrame:
-    real = rows.select_dtypes("float").columns
-    return rows.assign(**{name: rows[name].map("{:.3g}".format) for name in real})
+    return both.dropna().map("{:.3g}".format).reset_index()
 
 
 def true_picture(folder: Path) -> pd.DataFrame:
@@ -206,9 +188,7 @@ def true_picture(folder: Path) -> pd.DataFrame:
     })  # fmt: skip
 
 
-TAKERS = {
-    "peers": peers, "true_picture": true_picture, "against": against, "drivers": against,
-}  # fmt: skip
+TAKERS = {"peers": peers, "true_picture": true_picture}
 
 
 def published(text: str) -> str:

@@ -1,5 +1,6 @@
 """Methods measured in turn, and their rows."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,8 +44,8 @@ def rates(runs: list[Run]) -> dict[str, float]:
     }
 
 
-def report(path: Path, command: str, rows: Sequence[dict]) -> None:
-    """Write the rows, below what is known of this run of ``command``, and print them."""
+def report(path: Path, program: str, rows: Sequence[dict]) -> None:
+    """Write the rows, below what is known of this run of ``program``, and print them."""
     table = pd.DataFrame(rows)
-    Result(of_this_run(command), table).write(path)
+    Result(of_this_run(f"{program} {shlex.join(sys.argv[1:])}"), table).write(path)
     print(table.to_string(index=False, na_rep="", float_format="{:.4g}".format), flush=True)
