@@ -90,16 +90,12 @@ def planes_of(scene) -> list[SensorPlane]:
 
 
 def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Method:
-    """Trace, shade, cast shadows and add to ``planes``; seconds are of the kernels' queue.
-
-    The fixed cost of a tile (accumulators are made and read back) is apart, in
-    ``extra["tile_seconds"]``: the sample is a small part of a real tile.
-    """
-    tile, extra = SampledTile.of(sample), dict[str, list[float]](tile_seconds=[])
+    """Trace, shade, cast shadows and add to ``planes``; seconds are of the kernels' queue, without
+    the fixed cost of a tile, of which the sample is a small part."""
+    tile = SampledTile.of(sample)
 
     def work() -> Run:
         ends: list[float] = []
-        begun = time.perf_counter()
         tracing = tracer.trace_tile(
             sample.slab,
             tile,
@@ -110,11 +106,10 @@ def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Met
         cpu = time.process_time()
         for _ in tracing:
             pass
-        extra["tile_seconds"].append(time.perf_counter() - begun - tracing.seconds)
         return Run(tracing.seconds, ends[-1] - cpu, sample.rays)
 
     note = f"{tracer.device.name}, {len(planes)} planes"
-    return Method(NAME, "algorithm1", work, note, ours=True, extra=extra)
+    return Method(NAME, "algorithm1", work, note, ours=True)
 
 
 PEERS: dict[str, Callable] = {"embree": EmbreePackets, "mitsuba": MitsubaPicture}
@@ -194,14 +189,10 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
         peers = pd.DataFrame([found[m.name] for m in chosen if not m.ours])
         for method in chosen:
             hits, depth = method.check() or (None, None)
-            tiles = method.extra.get("tile_seconds")
             row = {"method": method.name, "work": work, **found[method.name]}
             for each in ("mrays_per_second", "mrays_per_core_second") if len(peers) else ():
                 row[f"{each}_over_best_peer"] = row[each] / peers[each].max()
-            yield row | {
-                "hit_share": hits, "mean_depth_m": depth,
-                "tile_seconds": float(np.median(tiles)) if tiles else None, "note": method.note,
-            }  # fmt: skip
+            yield row | {"hit_share": hits, "mean_depth_m": depth, "note": method.note}
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -209,13 +200,12 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
     parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
-    parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=[*PEERS, "none"])
+    parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=PEERS)
     parser.add_argument("--arrays", action="store_true", help="of N x N cameras of M x M pixels")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
-    options.peers = [peer for peer in options.peers if peer != "none"]
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")
     return options

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import Any
@@ -47,7 +47,6 @@ class Method:
     note: str = ""
     check: Callable[[], tuple[float, float] | None] = lambda: None
     ours: bool = False
-    extra: dict = field(default_factory=dict)
 
 
 def clocked(work: Callable[[], object], rays: int) -> Run:
