@@ -456,7 +456,8 @@ def record(
     by_depth, lattice = lattice_to_store(encoding.depth, views)
     if by_depth and views is not None and not isinstance(views, Lattice):
         content["views"] = int(views)
-    spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth)
+    width = Slab.of(camera, lattice, size).size.width
+    spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth, width=width)
     if by_depth:
         kind = encoding.layout or "views"
         slab, store = depth_store(camera, lattice, size, spec, kind=kind, peak=peak)
@@ -511,7 +512,8 @@ def _planned(
     search = QualitySearch(tracer, camera, planes, size, quality)
     lattice = search.plan(share_db(0.0, OF_RAYS) if codec_takes else 0.0)
     rays_db = float(search.look.expected_db(lattice.views, lattice.subpixels).min())
-    spec = chosen_encoding(lattice.views, encoding, by_depth=True)
+    width = Slab.of(camera, lattice, size).size.width
+    spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=width)
     found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:
         return lattice, encoding, found | {"db": round(rays_db, 2)}

@@ -103,7 +103,7 @@ def import_lightfield(
     if note := check_order(grid):
         grid = replace(grid, notes=(*grid.notes, note))
     make_folder(path.parent)
-    spec = chosen_encoding(max(grid.columns, grid.rows), encoding)
+    spec = chosen_encoding(max(grid.columns, grid.rows), encoding, width=grid.width)
     store_grid(path, grid, spec, progress=progress)
     return LightField.open(path)
 

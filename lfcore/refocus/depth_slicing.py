@@ -41,7 +41,9 @@ SUMS_BYTES = 1 << 32
 """Sums of the planes that are formed at a time.  About a quarter is written to, for a pixel has few
 of the layers; what is not written to takes no memory of a CPU."""
 MOST_RAYS_A_PIXEL = 1 << 20
-"""Sums are 63 bits, a ray 2^40; light above white takes bits that rays leave, or its last ones."""
+LONG_RAY_BITS, SUM_BITS = 40, 29
+"""Of a ray in sums of 64 bits, where light above white takes bits that rays leave, or its last
+ones; and of all rays of a pixel in sums of 32 bits, which hold eight times as much."""
 
 
 HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
@@ -54,10 +56,10 @@ def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     return _shown(device, light), _shown(device, depth), ranges
 
 
-def planes_at_a_time(device: Device, size: Size) -> int:
+def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
     """How many pictures of that size are formed at a time."""
     most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
-    return max(1, most // DepthSlicer.sums_bytes(1, size))
+    return max(1, most // DepthSlicer.sums_bytes(1, size, stops))
 
 
 def _shown(device: Device, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
@@ -105,6 +107,8 @@ class DepthSlicer:
             least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
         self.least_px = least_px
         self._table = np.zeros(1, np.float32) if codes is None else codes.table
+        self._cells = [self._cells_of(plane) for plane in self.planes]
+        self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]
         defines: dict[str, object] = {
             "N_BOUNDS": len(bounds_px),
             "FILL_FAR": int(fill_far),
@@ -120,13 +124,12 @@ class DepthSlicer:
         program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")
-        self._cells = [self._cells_of(plane) for plane in self.planes]
         self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
         self._rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
         self._strips = -(-self.size.height // self._rows)
         self._planes = self.device.buffer(self._plane_records())
-        size = self.sums_bytes(len(planes), self.size, len(bounds_px), self._rows)
+        size = self.sums_bytes(len(planes), self.size, stops, len(bounds_px), self._rows)
         self._sums = self.device.zeros(size, sparse=True)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
@@ -140,12 +143,12 @@ class DepthSlicer:
 
     @staticmethod
     def sums_bytes(
-        planes: int, size: Size, bounds: int = len(BOUNDS_PX), rows: int | None = None
+        planes: int, size: Size, stops: int, bounds: int = len(BOUNDS_PX), rows: int | None = None
     ) -> int:
         """Bytes of the sums, in strips of ``rows``, default one strip."""
         rows = rows or size.height
         lines = -(-size.height // rows) * (rows + 1)
-        return planes * (2 * bounds + 1) * lines * (size.width + 1) * 32
+        return planes * (2 * bounds + 1) * lines * (size.width + 1) * (32 if stops else 16)
 
     def _scale(self, plane: SensorPlane) -> float:
         """Pixels of a picture, a metre of the lens and a dioptre."""
@@ -156,6 +159,11 @@ class DepthSlicer:
         """Pixels of a picture from one pixel of the slab to the next."""
         slab = self.views.slab
         return plane.magnification(slab) * self.pixels / slab.pixels
+
+    def _one(self, plane: SensorPlane, cells: LensCells, stops: int) -> float:
+        """The weight, in units of the sums, of a ray whose cell is open."""
+        rays = max(1.0, cells.share.sum() / self._step(plane) ** 2)  # a pixel
+        return 2.0 ** (LONG_RAY_BITS if stops else SUM_BITS - math.ceil(math.log2(rays)))
 
     def _plane_records(self) -> np.ndarray:
         pitch = self.views.slab.lens_pitch_m
@@ -173,11 +181,14 @@ class DepthSlicer:
     def _cell_records(self, part: slice | np.ndarray) -> np.ndarray:
         """(planes, views, 8) float32, as the kernel's Cell."""
         records = np.zeros((len(self.planes), len(self.views.positions[part]), 8), np.float32)
-        for record, plane, cells in zip(records, self.planes, self._cells, strict=True):
+        for record, plane, cells, one in zip(
+            records, self.planes, self._cells, self._ones, strict=True
+        ):
             record[:, 0:2] = self._first(plane)[part]
             record[:, 2:4] = cells.middle[part] - self.views.positions[part]
             record[:, 4:6] = cells.extent[part]
-            record[:, 6] = cells.share[part]
+            record[:, 6] = cells.share[part] * one
+            record[:, 7] = np.arange(len(self.views.positions))[part] * 0.6180340 % 1
         return records
 
     def add(
@@ -244,7 +255,8 @@ class DepthSlicer:
         down.  Where no ray fell it is black.
         """
         device = self.device
-        room = np.stack([self._room(*each) for each in zip(self.planes, self._cells, strict=True)])
+        each = zip(self.planes, self._cells, self._ones, strict=True)
+        room = np.stack([self._room(plane, cells) * np.float32(one) for plane, cells, one in each])
         pictures = page_aligned((*room.shape, 3))
         target = target_buffer(device, pictures)
         self._compose(

@@ -80,7 +80,7 @@ def store_arrays(
         return pq_encode(picture.astype(np.float32) / np.float32(peak))
 
     store_views(
-        path, slab, shown, chosen_encoding(max(rows, columns), encoding),
+        path, slab, shown, chosen_encoding(max(rows, columns), encoding, width=slab.size.width),
         name=name, digest=digest, peak=peak, content=content, progress=progress,
     )  # fmt: skip
 

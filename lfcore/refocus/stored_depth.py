@@ -37,18 +37,19 @@ def slice_stored(
     side = stored.pixels if pixels is None else picture_side(field, pixels)
     device = device if isinstance(device, Device) else open_device(device)
     size = Size(*field.require_slab().picture(side)[2:])
-    each = DepthSlicer.sums_bytes(1, size)
+    layout = field.layout
+    each = DepthSlicer.sums_bytes(1, size, layout.stops)
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
             file=field.path, key="size", remedy="Ask for fewer pixels",
         )  # fmt: skip
-    room = planes_at_a_time(device, size)
+    room = planes_at_a_time(device, size, layout.stops)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
         views = stored.views(field.require_slab())
-        by_views, layout = field.layout.kind == "views", field.layout
+        by_views = layout.kind == "views"
         codes = stored.codes if by_views else None
         slicer = DepthSlicer(
             views, group, side, device, stops=layout.stops, codes=codes, one=layout.one

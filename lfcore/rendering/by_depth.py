@@ -63,7 +63,7 @@ def pictures_by_depth(
         return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
-    room = planes_at_a_time(tracer.device, size)  # for more, rays are traced again
+    room = planes_at_a_time(tracer.device, size, tracer.needs.stops)  # for more, rays are traced again
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
@@ -119,12 +119,12 @@ def trace_by_depth(
     """
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
-    needed = DepthSlicer.sums_bytes(len(planes), size)
+    stops, least_px = tracer.needs.stops, widths.get("least_px")
+    needed = DepthSlicer.sums_bytes(len(planes), size, stops)
     if needed > device.device.global_mem_size // 2:
         what = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
         raise OpticsError(what, key="size", remedy=remedy)
-    stops, least_px = tracer.needs.stops, widths.get("least_px")
     slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
     for part, bundles in _bundles(views, pixels, widths.get("footprint_px")):
         rays = len(bundles.elements) * bundles.columns

@@ -34,9 +34,6 @@ WHOLE_ROWS = 128
 With others, x264 gave another stream each run at 48, 64, 130, 144 and 200 pixels, never at 128,
 256, 384, 512 or 640; x265 damaged the heap (seen with glibc's MALLOC_CHECK_=3) at 16, 32 and 48.
 """
-WIDE = 2048
-"""Wider frames refer to one before and one behind: decoders hold 4 of them and not 6, 100 MB each
-at 4096 x 4096.  Measured there: 3% more bits, 0.2 dB less, half the time to encode."""
 SMALLEST_FRAME = {"libx265": 66}
 """Side of the smallest frame that gives the same file each time.  x265 reads beyond frames that are
 one coding tree block wide (64 pixels; 32 with its fastest presets): the same 64 x 64 pixels gave 10
@@ -187,8 +184,6 @@ class Encoding:
             own["cutree" if is_x265 else "mbtree"] = "0"
         if is_x265 and self.threads == 1:
             own |= {"pools": "none", "frame-threads": "1", "wpp": "0"}
-        if width > WIDE:
-            own |= {"ref": "1", "b-pyramid": "0"}
         lookahead = None if is_x265 else self.lookahead
         chosen = {"bframes": self.bframes, "ref": self.refs, "rc-lookahead": lookahead}
         own |= {key: str(value) for key, value in chosen.items() if value is not None}

@@ -38,6 +38,10 @@ FEW_VIEWS_CRF = 20.0
 are averaged, so the codec's noise must stay below the error of the rays themselves."""
 KEY_EVERY = 128
 """Frames from one key frame to the next."""
+WIDE = 2048
+"""Wider frames refer to the one before alone: decoders hold 2 of them and not 6, 100 MB each at
+4096 x 4096."""
+WIDE_SETTINGS = {"bframes": 0, "refs": 1}
 DEFAULT_CODEC = Encoding().codec
 OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
 CRF_SCALE = {"libsvtav1": 1.5}
@@ -68,10 +72,10 @@ def macropixel_pack(views: int) -> int:
 
 
 def chosen_encoding(
-    views: int, encoding: Encoding | None = None, *, by_depth: bool = False
+    views: int, encoding: Encoding | None = None, *, by_depth: bool = False, width: int = 0
 ) -> Encoding:
     """``encoding`` for N = ``views``, with each None replaced by what measured best, also where
-    pictures are sliced ``by_depth``.
+    pictures are sliced ``by_depth``, in frames of ``width`` pixels.
 
     H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the same
     quality, at presets of their own; chroma is whole where the codec can store it whole.
@@ -88,6 +92,8 @@ def chosen_encoding(
         best = {"preset": OTHER_PRESETS.get(given.codec)}
     elif given.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
+    if width > WIDE and given.codec in ("libx264", "libx265"):
+        best |= WIDE_SETTINGS
     full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
     deep = given.transfer == "pq" or (by_depth and not given.lossless)
     if deep and f"{full}10le" in CODECS[given.codec]:

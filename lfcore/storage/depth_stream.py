@@ -18,7 +18,7 @@ from lfcore.errors import StorageError, check_known
 from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import LOSSLESS, Encoding
-from lfcore.storage.defaults import KEY_EVERY
+from lfcore.storage.defaults import KEY_EVERY, WIDE, WIDE_SETTINGS
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
@@ -83,8 +83,8 @@ class DepthCodes:
         step = 2 * sweep_step(slab) / (self.near - self.far) * 255
         crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
         return Encoding(
-            pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", bframes=8,
-            gop=KEY_EVERY,
+            pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY,
+            **(WIDE_SETTINGS if slab.size.width > WIDE else {"bframes": 8}),
         )  # fmt: skip
 
 

@@ -10,11 +10,10 @@
 //
 // Of boxes far wider than the distance of rays, 2 x 2 neighbours at one depth share one: rows come by twos.
 //
-// STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to
-// one, and codes of depth of type CODE.
+// STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
 
 #define STEPS 256
-#define ONE 1099511627776.0f  // 2^40: the weight of a ray whose cell is open
+#define ALL ((float)(STEPS * STEPS))
 #define BRIGHTEST ((float)(1 << STOPS))
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
@@ -31,12 +30,22 @@ typedef float light_t, depth_t;
 #define METRES(depth) (depth)
 #endif
 
+// Sums are modulo 2^32, or 2^64 where light above white needs more bits.  What a ray adds to a pixel is rounded up or
+// down by the ray's own share of a unit, so that what many rays round away is nothing.
+#if STOPS
+typedef ulong4 sum4;
+#define TO_SUM(x) as_ulong4(convert_long4(x))
+#else
+typedef uint4 sum4;
+#define TO_SUM(x) as_uint4(convert_int4(x))
+#endif
+
 typedef struct {
     float x, y;            // where the ray of pixel (0, 0) falls, in pixels of the picture
     float off_x, off_y;    // from the lens point to the middle of its cell, metres
     float side_x, side_y;  // of the cell, metres
-    float share;           // of the cell that is open
-    float unused;
+    float share;           // of the cell that is open, in units of the sums
+    float unit;            // share of a unit by which the ray of pixel (0, 0) is rounded
 } Cell;
 
 typedef struct {
@@ -48,12 +57,12 @@ typedef struct {
 
 // Rows of a strip of sums: one more of each layer, where what ends outside is dropped.
 typedef struct {
-    global long4 *sums;
+    global sum4 *sums;
     int top, rows, width;
     float far;  // beyond every box that reaches a picture
 } Strip;
 
-inline Strip make_strip(global long4 *sums, int plane, int strip, int strip_rows, int2 size)
+inline Strip make_strip(global sum4 *sums, int plane, int strip, int strip_rows, int2 size)
 {
     const ulong count = (ulong)(strip_rows + 1) * (size.x + 1);
     const int strips = (size.y + strip_rows - 1) / strip_rows;
@@ -80,33 +89,35 @@ typedef struct {
     int x[4][ABREAST];         // columns: the first and one behind it, the last and one behind it
     int y[4][ABREAST];         // rows likewise, as offsets
     // Products of what rows and columns have of a box, see parts_along, and STEPS times each of these.
-    int part[8][ABREAST];
-    float colour[ABREAST][4];
+    float part[8][ABREAST];
+    float colour[ABREAST][4], unit[ABREAST];
 } Boxes;
 
+inline sum4 part_of(float4 colour, float part, float unit) { return TO_SUM(fma(colour, part, unit)); }
+
 // A box of at most two pixels along each axis, inside the strip.
-inline void add_four(const Boxes *b, int k, global long4 *to, long4 colour)
+inline void add_four(const Boxes *b, int k, global sum4 *to, float4 colour)
 {
     const int x0 = b->x[0][k], x1 = b->x[1][k];
-    global long4 *row = to + b->y[0][k], *next = to + b->y[1][k];
-    row[x0] += colour * (long)b->part[0][k];
-    row[x1] += colour * (long)b->part[1][k];
-    next[x0] += colour * (long)b->part[2][k];
-    next[x1] += colour * (long)b->part[3][k];
+    global sum4 *row = to + b->y[0][k], *next = to + b->y[1][k];
+    row[x0] += part_of(colour, b->part[0][k], b->unit[k]);
+    row[x1] += part_of(colour, b->part[1][k], b->unit[k]);
+    next[x0] += part_of(colour, b->part[2][k], b->unit[k]);
+    next[x1] += part_of(colour, b->part[3][k], b->unit[k]);
 }
 
 // Differences of a box along both axes.  Along x they are the head in the first column, STEPS less the head behind it,
-// the tail less STEPS in the last column, and minus the tail behind it; rows alike.  Eight of the sixteen products are
-// computed, and the others are their differences.
-inline void add_edges(const Boxes *b, int k, global long4 *to, long4 colour)
+// the tail less STEPS in the last column, and minus the tail behind it; rows alike.  Nine products are rounded, and
+// the sixteen are their differences: they cancel behind the box.
+inline void add_edges(const Boxes *b, int k, global sum4 *to, float4 colour)
 {
-    long4 part[8];
-    for (int j = 0; j < 8; ++j) part[j] = colour * (long)b->part[j][k];
-    const long4 whole = colour * (long)(STEPS * STEPS);
+    sum4 part[8];
+    for (int j = 0; j < 8; ++j) part[j] = part_of(colour, b->part[j][k], b->unit[k]);
+    const sum4 whole = part_of(colour, ALL, b->unit[k]);
     const int x0 = b->x[0][k], x1 = b->x[1][k], x2 = b->x[2][k], x3 = b->x[3][k];
-    const long4 rest = whole - part[6], back = part[7] - whole;
-    const long4 top_rest = part[4] - part[0], top_back = part[1] - part[4];
-    global long4 *row = to + b->y[0][k];
+    const sum4 rest = whole - part[6], back = part[7] - whole;
+    const sum4 top_rest = part[4] - part[0], top_back = part[1] - part[4];
+    global sum4 *row = to + b->y[0][k];
     row[x0] += part[0];
     row[x1] += top_rest;
     row[x2] += top_back;
@@ -116,7 +127,7 @@ inline void add_edges(const Boxes *b, int k, global long4 *to, long4 colour)
     row[x1] += rest - top_rest;
     row[x2] += back - top_back;
     row[x3] += part[1] - part[7];
-    const long4 low_rest = part[5] - part[2], low_back = part[3] - part[5];
+    const sum4 low_rest = part[5] - part[2], low_back = part[3] - part[5];
     row = to + b->y[2][k];
     row[x0] += part[2] - part[6];
     row[x1] += low_rest - rest;
@@ -129,20 +140,20 @@ inline void add_edges(const Boxes *b, int k, global long4 *to, long4 colour)
     row[x3] += part[3];
 }
 
-inline void add_few(const Strip *s, const Boxes *b, int k, global long4 *to, long4 colour)
+inline void add_few(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
 {
     const int4 box = (int4)(b->box[0][k], b->box[1][k], b->box[2][k], b->box[3][k]);
     const int x0 = max(0, floor_pixel(box.x)), x1 = min(s->width - 1, floor_pixel(box.z - 1));
     const int y0 = max(s->top, floor_pixel(box.y)), y1 = min(s->top + s->rows - 1, floor_pixel(box.w - 1));
     for (int y = y0; y <= y1; ++y) {
         const int down = overlap(box.y, box.w, y);
-        global long4 *at = to + (ulong)(y - s->top) * (s->width + 1);
-        for (int x = x0; x <= x1; ++x) at[x] += colour * (long)(down * overlap(box.x, box.z, x));
+        global sum4 *at = to + (ulong)(y - s->top) * (s->width + 1);
+        for (int x = x0; x <= x1; ++x)
+            at[x] += part_of(colour, (float)(down * overlap(box.x, box.z, x)), b->unit[k]);
     }
 }
 
-// Add the boxes of one kind.  But for the smallest ones 32 bits hold a colour, and products of 32 bits cost least.
-inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind, int small)
+inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
 {
     int list[ABREAST], count = 0;
     for (int k = 0; k < ABREAST; ++k) {
@@ -151,20 +162,12 @@ inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind,
     }
     for (int at = 0; at < count; ++at) {
         const int k = list[at];
-        global long4 *to = s->sums + b->layer[k] * layer_size;
-        const float4 whole = rint(vload4(0, b->colour[k]));
-        const long4 colour = small ? convert_long4(whole) : convert_long4(convert_int4(whole));
+        global sum4 *to = s->sums + b->layer[k] * layer_size;
+        const float4 colour = vload4(0, b->colour[k]);
         if (kind == FEW) add_few(s, b, k, to, colour);
         else if (kind == FOUR) add_four(b, k, to, colour);
         else add_edges(b, k, to, colour);
     }
-}
-
-inline void add_boxes(const Strip *s, ulong layer_size, const Boxes *b, int small)
-{
-    add_kind(s, layer_size, b, EDGES, small);
-    add_kind(s, layer_size, b, FOUR, small);
-    add_kind(s, layer_size, b, FEW, small);
 }
 
 // The layers of what is swept by so many pixels, the nearest first.
@@ -233,10 +236,10 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     for (int k = 0; k < 4; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
         vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
-        vstore16(down[k / 2] * along[k % 2], 0, b->part[k]);
-        vstore16((k < 2 ? down[k] : along[k - 2]) * STEPS, 0, b->part[4 + k]);
+        vstore16(convert_float16(down[k / 2] * along[k % 2]), 0, b->part[k]);
+        vstore16(convert_float16((k < 2 ? down[k] : along[k - 2]) * STEPS), 0, b->part[4 + k]);
     }
-    return select((float16)(0.0f), share * ONE / (convert_float16(wide) * convert_float16(tall)), falls);
+    return select((float16)(0.0f), share / (convert_float16(wide) * convert_float16(tall)), falls);
 }
 
 // Depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
@@ -314,17 +317,16 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
     const float16 across = fma(x, a->plane.step, c->x) + c->off_x * moves;
     const float16 down = fma(y, a->plane.step, c->y) + c->off_y * moves;
     Boxes b;
+    const float16 unit = x * 0.7548777f + y * 0.5698403f + c->unit;
+    vstore16(unit - floor(unit), 0, b.unit);
     for (int part = 0; part <= COARSE; ++part) {
         const float16 weight = find_boxes(a->strip, &a->plane, c, moves, across, down, a->least, a->bounds, part, &b);
-        float16 colour[4] = {weight, weight, weight, weight * rays}, most = STOPS ? 0.0f : weight * rays;
-        for (int k = 0; k < 3; ++k) {
-            colour[k] = light[k] * weight;
-            if (STOPS) most = max(most, max(colour[3], colour[k]));
-        }
+        const float16 colour[4] = {light[0] * weight, light[1] * weight, light[2] * weight, weight * rays};
         store_colours(colour, b.colour);
         for (int k = count; k < ABREAST; ++k) b.kind[k] = OUTSIDE;
-        if (any(most >= 0x1p31f)) add_boxes(a->strip, a->layer_size, &b, 1);
-        else add_boxes(a->strip, a->layer_size, &b, 0);
+        add_kind(a->strip, a->layer_size, &b, EDGES);
+        add_kind(a->strip, a->layer_size, &b, FOUR);
+        add_kind(a->strip, a->layer_size, &b, FEW);
     }
 }
 
@@ -398,7 +400,7 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
               const int strip_rows,
               const int width,                       // of the pictures
               const int height,
-              global long4 *restrict sums)
+              global sum4 *restrict sums)
 {
     const int plane = get_global_id(1);
     const ulong channel = STORED ? (ulong)rows * columns : 1;
@@ -430,8 +432,8 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
 }
 
 // Pictures from the sums: layers front to back, each taking no more of a pixel than those before it left.
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 *restrict sums,
-                    global const float *restrict room,  // (planes, height, width): weight of all rays that fall there
+kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global sum4 *restrict sums,
+                    global const float *restrict room,  // (planes, height, width): weight of all rays that fall there, as sums
                     const int strip_rows,
                     const int width,
                     const int height,
@@ -440,14 +442,14 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global long4 
     const int plane = get_global_id(1);
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
-    const float4 light = (float4)((float3)(ONE * LIGHT), ONE);
+    const float4 light = (float4)((float3)(LIGHT), 1.0f);
     for (int y = 0; y < s.rows; ++y) {
         for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
             // Sums of all rows so far are kept in the first row: pages that are only read take no
             // memory.
-            global long4 *whole = s.sums + layer * size;
-            global const long4 *row = whole + y * pitch;
-            long4 along = 0;
+            global sum4 *whole = s.sums + layer * size;
+            global const sum4 *row = whole + y * pitch;
+            sum4 along = 0;
             for (int x = 0; x < width; ++x) {
                 along += row[x];
                 whole[x] = y ? whole[x] + along : along;
