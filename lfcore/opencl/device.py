@@ -109,6 +109,15 @@ class Device:
         cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint64), 0, buffer.size // 8 * 8)
         return buffer
 
+    def forget(self, buffer: cl.Buffer, part: int, of: int) -> None:
+        """Give a CPU the memory of a part of a sparse buffer back, which then holds zeros."""
+        if self.is_cpu and hasattr(mmap, "MADV_DONTNEED"):
+            ends = (buffer.size * part // of, buffer.size * (part + 1) // of)
+            first, last = (-(-ends[0] // PAGE) * PAGE, ends[1] // PAGE * PAGE)
+            if first < last:
+                memory: Any = buffer.hostbuf
+                memory.base.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
+
     @contextmanager
     def mapped(
         self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type, *, write: bool = False

@@ -255,22 +255,24 @@ class DepthSlicer:
         down.  Where no ray fell it is black.
         """
         device = self.device
-        each = zip(self.planes, self._cells, self._ones, strict=True)
-        room = np.stack([self._room(plane, cells) * np.float32(one) for plane, cells, one in each])
-        pictures = page_aligned((*room.shape, 3))
-        target = target_buffer(device, pictures)
-        self._compose(
-            device.queue,
-            (self._strips, len(self.planes)),
-            (1, 1),
-            self._sums,
-            _shown(device, room),
-            np.int32(self._rows),
-            *map(np.int32, self.size),
-            target,
-        )
-        collect(device, target, pictures)
-        for picture, plane, cells in zip(pictures, self.planes, self._cells, strict=True):
+        pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
+        each = zip(pictures, self.planes, self._cells, self._ones, strict=True)
+        for number, (picture, plane, cells, one) in enumerate(each):
+            room = self._room(plane, cells) * np.float32(one)  # kept until the kernel has run
+            target = target_buffer(device, picture)
+            self._compose(
+                device.queue,
+                (self._strips, 1),
+                (1, 1),
+                self._sums,
+                _shown(device, room),
+                np.int32(self._rows),
+                *map(np.int32, self.size),
+                target,
+                global_offset=(0, number),
+            )
+            collect(device, target, picture)
+            device.forget(self._sums, number, len(self.planes))
             if plane.normalise == "lens":
                 picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2
         return pictures

@@ -41,7 +41,6 @@ KEY_EVERY = 128
 WIDE = 2048
 """Wider frames refer to the one before alone: decoders hold 2 of them and not 6, 100 MB each at
 4096 x 4096."""
-WIDE_SETTINGS = {"bframes": 0, "refs": 1}
 DEFAULT_CODEC = Encoding().codec
 OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
 CRF_SCALE = {"libsvtav1": 1.5}
@@ -93,7 +92,7 @@ def chosen_encoding(
     elif given.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
     if width > WIDE and given.codec in ("libx264", "libx265"):
-        best |= WIDE_SETTINGS
+        best |= {"bframes": 0, "refs": 1}
     full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
     deep = given.transfer == "pq" or (by_depth and not given.lossless)
     if deep and f"{full}10le" in CODECS[given.codec]:

@@ -18,7 +18,7 @@ from lfcore.errors import StorageError, check_known
 from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import LOSSLESS, Encoding
-from lfcore.storage.defaults import KEY_EVERY, WIDE, WIDE_SETTINGS
+from lfcore.storage.defaults import KEY_EVERY, WIDE
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
@@ -84,7 +84,7 @@ class DepthCodes:
         crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
         return Encoding(
             pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY,
-            **(WIDE_SETTINGS if slab.size.width > WIDE else {"bframes": 8}),
+            bframes=0 if slab.size.width > WIDE else 8,
         )  # fmt: skip
 
 

@@ -431,13 +431,13 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
     }
 }
 
-// Pictures from the sums: layers front to back, each taking no more of a pixel than those before it left.
+// A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
 kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global sum4 *restrict sums,
-                    global const float *restrict room,  // (planes, height, width): weight of all rays that fall there, as sums
+                    global const float *restrict room,  // (height, width): weight of all rays that fall there, as sums
                     const int strip_rows,
                     const int width,
                     const int height,
-                    global float *restrict pictures)    // (planes, height, width, 3)
+                    global float *restrict picture)     // (height, width, 3)
 {
     const int plane = get_global_id(1);
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
@@ -456,7 +456,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global sum4 *
             }
         }
         for (int x = 0; x < width; ++x) {
-            const ulong at = ((ulong)plane * height + s.top + y) * width + x;
+            const ulong at = (ulong)(s.top + y) * width + x;
             float left = room[at], filled = 0.0f;
             float3 colour = 0.0f, last = 0.0f;
             for (int layer = 0; layer < LAYERS; ++layer) {
@@ -474,7 +474,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global sum4 *
             colour += last * left;
             filled += filled > 0.0f ? left : 0.0f;
 #endif
-            vstore3(filled > 0.0f ? colour / filled : 0.0f, at, pictures);
+            vstore3(filled > 0.0f ? colour / filled : 0.0f, at, picture);
         }
     }
 }
