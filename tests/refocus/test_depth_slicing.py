@@ -94,6 +94,15 @@ def test_the_same_bits_in_any_parts_and_on_any_number_of_threads():
     np.testing.assert_array_equal(whole, sliced(views, PLANES, 9, light, depth, parts))
 
 
+@pytest.mark.parametrize("stops", [0, 3])
+def test_dim_light_far_from_focus_is_not_rounded_away(stops):
+    """Boxes of which a ray adds a fraction of a unit to each pixel."""
+    views, light = crossed_views(Slab(CAMERA, 4, 64)), 3e-7
+    rays = seen(views, [(20.0, grey(lambda x, y: 0 * x + light), everywhere)])
+    picture = sliced(views, [SensorPlane(1.1, 1.0, "square")], 16, *rays, stops=stops)[0]
+    np.testing.assert_allclose(picture[4:-4, 4:-4], light, rtol=0.1)
+
+
 def test_rays_that_share_a_wide_box_give_the_picture_of_rays_of_their_own():
     """A slanted wall before another: of the wide boxes of this plane 2 x 2 rays share each."""
     views, plane = crossed_views(Slab(CAMERA, 2, 193)), SensorPlane(1.0, 1.0, "square")

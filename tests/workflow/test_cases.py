@@ -54,6 +54,8 @@ def test_what_is_said_goes_before_what_measured_best():
     assert spec.preset == defaults.chosen_encoding(512).preset
     slow = cases.encoding(settings(encoding={"preset": "slow"}), 512)
     assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
+    wide = defaults.chosen_encoding(4, Encoding(refs=2), width=defaults.WIDE + 1)
+    assert (wide.bframes, wide.refs) == (0, 2)
     assert slow.lookahead is None and spec.lookahead == defaults.chosen_encoding(512).lookahead
 
 
