@@ -249,7 +249,7 @@ class DepthSlicer:
         device.queue.finish()
 
     def pictures(self) -> np.ndarray:
-        """(P, height, width, 3) float32, linear light, of all rays; nothing can be added then.
+        """(P, height, width, 3) float32, linear light, of all rays; the sums are gone then.
 
         A pixel is divided by what it got, or, with ``normalise='lens'``, dims as the lens stops
         down.  Where no ray fell it is black.

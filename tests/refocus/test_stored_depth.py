@@ -95,8 +95,9 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(
     decoded = read_views(field, samples)
     slicer = DepthSlicer(views, PLANES, PIXELS)
     slicer.add(slice(0, 9), decoded, held)
+    expected = slicer.pictures()
     for picture in pictures:
-        np.testing.assert_array_equal(picture, slicer.pictures())
+        np.testing.assert_array_equal(picture, expected)
         for plane, made in zip(PLANES, picture, strict=True):
             right = slice_by_depth(
                 views, plane, decoded, held, PIXELS,
