@@ -63,7 +63,8 @@ def pictures_by_depth(
         return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
-    room = planes_at_a_time(tracer.device, size, tracer.needs.stops)  # for more, rays are traced again
+    # For more, rays are traced again.
+    room = planes_at_a_time(tracer.device, size, tracer.needs.stops)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     made = []
     for number, group in enumerate(groups):
