@@ -64,19 +64,14 @@ class Bounds:
 
 def bounds(parts: list[SurfaceMesh], *, file: str | Path) -> Bounds:
     """Raises :class:`SceneError` when no triangle has finite corners."""
-    corners = [_finite(part.triangles) for part in parts]
-    points = np.concatenate([np.zeros((0, 3)), *corners])
+    flat = np.concatenate([np.zeros((0, 9)), *(part.triangles.reshape(-1, 9) for part in parts)])
+    finite = (np.isfinite(flat) & (np.abs(np.nan_to_num(flat)) <= 1e18)).all(1)
+    points = flat[finite].reshape(-1, 3)
     if not len(points):
         problem = "the scene is empty: no triangle has finite corners"
         remedy = "Check the meshes for NaN or infinite coordinates"
         raise Where(file, "objects").error(problem, remedy)
     return Bounds(points.min(0), points.max(0), points)
-
-
-def _finite(triangles: np.ndarray) -> np.ndarray:
-    flat = triangles.reshape(len(triangles), 9)
-    good = (np.isfinite(flat) & (np.abs(np.nan_to_num(flat)) <= 1e18)).all(1)
-    return triangles[good].reshape(-1, 3)
 
 
 def place_camera(
@@ -113,10 +108,16 @@ def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
     if given is not None:
         width = given[1] / given[0]
     seen = depth_range(triangles, width)
+    asked = description.get("focus_m", "middle")
     if "focus_at" in description:
         focus = focus_at(triangles, width, description["focus_at"])
+    elif seen is None and isinstance(check_words(asked), str):
+        raise OpticsError(
+            "the camera sees nothing that it could focus on", key="focus_m",
+            remedy="Turn the camera round, or give camera.focus_m in metres",
+        )  # fmt: skip
     else:
-        focus = _focus(description.get("focus_m", "middle"), seen)
+        focus = focus_distance(asked, seen)
     depths = seen or DepthRange(focus, focus)
     if given is None:
         camera = fitted_lens(depths, width, focus)
@@ -142,15 +143,6 @@ def _given_lens(description: dict) -> tuple[float, float] | None:
     if focal is None and sensor is None:
         return None
     return float(focal or 50.0) / 1000, float(sensor or 36.0) / 1000 / description["zoom"]
-
-
-def _focus(focus: float | str, seen: DepthRange | None) -> float:
-    if seen is None and isinstance(check_words(focus), str):
-        raise OpticsError(
-            "the camera sees nothing that it could focus on", key="focus_m",
-            remedy="Turn the camera round, or give camera.focus_m in metres",
-        )  # fmt: skip
-    return focus_distance(focus, seen)
 
 
 def fitted_diameter(seen: DepthRange, width: float) -> float:

@@ -60,11 +60,6 @@ class FoundCamera:
     field_width: float
 
 
-def _inside(uri: str) -> bytes:
-    """The bytes of a URI that holds its data."""
-    return base64.b64decode(uri.partition(",")[2])
-
-
 def found(holder: Any, kind: Any, *keys: str) -> Any:
     """What is of this kind below ``keys``; what is malformed counts as absent: None."""
     for key in keys:
@@ -140,7 +135,7 @@ class Document:
         if uri is None:
             data, start = self._rest, start + _CHUNK.size
         elif uri.startswith("data:"):
-            data = _inside(uri)
+            data = base64.b64decode(uri.partition(",")[2])
         else:
             data = read_bytes(self.path.parent / urllib.parse.unquote(uri), LARGEST_MESH, "buffer")
         part = data[start : start + view["byteLength"]]
@@ -159,7 +154,7 @@ class Document:
             if number in used and view is not None:
                 yield number, self.view(view)
             elif number in used and isinstance(uri, str) and uri.startswith("data:"):
-                yield number, _inside(uri)
+                yield number, base64.b64decode(uri.partition(",")[2])
 
     def readable(self) -> bytes:
         """The file with the number of each material as its name, so that it can be found again."""

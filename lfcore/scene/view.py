@@ -76,22 +76,6 @@ class View:
         return cls(**{**data, "camera": camera, "array": array, **rest})
 
 
-def perspective_view(
-    fov_deg: float,
-    film: tuple[int, int],
-    lens_radius_m: float,
-    focus_m: float,
-    shutter: tuple[float, float],
-    samples_per_pixel: int,
-) -> View:
-    """One camera, a pinhole or a thin lens; ``fov_deg`` over the film's shorter side."""
-    camera = thin_lens(2 * math.tan(math.radians(fov_deg) / 2), lens_radius_m, focus_m)
-    array = CameraArray.single(fov_deg, film)
-    return View(
-        PERSPECTIVE, camera, array, (film[0], film[1]), shutter, lens_radius_m, samples_per_pixel
-    )  # fmt: skip
-
-
 def lightfield_view(
     film: Sequence[int],
     fov_deg: float = FOV_DEG,

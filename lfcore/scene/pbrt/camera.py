@@ -9,16 +9,17 @@ import math
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.optics.array import CameraArray, thin_lens
 from lfcore.scene.notes import NOT_USED
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.view import (
     CAMERA_GRID_BOUNDS_M,
     CAMERAS_PER_DIM,
     FOV_DEG,
+    PERSPECTIVE,
     SHUTTER,
     View,
     lightfield_view,
-    perspective_view,
 )
 
 TO_OURS = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -100,7 +101,9 @@ def _perspective(
     focus = parameters.float("focaldistance", 1e6 if radius > 0 else math.inf)
     if radius < 0 or not focus > 0:
         raise parameters.error("lensradius", "and focaldistance must not be negative")
-    return perspective_view(fov, film, radius, focus, shutter, samples)
+    camera = thin_lens(2 * math.tan(math.radians(fov) / 2), radius, focus)
+    array = CameraArray.single(fov, film)
+    return View(PERSPECTIVE, camera, array, film, shutter, radius, samples)
 
 
 def _lightfield(

@@ -97,9 +97,7 @@ class _Parser:
         if grammar.startswith("n"):
             numbers = _numbers(tokens, int(grammar[1:]), name)
         kinds = {"s": lexer.STRING, "m": lexer.STRING, "w": lexer.WORD}
-        strings = [
-            str(tokens.take_kind(kinds[each], name).value) for each in grammar if each in kinds
-        ]
+        strings = [str(tokens.take(kinds[each], name).value) for each in grammar if each in kinds]
         if grammar == "m" and tokens.peek.kind == lexer.STRING:
             strings.append(str(tokens.take().value))
         owner = " ".join([name, *(f'"{text}"' for text in strings)])
@@ -131,15 +129,12 @@ class _Cursor:
         self._tokens = tokens
         self.peek = next(tokens)
 
-    def take(self) -> Token:
+    def take(self, kind: str = "", directive: str = "") -> Token:
+        """The next token, of a ``kind`` that the directive wants, if it wants one."""
         token = self.peek
         if token.kind != lexer.END:
             self.peek = next(self._tokens)
-        return token
-
-    def take_kind(self, kind: str, directive: str) -> Token:
-        token = self.take()
-        if token.kind != kind:
+        if kind and token.kind != kind:
             raise token.place.error(f"{directive} wants a {kind} here, not {token.text}")
         return token
 
