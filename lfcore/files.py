@@ -7,6 +7,7 @@ and the next run that writes into their folder removes them.
 """
 
 import hashlib
+import io
 import json
 import os
 import re
@@ -16,7 +17,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, TypeVar
 
 from lfcore.errors import LfcoreError, StorageError
 
@@ -35,17 +36,15 @@ _cleared: set[Path] = set()
 _lock = threading.Lock()
 
 
-class WholeFile:
+class WholeFile(io.BufferedRandom):
     """A binary file that is being written.
 
     It has no ``fileno``, so that numpy, Pillow and others write by :meth:`write`, whose failure is
     an exception, and not beside it, where a full disk may pass unseen.
     """
 
-    def __init__(self, file: BinaryIO):
-        self._file = file
-        self.error: OSError | None = None
-        """The first refusal of the system."""
+    error: OSError | None = None
+    """The first refusal of the system."""
 
     @contextmanager
     def _kept(self) -> Iterator[None]:
@@ -55,38 +54,26 @@ class WholeFile:
             self.error = self.error or error
             raise
 
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation("fileno")
+
     def write(self, data: Any) -> int:
         with self._kept():
-            return self._file.write(data)
-
-    def read(self, size: int = -1) -> bytes:
-        return self._file.read(size)
+            return super().write(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         with self._kept():
-            return self._file.seek(offset, whence)  # writes what is in its buffer
-
-    def tell(self) -> int:
-        return self._file.tell()
+            return super().seek(offset, whence)  # writes what is in its buffer
 
     def flush(self) -> None:
         with self._kept():
-            self._file.flush()
+            super().flush()
 
     def sync(self) -> None:
         """Wait until the disk has all that was written; several files are then renamed at once."""
+        self.flush()
         with self._kept():
-            self._file.flush()
-            os.fsync(self._file.fileno())
-
-    def readable(self) -> bool:
-        return True
-
-    def writable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return True
+            os.fsync(self.raw.fileno())
 
 
 @contextmanager
@@ -98,15 +85,14 @@ def whole_file(path: str | Path) -> Iterator[WholeFile]:
     path = Path(path)
     with _held_draft(path) as draft:
         with _named(path):
-            opened = open(draft, "r+b", buffering=1 << 18)
-        file = WholeFile(opened)
+            file = WholeFile(io.FileIO(draft, "r+"), 1 << 18)
         try:
             yield file
             file.sync()
-            opened.close()
+            file.close()
         except BaseException as error:
             with suppress(OSError):  # a full disk fails again when buffers are flushed
-                opened.close()
+                file.close()
             if file.error:
                 raise cannot_write(path, file.error) from error
             raise

@@ -7,7 +7,6 @@ import io
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, cast
 
 import numpy as np
 
@@ -112,7 +111,7 @@ def write_pictures(
             if suffix in ALL_CODED and picture.dtype.kind == "f" and (exposure_ev or roll_off):
                 picture = exposed(picture, exposure_ev, roll_off)
             if suffix == ".npy":
-                np.save(cast(IO[bytes], file), picture, allow_pickle=False)
+                np.save(file, picture, allow_pickle=False)
             else:
                 try:
                     file.write(picture_bytes(suffix, picture, half=half, bits=bits))

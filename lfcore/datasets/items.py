@@ -18,7 +18,7 @@ from functools import cached_property, partial
 from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
-from typing import IO, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -268,13 +268,14 @@ def _tried(description: Description, index: int, device: Device) -> Item:
 
 
 def _write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
-    with whole_file(path) as file:
-        stream = cast(IO[bytes], file)
-        with tarfile.open(fileobj=stream, mode="w|", format=tarfile.USTAR_FORMAT) as whole:
-            for name, data in files:
-                member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
-                member.size = len(data)
-                whole.addfile(member, io.BytesIO(data))
+    with (
+        whole_file(path) as file,
+        tarfile.open(fileobj=file, mode="w|", format=tarfile.USTAR_FORMAT) as whole,
+    ):
+        for name, data in files:
+            member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
+            member.size = len(data)
+            whole.addfile(member, io.BytesIO(data))
 
 
 def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:
