@@ -15,7 +15,7 @@ from lfcore.colour import to_uint8
 from lfcore.errors import StorageError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
-from lfcore.progress import Progress
+from lfcore.progress import Progress, part_of
 from lfcore.refocus.stored_depth import picture_side, read_depths
 from lfcore.refocus.views import read_views
 from lfcore.storage.lightfield import LightFieldFile
@@ -120,13 +120,9 @@ def read(
     samples, (width, height) = choice.samples, field.picture_size
     step = max(1, READ_BYTES // (12 * width * height))
     out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
-    total = len(range(0, len(samples), step))
-    for number, start in enumerate(range(0, len(samples), step)):
-
-        def report(done: int, frames: int, number: int = number) -> None:
-            if progress:
-                progress(number * frames + done, total * frames)
-
+    starts = range(0, len(samples), step)
+    for number, start in enumerate(starts):
+        report = part_of(progress, number, len(starts))
         light = read_views(field, samples[start : start + step], device=device, progress=report)
         for place, picture in enumerate(light, start):
             if picture.shape[:2] != (choice.height, choice.width):
