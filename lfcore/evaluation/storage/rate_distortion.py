@@ -53,8 +53,6 @@ from lfcore.tracing.tracer import Tracer
 
 SSIM_PX = 1 << 18
 """The pixels for which SSIM is computed, in frames spread evenly over the segment."""
-CACHED_PX = 1 << 16
-"""The pixels compared at a time; their float64 colours fit a core's cache."""
 WINDOW_STEP = 8
 """The step of window sides, so that whole frames of 8 x 8 macropixels fill them."""
 LEAST_WINDOW = 16
@@ -182,21 +180,17 @@ def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, f
 
 
 def frame_quality(frames: Frames, decoded: np.ndarray) -> dict[str, float]:
-    """The quality of decoded frames (F, frame_bytes), compared a few at a time, to stay in the
-    cache."""
-    layout, square, similar = frames.layout, 0.0, []
+    """The quality of decoded frames (F, frame_bytes)."""
+    layout, squares, similar = frames.layout, [], []
     size = layout.frame_width, layout.frame_height
     every = max(1, len(decoded) * math.prod(size) // SSIM_PX)
-    rays = slice(None) if frames.used.all() else frames.used  # without a copy, where all are
-    step = max(1, CACHED_PX // math.prod(size))
-    for start in range(0, len(decoded), step):
-        own = frames.rgb[start : start + step]
-        found = rgb_from_frames(decoded[start : start + step], layout.pixel_format, *size)
-        square += mse(found[:, rays], own[:, rays]) * len(found)
-        for at in range(-start % every, len(found), every):
-            similar.append(ssim(PEAK * found[at], PEAK * own[at], peak=PEAK))
+    for number, own in enumerate(frames.rgb):
+        (found,) = rgb_from_frames(decoded[number : number + 1], layout.pixel_format, *size)
+        squares.append(mse(found[frames.used], own[frames.used]))
+        if number % every == 0:
+            similar.append(ssim(PEAK * found, PEAK * own, peak=PEAK))
     return {
-        "psnr_frames_db": decibels(square / len(decoded), peak=1),
+        "psnr_frames_db": decibels(float(np.mean(squares)), peak=1),
         "ssim_frames": float(np.mean(similar)),
     }
 
