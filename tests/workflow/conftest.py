@@ -1,34 +1,14 @@
 """A copy of the project that tests may edit, and Snakemake in it."""
 
-import os
 import re
 import subprocess
-import sys
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from forked_snakemake import PROCESSES, run_snakemake
 
 from robustness.kills import copy_project
-
-PROCESSES = get_context("forkserver")
-PROCESSES.set_forkserver_preload(["snakemake.cli", "pandas", "kubernetes.config"])
-
-
-def run_snakemake(
-    folder: Path, arguments: tuple[str, ...], environment: dict[str, str], said: Path
-):
-    """As ``python -m snakemake`` in ``folder``, in a process that has it imported already."""
-    from snakemake.cli import main
-
-    with said.open("wb") as file:
-        for stream in (1, 2):
-            os.dup2(file.fileno(), stream)
-    os.chdir(folder)
-    os.environ.update(environment)
-    sys.path[:0] = [str(folder), environment.get("PYTHONPATH", "")]
-    main(list(arguments))
 
 
 @dataclass
