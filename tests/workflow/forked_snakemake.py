@@ -9,9 +9,7 @@ PROCESSES = get_context("forkserver")
 PROCESSES.set_forkserver_preload(["snakemake.cli", "pandas", "kubernetes.config"])
 
 
-def run_snakemake(
-    folder: Path, arguments: tuple[str, ...], environment: dict[str, str], said: Path
-):
+def run_snakemake(folder: Path, words: tuple, environment: dict[str, str], said: Path) -> None:
     """As ``python -m snakemake`` in ``folder``; what it says goes to the file ``said``."""
     from snakemake.cli import main
 
@@ -22,4 +20,4 @@ def run_snakemake(
     os.environ.update(environment)
     sys.path[:0] = [str(folder), environment.get("PYTHONPATH", "")]
     assert "lfcore" not in sys.modules  # that of the folder is to be imported
-    main(list(arguments))
+    main(list(words))
