@@ -166,8 +166,10 @@ def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
     """Targets relative to their group's first pixel: (groups, spans, ``group``, ``span``) int32, of
     :func:`offsets`; what is beside the lens grid or the picture repeats the last."""
     positions, size = moves.shape
-    padded = np.pad(moves, ((0, -positions % group), (0, -size % span)), "edge")
-    cells = padded.reshape(-1, group, padded.shape[1] // span, span).transpose(0, 2, 1, 3)
+    row = np.minimum(np.arange(-(-positions // group) * group), positions - 1)
+    column = np.minimum(np.arange(-(-size // span) * span), size - 1)
+    padded = moves[row[:, None], column]
+    cells = padded.reshape(-1, group, len(column) // span, span).transpose(0, 2, 1, 3)
     return cells + np.arange(group, dtype=np.int32)[:, None]
 
 

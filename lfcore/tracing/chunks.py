@@ -128,9 +128,10 @@ class FrameMemory:
         """Make padding and empty slots of the first frames black, whatever memory held."""
         layout = self.layout
         with self.frames(count, write=True) as view:
-            planes = layout.format.views(view, layout.frame_width, layout.frame_height)
+            planes = layout.format.views(view[:1], layout.frame_width, layout.frame_height)
             for plane, code in zip(planes, layout.format.black, strict=True):
                 plane[...] = code
+            view[1:] = view[0]
 
     def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
         """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""

@@ -92,20 +92,19 @@ class Groups:
         group = shape.group
         if coordinates is None or group == strip_height == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
-        size = np.array([group, group * strip_height])
-        strips, slots = np.divmod(np.asarray(coordinates, np.int64), size)
-        column, row = (strips - strips.min(axis=0)).T
-        keys, strip = ranks(row << 32 | column)
-        members = np.full((len(keys), group * size[1]), -1, np.int32)
-        members[strip, slots[:, 1] * group + slots[:, 0]] = np.arange(len(strips), dtype=np.int32)
+        u, v = np.asarray(coordinates, np.int64).T
+        (column, across), (row, down) = np.divmod(u, group), np.divmod(v, group * strip_height)
+        keys, strip = ranks((row - row.min()) << 32 | (column - column.min()))
+        members = np.full((len(keys), group**2 * strip_height), -1, np.int32)
+        members[strip, down * group + across] = np.arange(len(u), dtype=np.int32)
+        some = members.max(axis=1)  # an element of each strip
         members = members.reshape(-1, group**2)
         if shape.outer == 1:
             return cls(members, bundles.elements, strip_height)
         assert bundles.lattice is not None  # without one no block spans elements
-        centres = np.empty((len(keys), strip_height, 2))
-        centres[strip] = (strips * size + (group - 1) / 2)[:, None]
-        centres[..., 1] += np.arange(strip_height) * group
-        centre_rays = bundles.lattice.centre_rays(centres.reshape(-1, 2))
+        rows = row[some, None] * strip_height + np.arange(strip_height)
+        cells = np.stack(np.broadcast_arrays(column[some, None], rows), 2).reshape(-1, 2)
+        centre_rays = bundles.lattice.centre_rays(cells * group + (group - 1) / 2)
         return cls(members, centre_rays, strip_height)
 
 

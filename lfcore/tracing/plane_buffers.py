@@ -153,7 +153,7 @@ def tile_strips(
     else:
         tables = view_tables(slab, planes)
     sums = PlaneBuffers(scene.device, slab, list(planes), tables, one_of_sums(scene.stops))
-    summed = len(tile.elements()) if macro else 0
+    summed = tile.element_count if macro else 0
     return StripBuffers(sums, shape, slab.views, summed, scene.stops)
 
 
