@@ -110,10 +110,11 @@ class Device:
         return buffer
 
     def forget(self, buffer: cl.Buffer, part: int, of: int) -> None:
-        """Give a CPU the memory of a part of a sparse buffer back, which then holds zeros."""
+        """Give a CPU the memory of a part of a sparse buffer back: what it holds is lost."""
         if self.is_cpu and hasattr(mmap, "MADV_DONTNEED"):
-            ends = (buffer.size * part // of, buffer.size * (part + 1) // of)
-            first, last = (-(-ends[0] // PAGE) * PAGE, ends[1] // PAGE * PAGE)
+            page = mmap.PAGESIZE
+            first = -(-buffer.size * part // of // page) * page
+            last = buffer.size * (part + 1) // of // page * page
             if first < last:
                 memory: Any = buffer.hostbuf
                 memory.base.obj.madvise(mmap.MADV_DONTNEED, first, last - first)

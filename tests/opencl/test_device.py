@@ -134,9 +134,9 @@ def test_a_buffer_of_zeros_is_read_as_it_is_filled(device, nbytes):
         assert (held == changed).all()
 
 
-def test_memory_that_is_given_back_holds_zeros(device):
-    if not device.is_cpu:
-        pytest.skip("of a CPU's memory")
+def test_memory_that_is_given_back_holds_zeros_on_linux(device):
+    if not (device.is_cpu and sys.platform == "linux"):
+        pytest.skip("of a CPU's memory on Linux")
     count = 5 * 1024  # whole pages
     buffer = device.zeros(8 * count, sparse=True)
     cl.enqueue_copy(device.queue, buffer, np.ones(count, np.uint64))
