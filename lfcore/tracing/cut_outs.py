@@ -52,7 +52,8 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
     records = materials[scene.material_ids[numbers]]
     u, v = _coordinates(scene.triangles[numbers], scene.uvs[numbers])
     records["u"], records["v"] = u, v
-    return {"cut_out_of": of, "cut_outs": records, "alpha": np.concatenate(pictures)}
+    alpha = np.concatenate([np.zeros(0, np.uint8), *pictures])
+    return {"cut_out_of": of, "cut_outs": records, "alpha": alpha}
 
 
 def _coordinates(triangles: np.ndarray, uvs: np.ndarray) -> list[np.ndarray]:
