@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +13,9 @@ from lfcore.scene.baked import BakedLight
 if TYPE_CHECKING:
     from lfcore.rendering.bake import Baker
 
-FINER = 8
-"""Cells are halved until an edge has this many times the cells that the picture needs at first."""
+FINER, _FINE = 8, 0.06
+"""Cells are halved until an edge has this many times the cells that the picture needs at first, for
+errors up to the other; an edge between lit and dark errs as the root of its cells."""
 _SURPRISE, _CONTRAST = 0.06, 2.0
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
@@ -41,7 +43,9 @@ class Refinement:
         self._light = baker.smoothed().astype(np.float32)
         bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
-        self._allowed = max(_SURPRISE, baker.options.error)
+        error = baker.options.error
+        self._allowed = max(_SURPRISE, error)
+        self._finer = FINER * min(1.0, math.sqrt(_FINE / error))
         self._room = baker.options.mib * 2**20 // 2 // _VALUE_BYTES
         self._next_seed = len(self._light)
 
@@ -87,7 +91,7 @@ class Refinement:
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
         kept, begun = [], side
         while 2 * side <= _MOST_SIDE:
-            coarse = self._wanted[triangles] <= side / FINER
+            coarse = self._wanted[triangles] <= side / self._finer
             kept.append((side, triangles[coarse], values[coarse]))
             triangles, values, covered = triangles[~coarse], values[~coarse], covered[~coarse]
             finer, hidden, rough = _between(
