@@ -291,7 +291,8 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
     global const int *ids = leaf_numbers(s->tree, leaf, lane);
     PictureEdges edges;
-    const vi may = ~are_of_light(l->rays.light_triangles, ids);
+    const vi may = sweep_overlaps_leaf(&l->rays.shaft, corners, l->rays.end) &
+                   ~are_of_light(l->rays.light_triangles, ids);
     const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];

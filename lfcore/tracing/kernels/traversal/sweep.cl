@@ -31,15 +31,15 @@ inline Sweep make_shaft(float3 light, int is_point, const Box *box)
                       light - (is_point ? hi : 0.0f));
 }
 
-// Mask of LANES boxes that the moving box meets until then; `near` receives when it begins to.
-inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
+// Mask of LANES extents that the box meets until then; `near` receives when the box begins to.
+inline vi sweep_overlaps_extents(const Sweep *s, const Ranges *extents, float until, vf *near)
 {
     vf from = 0.0f, to = until;
-    vi miss = GT(VLOAD(boxes->low[0]), VLOAD(boxes->high[0]));  // of an empty place in a node
+    vi miss = GT(extents->low[0], extents->high[0]);  // of an empty place in a node
     for (int k = 0; k < 3; ++k) {
         const float rise = axis(s->inverse_hi, k), leave = axis(s->inverse_lo, k);
-        const vf above = VLOAD(boxes->low[k]) - axis(s->hi, k);
-        const vf below = VLOAD(boxes->high[k]) - axis(s->lo, k);
+        const vf above = extents->low[k] - axis(s->hi, k);
+        const vf below = extents->high[k] - axis(s->lo, k);
         if (rise > 0.0f) from = max(from, above * rise);
         else if (rise < 0.0f) to = min(to, above * rise * SWEEP_SLACK);
         else miss |= GT(above, (vf)(0.0f));
@@ -49,4 +49,27 @@ inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until,
     }
     *near = from;
     return LE(from, to) & ~miss;
+}
+
+// Likewise of boxes, and of the triangles of a leaf.
+inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
+{
+    Ranges r;
+    for (int k = 0; k < 3; ++k) {
+        r.low[k] = VLOAD(boxes->low[k]);
+        r.high[k] = VLOAD(boxes->high[k]);
+    }
+    return sweep_overlaps_extents(s, &r, until, near);
+}
+inline vi sweep_overlaps_leaf(const Sweep *s, global const Leaf *leaf, float until)
+{
+    Ranges r;
+    vf near;
+    for (int k = 0; k < 3; ++k) {
+        const Triple x = {VLOAD(leaf->corner[0][k]), VLOAD(leaf->corner[1][k]),
+                          VLOAD(leaf->corner[2][k])};
+        r.low[k] = least3(x);
+        r.high[k] = most3(x);
+    }
+    return sweep_overlaps_extents(s, &r, until, &near);
 }
