@@ -129,8 +129,9 @@ def test_what_is_tried_again_must_ask_for_more():
     for less in ({"memory": "3000M"}, {"limit": "10:00"}, {"number": "2"}, {"comment": "rule_x"}):
         done = a_run(submissions=[JOB, more | less])
         assert list(cluster.more_was_asked(done, [JOB]))
-    assert cluster.minutes("1-02:00:30") == 1440 + 120 + 0.5
-    assert cluster.memory_mib("1.5G") == 1536
+    limits = {"limit": "1-02:00:30", "memory": "1.5G"}
+    time, memory_kib = cluster.asked(limits)
+    assert (time.total_seconds(), memory_kib) == (26 * 3600 + 30, 1.5 * 1024**2)
 
 
 def test_tables_are_compared_without_their_seconds(tmp_path):
