@@ -182,7 +182,7 @@ def of_array(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iter
 
 
 def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
-    """A row per method, in turn with those of the same work."""
+    """A row per method; methods that do the same work take turns."""
     for work in dict.fromkeys(method.work for method in methods):
         chosen = [method for method in methods if method.work == work]
         found = {name: rates(runs) for name, runs in in_turn(chosen, repeats).items()}

@@ -66,7 +66,7 @@ class Source:
 
     ``columns_m`` and ``rows_m`` are the cameras' positions (y down); ``axis_px`` is the optical
     axis in the picture of a camera at the origin, from the corner of the top left pixel; ``free``
-    makes views by depth.  Of a ``scene`` depths and materials are traced again.
+    makes views by depth.  With a ``scene``, depths and materials are traced.
     """
 
     def __init__(

@@ -27,7 +27,7 @@ from lfcore.optics.slab import Slab
 @dataclass(frozen=True)
 class PlenopticCamera:
     """``lenses`` M microlenses a side where the sensor of ``camera``, the main lens, would be, and
-    ``samples`` N photosensor pixels a side in the image of the main lens under each."""
+    ``samples`` N photosensor pixels per side in the image of the main lens under each."""
 
     camera: Camera
     lenses: int

@@ -151,8 +151,8 @@ class Encoding:
             raise StorageError(
                 f"{self.codec} is not reproducible in frames of {width} x {height} pixels",
                 key="codec",
-                remedy=f"Pack more elements a frame, so that it has {least} pixels a side or more, "
-                "or use libx264",
+                remedy=f"Pack more elements per frame, so that it has {least} pixels per side "
+                "or more, or use libx264",
             )
 
     def options(self, width: int) -> dict[str, str]:

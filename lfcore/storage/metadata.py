@@ -183,8 +183,8 @@ class Metadata:
         n, m = layout.views, layout.pixels
         if slab and (slab.views, slab.pixels) != (n, m):
             raise StorageError(
-                f"the slab has {slab.views} views and {slab.pixels} pixels a side, the layout {n} "
-                f"and {m}", key="layout",
+                f"the slab has {slab.views} views and {slab.pixels} pixels per side, the layout "
+                f"{n} and {m}", key="layout",
             )  # fmt: skip
         if array and (array.cameras, array.tile) != ((n, n), (m, m)):
             raise StorageError(
