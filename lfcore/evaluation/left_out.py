@@ -25,7 +25,6 @@ from lfcore.scene.needs import Needs
 from lfcore.scene.surface_mesh import face_normals
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.timing import measure_in_turn
-from lfcore.tracing import reach
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tracer import TileTracing, Tracer
@@ -224,7 +223,6 @@ def left_out(
 
     def program(
         scene: Scene = scene,
-        bvh: Bvh = bvh,
         needs: Needs | None = None,
         planes: Sequence[SensorPlane] = (recorded,),
         frames: bool = True,
@@ -233,7 +231,6 @@ def left_out(
 
     comparisons = itertools.chain(
         lacking(scene, program, features),
-        beyond_reach(scene, bvh, program),
         unwanted(program),
     )
     return [{"scene": scene.name, **one.row(repeats)} for one in comparisons]
@@ -252,22 +249,6 @@ def lacking(
             full = program(filled, needs=full_needs(filled, feature.field))
             lean = whole if part is scene else program(part)
             yield Comparison(feature.field, feature.what, full, lean)
-
-
-def beyond_reach(scene: Scene, bvh: Bvh, program: Callable[..., Program]) -> Iterator[Comparison]:
-    """Triangles that no ray meets and whose shadows are invisible; lights without effect."""
-    met, leaves = reach.lean(scene, bvh, scene.camera)
-    what = (
-        f"{scene.triangle_count - met.triangle_count} of {scene.triangle_count} triangles and "
-        f"{bvh.leaf_count - leaves.leaf_count} of {bvh.leaf_count} leaves beyond the rays and "
-        "their shadows"
-    )
-    yield Comparison("triangles", what, program(), program(met, leaves))
-
-    what = "a light of no strength, its shadow rays, and lights behind all visible surfaces"
-    black = replace(IDLE, colour=(0.0,) * 3)
-    full, lean = (program(replace(scene, lights=[*scene.lights, one])) for one in (IDLE, black))
-    yield Comparison("dark_lights", what, full, lean)
 
 
 def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:

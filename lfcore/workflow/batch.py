@@ -17,7 +17,6 @@ from lfcore.scene.files import load_scene
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
-from lfcore.tracing import reach
 from lfcore.tracing.bvh import Bvh, load_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -30,16 +29,10 @@ def open_scene(files: Any) -> tuple[Scene, Bvh]:
     return scene, load_bvh(files.bvh)
 
 
-def open_tracer(job: Any, *, lean: bool = False) -> Tracer:
-    """A tracer of a job's scene and tree on its device.
-
-    ``lean`` leaves out triangles that no ray through the scene's own camera can meet, nor its
-    shadow rays.
-    """
-    scene, bvh = open_scene(job.input)
-    if lean:
-        scene, bvh = reach.lean(scene, bvh, scene.camera)
-    return Tracer(scene, bvh, open_device(job.params.device or None, threads=job.threads))
+def open_tracer(job: Any) -> Tracer:
+    """A tracer of a job's scene and tree on its device."""
+    device = open_device(job.params.device or None, threads=job.threads)
+    return Tracer(*open_scene(job.input), device)
 
 
 def trace_batch(

@@ -27,7 +27,6 @@ from lfcore.oracle.slab import all_pixels, slab_rays
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.reach import lean
 
 pytestmark = pytest.mark.kernels
 
@@ -260,12 +259,3 @@ def test_emitters_and_spots_are_the_oracles(device, way, spots):
 def test_highlights_of_emitters_are_the_oracles(device):
     found, expected = slab_colours(glowing(normals=True), Slab(CAMERA, 16, 6), device, **WAYS[0])
     assert (np.abs(found - expected).max(-1) > 0.01).mean() < 4e-3
-
-
-def test_own_triangles_keep_their_numbers_when_others_are_left_out():
-    here = glowing()
-    small, _ = lean(here, build_bvh(here.triangles), CAMERA)
-    assert len(small.triangles) < len(here.triangles)
-    for before, after in zip(here.lights, small.lights, strict=True):
-        kept = here.triangles[slice(*before.own)]
-        np.testing.assert_array_equal(small.triangles[slice(*after.own)], kept)

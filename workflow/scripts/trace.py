@@ -11,7 +11,7 @@ from lfcore.workflow.job import job
 with job(snakemake) as (_, params, output):
     watch = Stopwatch()
     with watch.part("set_up"):
-        tracer = open_tracer(snakemake, lean=True)
+        tracer = open_tracer(snakemake)
         scene, device = tracer.scene, tracer.device
         slab = Slab.of(scene.camera, int(snakemake.wildcards.n), params.pixels)
         tiles = cases.tiles(params, slab.views)[slice(*params.batch)]
