@@ -125,23 +125,6 @@ def skipping(name: str) -> Iterator[None]:
         say(f"SKIPPED {name}: {error}")
 
 
-def array_methods(tracer: Tracer, array: CameraArray) -> list[Method]:
-    """Ours of a camera array: into the memory of the turn before, as Mitsuba's allocator does, and
-    into new memory, whose pages come from the system every time."""
-    made: dict = {}
-
-    def again() -> None:
-        made["image"] = trace_array(tracer, array, out=made.get("image"))
-
-    return [
-        Method(name, "array", partial(clocked, work, array.rays), ours=True)
-        for name, work in (
-            (NAME, again),
-            (f"{NAME}, new memory", partial(trace_array, tracer, array)),
-        )
-    ]
-
-
 def all_rows(options) -> list[dict]:
     rows = []
     for name in options.scenes:
@@ -175,7 +158,8 @@ def of_array(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iter
     grid = ARRAYS[tracer.scene.name]
     size = (views,) * 2, (options.pixels,) * 2
     array = CameraArray.on_grid(size[0], grid["bounds_m"], grid["fov_deg"], size[1])
-    yield from array_methods(tracer, array)
+    work = partial(clocked, partial(trace_array, tracer, array), array.rays)
+    yield Method(NAME, "array", work, ours=True)
     if "mitsuba" in peers:
         with skipping("mitsuba"):
             yield peers["mitsuba"].of_array(array)

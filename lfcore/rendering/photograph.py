@@ -94,7 +94,6 @@ def direct_thin_lens(
     samples_per_pixel: int,
     *,
     first: int = 0,
-    progress: Progress | None = None,
 ) -> np.ndarray:
     """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
 
@@ -112,6 +111,4 @@ def direct_thin_lens(
     for start in range(0, samples_per_pixel, chunk):
         part = replace(bundles, elements=bundles.elements[start : start + chunk])
         total += tracer.bundle_radiance(part).sum(0, dtype=np.float64)
-        if progress is not None:
-            progress(min(start + chunk, samples_per_pixel), samples_per_pixel)
     return (total / samples_per_pixel).astype(np.float32)

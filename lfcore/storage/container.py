@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -47,7 +47,6 @@ def join_segments(
     spec: Encoding | None = None,
     content: dict | None = None,
     depth: DepthSegments | None = None,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Metadata:
     """Write the light field file ``path`` from one segment a tile, in the order of tiles.
 
@@ -88,7 +87,7 @@ def join_segments(
             remedy="Cut the light field into larger tiles: raise tile_mib",
         )
     with whole_file(path) as file, named_errors(path, "joining segments"):
-        _mux(file, streams, {TAG: text}, progress)
+        _mux(file, streams, {TAG: text})
     return metadata
 
 
@@ -177,12 +176,7 @@ def _check(file: Path, info: SegmentInfo, tile: Tile, layout: FrameLayout) -> No
         )
 
 
-def _mux(
-    file: WholeFile,
-    streams: list[_Stream],
-    tags: dict[str, str],
-    progress: Callable[[int, int], None] | None,
-) -> None:
+def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     written = []
     for stream in streams:
@@ -193,13 +187,11 @@ def _mux(
         written.append(made)
     output.metadata.update(tags)
     runs = [stream.segments(made) for stream, made in zip(streams, written, strict=True)]
-    for done, segments in enumerate(zip(*runs, strict=True), 1):
+    for segments in zip(*runs, strict=True):
         # Frame by frame in turn: the muxer holds back what comes before its time.
         for packets in zip(*segments, strict=True):
             for packet in packets:
                 output.mux_one(packet)
-        if progress:
-            progress(done, len(streams[0].infos))
     output.close()
 
 

@@ -17,7 +17,6 @@ from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
@@ -29,10 +28,6 @@ from lfcore.tracing.plan import Plan, probe
 
 CHUNK_RAYS = 1 << 24
 """Rays whose results a device with memory of its own holds at a time."""
-LAUNCH_RAYS = 1 << 22
-"""Rays of one launch where progress is asked for: it is told between launches."""
-PER_RAY = {"triangle": 1, "depth": 1, "radiance": 3, "weights": 3}
-"""Numbers per ray of each array that a job fills."""
 STREAM_BYTES = 32 << 20
 """Images larger than this go past the caches, which would not hold them until they are read."""
 
@@ -44,7 +39,6 @@ def fill_arrays(
     arrays: Mapping[str, np.ndarray],
     *,
     across: int = 1,
-    progress: Progress | None = None,
     **inputs: Any,
 ) -> None:
     """Trace bundles into arrays of the host, whose parts follow each other as elements do.
@@ -55,18 +49,15 @@ def fill_arrays(
     coordinates : of the elements, as for :meth:`lfcore.tracing.tracer.Tracer.bundle_hits`.
     arrays : the sink's arguments that are written.
     across : of an image: element e is at row e // across, column e % across.
-    progress : called with (elements done, elements).
     inputs : the sink's other arguments.
 
     Raises
     ------
-    OpticsError : bundles, coordinates or memory of another shape or type.
+    OpticsError : bundles or coordinates of another shape or type.
     """
     check_sets(sets, across)
     first, device = sets[0], job.scene.device
     count, rays = len(first.elements), first.columns * first.traced_rows
-    for name, array in arrays.items():
-        check_target(array, count * rays * PER_RAY[name], name)
     # A CPU writes the host's own memory: nothing is copied, so nothing need be cut.
     step = count if device.is_cpu else max(1, CHUNK_RAYS // (across * rays)) * across
     for start in range(0, count, max(1, step)):
@@ -81,20 +72,11 @@ def fill_arrays(
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
         some = [replace(one, elements=one.elements[start:stop]) for one in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
-        packets = job.shape.packets_per_group(first.columns, first.traced_rows)
-        most = max(1, LAUNCH_RAYS // (256 * job.shape.blocks * packets)) if progress else count
-        launches = list(
-            zip(*(_launches(job.shape, one, places, most) for one in some), strict=True)
-        )
-        for number, launch in enumerate(launches):
-            for order, (bundles, groups) in enumerate(zip(some, launch, strict=True)):
-                if job.sink == "IMAGE":
-                    mode = (ADD if order else 0) | (STREAM if stream else 0)
-                    inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
-                job.launch(bundles, groups, **written, **inputs)
-            if progress:
-                device.queue.finish()
-                progress(start + (stop - start) * (number + 1) // len(launches), count)
+        for order, bundles in enumerate(some):
+            if job.sink == "IMAGE":
+                mode = (ADD if order else 0) | (STREAM if stream else 0)
+                inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
+            job.launch(bundles, _groups(job.shape, bundles, places), **written, **inputs)
         for name, piece in pieces.items():
             collect(device, written[name], piece)
 
@@ -103,24 +85,19 @@ class RepeatedPlaceError(OpticsError):
     """Two elements have one place, so they cannot share a packet."""
 
 
-def _launches(
-    shape: PacketShape, bundles: Bundles, places: np.ndarray | None, most: int
-) -> list[Groups]:
-    """The groups of bundles in parts of at most so many."""
+def _groups(shape: PacketShape, bundles: Bundles, places: np.ndarray | None) -> Groups:
     if places is not None and places.shape != (len(bundles.elements), 2):
         raise OpticsError(
             f"must have the shape {(len(bundles.elements), 2)}, not {places.shape}",
             key="coordinates",
         )
     groups = Groups.of(shape, bundles, places)
-    members = groups.members
-    if np.count_nonzero(members >= 0) != len(bundles.elements):
+    if np.count_nonzero(groups.members >= 0) != len(bundles.elements):
         raise RepeatedPlaceError(
             "two elements have the same place", key="coordinates",
             remedy="Give each place once, or no coordinates",
         )  # fmt: skip
-    parts = [members[start : start + most] for start in range(0, len(members), most)]
-    return [replace(groups, members=part) for part in parts]
+    return groups
 
 
 def check_sets(sets: Sequence[Bundles], across: int = 1) -> None:
@@ -142,17 +119,6 @@ def check_sets(sets: Sequence[Bundles], across: int = 1) -> None:
             f"{count} elements are no whole rows of {across}",
             key="across", remedy="Give a divisor of the number of elements",
         )  # fmt: skip
-
-
-def check_target(array: np.ndarray, size: int, name: str) -> None:
-    """Raise :class:`OpticsError` unless ``array`` is contiguous memory of that size and type."""
-    dtype = np.dtype(np.int32 if name == "triangle" else np.float32)
-    if not array.flags.c_contiguous or array.dtype != dtype or array.size != size:
-        raise OpticsError(
-            f"must be {size} contiguous {dtype}, not {array.dtype} of the shape {array.shape}"
-            + ("" if array.flags.c_contiguous else ", not contiguous"),
-            key="out",
-        )
 
 
 SMALLEST_SCENE = 1e-12
@@ -206,15 +172,11 @@ class ArrayTracer:
         depth : (P, N, N) float32, metres along the axis; infinity for a miss.
         """
         pixels = np.asarray(pixels).reshape(-1, 2)
-        job = self.job("HITS", probe(slab))
+        bundles = rays.macropixels(slab, pixels)
         try:
-            return _hits(job, rays.macropixels(slab, pixels), pixels)
+            return _hits(self.job("HITS", probe(slab)), bundles, pixels)
         except RepeatedPlaceError:
-            column, row = pixels.astype(np.int64).T
-            keys = row << 32 | (column & 0xFFFFFFFF)
-        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        triangle, depth = _hits(job, rays.macropixels(slab, pixels[first]), pixels[first])
-        return triangle[which], depth[which]
+            return self.bundle_hits(bundles)
 
     def bundle_hits(
         self, bundles: Bundles, coordinates: np.ndarray | None = None
@@ -260,8 +222,6 @@ class ArrayTracer:
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
         across: int,
-        out: np.ndarray | None = None,
-        progress: Progress | None = None,
     ) -> np.ndarray:
         """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
 
@@ -271,19 +231,16 @@ class ArrayTracer:
         coordinates : as for :meth:`bundle_hits`.
         across : elements in a row, a divisor of their number; element e is at row e // across,
             column e % across.
-        out : written and returned, contiguous.
-        progress : called with (part done, parts).
 
         Returns
         -------
         (E / across rows, across columns, 3) float32, linear RGB, not clamped.
         """
         check_sets(sets, across)
-        if out is None:
-            first, down = sets[0], len(sets[0].elements) // across
-            out = page_aligned((down * first.traced_rows, across * first.columns, 3))
-        self._fill_image(sets, coordinates, {"radiance": out}, across=across, progress=progress)
-        return out
+        first, down = sets[0], len(sets[0].elements) // across
+        image = page_aligned((down * first.traced_rows, across * first.columns, 3))
+        self._fill_image(sets, coordinates, {"radiance": image}, across=across)
+        return image
 
     def closest_hit(
         self, origins: np.ndarray, directions: np.ndarray

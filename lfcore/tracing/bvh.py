@@ -7,7 +7,7 @@ Building is a binned surface area heuristic, 256 bins in each of three dimension
 centroid bounds, breadth-first; nodes of at most 256 triangles take the exact sweep over their
 sorted centroids, which is the limit of infinitely many bins and, for so few, cheaper than
 filling them.  A leaf of up to 16 triangles is one SIMD test, so the heuristic charges a part of
-n triangles ceil(n / leaf_size) tests.  See ``bvh_split`` (cuts), ``bvh_binary`` (the binary
+n triangles ceil(n / 16) tests.  See ``bvh_split`` (cuts), ``bvh_binary`` (the binary
 tree), ``bvh_wide`` (the collapse to 16 children) and ``bvh_tree`` (the result, and what
 must hold for it).
 """
@@ -22,49 +22,37 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
-from lfcore.progress import Progress
 from lfcore.tracing.bvh_binary import build_binary
+from lfcore.tracing.bvh_split import LEAF_SIZE
 from lfcore.tracing.bvh_tree import Bvh, in_one_order, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
 
-LEAF_LANES = 16
 
-
-def build_bvh(
-    triangles: np.ndarray,
-    *,
-    leaf_size: int = LEAF_LANES,
-    leaf_cost: float = 1.0,
-    progress: Progress | None = None,
-) -> Bvh:
+def build_bvh(triangles: np.ndarray) -> Bvh:
     """Build a tree; equal input gives an equal tree, bit by bit.
 
     Parameters
     ----------
     triangles : (T, 3, 3) float32, T >= 0, camera space.  Degenerate and duplicate triangles
         are kept: they cost little and the caller's numbers stay valid.
-    leaf_size : most triangles in a leaf, 1 to 16.
-    leaf_cost : cost of testing a leaf in tests of a node; a larger one gives tighter leaves.
-    progress : called as ``progress(done, total)`` in triangles after each level.
 
     Raises
     ------
     SceneError
-        for another shape, a coordinate that is not finite or not below 1e30 in size, or a
-        ``leaf_size`` outside 1 to 16.
+        for another shape, or a coordinate that is not finite or not below 1e30 in size.
     """
-    triangles = _checked(triangles, leaf_size)
+    triangles = _checked(triangles)
     if not len(triangles):
         return _empty()
-    tree = build_binary(triangles, leaf_size, progress)
-    wide = collapse(tree, leaf_size, leaf_cost)
+    tree = build_binary(triangles)
+    wide = collapse(tree)
     # The triangles of each leaf, ascending, and -1 for padding.
-    lane, start, count = np.arange(LEAF_LANES), tree.start[wide.leaves], tree.count[wide.leaves]
+    lane, start, count = np.arange(LEAF_SIZE), tree.start[wide.leaves], tree.count[wide.leaves]
     position = np.minimum(start[:, None] + lane, len(tree.order) - 1)
     ids = np.sort(np.where(lane < count[:, None], tree.order[position], np.int32(UNUSED)), axis=1)
     ids[ids == UNUSED] = -1
     used = ids >= 0
-    corners = np.zeros((len(ids), LEAF_LANES, 9), np.float32)
+    corners = np.zeros((len(ids), LEAF_SIZE, 9), np.float32)
     corners[used] = in_one_order(triangles).reshape(-1, 9)[ids[used]]
     return Bvh(
         boxes=wide.boxes,
@@ -75,9 +63,7 @@ def build_bvh(
     )
 
 
-def _checked(triangles: np.ndarray, leaf_size: int) -> np.ndarray:
-    if not (isinstance(leaf_size, int) and 1 <= leaf_size <= LEAF_LANES):
-        raise SceneError(f"a leaf holds 1 to {LEAF_LANES} triangles, not {leaf_size}")
+def _checked(triangles: np.ndarray) -> np.ndarray:
     triangles = np.ascontiguousarray(triangles, np.float32)
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3):
         raise SceneError(f"triangles must be of shape (T, 3, 3), not {triangles.shape}")
@@ -99,8 +85,8 @@ def _empty() -> Bvh:
     return Bvh(
         boxes,
         np.full((1, WIDTH), UNUSED, np.int32),
-        np.zeros((0, 9, LEAF_LANES), np.float32),
-        np.zeros((0, LEAF_LANES), np.int32),
+        np.zeros((0, 9, LEAF_SIZE), np.float32),
+        np.zeros((0, LEAF_SIZE), np.int32),
         np.zeros((0, 6), np.float32),
     )
 

@@ -11,8 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lfcore.progress import Progress
-from lfcore.tracing.bvh_split import Cuts, best_cuts, ranges
+from lfcore.tracing.bvh_split import LEAF_SIZE, Cuts, best_cuts, ranges
 
 # Of a binary node, in leaf tests, when a leaf is cut further.  The collapse joins again what
 # does not pay, so this only bounds how much it has to choose from: 0 gains 2% of SAH cost over
@@ -41,7 +40,7 @@ class BinaryTree:
     hi: np.ndarray
 
 
-def build_binary(triangles: np.ndarray, leaf_size: int, progress: Progress | None) -> BinaryTree:
+def build_binary(triangles: np.ndarray) -> BinaryTree:
     """SAH tree over ``triangles`` (T, 3, 3) float32, finite, T >= 1."""
     total = len(triangles)
     boxes, centroids, identity = _prepare(triangles)
@@ -50,13 +49,12 @@ def build_binary(triangles: np.ndarray, leaf_size: int, progress: Progress | Non
 
     start, count = np.array([0]), np.array([total])
     lefts: list[np.ndarray] = []
-    starts, counts, levels, done = [start], [count], [0, 1], 0
+    starts, counts, levels = [start], [count], [0, 1]
     while len(start):
-        cut, axis, k = _decide(boxes, centroids, order, start, count, leaf_size, len(lefts))
+        cut, axis, k = _decide(boxes, centroids, order, start, count, len(lefts))
         left = np.full(len(start), -1)
         left[cut] = levels[-1] + 2 * np.arange(len(cut))
         lefts.append(left)
-        done += int(count.sum() - count[cut].sum())
         start, count = start[cut], count[cut]
         _partition(order, goes_right, start, count, axis, k)
         start = np.stack([start, start + k], 1).ravel()
@@ -65,8 +63,6 @@ def build_binary(triangles: np.ndarray, leaf_size: int, progress: Progress | Non
             starts.append(start)
             counts.append(count)
             levels.append(levels[-1] + len(start))
-        if progress:
-            progress(done, total)
     left, start, count = (np.concatenate(parts) for parts in (lefts, starts, counts))
     lo, hi = _bounds(boxes, order[0], left, start, levels)
     return BinaryTree(left, start, count, levels, identity[order[0]], lo, hi)
@@ -109,24 +105,23 @@ def _decide(
     order: np.ndarray,
     start: np.ndarray,
     count: np.ndarray,
-    leaf_size: int,
     depth: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which nodes to cut (indices), and how (axis, k): the rest become leaves."""
     several = np.flatnonzero(count > 1)
     start, count = start[several], count[several]
     if depth < SAH_DEPTH:
-        cuts = best_cuts(boxes, centroids, order, start, count, leaf_size)
+        cuts = best_cuts(boxes, centroids, order, start, count)
     else:
         cuts = Cuts.empty(len(several))
     # No two centroids differ, the node is a point or a segment along an axis, or the tree is
     # too deep: areas say nothing, halve the count, in whole leaves.
     blind = ~np.isfinite(cuts.cost) | (cuts.area == 0)
-    halves = leaf_size * -(-count // (2 * leaf_size))
+    halves = LEAF_SIZE * -(-count // (2 * LEAF_SIZE))
     axis = np.where(blind, _widest(centroids, order, start, count), cuts.axis)
     k = np.where(blind, halves, cuts.k)
     worthwhile = ~blind & (cuts.cost + NODE_COST * cuts.area < cuts.area)
-    cut = (count > leaf_size) | worthwhile
+    cut = (count > LEAF_SIZE) | worthwhile
     return several[cut], axis[cut], k[cut]
 
 

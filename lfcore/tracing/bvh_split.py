@@ -21,6 +21,8 @@ from itertools import pairwise
 
 import numpy as np
 
+LEAF_SIZE = 16
+"""The triangles that one leaf test takes."""
 BINS = 256
 CHUNK = 1 << 18  # entries of one padded table: long rows for numpy, yet tens of MB at most
 # Cuts of equal cost are told apart by balance, or a heap of identical triangles would be cut
@@ -63,7 +65,6 @@ def best_cuts(
     order: np.ndarray,
     start: np.ndarray,
     count: np.ndarray,
-    leaf_size: int,
 ) -> Cuts:
     """The cheapest cut of every node.
 
@@ -73,7 +74,6 @@ def best_cuts(
     centroids : (3, T) float32.
     order : (3, T) int64, see the module.
     start, count : (A,) int64, the nodes; every count at least 2.
-    leaf_size : triangles that one leaf test takes.
     """
     cuts = Cuts.empty(len(start))
     width = 2
@@ -81,10 +81,10 @@ def best_cuts(
         low, width = width, width * 2
         chosen = np.flatnonzero((count >= (low if low == 2 else low + 1)) & (count <= width))
         for part in _chunks(chosen, max(1, CHUNK // width)):
-            _sweep(cuts, part, boxes, order, start, count, width, leaf_size)
+            _sweep(cuts, part, boxes, order, start, count, width)
     chosen = np.flatnonzero(count > BINS)
     for part in _chunks_by_size(chosen, count[chosen]):
-        _bin(cuts, part, boxes, centroids, order, start, count, leaf_size)
+        _bin(cuts, part, boxes, centroids, order, start, count)
     return cuts
 
 
@@ -126,13 +126,13 @@ def _scan_areas(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cheapest(
-    left: np.ndarray, right: np.ndarray, in_left: np.ndarray, count: np.ndarray, leaf_size: int
+    left: np.ndarray, right: np.ndarray, in_left: np.ndarray, count: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Row and cost of the cheapest of the cuts (W - 1, n); inf where none is valid."""
     in_right = count - in_left
     with np.errstate(invalid="ignore"):  # inf * 0 where a side is empty, masked below
-        cost = left * -(-in_left // leaf_size)
-        cost += right * -(-in_right // leaf_size)
+        cost = left * -(-in_left // LEAF_SIZE)
+        cost += right * -(-in_right // LEAF_SIZE)
         cost *= 1.0 + BALANCE * np.abs(in_right - in_left) / count
     cost[(in_left < 1) | (in_right < 1)] = np.inf
     row = np.argmin(cost, axis=0)
@@ -147,7 +147,6 @@ def _sweep(
     start: np.ndarray,
     count: np.ndarray,
     width: int,
-    leaf_size: int,
 ) -> None:
     """Exact: every cut between neighbours in the three orders, nodes padded to ``width``."""
     lane = np.arange(width)[:, None]
@@ -162,7 +161,7 @@ def _sweep(
         for k in range(6):
             table[:, k] = boxes[k][triangle]
         prefix, suffix = _scan_areas(table)
-        row, cost = _cheapest(prefix[:-1], suffix[1:], in_left, sizes, leaf_size)
+        row, cost = _cheapest(prefix[:-1], suffix[1:], in_left, sizes)
         cuts.improve(rows, axis, row + 1, cost)
     cuts.area[rows] = prefix[-1]
 
@@ -181,7 +180,6 @@ def _bin(
     order: np.ndarray,
     start: np.ndarray,
     count: np.ndarray,
-    leaf_size: int,
 ) -> None:
     """256 bins over the centroid bounds of each axis."""
     nodes, sizes = len(rows), count[rows]
@@ -207,6 +205,6 @@ def _bin(
         in_bin[bin_, node] = np.diff(runs, append=len(bins))
         prefix, suffix = _scan_areas(table)
         in_left = np.cumsum(in_bin, axis=0)[:-1]
-        row, cost = _cheapest(prefix[:-1], suffix[1:], in_left, sizes, leaf_size)
+        row, cost = _cheapest(prefix[:-1], suffix[1:], in_left, sizes)
         cuts.improve(rows, axis, in_left[row, np.arange(nodes)], cost)
     cuts.area[rows] = prefix[-1]

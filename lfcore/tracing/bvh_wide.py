@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.tracing.bvh_binary import BinaryTree
+from lfcore.tracing.bvh_split import LEAF_SIZE
 
 WIDTH = 16
 UNUSED = 0x7FFFFFFF
@@ -40,12 +41,9 @@ class WideTree:
     leaves: np.ndarray
 
 
-def collapse(tree: BinaryTree, leaf_size: int, leaf_cost: float) -> WideTree:
-    """The wide tree, its nodes and its leaves in breadth-first order.
-
-    ``leaf_cost`` is the cost of a leaf test in node tests.
-    """
-    as_leaf, given, used_slots = _choices(tree, leaf_size, leaf_cost)
+def collapse(tree: BinaryTree) -> WideTree:
+    """The wide tree, its nodes and its leaves in breadth-first order."""
+    as_leaf, given, used_slots = _choices(tree)
     boxes, children, leaves = [], [], []
     nodes, leaf_count = 1, 0
     # The root is a wide node even over a single leaf.
@@ -79,9 +77,7 @@ def _half_areas(tree: BinaryTree) -> np.ndarray:
     return extent[:, 0] * extent[:, 1] + (extent[:, 0] + extent[:, 1]) * extent[:, 2]
 
 
-def _choices(
-    tree: BinaryTree, leaf_size: int, leaf_cost: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _choices(tree: BinaryTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the optimum does at each node.
 
     Returns ``as_leaf`` (n,): with one slot, be a leaf and not a wide node; ``given``
@@ -103,7 +99,7 @@ def _choices(
                 tree.left[part] - below_first,
                 below,
                 area[part],
-                np.where(tree.count[part] <= leaf_size, leaf_cost * area[part], np.inf),
+                np.where(tree.count[part] <= LEAF_SIZE, area[part], np.inf),
                 given[part],
                 used_slots[part],
                 as_leaf[part],

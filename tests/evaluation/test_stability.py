@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scattered_planes import form_plane
 
 from lfcore import DeviceError, SceneError, StorageError, Tracer
 from lfcore.evaluation.stability import light, measurement, naive, primitives, shapes, tested_tracer
@@ -18,7 +19,6 @@ from lfcore.evaluation.stability.measurement import (
 )
 from lfcore.evaluation.stability.report import CASES
 from lfcore.oracle.intersect import closest_hits
-from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.tracing.bvh import build_bvh
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from plain_scenes import refused
+from scattered_planes import form_plane
 
 from lfcore import Aperture, Camera, SensorPlane, Slab
 from lfcore.optics import bundles
@@ -18,7 +19,6 @@ from lfcore.optics.camera import check_focus, image_distance
 from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums, ray_counts, targets, total
 from lfcore.optics.planes import SHAPES
 from lfcore.optics.ray_cells import crossed_views, lens_cells, plain_views
-from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_rays
 
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_scenes import CAMERA, scene, wall
+from scattered_planes import form_plane
 
 from lfcore import SensorPlane, Slab
 from lfcore.evaluation.stability import shapes
 from lfcore.oracle.intersect import closest_hits, occluded
-from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
 
 UNIT = np.float32([[[0, 0, 2], [1, 0, 2], [0, 1, 2]]])

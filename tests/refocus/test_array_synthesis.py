@@ -1,5 +1,6 @@
 """Synthesis from camera arrays: kernels against float64 references, and what must hold."""
 
+import array_reference as reference
 import numpy as np
 import pytest
 from plain_scenes import refused
@@ -7,7 +8,7 @@ from plain_scenes import refused
 from lfcore import CameraArray
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import focal_surface as surfaces
-from lfcore.refocus.array import reference, sampling
+from lfcore.refocus.array import sampling
 from lfcore.refocus.array.device_field import DeviceField
 from lfcore.refocus.array.synthesis import (
     film_rays,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_scenes import CHART, refused
+from scattered_planes import form_plane
 from scipy.ndimage import map_coordinates
 from stored_fields import tile_frames, write_field
 
@@ -19,7 +20,6 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.optics.array import thin_lens
 from lfcore.optics.camera import image_distance
 from lfcore.optics.planes import SHAPES
-from lfcore.oracle.planes import form_plane
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views

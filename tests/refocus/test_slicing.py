@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from plain_scenes import refused
+from scattered_planes import form_plane
 from stored_fields import write_field
 
 from lfcore import Camera, FrameLayout, Lattice, SensorPlane, Slab, open_device, render
@@ -15,7 +16,6 @@ from lfcore.lightfield import LightField
 from lfcore.opencl.device import cl
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE, targets
-from lfcore.oracle.planes import form_plane
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer, frame_chunks

@@ -10,7 +10,8 @@ from tracing_scenes import mesh
 from lfcore import SceneError
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
-from lfcore.tracing.bvh_wide import UNUSED
+from lfcore.tracing.bvh_tree import depths, in_one_order, shape_problem
+from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 FIELDS = ("boxes", "children", "leaves", "leaf_ids", "leaf_boxes")
 
@@ -50,17 +51,43 @@ CASES = {
 }
 
 
+def bounds(points, there):
+    """(n, 6) of points (n, k, 3), as far as they are there."""
+    low, high = (np.where(there[..., None], points, sign * np.inf) for sign in (1, -1))
+    return np.concatenate([low.min(1), high.max(1)], 1)
+
+
+def check(bvh, triangles):
+    """Every triangle is in exactly one leaf with its own vertices, boxes are exact bounds, children
+    are sorted, and every node and leaf is reached once."""
+    assert shape_problem(bvh) is None
+    ids, used, corners = bvh.leaf_ids, bvh.leaf_ids >= 0, bvh.leaves.transpose(0, 2, 1)
+    np.testing.assert_array_equal(np.sort(ids[used]), np.arange(len(triangles)))
+    assert used[:, 0].all() and (used[:, :-1] | ~used[:, 1:]).all()
+    np.testing.assert_array_equal(corners[used], in_one_order(triangles).reshape(-1, 9)[ids[used]])
+    assert not corners[~used].any()
+    vertices = corners.reshape(len(ids), 48, 3)
+    np.testing.assert_array_equal(bvh.leaf_boxes, bounds(vertices, np.repeat(used, 3, axis=1)))
+    child, boxes, unused = bvh.children, bvh.boxes.transpose(0, 2, 1), bvh.children == UNUSED
+    assert (~unused[:, :-1] | unused[:, 1:]).all()
+    assert (boxes[unused] == np.repeat([LARGEST, -LARGEST], 3)).all()
+    assert (np.diff(np.where(unused, LARGEST, boxes[:, :, 2]), axis=1) >= 0).all()
+    assert (~unused[1:]).any(axis=1).all()
+    assert sum(map(len, depths(bvh))) == len(child)
+    is_leaf, is_inner = child < 0, (child >= 0) & ~unused
+    nodes = bounds(boxes[:, :, :3], ~unused), bounds(boxes[:, :, 3:], ~unused)
+    nodes = np.concatenate([nodes[0][:, :3], nodes[1][:, 3:]], 1)
+    np.testing.assert_array_equal(boxes[is_leaf], bvh.leaf_boxes[-1 - child[is_leaf]])
+    np.testing.assert_array_equal(boxes[is_inner], nodes[child[is_inner]])
+
+
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("leaf_size", [1, 4, 16])
-def test_invariants(name, leaf_size):
+def test_invariants(name):
     triangles = CASES[name]
-    bvh = build_bvh(triangles, leaf_size=leaf_size)
-    bvh.check(triangles)
-    assert (bvh.leaf_ids >= 0).sum(axis=1).max(initial=0) <= leaf_size
-    figures = bvh.statistics()
-    assert figures.triangles == len(triangles)
+    bvh = build_bvh(triangles)
+    check(bvh, triangles)
     # Never a chain: SAH_DEPTH binary levels and then halves.
-    assert figures.depth <= bvh_binary.SAH_DEPTH + 12
+    assert len(depths(bvh)) <= bvh_binary.SAH_DEPTH + 12
 
 
 def half_area(points):
@@ -68,18 +95,16 @@ def half_area(points):
     return extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0]
 
 
-def cost(triangles, chosen, leaf_size):
+def cost(triangles, chosen):
     sides = triangles[chosen], triangles[~chosen]
-    return sum(half_area(side) * -(-len(side) // leaf_size) for side in sides)
+    return sum(half_area(side) * -(-len(side) // 16) for side in sides)
 
 
-def root_cut(triangles, leaf_size):
+def root_cut(triangles):
     """(cost, the triangles that go left) of the cut that the builder takes at the root."""
     boxes, centroids, identity = bvh_binary._prepare(triangles)
     order = np.stack([np.argsort(c, kind="stable") for c in centroids]).astype(np.int32)
-    cuts = bvh_split.best_cuts(
-        boxes, centroids, order, np.array([0]), np.array([len(triangles)]), leaf_size
-    )
+    cuts = bvh_split.best_cuts(boxes, centroids, order, np.array([0]), np.array([len(triangles)]))
     left = np.zeros(len(triangles), bool)
     left[identity[order[cuts.axis[0], : cuts.k[0]]]] = True
     np.testing.assert_allclose(cuts.area[0], half_area(triangles), rtol=1e-12)
@@ -90,16 +115,16 @@ def root_cut(triangles, leaf_size):
 def test_a_cut_is_the_cheapest_of_all_or_of_255_planes_an_axis(count):
     """Small nodes are swept, large ones are binned."""
     triangles = soup(count, seed=count, size=0.2)
-    found, left = root_cut(triangles, 16)
+    found, left = root_cut(triangles)
     place = (triangles.min(1) * np.float32(0.5) + triangles.max(1) * np.float32(0.5)).astype(float)
     if count > 256:
         place = np.minimum((place - place.min(0)) * (256 / np.ptp(place, axis=0)), 255).astype(int)
     brute = min(
-        cost(triangles, place[:, axis] < at, 16)
+        cost(triangles, place[:, axis] < at)
         for axis in range(3)
         for at in np.unique(place[:, axis])[1:]
     )
-    assert cost(triangles, left, 16) == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
+    assert cost(triangles, left) == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
     assert found == pytest.approx(brute, rel=2 * bvh_split.BALANCE)
 
 
@@ -116,14 +141,14 @@ def test_many_nodes_at_once_equal_one_at_a_time():
     for first, size in zip(start, count, strict=True):
         part = slice(first, first + size)
         order[:, part] = first + np.argsort(centroids[:, part], axis=1, kind="stable")
-    together = bvh_split.best_cuts(boxes, centroids, order, start, count, 16)
+    together = bvh_split.best_cuts(boxes, centroids, order, start, count)
     for i in range(len(sizes)):
-        alone = bvh_split.best_cuts(boxes, centroids, order, start[i : i + 1], count[i : i + 1], 16)
+        alone = bvh_split.best_cuts(boxes, centroids, order, start[i : i + 1], count[i : i + 1])
         for field in dataclasses.fields(alone):
             assert getattr(alone, field.name)[0] == getattr(together, field.name)[i]
 
 
-def least_cost(tree, area, node, slots, leaf_size, leaf_cost, known):
+def least_cost(tree, area, node, slots, known):
     """The recurrence of bvh_wide, literally."""
     key = node, slots
     if key in known:
@@ -134,37 +159,27 @@ def least_cost(tree, area, node, slots, leaf_size, leaf_cost, known):
             return np.inf
         one, two = tree.left[node], tree.left[node] + 1
         return min(
-            least_cost(tree, area, one, k, leaf_size, leaf_cost, known)
-            + least_cost(tree, area, two, slots - k, leaf_size, leaf_cost, known)
+            least_cost(tree, area, one, k, known) + least_cost(tree, area, two, slots - k, known)
             for k in range(1, slots)
         )
 
     if slots == 1:
-        leaf = leaf_cost * area[node] if tree.count[node] <= leaf_size else np.inf
+        leaf = area[node] if tree.count[node] <= 16 else np.inf
         known[key] = min(leaf, area[node] + best_split(16))
     else:
-        fewer = least_cost(tree, area, node, slots - 1, leaf_size, leaf_cost, known)
+        fewer = least_cost(tree, area, node, slots - 1, known)
         known[key] = min(fewer, best_split(slots))
     return known[key]
 
 
-@pytest.mark.parametrize("leaf_size", [3, 16])
-@pytest.mark.parametrize("leaf_cost", [0.5, 1.0, 4.0])
-def test_collapse_is_the_cheapest_of_all(leaf_size, leaf_cost):
+def test_collapse_is_the_cheapest_of_all():
     triangles = soup(1500, size=0.1)
-    figures = build_bvh(triangles, leaf_size=leaf_size, leaf_cost=leaf_cost).statistics()
-    tree = bvh_binary.build_binary(triangles, leaf_size, None)
+    bvh, tree = build_bvh(triangles), bvh_binary.build_binary(triangles)
     area = bvh_wide._half_areas(tree)
-    least = least_cost(tree, area, 0, 1, leaf_size, leaf_cost, {})
-    found = (figures.node_cost + leaf_cost * figures.leaf_cost) * area[0]
-    assert found == pytest.approx(least, rel=1e-9)
-
-
-def test_progress_ends_at_the_total():
-    calls = []
-    build_bvh(soup(2000), progress=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (2000, 2000)
-    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+    sides = (bvh.boxes[:, 3:].astype(float) - bvh.boxes[:, :3]).swapaxes(0, 1)
+    x, y, z = np.where(bvh.children != UNUSED, sides, 0)
+    found = area[0] + (x * y + y * z + z * x).sum()
+    assert found == pytest.approx(least_cost(tree, area, 0, 1, {}), rel=1e-9)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30, 3e38])
@@ -174,10 +189,8 @@ def test_refuses_coordinates_that_are_no_place(bad):
     refused("number 7", build_bvh, triangles)
 
 
-def test_refuses_wrong_shapes_and_leaf_sizes():
+def test_refuses_wrong_shapes():
     refused(r"\(T, 3, 3\)", build_bvh, np.zeros((3, 3), np.float32))
-    for leaf_size in (0, 17, 2.0):
-        refused("1 to 16", build_bvh, soup(3), leaf_size=leaf_size)
 
 
 def broken(bvh, name, change):
@@ -208,12 +221,8 @@ def test_check_sees_each_kind_of_damage():
         ("boxes", swap_boxes),
     ]
     for name, change in damage:
-        with pytest.raises(SceneError):
-            broken(bvh, name, change).check(triangles)
-    swapped = broken(broken(bvh, "children", swap), "boxes", swap_boxes)
-    refused("sorted", swapped.check, triangles)
-    with pytest.raises(SceneError):
-        bvh.check(triangles[:-1])
+        with pytest.raises((AssertionError, SceneError)):
+            check(broken(bvh, name, change), triangles)
 
 
 def test_saved_and_loaded(tmp_path):

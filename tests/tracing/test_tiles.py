@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scattered_planes import form_plane
 from tracing_scenes import (
     CAMERA,
     closed_room,
@@ -23,7 +24,6 @@ from lfcore import DeviceError, FrameLayout, SensorPlane, Slab, Tracer, open_dev
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.oracle import colour as truth
-from lfcore.oracle.planes import form_plane
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.pixels import PIXEL_FORMATS

@@ -7,5 +7,5 @@ from lfcore.workflow.job import job
 with job(snakemake) as (given, _, output):
     scene = load_scene(given.scene)
     bvh = build_bvh(scene.triangles)
-    print(bvh.statistics())
+    print(f"{len(bvh.children)} nodes, {bvh.leaf_count} leaves")
     save_bvh(output[0], bvh)

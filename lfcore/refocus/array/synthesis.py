@@ -1,4 +1,4 @@
-"""Pictures from a camera array by each method; slow references are in the module ``reference``.
+"""Pictures from a camera array by each method.
 
 Each returns a :class:`~lfcore.refocus.array.device_field.Synthesis` and raises :class:`OpticsError`
 for settings that make no picture.
