@@ -68,15 +68,10 @@ def isaksen(
     q = inverse_depth(surface, camera, origins, directions, film)
     s, t = _crossing(origins, directions)
     total, weights = np.zeros((len(film), 3)), np.zeros(len(film))
-    closed = filter_width_m == 0
-    nearest = _nearest(array, s, t) if closed else np.zeros(0)
     for j, row in enumerate(array.rows_m):
         for i, column in enumerate(array.columns_m):
-            if closed:
-                weight = np.equal(nearest, j * len(array.columns_m) + i).astype(np.float64)
-            else:
-                distance = np.hypot(s - column, t - row)
-                weight = np.maximum(1.0 - distance / filter_width_m, 0.0)
+            distance = np.hypot(s - column, t - row)
+            weight = np.maximum(1.0 - distance / filter_width_m, 0.0)
             which = np.full(len(film), i), np.full(len(film), j)
             values, inside = seen(tiles, array, *which, origins, directions, q)
             weight = np.where(inside, weight, 0.0)
@@ -85,15 +80,6 @@ def isaksen(
     safe = np.where(weights > 0, weights, 1.0)
     covered = (weights > 0).astype(np.float64)
     return _pictures(total / safe[:, None], covered, camera)
-
-
-def _nearest(array: CameraArray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Number of the data camera nearest to (s, t); -1 where the ray is outside the array."""
-    columns, rows = np.asarray(array.columns_m), np.asarray(array.rows_m)
-    finite = np.isfinite(s)
-    i = np.abs(np.where(finite, s, 0)[:, None] - columns).argmin(1)
-    j = np.abs(np.where(finite, t, 0)[:, None] - rows).argmin(1)
-    return np.where(_within(array, s, t), j * len(columns) + i, -1)
 
 
 def _within(array: CameraArray, s: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -115,8 +115,7 @@ def test_a_function_is_the_surface_it_describes(field, image, array):
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (4, 0), (2, 3)])
-@pytest.mark.parametrize("width", [0.0, 0.01])
-def test_a_closed_filter_gives_the_data_camera_back(device, corner, width):
+def test_a_narrow_filter_gives_the_data_camera_back(device, corner):
     """At a data camera's position the picture is that camera's own, even of pure noise."""
     array = CameraArray.on_grid((5, 4), (-0.5, 0.7, -0.4, 0.3), 50.0, (64, 64))
     noise = np.random.default_rng(3).random((4 * 64, 5 * 64, 3), np.float32)
@@ -126,7 +125,7 @@ def test_a_closed_filter_gives_the_data_camera_back(device, corner, width):
     expected = array.tiles(noise)[j, i]
     field = DeviceField(device, noise, array)
     for surface in (surfaces.parallel(6.8), surfaces.SphereSurface([0, 0, 5], 2)):
-        found = isaksen(field, camera, surface, width)
+        found = isaksen(field, camera, surface, 0.01)
         assert found.skipped_share == 0
         np.testing.assert_allclose(found.image, expected, atol=1e-4)
     one = quadrature(field, camera, surfaces.parallel(6.8), 1, 1)
@@ -243,7 +242,7 @@ def test_a_narrow_realistic_lens_is_a_pinhole_the_right_way_up(device, lens):
 
 def test_refusals(field):
     camera = tilted_camera()
-    refused("filter_width_m", isaksen, field, camera, surfaces.parallel(2), -1.0)
+    refused("filter_width_m", isaksen, field, camera, surfaces.parallel(2), 0.0)
     refused("samples_per_pixel", monte_carlo, field, camera, surfaces.parallel(2), 0)
     refused("sampler", monte_carlo, field, camera, surfaces.parallel(2), 4, sampler="sobol")
     refused("behind", surfaces.parallel, -1)

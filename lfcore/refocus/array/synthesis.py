@@ -24,14 +24,14 @@ def isaksen(
 ) -> Synthesis:
     """Blend the data cameras within ``filter_width_m`` of each pixel's central ray.
 
-    That is the radius on the camera plane at which the cone reaches zero; 0 is a closed filter: the
-    nearest data camera alone.  The camera's lens plays no part.
+    That is the radius on the camera plane at which the cone reaches zero.  The camera's lens plays
+    no part.
 
     Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light Fields", SIGGRAPH 2000, figure 4;
     the assignment's step 3.
     """
-    if not filter_width_m >= 0:
-        raise OpticsError(f"must not be {filter_width_m}", key="filter_width_m")
+    if not filter_width_m > 0:
+        raise OpticsError(f"must be above 0, not {filter_width_m}", key="filter_width_m")
     kernel = field.kernel("isaksen.cl", "isaksen")
     arguments = (*field.arguments(camera, surface), np.float32(filter_width_m))
     return field.run_rows(kernel, camera, arguments)

@@ -18,19 +18,9 @@ kernel void isaksen(
     const float q =
         surface_inverse_depth(&surface, map, &view, origin, direction, u + 0.5f, v + 0.5f);
     float s, t, share;
-    const bool inside = crossing(&array, origin, direction, &s, &t);
-    const bool ahead = direction.z > 0.0f;
+    crossing(&array, origin, direction, &s, &t);
     Sum sum = sum_zero();
-    // A closed filter is the nearest data camera alone.
-    if (filter_width == 0.0f) {
-        int i = interval(columns, array.columns, inside ? s : columns[0], &share);
-        i += share > 0.5f;
-        int j = interval(rows, array.rows, inside ? t : rows[0], &share);
-        j += share > 0.5f;
-        add_lookup(
-            &sum, inside ? 1.0f : 0.0f, image, &array, i, j, columns[i], rows[j],
-            origin, direction, q);
-    } else if (ahead) {
+    if (direction.z > 0.0f) {
         const int first = interval(columns, array.columns, s - filter_width, &share);
         int j = interval(rows, array.rows, t - filter_width, &share);
         for (; j < array.rows && rows[j] < t + filter_width; ++j) {
