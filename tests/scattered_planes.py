@@ -6,13 +6,8 @@ a ray from x_f to ``x_f + s (delta' - delta)``.
 
 import numpy as np
 
-from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
 
-
-def form_plane(
-    slab: Slab, plane: SensorPlane, light: np.ndarray, *, bilinear: bool = False
-) -> np.ndarray:
+def form_plane(slab, plane, light, *, bilinear=False):
     """One picture (H, W, 3) float64, linear light, row v and column u, of all rays of the slab,
     (rows, columns, N, N, 3) indexed [v, u, j, i].
 
@@ -35,9 +30,7 @@ def form_plane(
     return picture / np.where(weight > 0, weight, 1)
 
 
-def _targets(
-    slab: Slab, plane: SensorPlane, sample: int, axis: int, bilinear: bool
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def _targets(slab, plane, sample, axis, bilinear):
     """(pixel of the picture, share) of the rays of the pixels held through one lens column (axis 0)
     or row (1); what falls beside the picture has no share."""
     size, (first, count) = plane.pixels or slab.pixels, slab.held.pixels[axis::2]
