@@ -1,5 +1,5 @@
 // Radiance along rays from the tiles of a camera array.  The float64 reference is
-// lfcore/refocus/array/reference.py; names agree.
+// tests/refocus/array_reference.py; names agree.
 //
 // -DHALF=1: the image holds 16-bit floats.  Structs mirror the dtypes of device_field.py.
 
