@@ -583,8 +583,7 @@ def trace_array(
     -----
     Source: CS348b's third assignment; pbrt's light field camera.
     """
-    from lfcore.rendering.photograph import photograph
-    from lfcore.rendering.shutter import trace_shutter
+    from lfcore.rendering.photograph import photograph, trace_shutter
 
     _check_scene(scene)
     if array is None:

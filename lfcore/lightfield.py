@@ -31,7 +31,7 @@ from lfcore.refocus.resampling import FILTERS
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_depth import picture_side, slice_stored
-from lfcore.refocus.views import read_views
+from lfcore.refocus.stored_views import read_views
 from lfcore.storage.codecs import Encoding
 
 if TYPE_CHECKING:  # what most uses of a file do without is imported where it is used

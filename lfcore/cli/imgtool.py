@@ -110,7 +110,7 @@ def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[st
 
         found = read_array(path)
         return found.image, found.array, found.extra
-    from lfcore.refocus.views import read_stored
+    from lfcore.refocus.stored_views import read_stored
     from lfcore.storage.lightfield import LightFieldFile
 
     field = LightFieldFile.open(path)

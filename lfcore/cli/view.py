@@ -137,7 +137,7 @@ def _picture(arguments: argparse.Namespace) -> None:
 
 def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray:
     from lfcore.refocus.free_views import served_positions
-    from lfcore.refocus.views import read_views
+    from lfcore.refocus.stored_views import read_views
 
     count = arguments.grid
     if field.displaced:

@@ -16,7 +16,7 @@ from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
 from lfcore.refocus.free_views import FreeViews, served_positions
-from lfcore.refocus.views import read_views
+from lfcore.refocus.stored_views import read_views
 from lfcore.rendering.prepared import open_dark_tracer
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene

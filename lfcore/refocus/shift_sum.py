@@ -17,10 +17,9 @@ from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import crop, normalise, taps
-from lfcore.refocus.stored_views import TakesViews, add_frames
+from lfcore.refocus.stored_views import GROUP_BYTES, TakesViews, add_frames
 from lfcore.storage.lightfield import LightFieldFile
 
-GROUP_BYTES = 64 << 20
 MOST_VIEWS = 4095  # of a group: 32-bit sums hold no more
 _SOURCE = "refocus/kernels/shift_sum.cl"
 

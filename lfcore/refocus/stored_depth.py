@@ -11,8 +11,7 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import all_samples
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
-from lfcore.refocus.stored_views import add_frames, frame_planes
-from lfcore.refocus.views import read_views
+from lfcore.refocus.stored_views import add_frames, frame_planes, read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 VIEWS_RAYS = 1 << 20

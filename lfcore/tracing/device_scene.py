@@ -12,8 +12,7 @@ from lfcore.opencl.device import Device
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
-from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.bvh_tree import depths
+from lfcore.tracing.bvh import Bvh, depths
 from lfcore.tracing.cut_outs import pack_cut_outs
 from lfcore.tracing.layouts import MOST_LEVELS, record
 from lfcore.tracing.surfaces import pack_surfaces

@@ -17,7 +17,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.stored_depth import picture_side, read_depths
-from lfcore.refocus.views import read_views
+from lfcore.refocus.stored_views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096

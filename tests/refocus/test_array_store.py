@@ -14,7 +14,7 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.exr import read_exr_picture
 from lfcore.refocus.from_views import store_array
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.refocus.views import read_stored
+from lfcore.refocus.stored_views import read_stored
 from lfcore.storage.tiled_exr import read_array, write_array
 
 LOSSLESS = Encoding("ffv1", "yuv444p", crf=0, preset=None, tune=None)

@@ -24,7 +24,7 @@ from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stac
 from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
 from lfcore.refocus.slicing import form_planes
-from lfcore.refocus.views import read_stored, read_views
+from lfcore.refocus.stored_views import read_stored, read_views
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 PLANES = [

@@ -20,7 +20,7 @@ from lfcore.pictures import read_codes
 from lfcore.refocus import depth_slicing, stored_depth
 from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
-from lfcore.refocus.views import read_views
+from lfcore.refocus.stored_views import read_views
 from lfcore.rendering import by_depth
 from lfcore.rendering.by_depth import trace_by_depth, traced_views
 from lfcore.rendering.depth import depth_of_views

@@ -89,7 +89,7 @@ def test_samples_outside_the_lens_are_refused(tracer):
 @pytest.mark.kernels
 @pytest.mark.parametrize("kind", ["views", "macropixels"])
 def test_views_read_in_bulk_are_those_read_alone(tmp_path, kind):
-    from lfcore.refocus.views import read_views
+    from lfcore.refocus.stored_views import read_views
 
     path, out = tmp_path / "chart.mkv", tmp_path / "depth.npz"
     codec = ["--depth", "none", "--codec", f"ffv1,layout={kind}"]

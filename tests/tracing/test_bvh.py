@@ -9,8 +9,7 @@ from tracing_scenes import mesh
 
 from lfcore import SceneError
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
-from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
-from lfcore.tracing.bvh_tree import depths, in_one_order, shape_problem
+from lfcore.tracing.bvh import build_bvh, depths, in_one_order, load_bvh, save_bvh, shape_problem
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 FIELDS = ("boxes", "children", "leaves", "leaf_ids", "leaf_boxes")
