@@ -18,6 +18,7 @@ from lfcore.refocus.slicing import form_planes
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import Tile
+from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
@@ -82,7 +83,7 @@ def _retrieved(
     tracer: Tracer, file: Path, planes: Sequence[SensorPlane], pictures: np.ndarray, rays: int
 ) -> dict[str, float]:
     """Columns of a light field file of so many rays, whose planes should be ``pictures``."""
-    read = form_planes(file, planes, threads=1, device=tracer.device.name)
+    read = form_planes(LightFieldFile.open(file), planes, threads=1, device=tracer.device.name)
     quality = picture_quality(read.sums.pictures(), pictures)
     size = file.stat().st_size
     found = sizes(rays=rays, video_bytes=size)

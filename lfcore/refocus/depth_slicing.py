@@ -204,11 +204,7 @@ class DepthSlicer:
         fits = fits and (views, columns) == (len(self.views.positions[part]), size.width)
         if not fits or first_row + rows > size.height:
             raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
-        self._add_rays(part, *held_rays(self.device, light, depth), first_row)
-
-    def add_held(self, part: slice | np.ndarray, rays: HeldRays) -> None:
-        """As :meth:`add`, of :func:`held_rays` of whole views."""
-        self._add_rays(part, *rays)
+        self.add_held(part, *held_rays(self.device, light, depth), first_row)
 
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
@@ -219,12 +215,13 @@ class DepthSlicer:
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
         shown = _shown(self.device, codes, codes.dtype)
-        self._add_rays(part, light, shown, self._table[ends], first_row)
+        self.add_held(part, light, shown, self._table[ends], first_row)
 
-    def _add_rays(
+    def add_held(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
         first_row: int = 0,
     ) -> None:  # fmt: skip
+        """As :meth:`add`, of :func:`held_rays`."""
         device, (views, rows, _) = self.device, ranges.shape
         self._add(
             device.queue,

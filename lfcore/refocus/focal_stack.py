@@ -15,7 +15,6 @@ where slicing lands within one half.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -233,7 +232,7 @@ def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> No
 
 
 def focal_stack(
-    source: LightFieldFile | str | Path,
+    field: LightFieldFile,
     planes: Sequence[SensorPlane],
     *,
     tolerance_px: float = 0.5,
@@ -241,7 +240,6 @@ def focal_stack(
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """(P, M, M, 3) float32, linear light, from a stored light field in either layout."""
-    field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(
         field.require_grid(), planes, tolerance_px=tolerance_px, device=device, layout=field.layout

@@ -110,7 +110,7 @@ class FreeViews:
             self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
             self.field.layout.stops, self.device,
         )  # fmt: skip
-        slicer.add_held(slice(None), self._rays)
+        slicer.add_held(slice(None), *self._rays)
         return slicer.pictures()[0]
 
     def _nearest(self, point: np.ndarray) -> np.ndarray:

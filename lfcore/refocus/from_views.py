@@ -23,7 +23,6 @@ from lfcore.optics.slab import Extent, Slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import MOST_LIGHT
-from lfcore.storage.metadata import Metadata
 from lfcore.storage.views_store import store_views
 
 if TYPE_CHECKING:
@@ -59,52 +58,44 @@ def store_arrays(
     digest = scene_digest(scene) if scene else None
     make_folder(path.parent)
     rows, columns = views.shape[:2]
+    recorded: Slab | CameraArray
+    peak = content = None
     if isinstance(geometry, CameraArray):
-        if views.dtype in CODES:
-            raise OpticsError("of a camera array are linear light, not codes", key="views")
+        recorded, white = geometry, _white(path, views, geometry, white)
         spec = chosen_encoding(columns, encoding)
-        store_array(
-            path, views, geometry, spec, name=name, digest=digest, white=white, progress=progress
-        )
-        return
-    if views.dtype == np.uint8 and encoding.codec == "ffv1" and encoding.pixel_format is None:
-        encoding = replace(encoding, pixel_format="gbrp")  # exact
-    slab, content = _slab(views, geometry)
-    peak = _peak(views, white, encoding, path)
-    encoding = replace(encoding, transfer="pq" if peak else "srgb")
+    else:
+        if views.dtype == np.uint8 and encoding.codec == "ffv1" and encoding.pixel_format is None:
+            encoding = replace(encoding, pixel_format="gbrp")  # exact
+        recorded, content = _slab(views, geometry)
+        peak = _peak(views, white, encoding, path)
+        encoding = replace(encoding, transfer="pq" if peak else "srgb")
+        spec = chosen_encoding(max(rows, columns), encoding, width=recorded.size.width)
+    white = white or 1.0
 
     def shown(column: int, row: int) -> np.ndarray:
         picture = views[row, column]
-        if peak is None:  # codes as they are, light encoded
-            return picture if picture.dtype in CODES else srgb_encode(picture.astype(np.float32))
-        return pq_encode(picture.astype(np.float32) / np.float32(peak))
+        if picture.dtype in CODES:
+            return picture
+        light = picture.astype(np.float32) / np.float32(peak or white)
+        return pq_encode(light) if peak else srgb_encode(light)
 
     store_views(
-        path, slab, shown, chosen_encoding(max(rows, columns), encoding, width=slab.size.width),
-        name=name, digest=digest, peak=peak, content=content, progress=progress,
+        path, recorded, shown, spec, name=name, digest=digest, white=white, peak=peak,
+        content=content, progress=progress,
     )  # fmt: skip
 
 
-def store_array(
-    path: Path,
-    tiles: np.ndarray,
-    array: CameraArray,
-    encoding: Encoding,
-    *,
-    name: str,
-    digest: str | None = None,
-    white: float | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Metadata:
-    """Write a camera array's tiles (Ny, Nx, h, w, 3), linear radiance: a data camera a frame.
+def _white(path: Path, views: np.ndarray, array: CameraArray, white: float | None) -> float:
+    """The radiance of the brightest code: the brightest of the views, and at least 1, unless given.
 
-    The digest is the scene's, by default that of the pictures; ``white`` by default the brightest
-    of the pictures, and at least 1.
+    Raises :class:`OpticsError` for views that a file does not hold.
     """
     (nx, ny), (w, h) = array.cameras, array.tile
-    if tiles.shape != (ny, nx, h, w, 3):
+    if views.dtype in CODES:
+        raise OpticsError("of a camera array are linear light, not codes", key="views")
+    if views.shape != (ny, nx, h, w, 3):
         raise OpticsError(
-            f"views of shape {tiles.shape} are not {ny} x {nx} x {h} x {w} x 3", file=path,
+            f"views of shape {views.shape} are not {ny} x {nx} x {h} x {w} x 3", file=path,
             key="views", remedy="Check the cameras",
         )  # fmt: skip
     if nx != ny or w != h:
@@ -114,7 +105,7 @@ def store_array(
             file=path,
             remedy="Keep it as EXR, or trace a square array",
         )
-    low, high = float(tiles.min()), float(tiles.max())
+    low, high = float(views.min()), float(views.max())
     if not (low >= 0 and np.isfinite(high)):
         raise OpticsError(
             f"has radiance from {low:g} to {high:g}",
@@ -124,13 +115,7 @@ def store_array(
     white = max(1.0, high) if white is None else float(white)
     if not (white > 0 and np.isfinite(white)):
         raise OpticsError(f"must be positive and finite, not {white}", key="white")
-
-    def view(column: int, row: int) -> np.ndarray:
-        return srgb_encode(tiles[row, column].astype(np.float32) / np.float32(white))
-
-    return store_views(
-        path, array, view, encoding, name=name, digest=digest, white=white, progress=progress
-    )
+    return white
 
 
 def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:

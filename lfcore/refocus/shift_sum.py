@@ -6,7 +6,6 @@ last bit; bilinear shifts by fractions.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -191,7 +190,7 @@ def launch_add(
 
 
 def shift_sum(
-    source: LightFieldFile | str | Path,
+    field: LightFieldFile,
     planes: Sequence[SensorPlane],
     *,
     filter: str = "nearest",
@@ -202,7 +201,6 @@ def shift_sum(
 
     The next frames are decoded meanwhile.  Of a part of the grids the pixels alone that are there.
     """
-    field = LightFieldFile.opened(source)
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(
         field.require_grid(), planes, filter=filter, device=device, one=field.layout.one,

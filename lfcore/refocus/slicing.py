@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -96,7 +95,7 @@ class PlaneFormer:
 
 
 def form_planes(
-    source: LightFieldFile | str | Path,
+    field: LightFieldFile,
     planes: Sequence[SensorPlane],
     *,
     threads: int | None = None,
@@ -107,7 +106,6 @@ def form_planes(
 
     ``threads`` are the segments decoded at a time, each by one thread that also forms its planes.
     """
-    field = LightFieldFile.opened(source)
     slab = field.require_grid()
     for plane in planes:
         plane.check(slab)

@@ -32,11 +32,6 @@ FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
 class LightFieldFile(StoredVideo):
     """A light field file that was opened: its geometry, and its rays as views and macropixels."""
 
-    @classmethod
-    def opened(cls, source: LightFieldFile | str | Path) -> LightFieldFile:
-        """``source`` itself where it is open, else opened."""
-        return source if isinstance(source, LightFieldFile) else cls.open(source)
-
     def __repr__(self) -> str:
         (columns, rows), (width, height) = self.grid, self.picture_size
         size = f"{columns} x {rows} views of {width} x {height}"
@@ -48,11 +43,6 @@ class LightFieldFile(StoredVideo):
         path = self.path.absolute() if isinstance(self.path, Path) else self.path
         again = partial(type(self).open, salvage=self._salvage, threads=self.threads)
         return again, (str(path),)
-
-    @property
-    def geometry(self) -> str:
-        """``slab`` or ``array``."""
-        return self.metadata.geometry
 
     @property
     def slab(self) -> Slab | None:

@@ -39,23 +39,20 @@ class PixelFormat:
         return (0, 0, 0) if self.rgb else (16 * scale, 128 * scale, 128 * scale)
 
     def planes(self, width: int, height: int) -> list[tuple[int, int]]:
-        """Rows and columns of the planes, one or three, of a frame of even sides for 4:2:0."""
-        self.check_size(width, height)
-        small = height // self.subsampling, width // self.subsampling
-        return [(height, width)] + [small, small] * (not self.grey)
-
-    def frame_bytes(self, width: int, height: int) -> int:
-        """Bytes of one frame."""
-        return sum(map(math.prod, self.planes(width, height))) * self.dtype.itemsize
-
-    def check_size(self, width: int, height: int) -> None:
-        """Raise :class:`StorageError` for a frame that this format cannot hold."""
+        """Rows and columns of the planes, one or three; :class:`StorageError` for a frame that this
+        format cannot hold."""
         if width < 1 or height < 1 or width % self.subsampling or height % self.subsampling:
             raise StorageError(
                 f"a frame of {width} x {height} cannot be {self.name}",
                 key="pixel_format",
                 remedy="Use positive and, for 4:2:0, even sizes",
             )
+        small = height // self.subsampling, width // self.subsampling
+        return [(height, width)] + [small, small] * (not self.grey)
+
+    def frame_bytes(self, width: int, height: int) -> int:
+        """Bytes of one frame."""
+        return sum(map(math.prod, self.planes(width, height))) * self.dtype.itemsize
 
     def views(self, frames: np.ndarray, width: int, height: int) -> list[np.ndarray]:
         """The planes of ``frames`` (F, frame_bytes) uint8 as arrays (F, h, w) that share memory."""

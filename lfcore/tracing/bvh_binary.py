@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lfcore.tracing.bvh_split import LEAF_SIZE, Cuts, best_cuts, ranges
+from lfcore.tracing.bvh_split import LEAF_SIZE, Cuts, Sorted, best_cuts, ranges
 
 # Of a binary node, in leaf tests, when a leaf is cut further.  The collapse joins again what
 # does not pay, so this only bounds how much it has to choose from: 0 gains 2% of SAH cost over
@@ -45,13 +45,13 @@ def build_binary(triangles: np.ndarray) -> BinaryTree:
     total = len(triangles)
     boxes, centroids, identity = _prepare(triangles)
     order = np.stack([np.argsort(centroids[axis], kind="stable") for axis in range(3)])
-    goes_right = np.zeros(total, np.int32)
+    sorted_triangles, goes_right = Sorted(boxes, centroids, order), np.zeros(total, np.int32)
 
     start, count = np.array([0]), np.array([total])
     lefts: list[np.ndarray] = []
     starts, counts, levels = [start], [count], [0, 1]
     while len(start):
-        cut, axis, k = _decide(boxes, centroids, order, start, count, len(lefts))
+        cut, axis, k = _decide(sorted_triangles, start, count, len(lefts))
         left = np.full(len(start), -1)
         left[cut] = levels[-1] + 2 * np.arange(len(cut))
         lefts.append(left)
@@ -100,35 +100,29 @@ def _morton(centroids: np.ndarray) -> np.ndarray:
 
 
 def _decide(
-    boxes: np.ndarray,
-    centroids: np.ndarray,
-    order: np.ndarray,
-    start: np.ndarray,
-    count: np.ndarray,
-    depth: int,
+    triangles: Sorted, start: np.ndarray, count: np.ndarray, depth: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which nodes to cut (indices), and how (axis, k): the rest become leaves."""
     several = np.flatnonzero(count > 1)
     start, count = start[several], count[several]
     if depth < SAH_DEPTH:
-        cuts = best_cuts(boxes, centroids, order, start, count)
+        cuts = best_cuts(triangles, start, count)
     else:
         cuts = Cuts.empty(len(several))
     # No two centroids differ, the node is a point or a segment along an axis, or the tree is
     # too deep: areas say nothing, halve the count, in whole leaves.
     blind = ~np.isfinite(cuts.cost) | (cuts.area == 0)
     halves = LEAF_SIZE * -(-count // (2 * LEAF_SIZE))
-    axis = np.where(blind, _widest(centroids, order, start, count), cuts.axis)
+    axis = np.where(blind, _widest(triangles, start, count), cuts.axis)
     k = np.where(blind, halves, cuts.k)
     worthwhile = ~blind & (cuts.cost + NODE_COST * cuts.area < cuts.area)
     cut = (count > LEAF_SIZE) | worthwhile
     return several[cut], axis[cut], k[cut]
 
 
-def _widest(
-    centroids: np.ndarray, order: np.ndarray, start: np.ndarray, count: np.ndarray
-) -> np.ndarray:
+def _widest(triangles: Sorted, start: np.ndarray, count: np.ndarray) -> np.ndarray:
     """The axis along which each node's centroids extend farthest; they are sorted."""
+    centroids, order = triangles.centroids, triangles.order
     low = [centroids[a][order[a][start]].astype(np.float64) for a in range(3)]
     high = [centroids[a][order[a][start + count - 1]].astype(np.float64) for a in range(3)]
     return np.argmax(np.subtract(high, low), axis=0)

@@ -30,6 +30,19 @@ CHUNK = 1 << 18  # entries of one padded table: long rows for numpy, yet tens of
 BALANCE = 1e-6
 
 
+@dataclass(frozen=True)
+class Sorted:
+    """Triangles to be cut.
+
+    ``boxes`` (6, T + 1) float32: lo and negated hi; column T is the empty box.
+    ``centroids`` (3, T) float32; ``order`` (3, T) integers, see the module.
+    """
+
+    boxes: np.ndarray
+    centroids: np.ndarray
+    order: np.ndarray
+
+
 @dataclass
 class Cuts:
     """The best cut of each node: ``axis``, ``k``, ``cost`` and the half area of the node.
@@ -59,32 +72,19 @@ class Cuts:
         self.axis[rows], self.k[rows], self.cost[rows] = axis, k[better], cost[better]
 
 
-def best_cuts(
-    boxes: np.ndarray,
-    centroids: np.ndarray,
-    order: np.ndarray,
-    start: np.ndarray,
-    count: np.ndarray,
-) -> Cuts:
-    """The cheapest cut of every node.
-
-    Parameters
-    ----------
-    boxes : (6, T + 1) float32, lo and negated hi; column T is the empty box.
-    centroids : (3, T) float32.
-    order : (3, T) int64, see the module.
-    start, count : (A,) int64, the nodes; every count at least 2.
-    """
+def best_cuts(triangles: Sorted, start: np.ndarray, count: np.ndarray) -> Cuts:
+    """The cheapest cut of every node; ``start`` and ``count`` are (A,) int64, every count at
+    least 2."""
     cuts = Cuts.empty(len(start))
     width = 2
     while width < BINS:
         low, width = width, width * 2
         chosen = np.flatnonzero((count >= (low if low == 2 else low + 1)) & (count <= width))
         for part in _chunks(chosen, max(1, CHUNK // width)):
-            _sweep(cuts, part, boxes, order, start, count, width)
+            _sweep(cuts, part, triangles, start, count, width)
     chosen = np.flatnonzero(count > BINS)
     for part in _chunks_by_size(chosen, count[chosen]):
-        _bin(cuts, part, boxes, centroids, order, start, count)
+        _bin(cuts, part, triangles, start, count)
     return cuts
 
 
@@ -142,13 +142,13 @@ def _cheapest(
 def _sweep(
     cuts: Cuts,
     rows: np.ndarray,
-    boxes: np.ndarray,
-    order: np.ndarray,
+    triangles: Sorted,
     start: np.ndarray,
     count: np.ndarray,
     width: int,
 ) -> None:
     """Exact: every cut between neighbours in the three orders, nodes padded to ``width``."""
+    boxes, order = triangles.boxes, triangles.order
     lane = np.arange(width)[:, None]
     sizes = count[rows]
     position = np.minimum(start[rows] + lane, order.shape[1] - 1)
@@ -173,22 +173,17 @@ def ranges(start: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def _bin(
-    cuts: Cuts,
-    rows: np.ndarray,
-    boxes: np.ndarray,
-    centroids: np.ndarray,
-    order: np.ndarray,
-    start: np.ndarray,
-    count: np.ndarray,
+    cuts: Cuts, rows: np.ndarray, triangles: Sorted, start: np.ndarray, count: np.ndarray
 ) -> None:
     """256 bins over the centroid bounds of each axis."""
+    boxes, order = triangles.boxes, triangles.order
     nodes, sizes = len(rows), count[rows]
     position = ranges(start[rows], sizes)
     first = np.cumsum(sizes) - sizes
     base = np.arange(nodes) * BINS
     for axis in range(3):
         triangle = order[axis][position]
-        centroid = centroids[axis][triangle]
+        centroid = triangles.centroids[axis][triangle]
         low = centroid[first].astype(np.float64)
         extent = centroid[first + sizes - 1] - low
         scale = np.divide(BINS, extent, out=np.zeros(nodes), where=extent > 0)

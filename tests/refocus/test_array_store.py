@@ -12,13 +12,11 @@ from lfcore.cli import main
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
 from lfcore.exr import read_exr_picture
-from lfcore.refocus.from_views import store_array
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.refocus.stored_views import read_stored
 from lfcore.storage.tiled_exr import read_array, write_array
 
 LOSSLESS = Encoding("ffv1", "yuv444p", crf=0, preset=None, tune=None)
-SCENE = {"name": "waves", "digest": "0123"}
 # Rounding to 8-bit YCbCr of limited range and back.
 CODE = 2 / 255
 
@@ -42,7 +40,7 @@ def image(array):
 @pytest.fixture(scope="module")
 def stored(array, image, tmp_path_factory):
     path = tmp_path_factory.mktemp("array") / "lightfield.mkv"
-    store_array(path, array.tiles(image), array, LOSSLESS, **SCENE)
+    LightField.from_views(image, array, path, encoding=LOSSLESS)
     return path
 
 
@@ -52,7 +50,7 @@ def codes(picture, white):
 
 def test_what_comes_back_is_the_array(stored, array, image):
     field = LightField.open(stored)
-    assert field.geometry == "array" and field.array == array
+    assert field.array == array
     assert field.metadata.slab is None and (field.slab.views, field.slab.pixels) == (5, 24)
     assert field.white == pytest.approx(image.max())
     found, again = read_stored(field)
@@ -99,7 +97,7 @@ def test_what_is_no_slab_says_so(array, tmp_path):
     assert array.as_slab() is None
     image = np.full((*array.image_size[::-1], 3), 0.25, np.float32)
     path = tmp_path / "lightfield.mkv"
-    put = partial(store_array, path, array.tiles(image), array, LOSSLESS, **SCENE)
+    put = partial(LightField.from_views, image, array, path, encoding=LOSSLESS)
     if array.cameras[0] != array.cameras[1] or array.tile[0] != array.tile[1]:
         refused("square", put)
         return
@@ -112,9 +110,8 @@ def test_bad_light_is_refused(array, image, tmp_path):
     for bad, white in ((-1.0, None), (np.nan, None), (np.inf, None), (0.5, 0.0)):
         wrong = image.copy()
         wrong[3, 3] = bad
-        how = {**SCENE, "white": white}
         with pytest.raises(OpticsError):
-            store_array(tmp_path / "x.mkv", array.tiles(wrong), array, LOSSLESS, **how)
+            LightField.from_views(wrong, array, tmp_path / "x.mkv", white=white)
     assert not list(tmp_path.iterdir())
 
 
@@ -182,8 +179,7 @@ def test_what_is_in_focus_everywhere_is_as_bright_as_the_scene(tmp_path):
     slab = Slab(scene.camera, 3, 16)
     array = CameraArray.from_slab(slab)
     image = np.full((*array.image_size[::-1], 3), 0.4, np.float32)
-    store_array(tmp_path / "a.mkv", array.tiles(image), array, LOSSLESS, **SCENE, white=4.0)
-    field = LightField.open(tmp_path / "a.mkv")
+    field = LightField.from_views(image, array, tmp_path / "a.mkv", encoding=LOSSLESS, white=4.0)
     assert field.white == 4
     for made in (field.all_in_focus(scene), field.view(1, 1), field.refocus()):
         np.testing.assert_allclose(made, 0.4, rtol=0.03)

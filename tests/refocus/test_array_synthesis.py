@@ -104,16 +104,6 @@ def test_samplers_equal_their_reference(field, image, array, name):
     close(fast, slow, 1e-4)
 
 
-def test_a_function_is_the_surface_it_describes(field, image, array):
-    camera = tilted_camera()
-    plane = surfaces.at_distance(camera, 2.5)
-    function = surfaces.FunctionSurface(lambda x, y: np.full_like(x, 2.5))
-    close(isaksen(field, camera, function, 0.3), isaksen(field, camera, plane, 0.3))
-    ramp = surfaces.FunctionSurface(lambda x, y: 2.5 + x - 0.3 * y, oversampling=4)
-    fast = isaksen(field, camera, ramp, 0.3)
-    close(fast, reference.isaksen(image, array, camera, ramp, 0.3), 5e-3)
-
-
 @pytest.mark.parametrize("corner", [(0, 0), (4, 0), (2, 3)])
 def test_a_narrow_filter_gives_the_data_camera_back(device, corner):
     """At a data camera's position the picture is that camera's own, even of pure noise."""

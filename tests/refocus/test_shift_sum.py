@@ -138,11 +138,12 @@ def test_stored_fields_equal_slicing_and_memory(tmp_path, kind, pack):
     slab, views, path = store(tmp_path / "lightfield.mkv", kind, pack)
     seen = []
     chosen = [p for p in PLANES if not p.keep_magnification]
-    got = shift_sum(path, chosen, progress=lambda done, total: seen.append((done, total)))
+    field = LightField.open(path)
+    got = shift_sum(field, chosen, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1][0] == seen[-1][1] > 0
     np.testing.assert_allclose(got, shift_sum_views(slab, views, chosen), atol=2e-6)
-    np.testing.assert_allclose(got, form_planes(path, chosen).sums.pictures(), atol=2e-6)
-    smooth = shift_sum(path, PLANES, filter="bilinear")
+    np.testing.assert_allclose(got, form_planes(field, chosen).sums.pictures(), atol=2e-6)
+    smooth = shift_sum(field, PLANES, filter="bilinear")
     in_memory = shift_sum_views(slab, views, PLANES, filter="bilinear")
     np.testing.assert_allclose(smooth, in_memory, atol=3e-4)
 
@@ -175,7 +176,7 @@ def test_bad_input_is_refused(tmp_path):
     refused("unknown filter 'cubist'", shift_sum_views, slab, views, PLANES, filter="cubist")
     refused("wider than the lens", shift_sum_views, slab, views, [SensorPlane(3.0, 1.0)])
     refused("views are", shift_sum_views, slab, views[:2], PLANES)
-    refused("No such file", shift_sum, tmp_path / "none.mkv", PLANES)
+    refused("No such file", LightField.open, tmp_path / "none.mkv")
 
 
 @pytest.mark.kernels
@@ -248,7 +249,7 @@ def test_refocused_stopped_down_by_views_and_stacked_fast(path):
     planes = [field.plane(disparity_px=d, aperture_views=3) for d in (0.0, 1.0)]
     for picture, disparity in zip(field.refocus_many(planes), (0.0, 1.0), strict=True):
         np.testing.assert_allclose(picture, naive(disparity, 3), atol=4e-6)
-    stack = focal_stack(path, planes, tolerance_px=1e-6)
+    stack = focal_stack(field, planes, tolerance_px=1e-6)
     np.testing.assert_allclose(stack[0], naive(0.0, 3), atol=4e-6)
 
 
@@ -258,8 +259,8 @@ def test_what_needs_a_geometry_is_refused(path):
     refused("does not hold its geometry", field.refocus, f_number=2.0)
     refused("infinity has -22", field.refocus, disparity_px=-23)
     assert field.disparity_of(field.distance_of(0.25)) == pytest.approx(0.25)
-    same = shift_sum(path, [field.plane()])
-    np.testing.assert_array_equal(form_planes(path, [field.plane()]).sums.pictures(), same)
+    same = shift_sum(field, [field.plane()])
+    np.testing.assert_array_equal(form_planes(field, [field.plane()]).sums.pictures(), same)
 
 
 def test_as_a_camera_array(path):
@@ -368,7 +369,8 @@ def test_from_a_file(tmp_path, kind):
     options = f"--depth none --pixels 96 --views 4 --codec ffv1,layout={kind}".split()
     assert main(["record", str(CHART), "-o", str(path), *options]) == 0
     planes = [SensorPlane(d, 1.0) for d in (1.0, 1.33, 2.0)]
-    fast, exact = focal_stack(path, planes), shift_sum(path, planes)
+    field = LightField.open(path)
+    fast, exact = focal_stack(field, planes), shift_sum(field, planes)
     assert np.abs(fast - exact).mean() < 0.02
     film = tmp_path / "film.mp4"
     options = "--focus 1 1.33 2 --method blocks".split()

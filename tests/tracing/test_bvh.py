@@ -103,7 +103,8 @@ def root_cut(triangles):
     """(cost, the triangles that go left) of the cut that the builder takes at the root."""
     boxes, centroids, identity = bvh_binary._prepare(triangles)
     order = np.stack([np.argsort(c, kind="stable") for c in centroids]).astype(np.int32)
-    cuts = bvh_split.best_cuts(boxes, centroids, order, np.array([0]), np.array([len(triangles)]))
+    ordered = bvh_split.Sorted(boxes, centroids, order)
+    cuts = bvh_split.best_cuts(ordered, np.array([0]), np.array([len(triangles)]))
     left = np.zeros(len(triangles), bool)
     left[identity[order[cuts.axis[0], : cuts.k[0]]]] = True
     np.testing.assert_allclose(cuts.area[0], half_area(triangles), rtol=1e-12)
@@ -140,9 +141,10 @@ def test_many_nodes_at_once_equal_one_at_a_time():
     for first, size in zip(start, count, strict=True):
         part = slice(first, first + size)
         order[:, part] = first + np.argsort(centroids[:, part], axis=1, kind="stable")
-    together = bvh_split.best_cuts(boxes, centroids, order, start, count)
+    ordered = bvh_split.Sorted(boxes, centroids, order)
+    together = bvh_split.best_cuts(ordered, start, count)
     for i in range(len(sizes)):
-        alone = bvh_split.best_cuts(boxes, centroids, order, start[i : i + 1], count[i : i + 1])
+        alone = bvh_split.best_cuts(ordered, start[i : i + 1], count[i : i + 1])
         for field in dataclasses.fields(alone):
             assert getattr(alone, field.name)[0] == getattr(together, field.name)[i]
 

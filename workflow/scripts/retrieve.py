@@ -1,5 +1,6 @@
 """Decode a stored light field and form the sensor planes from it (Algorithm 4)."""
 
+from lfcore import LightField
 from lfcore.files import write_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.plane_pictures import save_stack, write_plane_pictures
@@ -11,7 +12,8 @@ with job(snakemake) as (given, params, output):
     camera, focus_distances_m, _ = cases.read_camera(given.scene)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
     name = params.device or None
-    made = form_planes(given.light_field, planes, threads=snakemake.threads, device=name)
+    field = LightField.open(given.light_field)
+    made = form_planes(field, planes, threads=snakemake.threads, device=name)
     pictures = made.sums.pictures()
     write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)

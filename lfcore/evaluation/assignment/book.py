@@ -83,21 +83,18 @@ def synthesis(field: DeviceField, size: int) -> tuple[Sheet, dict]:
     return Sheet(list(zip(pictures, found, strict=True))), record
 
 
-def bent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A depth that swings with the angle from the axis: near in the middle, far at the rim."""
-    return 5.6 + 14.0 * (x * x + y * y)
-
-
 def focal_surfaces(field: DeviceField, size: int) -> Sheet:
     """One light field, four surfaces: the first bonus."""
     camera = VirtualCamera(np.array([0.0, 0.0, 0.0]), np.eye(3), 44.0, (size, size), 0.35)
+    ticks = np.arange(2 * size) / 2 + 0.25
+    x, y = np.meshgrid(*camera.film_tangents(ticks, ticks))
     # Both planes go through one point of the cover; only the tilted one is in it.
     point, normal = np.array(BOOK_COVER["point"]), np.array(BOOK_COVER["normal"])
     chosen: dict[str, surfaces.FocalSurface] = {
         "plane, parallel": surfaces.parallel(float(point[2])),
         "plane in the book's cover": surfaces.PlaneSurface(point, normal),
         "sphere, far side at 7.2 m": surfaces.SphereSurface(np.array([0.0, 0.0, 4.2]), 3.0),
-        "function: near in the middle": surfaces.FunctionSurface(bent),
+        "function: near in the middle": surfaces.DepthMapSurface(5.6 + 14.0 * (x * x + y * y)),
     }
     made = ((monte_carlo(field, camera, one, SAMPLES).image, name) for name, one in chosen.items())
     return Sheet(list(made), 2)

@@ -150,8 +150,6 @@ def view_record(camera: VirtualCamera) -> np.ndarray:
 def surface_record(surface: FocalSurface, camera: VirtualCamera) -> tuple[np.ndarray, np.ndarray]:
     """The struct of a surface, and its map of inverse depths (empty but for a depth map)."""
     record = np.zeros((), SURFACE)
-    if isinstance(surface, surfaces.FunctionSurface):
-        surface = surface.to_map(camera)
     if isinstance(surface, surfaces.DepthMapSurface):
         record["kind"] = surfaces.DEPTH_MAP
         record["map_height"], record["map_width"] = surface.depth.shape

@@ -5,7 +5,6 @@ that focus at infinity is 0 and nothing overflows on a tilted plane's horizon.  
 camera array's: data cameras in z = 0, x right, y down, z forward, metres.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,28 +88,7 @@ class DepthMapSurface:
         object.__setattr__(self, "depth", depth)
 
 
-@dataclass(frozen=True, eq=False)
-class FunctionSurface:
-    """``depth(x, y)``: from film tangents (arrays) to depth along the virtual camera's axis.
-
-    The float64 reference calls it for every sample; kernels see it sampled to a depth map of
-    ``oversampling`` texels a pixel.
-    """
-
-    depth: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    oversampling: int = 2
-
-    def to_map(self, camera: VirtualCamera) -> DepthMapSurface:
-        """Sample it over a camera's film."""
-        width, height = (count * self.oversampling for count in camera.size)
-        u = (np.arange(width) + 0.5) / self.oversampling
-        v = (np.arange(height) + 0.5) / self.oversampling
-        grid = np.meshgrid(*camera.film_tangents(u, v))
-        depth = np.broadcast_to(np.asarray(self.depth(*grid), np.float64), (height, width))
-        return DepthMapSurface(depth)
-
-
-FocalSurface = PlaneSurface | SphereSurface | DepthMapSurface | FunctionSurface
+FocalSurface = PlaneSurface | SphereSurface | DepthMapSurface
 _NEAREST = 1e6  # dioptres
 
 
@@ -140,10 +118,6 @@ def inverse_depth(
     film: np.ndarray,
 ) -> np.ndarray:
     """q of rays (..., 3) at film positions (..., 2) in pixels; the float64 reference."""
-    if isinstance(surface, FunctionSurface):
-        x, y = camera.film_tangents(film[..., 0], film[..., 1])
-        near = 1.0 / np.asarray(surface.depth(x, y), np.float64)
-        return _along_axis_of(camera, near, origins, directions)
     if isinstance(surface, DepthMapSurface):
         share = film / np.array(camera.size, np.float64)
         return _along_axis_of(camera, bilinear(1.0 / surface.depth, share), origins, directions)
