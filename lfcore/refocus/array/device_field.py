@@ -93,16 +93,11 @@ class DeviceField:
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
         )
-        self._kernels: dict[tuple, cl.Kernel] = {}
 
     def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
-        """A kernel built for this field's number format, kept for the next call."""
-        key = (name, *sorted(defines.items()))
-        if key not in self._kernels:
-            values = {"HALF": int(self.image.dtype == np.float16), **defines}
-            program = build_program(self.device, [f"{_FOLDER}/{file}"], values)
-            self._kernels[key] = cl.Kernel(program, name)
-        return self._kernels[key]
+        """A kernel built for this field's number format."""
+        values = {"HALF": int(self.image.dtype == np.float16), **defines}
+        return cl.Kernel(build_program(self.device, [f"{_FOLDER}/{file}"], values), name)
 
     def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
         """The arguments that all kernels start with."""
