@@ -46,7 +46,7 @@ def test_arguments_that_cannot_be_are_refused(tracer):
     for across in (-4, 0, 3, 32):
         refused("across", tracer.mosaic_radiance, [ALL], PIXELS, across)
     refused("sets", tracer.mosaic_radiance, [ALL, macropixels(SLAB, PIXELS[:8])], PIXELS, 4)
-    spanning = painted_tracer(outer=2)
+    spanning = painted_tracer(outer=4)
     for method in ("bundle_hits", "bundle_radiance"):
         for name, wrong, words in (
             ("elements", np.zeros((16, 4)), "elements"), ("step", np.zeros(4), "step"),

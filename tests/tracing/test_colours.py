@@ -53,6 +53,8 @@ def curved(lights, shininess=30.0, texture=None, bend=0.3):
     triangles = np.concatenate([soup(12, 5, 0.8), tiles(3.0, 0.9, 8), tiles(4.0, 9.0, 1)])
     gloss = (0.3, 0.3, 0.3)
     changes = {"lights": lights, "normals": bent_normals(triangles, rng, bend)}
+    if texture is None:
+        changes["colours"] = np.ones_like(triangles, np.float32)
     changes["materials"] = [Material("gloss", (0.7, 0.6, 0.5), gloss, shininess)]
     if texture is not None:
         changes["uvs"] = (triangles[..., :2] * 30).astype(np.float32)
@@ -154,8 +156,10 @@ def test_colours_and_normals_of_small_triangles_are_the_oracles(edge_m):
     assert np.abs(tracer.bundle_radiance(bundles)[aimed] - true).max() * 255 < 0.05
 
 
-@pytest.mark.parametrize("stops", [1, 5, 12, 16])
-@pytest.mark.parametrize("kind", ["views", "macropixels"])
+# Above 5 stops sums are coarser.
+@pytest.mark.parametrize(
+    ("kind", "stops"), [("macropixels", 5), ("macropixels", 16), ("views", 1), ("views", 12)]
+)
 def test_sums_hold_all_stops(kind, stops):
     light = 0.7 * 2.0**stops
     world = scene(wall(9.0, 1e-3), background=(light, 0.01, 0.9), clip=False)
@@ -182,7 +186,7 @@ def test_unclipped_shading_is_the_oracles():
 @pytest.mark.parametrize("form", ["yuv444p10le", "yuv420p12le"])
 @pytest.mark.parametrize("light", [0.001, 0.4, 1.0, 30.0, 64.0])
 def test_frames_have_the_codes_of_the_standard(form, light):
-    world = scene(wall(9.0, 1e-3), background=(light,) * 3, ambient=(64.0,) * 3, clip=False)
+    world = scene(wall(9.0, 1e-3), background=(light,) * 3, ambient=(128.0,) * 3, clip=False)
     layout = FrameLayout("views", 2, 16, pixel_format=form, peak=64.0)
     frames = traced(tracer_of(world), layout)[0]
     luma = layout.format.views(frames, layout.frame_width, layout.frame_height)[0][:, 1, 1]
@@ -221,7 +225,8 @@ def on_wall(light, device):
     j, i = np.array([(j, i) for j in range(side + 1) for i in range(side + 1 - j)]).T
     values = (light(i + j) / 512)[:, None] * np.ones(3)
     grids = np.int32([[0, len(i), side], [2 * len(i), 3 * len(i), side]])
-    world = scene(WALL, light=BakedLight(grids, np.tile(values, (4, 1)).astype(np.float32)))
+    held = BakedLight(grids, np.tile(values, (4, 1)).astype(np.float32))
+    world = scene(WALL, light=held, sky=np.ones((16, 16, 3), np.float32))
     found, expected = slab_colours(world, Slab(CAMERA, 16, 8), device, outer=1)
     return (abs(found - expected) / expected).max(-1)
 

@@ -32,11 +32,14 @@ def test_this_device_gives_the_bits_of_the_table(device, world, name):
     assert digest(world, name, device) == KNOWN[f"{world}: {name}"]
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
-def test_every_lane_width_gives_them(device, lanes):
+@pytest.mark.parametrize("turn", range(3))
+def test_the_other_lane_widths_give_them(device, turn):
+    """Each case at one of them, by turns: all at each are 40 programs, of which 20 show as much."""
     if not device.is_cpu:
         pytest.skip("a GPU has one lane width")
-    assert table(open_device(device.name, lanes=lanes)) == KNOWN
+    lanes = sorted({1, 4, 8, 16} - {device.lanes})[turn]
+    chosen = list(KNOWN)[turn::3]
+    assert table(open_device(device.name, lanes=lanes), chosen) == {k: KNOWN[k] for k in chosen}
 
 
 def test_a_processor_without_avx512_gives_them(tmp_path):

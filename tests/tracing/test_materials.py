@@ -92,8 +92,11 @@ def test_colours_are_the_oracles(device, name, outer, smooth):
 
 def test_light_straight_from_behind_adds_nothing(device):
     light = Light(DIRECTIONAL, (0.0, 0.0, 1.0), (0.9, 0.9, 0.9), 0.0, False)
-    materials, rays = [Material("a", (0.5,) * 3, metallic=0.5)], every_ray(Slab(CAMERA, 16, 4))
-    dark, lit = (scene(WALL, materials=materials, lights=lights) for lights in ([], [light]))
+    rays = every_ray(Slab(CAMERA, 16, 4))
+    dark = sheets(
+        [Material("a", (0.5,) * 3, metallic=0.5, texture=0)], [SUN], smooth=False, count=0
+    )
+    lit = dataclasses.replace(dark, lights=[SUN, light])
     found = (tracer_of(world, device).bundle_radiance(rays) for world in (dark, lit))
     np.testing.assert_array_equal(*found)
 

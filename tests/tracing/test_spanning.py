@@ -12,6 +12,7 @@ from tracing_scenes import (
     check_luma,
     closed_room,
     crowd,
+    flat,
     lit_soup,
     scene,
     soup,
@@ -90,7 +91,7 @@ def test_radiance_is_that_of_blocks_of_one_element(device, make):
 def test_planes_are_those_of_blocks_of_one_element(spans):
     """Surfaces that only shine have one colour however they are evaluated: sums are equal."""
     shining = Material("shining", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, (0.3, 0.5, 0.7))
-    world = scene(closed_room(), materials=[shining], ambient=(0.0,) * 3)
+    world = flat(closed_room(), materials=[shining], ambient=(0.0,) * 3)
     planes = [SensorPlane(2.0, 1.0), SensorPlane(0.6, 2.0, "square"), SensorPlane(5.0, 1.4)]
     for kind in ("macropixels", "views"):
         for size in ((16, 13), (21, 13)):
@@ -117,7 +118,7 @@ def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypat
     tracer, slab = spanning(lit_soup(), 1), Slab(CAMERA, 64, 8)
     for room, sizes in ((chunks.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
         monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
-        tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0])
+        tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
         assert [len(chunk.frames) for chunk in tracing] == sizes
 
 
@@ -130,7 +131,8 @@ def test_single_rays_have_the_oracles_colours(device, make, way):
         seen, _ = tracer.slab_hits(slab, all_pixels(slab))
         assert statistics.median(len(np.unique(block)) for block in seen) > 128
     layout = FrameLayout("macropixels", 16, 5, "raster", 1, "yuv444p")
-    check_luma(traced(tracer, layout)[0], layout, trace(world, slab, all_pixels(slab)))
+    frames, _ = traced(tracer, layout, LIT_PLANES)
+    check_luma(frames, layout, trace(world, slab, all_pixels(slab)))
 
 
 def test_colours_without_float64_are_the_oracles(device, monkeypatch):

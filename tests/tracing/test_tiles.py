@@ -202,6 +202,7 @@ def test_workers_are_as_many_as_memory_has_sums_for(monkeypatch):
     assert (formed(tracer, layout) == many).all()
 
 
+OUTER = {8: None, 10: 4, 12: 1}
 MADE = {"macropixels": bundles.macropixels, "views": bundles.views}
 # (kind, views, pixels, pack): inner grids that are odd, smaller and larger than a block, in frames
 # with empty slots, and with a margin around all.
@@ -225,10 +226,11 @@ def painted_wall():
 
 @pytest.fixture(scope="module")
 def tracers():
-    """One tracer each of one lane and of the device's own."""
+    """One of one lane, and one for each number of bits: each way to cut packets with some."""
     world = painted_wall()
-    bvh = build_bvh(world.triangles)
-    return {lanes: Tracer(world, bvh, open_device(threads=2, lanes=lanes)) for lanes in (1, None)}
+    bvh, wide = build_bvh(world.triangles), open_device(threads=2)
+    made = {bits: Tracer(world, bvh, wide, outer=outer) for bits, outer in OUTER.items()}
+    return made | {1: Tracer(world, bvh, open_device(threads=2, lanes=1))}
 
 
 def codes_of(encoded, form):
@@ -264,11 +266,12 @@ def expected_planes(tracer, layout):
 @pytest.mark.parametrize(("kind", "views", "pixels", "pack"), LAYOUTS)
 def test_codes_are_those_of_the_formula(tracers, name, kind, views, pixels, pack):
     layout = frame_layout(views, pixels, name, kind=kind, order="raster", pack=pack)
-    frames = traced(tracers[None], layout)[0]
+    tracer = tracers[layout.format.bits]
+    frames = traced(tracer, layout)[0]
     planes = layout.format.views(frames, layout.frame_width, layout.frame_height)
     # Half a code of rounding, and the error of the encoding.
     limit = {8: 0.6, 10: 0.52, 12: 0.55}[layout.format.bits]
-    for found, expected in zip(planes, expected_planes(tracers[None], layout), strict=True):
+    for found, expected in zip(planes, expected_planes(tracer, layout), strict=True):
         assert np.abs(found - expected).max() < limit
         assert np.unique(found).size > 10
 
@@ -276,5 +279,5 @@ def test_codes_are_those_of_the_formula(tracers, name, kind, views, pixels, pack
 @pytest.mark.parametrize("name", ["gbrp", "yuv420p10le", "yuv444p"])  # each branch of frames.cl
 def test_one_lane_gives_the_same_codes(tracers, name):
     layout = FrameLayout("views", 3, 37, "raster", 2, name)
-    narrow, wide = (traced(tracer, layout)[0] for tracer in tracers.values())
+    narrow, wide = (traced(tracers[which], layout)[0] for which in (1, 8))
     np.testing.assert_array_equal(narrow, wide)
