@@ -32,10 +32,9 @@ from lfcore.datasets.items import StoredItem, make_batch, stored_items
 from lfcore.datasets.sample import sample
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import plain_views
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.refocus.free_views import FreeViews
 from lfcore.rendering.depth import all_samples, disparity
 from lfcore.rendering.direct import focused_camera

@@ -37,9 +37,8 @@ from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr
 from lfcore.optics import bundles
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.pictures import write_picture
 from lfcore.rendering.bake import bake_light
 from lfcore.rendering.by_depth import pictures_by_depth

@@ -25,10 +25,9 @@ from benchmarks.measured.sample import SCENES
 from benchmarks.publish import Result, of_this_run
 from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture import inner_psnr
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import lens_cells, views_of
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import pictures_by_depth, traced_views
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer

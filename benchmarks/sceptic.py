@@ -34,8 +34,8 @@ from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer

@@ -2,10 +2,9 @@ from .api import bake, load_scene, record, render, render_to_quality, trace_arra
 from .colour import exposed
 from .datasets.sample import sample_scene
 from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
-from .exchange import export_lightfield, import_lightfield
-from .exchange.exporting import WriteOptions
+from .exchange.exporting import WriteOptions, export_lightfield
 from .exchange.grid import Order
-from .exchange.importing import ReadOptions
+from .exchange.importing import ReadOptions, import_lightfield
 from .exchange.source import Selection
 from .lightfield import LightField
 from .opencl.device import Device, open_device
@@ -13,9 +12,8 @@ from .optics.array import CameraArray
 from .optics.camera import Camera
 from .optics.focus import DepthRange
 from .optics.grid_geometry import Geometry
-from .optics.lattice import Lattice
 from .optics.planes import Aperture, SensorPlane
-from .optics.slab import Extent, Slab
+from .optics.slab import Extent, Lattice, Slab
 from .pictures import write_picture
 from .rendering.quality import Quality, Rendering
 from .scene.appearance import Light, Material

@@ -18,10 +18,9 @@ from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.size import Pixels, Size, whole_number
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes

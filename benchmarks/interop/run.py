@@ -25,7 +25,7 @@ import pandas as pd
 from benchmarks.interop import data_sets
 from benchmarks.publish import Result, of_this_run, with_kept
 from lfcore.datasets.items import stored_items
-from lfcore.exchange import export_lightfield
+from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
 from lfcore.exchange.importing import store_grid
 from lfcore.lightfield import LightField

@@ -20,26 +20,11 @@ from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, StoredItem, stored_item
 from lfcore.datasets.trials import trials_of
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.page import Section, write_page
-from lfcore.files import file_digest, write_json
+from lfcore.files import file_digest, read_json, write_json
 from lfcore.pictures import contact_sheet, write_picture
 from lfcore.rendering.depth import depth_picture
 
-CONTEXT = {
-    "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
-    "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
-    "equivalentProperty": "cr:equivalentProperty", "dct": "http://purl.org/dc/terms/",
-    "citeAs": "cr:citeAs", "column": "cr:column",
-    "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
-    "dataType": {"@id": "cr:dataType", "@type": "@vocab"}, "examples": {
-        "@id": "cr:examples", "@type": "@json"}, "extract": "cr:extract", "field": "cr:field",
-    "fileProperty": "cr:fileProperty", "fileObject": "cr:fileObject", "fileSet": "cr:fileSet",
-    "format": "cr:format", "includes": "cr:includes", "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath", "key": "cr:key", "md5": "cr:md5", "parentField": "cr:parentField",
-    "path": "cr:path", "recordSet": "cr:recordSet", "references": "cr:references",
-    "regex": "cr:regex", "repeated": "cr:repeated", "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate", "separator": "cr:separator", "source": "cr:source",
-    "subField": "cr:subField", "transform": "cr:transform",
-}  # fmt: skip
+CONTEXT = Path(__file__).with_name("croissant_context.json")
 ITEMS = {
     "index": ("sc:Integer", "number of the scene"),
     "split": ("sc:Text", "train, validation or test"),
@@ -147,7 +132,7 @@ def write_card(
     made = pd.read_csv(found["items"])
     worst = made["expected_db"].min() if len(made) else float("nan")
     card = {
-        "@context": CONTEXT, "@type": "sc:Dataset", "name": description.name,
+        "@context": read_json(CONTEXT), "@type": "sc:Dataset", "name": description.name,
         "conformsTo": "http://mlcommons.org/croissant/1.0", "version": "1.0.0",
         "license": description.licence or "unknown",
         "description": f"{len(made)} {description.kind.replace('_', ' ')} of {description.pixels} "

@@ -202,7 +202,7 @@ class Description(_Keys):
         return _files(self.materials.textures, TEXTURES, "materials.textures")
 
     def digest(self) -> str:
-        """Of all keys and of the files that they name: other scenes have another."""
+        """The digest of all keys and of the files that they name: other scenes have another."""
         total = hashlib.sha256(json.dumps(self.model_dump(), sort_keys=True).encode())
         for file in (*self.mesh_files(), *self.texture_files()):
             total.update(f"{file.name}\0{file.stat().st_size}\0".encode())

@@ -37,7 +37,6 @@ from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import by_opencv, picture_bytes
-from lfcore.progress import Progress
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
@@ -230,8 +229,6 @@ def make_batch(
     records: str | Path,
     drafts: str | Path,
     device: Device,
-    *,
-    progress: Progress | None = None,
 ) -> list[dict]:
     """Make scenes ``indices``: a tar file of all, and their records as JSON.
 
@@ -239,15 +236,13 @@ def make_batch(
     """
     indices, drafts, made = list(indices), Path(drafts), []
     make_folder(drafts)
-    for done, index in enumerate(indices, 1):
+    for index in indices:
         tar, record = (drafts / f"{index:06d}.{kind}" for kind in ("tar", "json"))
         if not record.exists():  # written after its tar file
             found = _tried(description, index, device)
             _write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in found.files.items()))
             write_json(record, found.record)
         made.append(json.loads(record.read_text(encoding="utf-8")))
-        if progress:
-            progress(done, len(indices))
     _write_tar(shard, (file for i in indices for file in members(drafts / f"{i:06d}.tar")))
     write_json(records, made)
     shutil.rmtree(drafts, ignore_errors=True)

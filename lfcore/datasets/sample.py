@@ -7,7 +7,7 @@ per process, from its name alone, so that a scene does not depend on which were 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -26,16 +26,8 @@ from lfcore.scene.model import Scene
 from lfcore.scene.procedural import furniture, textures, toys
 from lfcore.scene.procedural.basics import Parts, Rng
 from lfcore.scene.procedural.bedroom import surfaces
-from lfcore.scene.procedural.primitives import (
-    box,
-    cushion,
-    cylinder,
-    lathe,
-    rectangle,
-    ring,
-    sphere,
-    tube,
-)
+from lfcore.scene.procedural.primitives import box, cushion, rectangle
+from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
 from lfcore.scene.reading import Where
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all, triple
@@ -64,25 +56,22 @@ class Shape:
     has_look: bool
 
 
-def _simple(name: str) -> Parts | None:
-    made = {
+@cache
+def builder(name: str) -> Shape:
+    """The procedural shape of one of :data:`lfcore.datasets.description.SHAPES`."""
+    simple: dict[str, Callable[[], SurfaceMesh]] = {
         "ball": lambda: sphere(1.0, PLAIN, segments=48, rings=32),
         "block": lambda: box((1.3, 0.9, 1.1), PLAIN),
         "blob": lambda: cushion((1.4, 0.9, 1.1), PLAIN, pieces=16, power=3.0),
         "rod": lambda: cylinder((0, -1, 0), (0, 1, 0), 0.16, PLAIN, segments=24),
         "cone": lambda: lathe("0 0, 0.6 0, 0.02 1.2, 0 1.2", PLAIN, segments=40),
         "ring": lambda: tube(ring(0.75, 60), 0.22, PLAIN, segments=20, closed=True),
-        "vase": lambda: lathe(
-            "0 0, 0.045 0, 0.068 0.05, 0.072 0.1, 0.055 0.16, 0.036 0.19, 0.042 0.215, "
-            "0.036 0.215, 0.03 0.18", PLAIN, segments=40, crease_deg=55,
-        ),
-    }.get(name)  # fmt: skip
-    return [made()] if made else None
-
-
-def _furnished(name: str) -> Parts:
+        "vase": lambda: furniture.vase(PLAIN),
+    }
+    if name in simple:
+        return _shape(name, [simple[name]()], name in UPRIGHT, False)
     look, rng = surfaces(1), np.random.default_rng(1)
-    return {
+    furnished: dict[str, Callable[[], Parts]] = {
         "tower": toys.ring_tower,
         "train": toys.train,
         "book": lambda: furniture.book((0.05, 0.25, 0.18), 2, look),
@@ -91,14 +80,8 @@ def _furnished(name: str) -> Parts:
         "table": lambda: furniture.tulip_table(rng, look),
         "lamp": lambda: furniture.table_lamp(look),
         "globe": lambda: furniture.globe(look),
-    }[name]()
-
-
-@cache
-def builder(name: str) -> Shape:
-    """The procedural shape of one of :data:`lfcore.datasets.description.SHAPES`."""
-    simple = _simple(name)
-    return _shape(name, simple or _furnished(name), name in UPRIGHT, simple is None)
+    }
+    return _shape(name, furnished[name](), name in UPRIGHT, True)
 
 
 @lru_cache(maxsize=256)
@@ -301,6 +284,8 @@ class _Draw:
         self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
     ) -> list[tuple[Shape, np.ndarray]]:
         """Shapes and their poses in the world; no two of their spheres meet."""
+        from trimesh.transformations import random_rotation_matrix
+
         place, to_world = self.of.placement, np.linalg.inv(to_camera)
         found: list[tuple[Shape, np.ndarray]] = []
         spheres: list[tuple[np.ndarray, float]] = []
@@ -311,7 +296,7 @@ class _Draw:
                 radius = self.span(place.size) * camera.field_width * depth / 2
                 x, y = (self.rng.random(2) - 0.5) * camera.field_width * depth
                 centre = (to_world @ (x, y, depth, 1))[:3]
-                pose = self._turn()
+                pose = random_rotation_matrix(self.rng.random(3))  # all alike probable
                 if floor is not None:
                     pose = self._pose_at_rest(shape)
                     centre[1] = radius * pose[1, 3]
@@ -339,12 +324,6 @@ class _Draw:
         if self.meshes and (not names or self.chance(self.of.shapes.share_of_meshes)):
             return mesh(self.pick(self.meshes))
         return builder(self.pick(names))
-
-    def _turn(self) -> np.ndarray:
-        """A rotation, all alike probable."""
-        from trimesh.transformations import random_rotation_matrix
-
-        return random_rotation_matrix(self.rng.random(3))
 
     def _pose_at_rest(self, shape: Shape) -> np.ndarray:
         """A pose on y = 0, turned about the upright axis through the sphere's middle."""

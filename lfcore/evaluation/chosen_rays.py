@@ -17,7 +17,7 @@ from lfcore.evaluation.true_picture import Reference
 from lfcore.evaluation.work_precision.points import core_clock, point
 from lfcore.evaluation.work_precision.study import BY_DEPTH, grid_row, recording_seconds
 from lfcore.opencl.device import Device, programs_made
-from lfcore.optics.lattice import Lattice
+from lfcore.optics.slab import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality

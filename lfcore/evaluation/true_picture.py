@@ -10,10 +10,10 @@ from lfcore.colour import display_values
 from lfcore.errors import OpticsError
 from lfcore.evaluation.metrics import psnr
 from lfcore.files import read_arrays
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
+from lfcore.optics.slab import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.first_look import BORDER
 from lfcore.tracing.tracer import Tracer

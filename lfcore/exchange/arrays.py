@@ -10,7 +10,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions, unreadable
+from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError, unreadable
 from lfcore.exchange.source import Source
 
 VARIABLE = "LF"

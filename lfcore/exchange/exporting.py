@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lfcore.exchange import table
-from lfcore.exchange.grid import ExchangeError, WriteOptions
+from lfcore.exchange.grid import WriteOptions
+from lfcore.exchange.reading import ExchangeError
 from lfcore.exchange.source import Selection, Source
 from lfcore.files import draft_folder
 from lfcore.lightfield import LightField

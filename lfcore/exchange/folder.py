@@ -15,23 +15,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import (
-    MOST_VIEWS,
-    ExchangeError,
-    Geometry,
-    Order,
-    ReadOptions,
-    ViewGrid,
-    WriteOptions,
-    existing,
-    load_json,
-    refused,
-)
+from lfcore.exchange.grid import MOST_VIEWS, Geometry, Order, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError, existing, load_json, refused
 from lfcore.exchange.source import Source
 from lfcore.files import write_json as save_json
 from lfcore.pictures import write_picture
@@ -188,14 +178,22 @@ def write_jpeg_pleno(source: Source, folder: Path, options: WriteOptions) -> Non
         pictures.write_ppm(folder / f"{first:03d}_{second:03d}.ppm", picture, PLENO_BITS)
 
 
-def _stanford_views(folder: Path) -> list[tuple[tuple[int, int], tuple[float, float, Path]]]:
-    """Of each picture the indices in its name, then y, x and the file."""
+class _StanfordView(NamedTuple):
+    """What the name of a file has: two indices and the camera's place."""
+
+    numbers: tuple[int, int]
+    y: float
+    x: float
+    file: Path
+
+
+def _stanford_views(folder: Path) -> list[_StanfordView]:
     found = []
     for path in pictures.pictures_of(folder) if folder.is_dir() else ():
         words = [word for word in path.stem.split("_") if word]
         try:
             _, first, second, y, x = words
-            found.append(((int(first), int(second)), (float(y), float(x), path)))
+            found.append(_StanfordView((int(first), int(second)), float(y), float(x), path))
         except ValueError:
             continue
     return found
@@ -203,7 +201,7 @@ def _stanford_views(folder: Path) -> list[tuple[tuple[int, int], tuple[float, fl
 
 def recognise_stanford(path: Path) -> bool:
     found = _stanford_views(path)
-    return bool(found) and found[0][1][2].name.startswith("out_")
+    return bool(found) and found[0].file.name.startswith("out_")
 
 
 def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
@@ -213,7 +211,7 @@ def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
             "holds no views named with two indices, y and x", file=path,
             remedy="Names are like out_00_00_-12.5_8.0.png",
         )  # fmt: skip
-    by_index = dict(named)
+    by_index = {view.numbers: view[1:] for view in named}
     if len(by_index) != len(named):
         raise ExchangeError("holds two views of one index", file=path)
     lines = [sorted(set(numbers)) for numbers in zip(*by_index, strict=True)]

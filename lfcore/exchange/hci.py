@@ -15,17 +15,8 @@ from typing import Any
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import (
-    ExchangeError,
-    Geometry,
-    ReadOptions,
-    ViewGrid,
-    WriteOptions,
-    existing,
-    read_text,
-    refused,
-    unreadable,
-)
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError, existing, read_text, refused, unreadable
 from lfcore.exchange.source import Source
 from lfcore.files import write_text
 from lfcore.optics.grid_geometry import KnownGeometry
@@ -63,9 +54,6 @@ def read_hci(path: Path, options: ReadOptions) -> ViewGrid:
     files = [
         existing([path / name.format(k) for name in names], asked) for k in range(columns * rows)
     ]
-    for view in files:
-        if pictures.size_of(view) != size:
-            raise ExchangeError(f"is not {size[0]} x {size[1]} pixels, as {CONFIG} says", file=view)
     focus = number("extrinsics", "focus_distance_m")
     sensor, focal = (
         number("intrinsics", key) / 1e3 for key in ("sensor_size_mm", "focal_length_mm")

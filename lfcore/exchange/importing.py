@@ -6,14 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import table
-from lfcore.exchange.grid import (
-    NOT_OF_THE_FORMAT,
-    ExchangeError,
-    Order,
-    ReadOptions,
-    ViewGrid,
-)
+from lfcore.exchange.grid import Order, ReadOptions, ViewGrid
 from lfcore.exchange.pictures import is_picture
+from lfcore.exchange.reading import NOT_OF_THE_FORMAT, ExchangeError
 from lfcore.files import make_folder
 from lfcore.lightfield import LightField
 from lfcore.progress import Progress
@@ -113,16 +108,6 @@ def store_grid(
 ) -> Metadata:
     """Encode all views of ``grid``, each read once, into the light field file ``path``, one a
     frame."""
-
-    def read(column: int, row: int) -> np.ndarray:
-        picture = grid.read(column, row)
-        if picture.shape != (grid.height, grid.width, 3):
-            raise ExchangeError(
-                f"view ({column}, {row}) is {picture.shape}, not {grid.width} x {grid.height} RGB",
-                file=grid.name,
-            )
-        return picture
-
     content: dict = {"source": {"format": grid.format}}
     if grid.notes:
         content["source"]["notes"] = list(grid.notes)
@@ -133,22 +118,27 @@ def store_grid(
     if grid.depth_m:
         content["depth_m"] = [float(depth) for depth in grid.depth_m]
     slab = grid.geometry.slab(grid.columns, grid.rows, grid.width, grid.height)
-    return store_views(path, slab, read, spec, name=grid.name, content=content, progress=progress)
+    return store_views(
+        path, slab, grid.read, spec, name=grid.name, content=content, progress=progress
+    )
 
 
 def check_order(grid: ViewGrid) -> str | None:
     """A warning where rows seem to run the other way than columns, by the sign of parallax.
 
-    Points move against the camera by as much across as down.  With ``I`` the middle view and ``R``,
-    ``D`` its neighbours, least squares on blocks give both movements; where they are strong their
-    product is positive.
+    Points move against the camera by as much across as down.  Optical flow from the middle view to
+    its neighbours gives both movements; where they are strong their product is positive.
     """
     if min(grid.columns, grid.rows) < 2 or min(grid.width, grid.height) < 16:
         return None
+    import cv2
+
     i, j = (grid.columns - 1) // 2, (grid.rows - 1) // 2
-    views = [_grey(grid.read(*at)) for at in ((i, j), (i + 1, j), (i, j + 1))]
-    gy, gx = np.gradient(views[0])
-    across, down = _movement(gx, views[1] - views[0]), _movement(gy, views[2] - views[0])
+    middle, *others = (_grey(grid.read(*at)) for at in ((i, j), (i + 1, j), (i, j + 1)))
+    across, down = (
+        cv2.calcOpticalFlowFarneback(middle, other, None, 0.5, 3, 15, 3, 5, 1.2, 0)[..., axis]  # type: ignore[call-overload]
+        for axis, other in enumerate(others)
+    )
     power = np.sqrt(np.sum(across**2) * np.sum(down**2))
     if power > 1e-9 and np.sum(across * down) < -0.5 * power:
         return (
@@ -159,19 +149,6 @@ def check_order(grid: ViewGrid) -> str | None:
 
 
 def _grey(picture: np.ndarray) -> np.ndarray:
-    import cv2
-
+    """(H, W) uint8 of a view as :class:`ViewGrid` reads it."""
     most = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(picture.dtype, 1.0)
-    return cv2.GaussianBlur(np.float32(picture).mean(-1) / np.float32(most), (0, 0), 3)
-
-
-def _movement(gradient: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Pixels that blocks of 16 x 16 move by; 0 where there is too little to see."""
-    rows, columns = (side // 16 * 16 for side in gradient.shape)
-
-    def blocks(values: np.ndarray) -> np.ndarray:
-        cut = values[:rows, :columns].reshape(rows // 16, 16, columns // 16, 16)
-        return cut.sum((1, 3))
-
-    power = blocks(gradient**2)
-    return -blocks(gradient * change) / (power + 1e-6) * (power > 1e-4)
+    return (np.float32(picture).mean(-1) * np.float32(255 / most)).astype(np.uint8)

@@ -10,7 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
-from lfcore.exchange.grid import ExchangeError, unreadable
+from lfcore.exchange.reading import ExchangeError, unreadable
 from lfcore.files import whole_file
 from lfcore.pictures import MOST_PIXELS, by_opencv, read_codes
 
@@ -73,8 +73,8 @@ def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
             raise ExchangeError("holds floats, which are not codes", file=path)
     if size is not None and picture.shape[1::-1] != tuple(size):
         raise ExchangeError(
-            f"is {picture.shape[1]} x {picture.shape[0]} pixels, the other views are "
-            f"{size[0]} x {size[1]}",
+            f"is {picture.shape[1]} x {picture.shape[0]} pixels, where {size[0]} x {size[1]} are "
+            "expected",
             file=path,
         )
     return picture

@@ -17,17 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import (
-    ExchangeError,
-    Geometry,
-    ReadOptions,
-    ViewGrid,
-    WriteOptions,
-    existing,
-    read_text,
-    refused,
-    unreadable,
-)
+from lfcore.exchange.folder import of_files
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError, existing, read_text, refused, unreadable
 from lfcore.exchange.source import Source, View
 from lfcore.files import write_text
 from lfcore.pictures import write_picture
@@ -107,12 +99,12 @@ def views(
     grid = on_a_plane(poses, described, [file.name for file in files])
     size = pictures.size_of(files[0])
     delta, notes = _delta(grid, centres[grid.index], size, focal)
-    folder = described.resolve().parent
-    return ViewGrid(
-        grid.index.shape[1], grid.index.shape[0], *size,
-        lambda i, j: pictures.read(files[grid.index[j, i]], size),
-        folder.name or "views", geometry=Geometry(grid.pitch, 1 / focal, delta), notes=notes,
-    )  # fmt: skip
+    placed, name = (
+        [[files[k] for k in line] for line in grid.index],
+        described.resolve().parent.name,
+    )
+    geometry = Geometry(grid.pitch, 1 / focal, delta)
+    return of_files(placed, name or "views", geometry=geometry, notes=notes)
 
 
 def _delta(

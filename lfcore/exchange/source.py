@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from lfcore.colour import exposed, srgb_codes
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.reading import ExchangeError
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
@@ -16,7 +16,6 @@ from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
 from lfcore.refocus.free_views import FreeViews, served_positions
-from lfcore.refocus.stored_views import read_views
 from lfcore.rendering.prepared import open_dark_tracer
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
@@ -141,8 +140,7 @@ class Source:
     def views(self, progress: Progress | None = None) -> Iterator[View]:
         """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
         total = self.columns * self.rows
-        in_rows = self.field.layout.kind == "views"
-        bands = self._made() if self.free else self._bands() if in_rows else self._groups()
+        bands = self._made() if self.free else self._bands()
         for done, (column, row, picture) in enumerate(bands, 1):
             window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
             yield column, row, np.ascontiguousarray(window)
@@ -150,7 +148,7 @@ class Source:
                 progress(done, total)
 
     def _bands(self) -> Iterator[View]:
-        """From a file of views, whose frames are in the order of rows."""
+        """As stored; macropixels are decoded whole for each band."""
         first, last = int(self._i[0]), int(self._i[-1])
         width, height = self.field.picture_size
         across = (last - first + 1) * width * height * 3
@@ -163,17 +161,6 @@ class Source:
             for k, line in enumerate(part[rows - rows[0]]):
                 for column, picture in enumerate(line[self._i - first]):
                     yield column, start + k, self.selection.codes(picture) if light else picture
-
-    def _groups(self) -> Iterator[View]:
-        """From a file of macropixels, which is decoded whole for each group of views."""
-        samples = np.array([(i, j) for j in self._j for i in self._i])
-        width, height = self.slab.size
-        step = max(1, BAND_BYTES // (width * height * 12))
-        for start in range(0, len(samples), step):
-            light = read_views(self.field, samples[start : start + step], device=self.device)
-            for k, picture in enumerate(light, start):
-                row, column = divmod(k, self.columns)
-                yield column, row, self.selection.codes(picture)
 
     def _made(self) -> Iterator[View]:
         """By depth."""

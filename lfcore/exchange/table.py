@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lfcore.exchange.grid import ExchangeError
+from lfcore.exchange.reading import ExchangeError
 
 
 @dataclass(frozen=True)

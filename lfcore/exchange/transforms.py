@@ -15,18 +15,8 @@ import numpy as np
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures, posed
-from lfcore.exchange.grid import (
-    ExchangeError,
-    Geometry,
-    Order,
-    ReadOptions,
-    ViewGrid,
-    WriteOptions,
-    existing,
-    load_json,
-    read_text,
-    refused,
-)
+from lfcore.exchange.grid import Geometry, Order, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError, existing, load_json, read_text, refused
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture

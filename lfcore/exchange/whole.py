@@ -23,7 +23,8 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.exchange import pictures
-from lfcore.exchange.grid import ExchangeError, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.reading import ExchangeError
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture

@@ -39,27 +39,19 @@ class LensSystem:
     @classmethod
     def read(cls, path: str | Path) -> LensSystem:
         """Read pbrt's lens file."""
-        rows = []
         try:
             lines = Path(path).read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise OpticsError(f"lens file cannot be read: {error}", file=path) from None
-        for number, line in enumerate(lines, 1):
-            words = line.split("#")[0].split()
-            if not words:
-                continue
-            try:
-                values = [float(word) for word in words]
-            except ValueError:
-                values = []
-            if len(values) != 4 or not np.isfinite(values).all():
-                remedy = "Write radius, thickness, index and aperture diameter in millimetres"
-                problem, key = f"{line.strip()!r} is not four numbers", f"line {number}"
-                raise OpticsError(problem, file=path, key=key, remedy=remedy)
-            rows.append(values)
-        if not rows:
+            lines = [line for line in lines if line.split("#")[0].strip()]
+            rows = np.loadtxt(lines, ndmin=2) if lines else np.zeros((0, 4))
+            if rows.shape[1] != 4 or not np.isfinite(rows).all():
+                raise ValueError("its lines are not four finite numbers")
+        except (OSError, ValueError) as error:
+            remedy = "Write radius, thickness, index and aperture diameter in millimetres"
+            problem = f"lens file cannot be read: {error}"
+            raise OpticsError(problem, file=path, remedy=remedy) from None
+        if not len(rows):
             raise OpticsError("the lens file holds no surface", file=path)
-        radius, thickness, index, diameter = np.array(rows).T * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
+        radius, thickness, index, diameter = rows.T * np.array([[1e-3, 1e-3, 1, 1e-3]]).T
         if (diameter <= 0).any() or (thickness[:-1] < 0).any():
             raise OpticsError("an aperture or thickness is not positive", file=path)
         return cls(radius, thickness, np.where(index == 0, 1.0, index), diameter / 2)

@@ -37,7 +37,10 @@ PLANE_ARGUMENTS = np.dtype([
     ("planes", np.int32),  # sorted by mask
     ("ring", np.int32),  # rows of a plane that a strip keeps, a power of two
 ])  # fmt: skip
-"""Of the kernels that form planes."""
+"""The arguments of kernels that form planes."""
+
+Corners = tuple[int, int, int, int]
+"""First column and row, and the column and row after the last."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,7 @@ class PlaneTables:
 
 
 def lens_tables(
-    slab: Slab,
-    planes: Sequence[SensorPlane],
-    corners: tuple[int, int, int, int],
-    group: int,
-    side: int,
+    slab: Slab, planes: Sequence[SensorPlane], corners: Corners, group: int, side: int
 ) -> PlaneTables:
     """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1), for beams of
     ``group`` x ``group`` pixels by ``side`` x ``side`` blocks of lens samples."""
@@ -94,20 +93,15 @@ def lens_tables(
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
     beside = -slab.views % (side * BLOCK)
     padded = np.pad(masks, ((0, 0), (0, beside), (0, beside)))
-    region = reached_region(slab, planes, moves_of, *corners)
+    region = reached_region(slab, planes, moves_of, corners)
     return PlaneTables(order, info, runs, padded, block_kinds(masks), *region)
 
 
 def reached_region(
-    slab: Slab,
-    planes: Sequence[SensorPlane],
-    moves_of: Sequence[np.ndarray],
-    u0: int,
-    v0: int,
-    u1: int,
-    v1: int,
+    slab: Slab, planes: Sequence[SensorPlane], moves_of: Sequence[np.ndarray], corners: Corners
 ) -> Rectangle:
     """The pixels of the planes that a tile's rays can reach, of each plane's :func:`offsets`."""
+    u0, v0, u1, v1 = corners
     low, high = [slab.pixels, slab.pixels], [0, 0]
     for moves in moves_of:
         for axis, (first, last) in enumerate(((u0, u1), (v0, v1))):

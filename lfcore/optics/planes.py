@@ -25,7 +25,8 @@ from lfcore.optics.slab import Slab
 
 MOST_BLADES = 1000  # no eye tells such a polygon from a circle
 EDGE = 1e-12
-"""Of the radius: points on a polygon's edges are inside, whatever their cosines' last bits."""
+"""The share of the radius within which points on a polygon's edges are inside, whatever their
+cosines' last bits."""
 SHAPES = ("circle", "square", "diamond", "polygon")
 NORMALISATIONS = ("aperture", "lens")
 

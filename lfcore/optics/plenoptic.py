@@ -49,12 +49,12 @@ class PlenopticCamera:
 
     @property
     def pitch_m(self) -> float:
-        """Of the microlenses."""
+        """The distance between microlenses."""
         return self.camera.sensor_width_m / self.lenses
 
     @property
     def lens_diameter_m(self) -> float:
-        """Of the main lens."""
+        """The diameter of the main lens."""
         return 2.0 * self.camera.lens_radius_m
 
     @property
@@ -73,12 +73,12 @@ class PlenopticCamera:
 
     @property
     def pixel_pitch_m(self) -> float:
-        """Of the photosensor."""
+        """The distance between pixels of the photosensor."""
         return self.image_pitch_m / self.samples
 
     @property
     def hyperfocal_distance_m(self) -> float:
-        """Of a microlens, for a circle of confusion of one photosensor pixel: f^2 / (N c) + f."""
+        """f^2 / (N c) + f of a microlens, for a circle of confusion of one photosensor pixel."""
         focal = self.microlens_focal_length_m
         return focal * self.pitch_m / self.pixel_pitch_m + focal
 

@@ -85,7 +85,7 @@ def strip_tables(
         np.concatenate(runs),
         masks,
         strip_kinds(masks),
-        *reached_region(slab, planes, moves_of, u0, v0, u1, v1),
+        *reached_region(slab, planes, moves_of, (u0, v0, u1, v1)),
         np.concatenate(pointers).astype(np.int32),
         numbered,
     )

@@ -12,11 +12,10 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera

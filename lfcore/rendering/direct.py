@@ -10,11 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.optics.camera import Camera, check_focus, image_distance
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import TileTracing, Tracer

@@ -17,11 +17,10 @@ import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import plain_views
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 

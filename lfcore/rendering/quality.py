@@ -11,9 +11,9 @@ import numpy as np
 
 from lfcore.errors import OpticsError, answers_typos
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
+from lfcore.optics.slab import Lattice
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import pictures_by_depth, traced_camera
 from lfcore.rendering.first_look import FirstLook

@@ -14,10 +14,9 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
 from lfcore.rendering.by_depth import traced_views
 from lfcore.rendering.depth import depth_content, dioptre_range

@@ -18,9 +18,9 @@ import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
+from lfcore.optics.slab import Lattice
 from lfcore.refocus.stored_depth import slice_stored
 from lfcore.rendering.first_look import inner
 from lfcore.rendering.record_depth import depth_store, record_by_depth

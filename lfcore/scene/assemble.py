@@ -30,7 +30,7 @@ TEXTURES = {
     "normal_texture": "data",
     "emission_texture": "sRGB",
 }
-"""Of a surface, and what their codes are."""
+"""The textures of a surface, and what their codes are."""
 COLOURS = "diffuse", "specular", "emission"
 NUMBERS = "shininess", "alpha_cutoff", "metallic", "roughness", "normal_scale"
 

@@ -100,7 +100,7 @@ def _check_up(up: str | None, path: Path) -> None:
 
 
 def _pbrt(path: Path, light_points: int) -> Scene:
-    from lfcore.scene.pbrt import build_pbrt_scene  # a package of its own, seldom needed
+    from lfcore.scene.pbrt.build import build_pbrt_scene  # a package of its own, seldom needed
 
     scene = build_pbrt_scene(path, light_points=light_points)
     if scene.focus_distances_m:
@@ -131,7 +131,7 @@ def build(
             parts += made
     every = parts + [part for part, _ in moving]
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
-        notebook.add_in(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
+        notebook.add(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
     staging = staging_of(description, file, notebook)
     extent = framing.bounds(every, file=file)
     camera, to_camera = framing.place_camera(description["camera"], extent, where, staging.camera)
@@ -185,23 +185,15 @@ def _view(camera: dict, where: Where) -> View | None:
     if wanted is None:
         return None
     opened, closed = map(float, wanted["shutter"])
-    if closed < opened:
-        remedy = "Give when it opens, then when it closes"
-        raise where["shutter"].error(f"closes at {closed:g}, before it opens", remedy)
+    samples, film, fov = wanted["samples_per_pixel"], wanted["film_px"], float(wanted["fov_deg"])
+    bounds, cameras = wanted["camera_grid_bounds_m"], wanted["cameras_per_dim"]
     try:
-        return lightfield_view(
-            wanted["film_px"],
-            float(wanted["fov_deg"]),
-            wanted["cameras_per_dim"],
-            wanted["camera_grid_bounds_m"],
-            wanted["spacing"],
-            (opened, closed),
-            wanted["samples_per_pixel"],
-        )
+        view = lightfield_view(film, fov, cameras, bounds, wanted["spacing"])
+        return dataclasses.replace(view, shutter=(opened, closed), samples_per_pixel=samples)
     except OpticsError as error:
-        names = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
-        name = names.get(error.key or "", error.key)
-        raise where[name].error(error.problem, error.remedy) from None
+        ours = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
+        key = ours.get(error.key or "", error.key)
+        raise where[key].error(error.problem, error.remedy) from None
 
 
 def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> list[SurfaceMesh]:

@@ -23,7 +23,7 @@ import numpy as np
 from lfcore.scene.surface_mesh import area_vectors
 
 POINTS = 12
-"""Of an emitter, unless asked otherwise."""
+"""The number of points of an emitter, unless asked otherwise."""
 # A flat emitter's points stand off it by this share of its size: no surface holds a light.
 LIFT = 1e-4
 SAMPLES_A_POINT = 128

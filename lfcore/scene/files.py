@@ -28,6 +28,8 @@ ARRAYS = {
     "colours": (np.float32, (3, 3)),
     "material_ids": (np.int32, ()),
 }
+PLAIN = "name", "ambient", "background", "clip", "dropped", "focus_distances_m"
+"""The attributes of a scene that are in the header as they are."""
 
 
 def save_scene(path: str | Path, scene: Scene) -> None:
@@ -61,16 +63,11 @@ def _header(scene: Scene) -> dict:
         camera["focus_distance_m"] = "infinity"  # JSON has no infinity
     return {
         "format": FORMAT,
-        "name": scene.name,
+        **{name: getattr(scene, name) for name in PLAIN},
         "camera": camera,
         "materials": [asdict(material) for material in scene.materials],
         "textures": len(scene.textures),
         "lights": [asdict(light) for light in scene.lights],
-        "ambient": scene.ambient,
-        "background": scene.background,
-        "clip": scene.clip,
-        "dropped": scene.dropped,
-        "focus_distances_m": scene.focus_distances_m,
         "triangles": scene.triangle_count,
         "view": scene.view.to_json() if scene.view else None,
         "motions": [
@@ -115,16 +112,11 @@ def _scene(archive: Any) -> Scene:
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise ValueError(f"array {name!r} is {array.dtype} {array.shape}")
     return Scene(
-        name=header["name"],
+        **_tuples({name: header[name] for name in PLAIN}),
         camera=Camera.from_json(header["camera"]),
         materials=[Material(**_tuples(material)) for material in header["materials"]],
         textures=[archive[f"texture_{index:04d}"] for index in range(header["textures"])],
         lights=[Light(**_tuples(light)) for light in header["lights"]],
-        ambient=tuple(header["ambient"]),
-        background=tuple(header["background"]),
-        clip=header["clip"],
-        dropped=header["dropped"],
-        focus_distances_m=tuple(header["focus_distances_m"]),
         view=View.from_json(header["view"]) if header["view"] else None,
         motions=tuple(
             Motion(first, count, np.array(start), np.array(end))

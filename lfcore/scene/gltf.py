@@ -247,7 +247,7 @@ class Document:
             here = None if lens is None else self._perspective(lens, matrix)
             if here is None or first is not None:
                 name = camera.get("name") or node.get("name") or node["camera"]
-                notebook.add_in(NOT_USED, self.path, f"camera {name!r}")
+                notebook.add(NOT_USED, self.path, f"camera {name!r}")
             else:
                 first = here
         return first
@@ -264,21 +264,21 @@ class Document:
         return FoundCamera(to_world, 2 * math.tan(angle / 2) * narrow)
 
     def note_what_is_left_out(self, notebook: Notebook) -> None:
-        """Of the file as a whole; materials tell their own."""
+        """Note what the file as a whole loses; materials note their own."""
         for key, kind in (("animations", "animation"), ("skins", "skin")):
             for index, entry in enumerate(self.objects(key)):
                 what = f"{kind} {entry.get('name', index)!r}: the pose in the file"
-                notebook.add_in(LEFT_OUT, self.path, what)
+                notebook.add(LEFT_OUT, self.path, what)
         for mesh in self.objects("meshes"):
             name = mesh.get("name", "without name")
             for primitive in self.objects("primitives", of=mesh):
                 if primitive.get("mode") not in _TRIANGLES:
-                    notebook.add_in(LEFT_OUT, self.path, f"points, lines or fans of mesh {name!r}")
+                    notebook.add(LEFT_OUT, self.path, f"points, lines or fans of mesh {name!r}")
                 if primitive.get("targets"):
                     what = f"morph targets of mesh {name!r}: its rest shape"
-                    notebook.add_in(LEFT_OUT, self.path, what)
+                    notebook.add(LEFT_OUT, self.path, what)
         for name in sorted(self.extensions("Used") - set(KNOWN)):
-            notebook.add_in(LEFT_OUT, self.path, f"extension {name}")
+            notebook.add(LEFT_OUT, self.path, f"extension {name}")
 
 
 @dataclass(frozen=True)
@@ -304,11 +304,11 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
         here = [moved(light, matrix) for light in document.lights()]
         own = document.camera(notebook)
         if here and "lights" in description:
-            notebook.add_in(NOT_USED, document.path, f"{len(here)} lights: the scene has its own")
+            notebook.add(NOT_USED, document.path, f"{len(here)} lights: the scene has its own")
         else:
             lights += here
         if own is not None and ("pose" in description["camera"] or camera is not None):
-            notebook.add_in(NOT_USED, document.path, "its camera: the scene has another")
+            notebook.add(NOT_USED, document.path, "its camera: the scene has another")
         elif own is not None:
             pose = matrix @ own.to_world
             pose[:3, :3] = normalise(pose[:3, :3].T).T  # a scale makes no camera larger

@@ -17,7 +17,7 @@ from lfcore.scene.surface_mesh import Colour, Surface, triple
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")
 _REPEAT = 10497
 _SOLID = 250
-"""Of 255: encoders blur an alpha of one."""
+"""The least code of alpha that is solid: encoders blur an alpha of one."""
 _TEXTURES = (
     ("pbrMetallicRoughness", "baseColorTexture"),
     ("pbrMetallicRoughness", "metallicRoughnessTexture"),
@@ -143,7 +143,7 @@ class GltfSurfaces:
         return cutoff / alpha if alpha * least / 255 < cutoff else 0.0
 
     def _note(self, kind: str, name: str, what: str) -> None:
-        self.notebook.add_in(kind, self.document.path, f"material {name!r}: {what}")
+        self.notebook.add(kind, self.document.path, f"material {name!r}: {what}")
 
 
 def _alpha_range(image: Any) -> tuple[int, int]:

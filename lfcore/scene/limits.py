@@ -16,9 +16,9 @@ from lfcore.scene.model import Scene
 from lfcore.scene.reading import Where
 
 BRIGHTEST = 1e12
-"""Of colours: of lights, of materials, of what is around the scene."""
+"""The largest number of a colour: of lights, materials, and what is around the scene."""
 SMALLEST_LENGTH, LARGEST_LENGTH = 1e-12, 1e12
-"""Of a camera, metres; a pinhole may be smaller."""
+"""The lengths of a camera, metres; a pinhole may be smaller."""
 WIDEST_FIELD = 1e9
 """Tangent extent; and the inverse of the narrowest."""
 FARTHEST_UV = 1e5

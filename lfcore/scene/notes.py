@@ -40,11 +40,9 @@ class Notebook:
     def __init__(self) -> None:
         self._notes: dict[Note, None] = {}
 
-    def add(self, kind: str, place: Place, what: str) -> None:
-        self.add_in(kind, place.file, what, place.line)
-
-    def add_in(self, kind: str, file: Path, what: str, line: int = 0) -> None:
-        """As :meth:`add`, of a file whose lines are not known or do not matter."""
+    def add(self, kind: str, place: Place | Path, what: str) -> None:
+        """Note what happened to a place, or to a file whose lines do not matter."""
+        file, line = (place, 0) if isinstance(place, Path) else (place.file, place.line)
         self._notes.setdefault(Note(kind, file, line, what))
 
     def notes(self) -> tuple[Note, ...]:

@@ -25,7 +25,7 @@ LARGEST_TEXT = 1024 * MIB
 LARGEST_MESH = 4096 * MIB
 DEEPEST_YAML = 64
 MOST_YAML_NODES = 100_000
-"""Of a YAML file with its aliases followed."""
+"""The largest number of values of a YAML file with its aliases followed."""
 
 
 @dataclass(frozen=True)
@@ -93,22 +93,16 @@ def _too_large(path: Path, most: int, what: str) -> SceneError:
     return Where(path).error(f"{what} holds more than {size}", "Split it, or make it less")
 
 
-def read_yaml(path: str | Path, what: str = "scene file") -> Any:
+def read_yaml(path: str | Path) -> Any:
     """What a YAML file says, plain lists, dictionaries and scalars."""
-    raw, where = read_bytes(path, LARGEST_DESCRIPTION, what), Where(Path(path))
+    raw, where = read_bytes(path, LARGEST_DESCRIPTION, "scene file"), Where(Path(path))
     try:
-        loader = _Loader(raw.decode("utf-8"))
-        loader.where = where
-        try:
-            node = loader.get_single_node()
-            if node is None:
-                return None
-            _count(node, {}, where)
-            return loader.construct_document(node)
-        finally:
-            loader.dispose()
+        text = raw.decode("utf-8")
+        _check_bounds(text, where)
+        return yaml.safe_load(text)
     except UnicodeDecodeError as error:
-        raise where.error(f"{what} is not text in UTF-8: {error}", "Save it as UTF-8") from None
+        problem = f"scene file is not text in UTF-8: {error}"
+        raise where.error(problem, "Save it as UTF-8") from None
     except yaml.YAMLError as error:
         problem = f"not valid YAML: {' '.join(str(error).split())}"
         raise where.error(problem, "Mend the syntax") from None
@@ -117,38 +111,30 @@ def read_yaml(path: str | Path, what: str = "scene file") -> Any:
         raise where.error(problem, "Put it in quotes") from None
 
 
-class _Loader(yaml.SafeLoader):
-    """yaml.SafeLoader, which calls itself for each level, down to :data:`DEEPEST_YAML`."""
-
-    depth, where = 0, NOWHERE
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        self.depth += 1
-        if self.depth > DEEPEST_YAML:
-            line = self.peek_event().start_mark.line + 1
+def _check_bounds(text: str, where: Where) -> None:
+    """Refuse YAML that nests deeply, contains itself, or is large with its aliases followed."""
+    levels: list[list[Any]] = [["", 0, 0]]  # anchor, line and number of values of what is open
+    sizes: dict[str | None, int] = {}
+    for event in yaml.parse(text, yaml.SafeLoader):
+        anchor, size = getattr(event, "anchor", None), 0
+        line = event.start_mark.line + 1 if event.start_mark else 0
+        if isinstance(event, yaml.CollectionStartEvent):
+            levels.append([anchor, line, 1])
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, _, size = levels.pop()
+        elif isinstance(event, yaml.ScalarEvent):
+            size = 1
+        elif isinstance(event, yaml.AliasEvent):
+            for other, start, _ in levels:
+                if other == anchor:
+                    problem = f"what starts on line {start} contains itself"
+                    raise where.error(problem, "Remove the alias")
+            size = sizes.get(anchor, 0)
+        sizes[anchor] = size
+        levels[-1][2] += size
+        if len(levels) > DEEPEST_YAML:
             problem = f"nests more than {DEEPEST_YAML} deep on line {line}"
-            raise self.where.error(problem, "Close the brackets, or flatten it")
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
-
-
-def _count(node: yaml.Node, known: dict[int, int | None], where: Where) -> int:
-    """Nodes below and including ``node`` when every alias is written out."""
-    if id(node) in known:
-        size = known[id(node)]
-        if size is None:
-            line = node.start_mark.line + 1
-            raise where.error(f"what starts on line {line} contains itself", "Remove the alias")
-        return size
-    known[id(node)] = None
-    size = 1
-    if isinstance(node, yaml.CollectionNode):
-        for item in node.value:
-            for part in item if isinstance(item, tuple) else (item,):
-                size += _count(part, known, where)
-    if size > MOST_YAML_NODES:
-        problem = f"holds more than {MOST_YAML_NODES} values once its aliases are followed"
-        raise where.error(problem, "Write fewer aliases")
-    known[id(node)] = size
-    return size
+            raise where.error(problem, "Close the brackets, or flatten it")
+        if levels[-1][2] > MOST_YAML_NODES:
+            problem = f"holds more than {MOST_YAML_NODES} values once its aliases are followed"
+            raise where.error(problem, "Write fewer aliases")

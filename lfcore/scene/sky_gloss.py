@@ -22,7 +22,7 @@ from lfcore.scene.sky import octahedron, radiance, solid_angles, suns
 LEVELS, SIDE, SHARES = 6, 128, 32
 """Maps of roughness 0, 1/5, ... 1, then one of light over pi; their side; the side of A and B."""
 _SIDES, _SOURCE = (128, 64, 32, 32, 16, 16), 64
-"""Of maps before they are enlarged, and of the sky that most are made from."""
+"""The sides of maps before they are enlarged, and of the sky that most are made from."""
 _SAMPLES = 256
 _made: dict[int, tuple[weakref.ref[np.ndarray], np.ndarray]] = {}
 

@@ -5,9 +5,7 @@ Names are searched for in the text, by the formats' own marks; of names that mea
 file that is missing, parsing tells the user.  A name in a comment counts: it costs a parse at most.
 """
 
-import json
 import re
-import struct
 import urllib.parse
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -24,13 +22,12 @@ _SKY = re.compile(
     re.MULTILINE,
 )
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(\S[^\r\n]*)", re.MULTILINE)
-_TEXTURE = re.compile(
-    rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)", re.MULTILINE | re.IGNORECASE
+_NAMED = re.compile(
+    rb"^[ \t]*(?:mtllib|comment TextureFile|map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)",
+    re.MULTILINE | re.IGNORECASE,
 )
-_PLY_TEXTURE = re.compile(rb"^comment TextureFile[ \t]+(\S[^\r\n]*)", re.MULTILINE)
+"""Lines of OBJ, MTL and PLY files that name a file."""
 _PLY_HEADER_BYTES = 1 << 16
-_GLB = struct.Struct("<4sIIII")  # magic, version, length; length and kind of the first chunk
 
 Scanner = Callable[[Path], Iterable[str]]
 
@@ -120,34 +117,34 @@ def _text(name: bytes) -> str:
     return name.decode("utf-8", errors="surrogateescape")
 
 
-def _tails(lines: Iterable[bytes]) -> Iterator[str]:
+def _tails(data: bytes) -> Iterator[str]:
     """A name may hold spaces, and options may stand before it: every end of the line is tried."""
-    for line in dict.fromkeys(lines):
+    for line in dict.fromkeys(_NAMED.findall(data)):
         words = _text(line).split()
         for first in range(len(words)):
             yield " ".join(words[first:])
 
 
+def _yaml(file: Path) -> Iterator[str]:
+    return _strings(reading.read_yaml(file))
+
+
+def _obj(file: Path) -> Iterator[str]:
+    return _tails(reading.read_bytes(file, reading.LARGEST_MESH))
+
+
 def _ply(file: Path) -> Iterator[str]:
     with file.open("rb") as stream:
-        return _tails(_PLY_TEXTURE.findall(stream.read(_PLY_HEADER_BYTES)))
+        return _tails(stream.read(_PLY_HEADER_BYTES))
 
 
-def _glb(file: Path) -> Iterator[str]:
-    with file.open("rb") as stream:
-        head = stream.read(_GLB.size)
-        if len(head) == _GLB.size and head[:4] == b"glTF":
-            size = min(_GLB.unpack(head)[3], reading.LARGEST_TEXT)
-            yield from _strings(json.loads(stream.read(size)))
+def _gltf(file: Path) -> Iterator[str]:
+    from lfcore.scene.gltf import Document  # arrays, which a build system has no need of
+
+    return _strings(Document(file).tree)
 
 
 _SCANNERS: dict[str, Scanner] = {
-    "yaml": lambda file: _strings(reading.read_yaml(file)),
-    "pbrt": _pbrt,
-    "obj": lambda file: _tails(_LIBRARY.findall(reading.read_bytes(file, reading.LARGEST_MESH))),
-    "mtl": lambda file: _tails(_TEXTURE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))),
-    "ply": _ply,
-    "gltf": lambda file: _strings(json.loads(reading.read_bytes(file, reading.LARGEST_TEXT))),
-    "glb": _glb,
-}
-_SCANNERS["yml"] = _SCANNERS["yaml"]
+    "yaml": _yaml, "yml": _yaml, "pbrt": _pbrt, "obj": _obj, "mtl": _obj, "ply": _ply,
+    "gltf": _gltf, "glb": _gltf,
+}  # fmt: skip

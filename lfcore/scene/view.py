@@ -44,6 +44,11 @@ class View:
         Rays per pixel, as the scene asks for.
     motion_times : (float, float)
         The times of moving objects' first and last pose.
+
+    Raises
+    ------
+    OpticsError
+        The shutter closes before it opens.
     """
 
     kind: str
@@ -54,6 +59,12 @@ class View:
     lens_radius_m: float = 0.0
     samples_per_pixel: int = 1
     motion_times: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        opened, closed = self.shutter
+        if closed < opened:
+            problem, remedy = f"closes at {closed:g}, before it opens", "Let it open first"
+            raise OpticsError(problem, key="shutter", remedy=remedy)
 
     def motion_time(self, instant: float) -> float:
         """How far motions are, 0 to 1, at ``instant`` of the shutter, 0 open and 1 closed."""
@@ -82,8 +93,6 @@ def lightfield_view(
     cameras_per_dim: Sequence[int] = CAMERAS_PER_DIM,
     grid_bounds_m: Sequence[float] = CAMERA_GRID_BOUNDS_M,
     spacing: str = "ends",
-    shutter: tuple[float, float] = SHUTTER,
-    samples_per_pixel: int = 1,
 ) -> View:
     """A grid of pinholes that share one film; bounds are minX maxX minY maxY, y up."""
     for length, count, name in zip(film, cameras_per_dim, ("width", "height"), strict=True):
@@ -97,6 +106,4 @@ def lightfield_view(
     array = CameraArray.on_grid(cameras_per_dim, grid_bounds_m, fov_deg, tile, spacing)
     widest = max(abs(bound) for bound in grid_bounds_m)
     camera = thin_lens(array.field_width, widest, math.inf)
-    return View(
-        LIGHTFIELD, camera, array, (film[0], film[1]), shutter, samples_per_pixel=samples_per_pixel
-    )  # fmt: skip
+    return View(LIGHTFIELD, camera, array, (film[0], film[1]))

@@ -29,7 +29,7 @@ from lfcore.rendering.photograph import direct_thin_lens
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.needs import Needs
-from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.view import lightfield_view
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces

@@ -17,11 +17,12 @@ from stored_fields import tile_frames, write_field
 from lfcore import Encoding, FrameLayout, LightField, load_scene, record
 from lfcore.cli import main
 from lfcore.colour import srgb_codes
-from lfcore.exchange import FORMATS, export_lightfield, import_lightfield
+from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, Order, ReadOptions, ViewGrid, WriteOptions
-from lfcore.exchange.importing import check_order, read_grid, store_grid
+from lfcore.exchange.importing import check_order, import_lightfield, read_grid, store_grid
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exchange.source import Selection, Source
+from lfcore.exchange.table import FORMATS
 from lfcore.pictures import read_codes
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer

@@ -234,8 +234,8 @@ def test_pupil_sampling_misses_nothing(make):
 
 def test_lenses_that_cannot_be(make):
     for text, words in (
-        ("1 2 3\n", "line 1"), ("# nothing\n", "no surface"), ("50 4 1.5 -3\n", "not positive"),
-        ("50 4 x 20\n", "not four numbers"),
+        ("1 2 3\n", "four"), ("# nothing\n", "no surface"), ("50 4 1.5 -3\n", "not positive"),
+        ("50 4 x 20\n", "'x' to float.* row 0"),
     ):  # fmt: skip
         refused(rf"lens\.dat.*{words}", make, text)
     refused("focus", make().focused, 0.06)

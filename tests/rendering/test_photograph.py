@@ -11,7 +11,7 @@ from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
 from lfcore.rendering.photograph import direct_thin_lens, photograph, shutter_times, trace_shutter
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing import arrays
 

@@ -15,7 +15,7 @@ from lfcore.scene.description import check, complete, schema
 from lfcore.scene.framing import default_focus_distances
 from lfcore.scene.motion import scene_at
 from lfcore.scene.needs import Needs
-from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
 from lfcore.tracing.surfaces import pack_surfaces
 

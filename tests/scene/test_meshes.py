@@ -11,7 +11,7 @@ from lfcore.colour import srgb_decode
 from lfcore.scene.build import build_scene
 from lfcore.scene.meshes import load_mesh
 from lfcore.scene.needs import Needs
-from lfcore.scene.procedural import book, build, primitives, textures
+from lfcore.scene.procedural import book, build, primitives, textures, turned
 from lfcore.scene.surface_mesh import Surface, crease_normals, face_normals
 from robustness.sound import check_scene
 
@@ -288,20 +288,20 @@ PLAIN = Surface("plain")
 SHAPES = {
     "box": (lambda: primitives.box((1, 2, 3), PLAIN), 12, 6.0),
     "sphere": (
-        lambda: primitives.sphere(1.0, PLAIN, segments=64, rings=48), 2 * 64 * 47, 4 / 3 * np.pi
+        lambda: turned.sphere(1.0, PLAIN, segments=64, rings=48), 2 * 64 * 47, 4 / 3 * np.pi
     ),
     "tube": (
-        lambda: primitives.cylinder((0, 0, 0), (0, 0, 2), 0.5, PLAIN, segments=64), 256, np.pi / 2
+        lambda: turned.cylinder((0, 0, 0), (0, 0, 2), 0.5, PLAIN, segments=64), 256, np.pi / 2
     ),
     "torus": (
-        lambda: primitives.tube(primitives.ring(1, 96), 0.2, PLAIN, segments=48, closed=True),
+        lambda: turned.tube(turned.ring(1, 96), 0.2, PLAIN, segments=48, closed=True),
         2 * 96 * 48, 2 * np.pi**2 * 0.04,
     ),
     "cushion": (
         lambda: primitives.cushion((2, 2, 2), PLAIN, power=2.0, pieces=24), 12 * 576, 4 / 3 * np.pi
     ),
     "lathe": (
-        lambda: primitives.lathe([(0, 0), (1, 0), (1, 3), (0, 3)], PLAIN, segments=96),
+        lambda: turned.lathe([(0, 0), (1, 0), (1, 3), (0, 3)], PLAIN, segments=96),
         96 * 4, 3 * np.pi,
     ),
 }  # fmt: skip

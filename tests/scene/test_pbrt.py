@@ -20,7 +20,7 @@ from lfcore.oracle.shading import arriving
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
 from lfcore.scene.motion import scene_at
-from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.sky import radiance
 
 HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
@@ -123,9 +123,10 @@ def closed(scene):
         ('"cylinder" "float radius" 2 "float zmin" 0 "float zmax" 3', 12 * math.pi),
     ],
 )
-def test_curved_shapes_keep_their_tolerance(read, shape, expected):
+def test_curved_shapes_keep_their_tolerance(read, shape, expected, monkeypatch):
     for tolerance in (1e-2, 1e-3):
-        scene = read(f"Translate 0 0 9\nShape {shape}", tolerance=tolerance)
+        monkeypatch.setattr("lfcore.scene.pbrt.shapes.TOLERANCE", tolerance)
+        scene = read(f"Translate 0 0 9\nShape {shape}")
         assert expected * (1 - 4 * tolerance) < area(scene) < expected
     if "sphere" in shape:
         radius = 2.0 if "radius" in shape else 1.0

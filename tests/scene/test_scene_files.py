@@ -215,7 +215,7 @@ def scene():
 def test_round_trip(tmp_path, scene):
     scene = dataclasses.replace(
         scene,
-        view=lightfield_view((64, 32), 50.0, (4, 2), (-0.5, 0.5, 0.0, 0.3), shutter=(0.0, 0.5)),
+        view=dataclasses.replace(lightfield_view((64, 32), 50.0, (4, 2)), shutter=(0.0, 0.5)),
         motions=(Motion(0, 2, np.eye(4), rotate("z", 30)),),
         notes=(Note("left out", Path("main.pbrt"), 3, "fog"),),
     )

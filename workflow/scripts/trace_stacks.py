@@ -3,10 +3,9 @@
 import numpy as np
 
 from lfcore.optics import bundles
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.plane_pictures import save_stack
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from lfcore.evaluation.true_picture import save_reference, true_pictures
-from lfcore.optics.lattice import Lattice
+from lfcore.optics.slab import Lattice
 from lfcore.workflow import cases
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job

@@ -30,7 +30,7 @@ from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens, trace_shutter
-from lfcore.scene.pbrt import build_pbrt_scene
+from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.timing import clocked, clocked_warm
 from lfcore.tracing.tracer import Tracer
 

@@ -35,10 +35,9 @@ from lfcore.evaluation.work_precision.points import (
     timed_point,
 )
 from lfcore.opencl.device import Device, programs_made
-from lfcore.optics.lattice import Lattice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.prepared import hierarchy_of

@@ -13,7 +13,6 @@ from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
 from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.parser import read_directives
-from lfcore.scene.pbrt.shapes import TOLERANCE
 from lfcore.scene.reading import Where
 from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
@@ -21,20 +20,17 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 MOST_LIGHT_POINTS = 1024
 
 
-def build_pbrt_scene(
-    path: str | Path, *, tolerance: float = TOLERANCE, light_points: int = POINTS
-) -> Scene:
+def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     """Read a pbrt scene of version 3, or of version 4 where the same words mean the same.
 
-    Triangles leave curved shapes by ``tolerance`` of their radius; ``light_points`` point lights
-    stand for each shape of an area light and side.
+    ``light_points`` point lights stand for each shape of an area light and side.
     """
     path = Path(path)
     notebook = Notebook()
     if not 1 <= light_points <= MOST_LIGHT_POINTS:
         problem = f"cannot stand for an area light: {light_points} points"
         raise Where("", "light_points").error(problem, f"Give 1 to {MOST_LIGHT_POINTS}")
-    interpreter = Interpreter(path.parent, notebook, tolerance, light_points)
+    interpreter = Interpreter(path.parent, notebook, light_points)
     interpreter.run(read_directives(path, notebook))
     # What overflows is dropped, and counted.
     with np.errstate(over="ignore", invalid="ignore"):

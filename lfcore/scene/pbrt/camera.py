@@ -5,6 +5,8 @@ pbrt's camera space is left-handed, x right, y up, z forward; ours has y down, s
 """
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,27 +14,20 @@ from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray, thin_lens
 from lfcore.scene.notes import NOT_USED
 from lfcore.scene.pbrt.parameters import ParameterSet
-from lfcore.scene.view import (
-    CAMERA_GRID_BOUNDS_M,
-    CAMERAS_PER_DIM,
-    FOV_DEG,
-    PERSPECTIVE,
-    SHUTTER,
-    View,
-    lightfield_view,
-)
+from lfcore.scene.view import FOV_DEG, LIGHTFIELD, PERSPECTIVE, SHUTTER, View, lightfield_view
 
 TO_OURS = np.diag([1.0, -1.0, 1.0, 1.0])
 DEFAULT_FILM = (640, 480)  # version 3; version 4 has 1280 x 720
 DEFAULT_SAMPLES = 16
 LARGEST_FILM = MOST_SAMPLES = 65536
 PARAMETERS = {
-    "fov_deg": "fov",
     "cameras_per_dim": "camerasperdim",
     "bounds": "cameragridbounds",
     "cameras": "camerasperdim",
     "spacing": "spacing",
+    "shutter": "shutterclose",
 }
+"""The parameters that say what the optics' keys name; others follow from the field of view."""
 
 
 def read_film(parameters: ParameterSet | None) -> tuple[int, int]:
@@ -66,14 +61,17 @@ def read_samples(parameters: ParameterSet | None) -> int:
 
 def read_camera(kind: str, parameters: ParameterSet, film: tuple[int, int], samples: int) -> View:
     """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, noted."""
-    if kind not in ("perspective", "lightfield"):
+    if kind not in (PERSPECTIVE, LIGHTFIELD):
         parameters.approximated('as "perspective"')
     opened = parameters.float("shutteropen", SHUTTER[0])
     closed = parameters.float("shutterclose", SHUTTER[1])
-    if closed < opened:
-        raise parameters.error("shutterclose", f"of {closed:g} is before {opened:g}")
-    maker = _lightfield if kind == "lightfield" else _perspective
-    view = maker(parameters, film, (opened, closed), samples)
+    maker = _lightfield if kind == LIGHTFIELD else _perspective
+    try:
+        view = maker(parameters, film)
+        view = replace(view, shutter=(opened, closed), samples_per_pixel=samples)
+    except OpticsError as error:
+        name = PARAMETERS.get(error.key or "", "fov")
+        raise parameters.error(name, error.problem, error.remedy) from None
     parameters.note_unused()
     return view
 
@@ -81,16 +79,11 @@ def read_camera(kind: str, parameters: ParameterSet, film: tuple[int, int], samp
 def _fov(parameters: ParameterSet) -> float:
     degrees = parameters.float("fov", FOV_DEG)
     half = parameters.float("halffov", 0.0)
-    degrees = 2 * half if half > 0 else degrees
-    if not 0 < degrees < 180:
-        raise parameters.error("fov", f"must be between 0 and 180 degrees, not {degrees}")
-    return degrees
+    return 2 * half if half > 0 else degrees
 
 
-def _perspective(
-    parameters: ParameterSet, film: tuple[int, int], shutter: tuple[float, float], samples: int
-) -> View:
-    fov = _fov(parameters)
+def _perspective(parameters: ParameterSet, film: tuple[int, int]) -> View:
+    array = CameraArray.single(_fov(parameters), film)
     for name, what in (
         ("screenwindow", "screen window"),
         ("frameaspectratio", "frame aspect ratio"),
@@ -101,26 +94,19 @@ def _perspective(
     focus = parameters.float("focaldistance", 1e6 if radius > 0 else math.inf)
     if radius < 0 or not focus > 0:
         raise parameters.error("lensradius", "and focaldistance must not be negative")
-    camera = thin_lens(2 * math.tan(math.radians(fov) / 2), radius, focus)
-    array = CameraArray.single(fov, film)
-    return View(PERSPECTIVE, camera, array, film, shutter, radius, samples)
+    camera = thin_lens(array.field_width, radius, focus)
+    return View(PERSPECTIVE, camera, array, film, lens_radius_m=radius)
 
 
-def _lightfield(
-    parameters: ParameterSet, film: tuple[int, int], shutter: tuple[float, float], samples: int
-) -> View:
-    fov = _fov(parameters)
-    given = parameters.floats("camerasperdim", 2)
-    counts = CAMERAS_PER_DIM if given is None else tuple(int(count) for count in given)
-    given = parameters.floats("cameragridbounds", 4)
-    bounds = CAMERA_GRID_BOUNDS_M if given is None else tuple(given.tolist())
+def _lightfield(parameters: ParameterSet, film: tuple[int, int]) -> View:
+    grid: dict[str, Any] = {}
+    if (counts := parameters.floats("camerasperdim", 2)) is not None:
+        grid["cameras_per_dim"] = tuple(int(count) for count in counts)
+    if (bounds := parameters.floats("cameragridbounds", 4)) is not None:
+        grid["grid_bounds_m"] = tuple(bounds.tolist())
     # Not in the assignment, whose "equally spaced within the bounds" can be read both ways.
-    spacing = parameters.string("spacing", "ends")
+    grid["spacing"] = parameters.string("spacing", "ends")
     for name in ("lensradius", "focaldistance"):
         if parameters.get(name):
             parameters.note(NOT_USED, f'"{name}": data cameras are pinholes')
-    try:
-        return lightfield_view(film, fov, counts, bounds, spacing, shutter, samples)
-    except OpticsError as error:
-        name = PARAMETERS.get(error.key or "spacing", "camerasperdim")
-        raise parameters.error(name, error.problem, error.remedy) from None
+    return lightfield_view(film, _fov(parameters), **grid)

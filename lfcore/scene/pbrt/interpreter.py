@@ -49,9 +49,8 @@ class Item:
 class Interpreter:
     """Feed it directives with :meth:`run`, then read ``items``, ``rig`` and ``view``."""
 
-    def __init__(self, folder: Path, notebook: Notebook, tolerance: float, light_points: int):
-        self.folder, self.notebook = folder, notebook
-        self.tolerance, self.light_points = tolerance, light_points
+    def __init__(self, folder: Path, notebook: Notebook, light_points: int):
+        self.folder, self.notebook, self.light_points = folder, notebook, light_points
         self.now = Attributes()
         self._stack: list[tuple[str, Attributes, Place]] = []
         self._systems: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -241,7 +240,7 @@ class Interpreter:
 
     def _do_shape(self, directive: Directive) -> None:
         now, parameters = self.now, directive.parameters
-        mesh = tessellate(directive.strings[0], parameters, self.folder, self.tolerance)
+        mesh = tessellate(directive.strings[0], parameters, self.folder)
         if mesh is None:
             return
         emission, two_sided = (0.0, 0.0, 0.0), False

@@ -64,7 +64,7 @@ class MaterialTable:
     def __init__(self, textures: TextureTable):
         self.textures = textures
         self.named: dict[str, Definition] = {}
-        self._resolved: dict[tuple[int, tuple], tuple[Definition, Resolved]] = {}
+        self._resolved: dict[tuple[Definition, tuple], Resolved] = {}
 
     def find(self, name: str, place: Place) -> Definition:
         if name not in self.named:
@@ -75,10 +75,10 @@ class MaterialTable:
 
     def resolve(self, definition: Definition, emission: tuple = (0.0, 0.0, 0.0)) -> Resolved:
         """The surface of a definition; one object for each definition and emission."""
-        key = id(definition), tuple(emission)
+        key = definition, tuple(emission)
         if key not in self._resolved:
-            self._resolved[key] = definition, self._make(definition, tuple(emission))
-        return self._resolved[key][1]
+            self._resolved[key] = self._make(*key)
+        return self._resolved[key]
 
     def _make(self, definition: Definition, emission: tuple) -> Resolved:
         kind, parameters = definition.kind, definition.parameters

@@ -140,19 +140,13 @@ class _Cursor:
 
 
 def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
-    first = tokens.peek
-    if first.kind == lexer.NUMBERS:
-        values = np.asarray(tokens.take().value)
-    else:
-        collected: list[Any] = []
-        while len(collected) < count and tokens.peek.kind == lexer.NUMBER:
-            collected.append(tokens.take().value)
-        values = np.array(collected, np.float64)
+    """So many numbers, in brackets or one after the other."""
+    values = np.zeros(0)
+    while len(values) < count and tokens.peek.kind == lexer.NUMBERS:
+        values = np.append(values, tokens.take().value)
     if len(values) != count:
-        problem = f"{directive} wants {count} numbers, not {len(values)}"
-        if first.kind != lexer.NUMBERS:
-            problem, first = f"{problem}, and then {tokens.peek.text}", tokens.peek
-        raise first.place.error(problem)
+        problem = f"{directive} wants {count} numbers, not {len(values)}, and then"
+        raise tokens.peek.place.error(f"{problem} {tokens.peek.text}")
     return values
 
 
@@ -189,7 +183,9 @@ def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
 def _scalar(token: Token, head: Token) -> object:
     if token.kind == lexer.WORD and token.value in ("true", "false"):
         return token.value == "true"
-    if token.kind not in (lexer.NUMBER, lexer.STRING):
+    if token.kind == lexer.NUMBERS and len(token.value) == 1:
+        return float(token.value[0])
+    if token.kind != lexer.STRING:
         problem = f'{token.text} is no value of "{head.value}"'
         raise token.place.error(problem, "Quote strings, close lists with ]")
     return token.value

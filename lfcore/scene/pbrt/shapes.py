@@ -1,48 +1,43 @@
 """pbrt shapes as triangles, in object space, float64.
 
-Curved shapes are tessellated so that no triangle leaves its surface by more than ``tolerance``
-times the radius; normals are the surface's own.
+Curved shapes are tessellated so that no triangle leaves its surface by more than
+:data:`TOLERANCE` times the radius; normals are the surface's own.
 """
 
 import io
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from scipy import sparse
 
 from lfcore.errors import SceneError
+from lfcore.scene.meshes import vertex_columns, with_strips
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
 from lfcore.scene.pbrt.parameters import ParameterSet
-from lfcore.scene.ply import vertex_columns, with_strips
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, xyz
 
 TOLERANCE = 1e-3
-
-
 # Corners of a triangle without texture coordinates, as pbrt gives them.
 _DEFAULT_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 
 
-def tessellate(
-    kind: str, parameters: ParameterSet, folder: Path, tolerance: float = TOLERANCE
-) -> SurfaceMesh | None:
+def tessellate(kind: str, parameters: ParameterSet, folder: Path) -> SurfaceMesh | None:
     """The triangles of ``Shape "kind"``; None and a note for a shape that is not mapped."""
-    meshes = {"trianglemesh": _trianglemesh, "plymesh": _plymesh, "loopsubdiv": _loopsubdiv}
-    curved = {"sphere": _sphere, "disk": _disk, "cylinder": _cylinder}
-    if kind not in meshes and kind not in curved:
+    shapes: dict[str, Callable[[ParameterSet], SurfaceMesh]] = {
+        "trianglemesh": _trianglemesh, "plymesh": partial(_plymesh, folder=folder),
+        "loopsubdiv": _loopsubdiv, "sphere": _sphere, "disk": _disk, "cylinder": _cylinder,
+    }  # fmt: skip
+    if kind not in shapes:
         parameters.note(LEFT_OUT, f'Shape "{kind}"')
         return None
     for name in ("alpha", "shadowalpha"):
         if parameters.get(name):
             parameters.approximated(f'"{name}", opaque', name)
-    if kind in meshes:
-        mesh = meshes[kind](parameters, folder)
-    else:
-        mesh = curved[kind](parameters, tolerance)
+    mesh = shapes[kind](parameters)
     if parameters.get("S"):
         parameters.note(NOT_USED, f'"S" (tangents) of {parameters.owner}')
     parameters.note_unused()
@@ -77,7 +72,7 @@ def _faces(parameters: ParameterSet, count: int) -> np.ndarray:
     return indices.reshape(-1, 3)
 
 
-def _trianglemesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
+def _trianglemesh(parameters: ParameterSet) -> SurfaceMesh:
     points = _points(parameters)
     normals = parameters.vectors("N")
     uvs = parameters.pairs("uv")
@@ -96,6 +91,8 @@ def _points(parameters: ParameterSet) -> np.ndarray:
 
 
 def _plymesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
+    import trimesh  # slow to import
+
     name = parameters.string("filename")
     if name is None:
         raise parameters.error("filename", "is missing", "Name the PLY file")
@@ -122,7 +119,7 @@ def _plymesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
     return _indexed(points, faces, normals, other if uvs is None else uvs)
 
 
-def _loopsubdiv(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
+def _loopsubdiv(parameters: ParameterSet) -> SurfaceMesh:
     points = _points(parameters)
     levels = parameters.integer("levels", parameters.integer("nlevels", 3))
     if not 0 <= levels <= 10:
@@ -132,9 +129,9 @@ def _loopsubdiv(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
     return _indexed(limit, faces, normals, None)
 
 
-def _angle_steps(angle: float, tolerance: float) -> int:
-    """Chords of an arc that stay within ``tolerance`` radii of it."""
-    step = 2.0 * math.acos(1.0 - min(tolerance, 0.5))
+def _angle_steps(angle: float, share: float = 1.0) -> int:
+    """Chords of an arc that stay within a share of the tolerance of it."""
+    step = 2.0 * math.acos(1.0 - share * TOLERANCE)
     return max(3 if angle > 6 else 1, math.ceil(angle / step - 1e-9))
 
 
@@ -145,13 +142,13 @@ def _radius(parameters: ParameterSet) -> float:
     return radius
 
 
-def _sphere(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
+def _sphere(parameters: ParameterSet) -> SurfaceMesh:
     radius = _radius(parameters)
     ends = [parameters.float("zmin", -radius), parameters.float("zmax", radius)]
     low, high = (min(max(z, -radius), radius) for z in (min(ends), max(ends)))
     start, stop = math.acos(low / radius), math.acos(high / radius)
     # Both directions bend: half the tolerance for each, so that their sum keeps it.
-    rows = _angle_steps(start - stop, tolerance / 2)
+    rows = _angle_steps(start - stop, 0.5)
     theta = np.linspace(start, stop, rows + 1)[:, None]
     # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
     sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
@@ -160,38 +157,39 @@ def _sphere(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
         outward = xyz(sine * x, sine * y, np.cos(theta))
         return radius * outward, outward
 
-    return _turned(parameters, tolerance / 2, around)
+    return _turned(parameters, around, 0.5)
 
 
-def _disk(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
+def _disk(parameters: ParameterSet) -> SurfaceMesh:
     reach = np.array([_radius(parameters), parameters.float("innerradius", 0.0)])[:, None]
     height = parameters.float("height", 0.0)
 
     def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return xyz(reach * x, reach * y, height), xyz(0.0, 0.0, np.ones_like(reach * x))
 
-    return _turned(parameters, tolerance, around)
+    return _turned(parameters, around)
 
 
-def _cylinder(parameters: ParameterSet, tolerance: float) -> SurfaceMesh:
+def _cylinder(parameters: ParameterSet) -> SurfaceMesh:
     radius = _radius(parameters)
     z = np.sort([parameters.float("zmin", -1.0), parameters.float("zmax", 1.0)])[:, None]
 
     def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return xyz(radius * x, radius * y, z), xyz(x, y, 0.0 * z)
 
-    return _turned(parameters, tolerance, around)
+    return _turned(parameters, around)
 
 
 def _turned(
     parameters: ParameterSet,
-    tolerance: float,
     around: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    share: float = 1.0,
 ) -> SurfaceMesh:
     """Triangles of the points and normals (R, C, 3) of a surface of revolution, whose columns are
-    at x and y on the unit circle; u along columns and v along rows, without degenerate ones."""
+    at x and y on the unit circle, within a ``share`` of the tolerance; u along columns and v along
+    rows, without degenerate ones."""
     phi_max = math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
-    phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, tolerance) + 1)[None, :]
+    phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, share) + 1)[None, :]
     points, normals = around(np.cos(phi), np.sin(phi))
     if phi_max >= 2 * math.pi * (1 - 1e-12):  # all the way round: closed to the last bit
         points[:, -1], normals[:, -1] = points[:, 0], normals[:, 0]

@@ -186,7 +186,7 @@ def _mean(texture: Texture, parameters: ParameterSet, name: str) -> np.ndarray:
 
 
 def _product(a: Texture, b: Texture) -> Texture:
-    """Of two images, at the size of the larger."""
+    """The product of two images, at the size of the larger."""
     images = [texture.image for texture in (a, b) if texture.image is not None]
     height, width = (max(image.shape[axis] for image in images) for axis in (0, 1))
     linear = [

@@ -9,19 +9,9 @@ from numpy.typing import ArrayLike
 from lfcore.scene.procedural import foliage, furniture, pictures, softgoods, textures, toys
 from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.bicycle import wicker
-from lfcore.scene.procedural.primitives import (
-    box,
-    cylinder,
-    disc,
-    lathe,
-    quad,
-    rectangle,
-    scattered,
-    sphere,
-    tube,
-    xyz,
-)
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
+from lfcore.scene.procedural.primitives import box, disc, quad, rectangle, scattered
+from lfcore.scene.procedural.turned import cylinder, lathe, sphere, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
@@ -122,9 +112,9 @@ def _room(seed: int, look: Look, closed: bool) -> Parts:
         parts.append(rectangle((LEFT, low, end), across, up, paint, repeat=0.5))
     for y, high, thick in ((0.06, 0.12, 0.022), (tall - 0.04, 0.08, 0.06)):
         middle, half = (BACK + FRONT) / 2, thick / 2
-        parts.append(box((wide, high, thick), look["white"], centre=(0, y, BACK + half)))
+        parts.append(box((wide, high, thick), look["white"]).at(0, y, BACK + half))
         for x in (RIGHT - half, LEFT + half):
-            parts.append(box((thick, high, deep), look["white"], centre=(x, y, middle)))
+            parts.append(box((thick, high, deep), look["white"]).at(x, y, middle))
     return parts
 
 
@@ -134,9 +124,8 @@ def _window(look: Look, seed: int) -> Parts:
     bars = [((0.06, tall, 0.07), (sill + head) / 2, z) for z in (z0 + 0.03, middle, z1 - 0.03)]
     bars += [((0.05, 0.05, wide), y, middle) for y in (sill + 0.03, sill + 0.62, head - 0.03)]
     bars += [((0.03, tall, 0.03), (sill + head) / 2, (z + middle) / 2) for z in (z0, z1)]
-    parts = [box(size, white, centre=(x, y, z)) for size, y, z in bars]
-    board = (LEFT + 0.06, sill - 0.018, middle)
-    parts.append(box((0.30, 0.035, wide + 0.16), white, centre=board))
+    parts = [box(size, white).at(x, y, z) for size, y, z in bars]
+    parts.append(box((0.30, 0.035, wide + 0.16), white).at(LEFT + 0.06, sill - 0.018, middle))
     for za, ya, zb, yb in (
         (z0, sill, z0, head), (z1, sill, z1, head), (z0, sill, z1, sill), (z0, head, z1, head)
     ):  # fmt: skip
@@ -145,7 +134,7 @@ def _window(look: Look, seed: int) -> Parts:
     x, y = LEFT + 0.10, head + 0.16
     parts.append(tube([(x, y, z0 - 0.55), (x, y, z1 + 0.55)], 0.014, look["brass"], segments=16))
     for z in (z0 - 0.57, z1 + 0.57):
-        parts.append(sphere(0.03, look["brass"], centre=(x, y, z), segments=24, rings=16))
+        parts.append(sphere(0.03, look["brass"], segments=24, rings=16).at(x, y, z))
     for number, (start, pull) in enumerate(((z1 + 0.50, 1.0), (z0 + 0.22, -1.0))):
         size = 0.72, head + 0.10
         drape = softgoods.curtain(*size, look["curtain"], seed=seed + 1 - number, pull=pull)
@@ -188,9 +177,9 @@ def _on_walls(seed: int, look: Look) -> Parts:
         parts.append(rectangle(low, (width, 0, 0), (0, tall, 0), picture))
         for side in (-1, 1):
             upright = (x + side * width / 2, y, BACK + 0.02)
-            parts.append(box((0.03, tall + 0.03, 0.04), look["oak"], centre=upright, grain=1))
+            parts.append(box((0.03, tall + 0.03, 0.04), look["oak"], grain=1).at(*upright))
             level = (x, y + side * tall / 2, BACK + 0.02)
-            parts.append(box((width + 0.03, 0.03, 0.036), look["oak"], centre=level))
+            parts.append(box((width + 0.03, 0.03, 0.036), look["oak"]).at(*level))
     bulb = painted("bulb", "#e8cf90", emission=(0.75, 0.55, 0.28))
     pieces = []
     for k in range(4):

@@ -7,20 +7,9 @@ from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, painted, textured
-from lfcore.scene.procedural.primitives import (
-    box,
-    curve,
-    cushion,
-    cylinder,
-    lathe,
-    mesh_grid,
-    outline,
-    ring,
-    sphere,
-    tube,
-    xyz,
-)
-from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
+from lfcore.scene.procedural.primitives import box, cushion, mesh_grid
+from lfcore.scene.procedural.turned import curve, cylinder, lathe, outline, ring, sphere, tube
+from lfcore.scene.surface_mesh import SurfaceMesh, transform_all, xyz
 from lfcore.scene.transforms import rotate, translate
 
 WHEEL = 0.335
@@ -150,7 +139,7 @@ def _drive(look: Look) -> Parts:
         end = BRACKET + np.array([0.17 * np.cos(angle), 0.17 * np.sin(angle), 0.085 * side])
         start = BRACKET + (0, 0, 0.07 * side)
         parts.append(cylinder(start, end, [0.012, 0.009], look["chrome"], segments=6))
-        parts.append(box((0.09, 0.018, 0.075), look["rubber"], centre=end + (0, 0, 0.05 * side)))
+        parts.append(box((0.09, 0.018, 0.075), look["rubber"]).at(*(end + (0, 0, 0.05 * side))))
     stand = [(-0.16, 0.27, -0.03), (-0.20, 0.12, -0.14), (-0.22, 0.01, -0.20)]
     return [*parts, tube(curve(stand, 4), 0.009, steel, segments=6)]
 
@@ -202,7 +191,7 @@ def _rack(look: Look) -> Parts:
     red, place = painted("tail lamp", "#b3161b", 0.4, 60.0), (-0.868, 0.575, 0)
     return [
         *(tube(np.array(wire), 0.005, look["chrome"], segments=5) for wire in wires),
-        sphere((0.02, 0.025, 0.025), red, centre=place, segments=8, rings=6),
+        sphere((0.02, 0.025, 0.025), red, segments=8, rings=6).at(*place),
     ]
 
 

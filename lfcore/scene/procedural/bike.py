@@ -7,18 +7,9 @@ import numpy as np
 from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.bicycle import bicycle
-from lfcore.scene.procedural.primitives import (
-    box,
-    cylinder,
-    lathe,
-    outline,
-    quad,
-    rectangle,
-    scattered,
-    sphere,
-    xyz,
-)
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all
+from lfcore.scene.procedural.primitives import box, quad, rectangle, scattered
+from lfcore.scene.procedural.turned import cylinder, lathe, outline, sphere
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, translate
 
 WALL_Z = -2.35
@@ -53,7 +44,7 @@ def _basket_load(seed: int) -> Parts:
     parts.append(bottle.transformed(rotate("x", -9), translate(0.04, 0.03, -0.08)))
     apple = painted("apple", "#b8261f", 0.25, 50.0)
     places = (-0.05, 0.19, -0.06), (0.07, 0.18, 0.08), (-0.06, 0.185, 0.12)
-    return parts + [sphere(0.038, apple, centre=at, segments=10, rings=6) for at in places]
+    return parts + [sphere(0.038, apple, segments=10, rings=6).at(*at) for at in places]
 
 
 def _ground(seed: int) -> Parts:
@@ -70,7 +61,7 @@ def _ground(seed: int) -> Parts:
     return [
         rectangle((-5, 0, 4), (10, 0, 0), (0, 0, WALL_Z - 4), street, repeat=0.95),
         rectangle(*pavement, textured("paving", slab, tone=0.9), repeat=0.8),
-        *(box((0.985, PAVEMENT_Y + 0.004, 0.14), kerb, centre=centre) for centre in centres),
+        *(box((0.985, PAVEMENT_Y + 0.004, 0.14), kerb).at(*centre) for centre in centres),
     ]
 
 
@@ -93,7 +84,7 @@ def _house(seed: int) -> Parts:
         parts.append(replace(sheet, uvs=sheet.triangles[..., :2] * 0.9))
     for left, right in ((-5, 0.95), (1.85, 5)):
         centre = ((left + right) / 2, (0.35 + PAVEMENT_Y) / 2, WALL_Z + 0.01)
-        parts.append(box((right - left, 0.35 - PAVEMENT_Y, 0.06), stone, centre=centre))
+        parts.append(box((right - left, 0.35 - PAVEMENT_Y, 0.06), stone).at(*centre))
     return parts + _window(seed, stone) + _door(seed, stone)
 
 
@@ -108,16 +99,16 @@ def _window(seed: int, stone: Surface) -> Parts:
     bars += [((width, 0.05, 0.05), middle, y) for y in heights]
     parts = [
         rectangle((left, low, back), (width, 0, 0), (0, tall, 0), pane),
-        box((width + 0.24, 0.09, 0.22), stone, centre=(middle, low - 0.045, WALL_Z + 0.02)),
-        box((width + 0.2, 0.16, 0.10), stone, centre=(middle, high + 0.08, WALL_Z + 0.01)),
-        *(box(size, white, centre=(x, y, back + 0.03)) for size, x, y in bars),
+        box((width + 0.24, 0.09, 0.22), stone).at(middle, low - 0.045, WALL_Z + 0.02),
+        box((width + 0.2, 0.16, 0.10), stone).at(middle, high + 0.08, WALL_Z + 0.01),
+        *(box(size, white).at(x, y, back + 0.03) for size, x, y in bars),
         *_reveal(left, right, low, high, back, stone),
     ]
     shutter = painted("shutter", "#40684f", 0.08, 25.0)
     for x in (left - 0.27, right + 0.27):
         frame = [((0.06, tall, 0.045), x + dx, centre_y) for dx in (-0.22, 0.22)]
         frame += [((0.40, 0.08, 0.045), x, y) for y in (low + 0.04, centre_y, high - 0.04)]
-        parts += [box(size, shutter, centre=(x, y, WALL_Z + 0.04)) for size, x, y in frame]
+        parts += [box(size, shutter).at(x, y, WALL_Z + 0.04) for size, x, y in frame]
         for index in range(14):
             y = low + 0.11 + index * 0.036 + (0.067 if index > 6 else 0) + index * 0.0335
             slat = rectangle((x - 0.2, y, WALL_Z + 0.05), (0.4, 0, 0), (0, 0.05, -0.035), shutter)
@@ -161,12 +152,12 @@ def _door(seed: int, stone: Surface) -> Parts:
     posts = [(x, (high + low) / 2, WALL_Z + 0.01) for x in (left - 0.07, right + 0.07)]
     return [
         rectangle((left, low, back), (width, 0, 0), (0, high - low, 0), leaf),
-        box((width + 0.36, 0.2, 0.12), stone, centre=(middle, high + 0.1, WALL_Z + 0.01)),
-        box((width + 0.3, 0.12, 0.5), stone, centre=(middle, low + 0.06, WALL_Z + 0.18)),
-        sphere(0.035, brass, centre=(x, y, back + 0.06), segments=10, rings=6),
+        box((width + 0.36, 0.2, 0.12), stone).at(middle, high + 0.1, WALL_Z + 0.01),
+        box((width + 0.3, 0.12, 0.5), stone).at(middle, low + 0.06, WALL_Z + 0.18),
+        sphere(0.035, brass, segments=10, rings=6).at(x, y, back + 0.06),
         cylinder(knob, (x, y, back + 0.05), 0.014, brass, segments=6, caps=False),
         *_reveal(left, right, low, high, back, stone),
-        *(box((0.16, high - low, 0.12), stone, centre=place, grain=1) for place in posts),
+        *(box((0.16, high - low, 0.12), stone, grain=1).at(*place) for place in posts),
         rectangle(*number, textured("number", plate, 0.2, 60.0)),
     ]
 
@@ -214,7 +205,7 @@ def _window_box(rng: Rng) -> Parts:
     petal = foliage.diamond(0.10, 0.06, painted("box leaf", "#3f7a35"))
     centre = (-0.75, 1.18, WALL_Z + 0.15)
     parts = [
-        box((0.96, 0.15, 0.2), wood, centre=(-0.75, 1.08, WALL_Z + 0.14)),
+        box((0.96, 0.15, 0.2), wood).at(-0.75, 1.08, WALL_Z + 0.14),
         foliage.shrub(rng, 70, petal, (0.46, 0.10, 0.12), centre=centre),
     ]
     for colour in ("#e8c33a", "#d8578c"):

@@ -39,14 +39,13 @@ def _box(half: np.ndarray, seed: int) -> Parts:
     back = textured("back cover", blank_page(NAVY, (8, 8)), 0.25, 60.0)
     spine = textured("spine", _spine(), 0.25, 60.0)
     pages = textured("pages", _pages(seed))
-    face = lambda corners, surface: quad(np.array(corners), surface)  # noqa: E731
     return [
-        face([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
-        face([(x, -y, -z), (-x, -y, -z), (-x, y, -z), (x, y, -z)], back),
-        face([(-x, -y, -z), (-x, -y, z), (-x, y, z), (-x, y, -z)], spine),
-        face([(x, -y, z), (x, -y, -z), (x, y, -z), (x, y, z)], pages),
-        face([(-x, y, z), (x, y, z), (x, y, -z), (-x, y, -z)], pages),
-        face([(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)], pages),
+        quad([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
+        quad([(x, -y, -z), (-x, -y, -z), (-x, y, -z), (x, y, -z)], back),
+        quad([(-x, -y, -z), (-x, -y, z), (-x, y, z), (-x, y, -z)], spine),
+        quad([(x, -y, z), (x, -y, -z), (x, y, -z), (x, y, z)], pages),
+        quad([(-x, y, z), (x, y, z), (x, y, -z), (-x, y, -z)], pages),
+        quad([(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)], pages),
     ]
 
 

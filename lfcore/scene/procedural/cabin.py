@@ -9,20 +9,9 @@ import numpy as np
 from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
 from lfcore.scene.procedural.loghouse import loghouse
-from lfcore.scene.procedural.primitives import (
-    box,
-    cylinder,
-    disc,
-    lathe,
-    log,
-    mesh_grid,
-    rectangle,
-    scattered,
-    sphere,
-    tube,
-    xyz,
-)
-from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all
+from lfcore.scene.procedural.primitives import box, disc, mesh_grid, rectangle, scattered
+from lfcore.scene.procedural.turned import cylinder, lathe, log, sphere, tube
+from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 SPRUCES = (
@@ -169,7 +158,7 @@ def _chopping_block(look: Look) -> Parts:
     parts = [stump, disc((0, 0.40, 0), (0, 1, 0), 0.20, look["rings"], segments=18)]
     path = [(0.0, 0, 0), (0.02, 0.22, 0), (0.0, 0.44, 0), (0.015, 0.62, 0)]
     handle = tube(path, [0.016, 0.014, 0.015, 0.019], look["grey wood"], segments=7)
-    head = box((0.17, 0.075, 0.04), look["iron"], centre=(0.03, 0.0, 0))
+    head = box((0.17, 0.075, 0.04), look["iron"]).at(0.03, 0.0, 0)
     # Taper the blade towards -x, where it bites.
     edge = head.triangles[..., 0:1] < 0
     bitten = np.where(edge, head.triangles * (1.0, 1.35, 0.08), head.triangles)
@@ -208,7 +197,7 @@ def _mushrooms(look: Look) -> Parts:
             turn, out = index * 2.4, 0.078 * np.sqrt((index + 0.5) / 11)
             y = 0.190 - 3.6 * out**2 - 60 * out**4
             spot, radii = (np.cos(turn) * out, y, np.sin(turn) * out), (0.010, 0.005, 0.010)
-            dots.append(sphere(radii, look["white"], centre=spot, segments=5, rings=2))
+            dots.append(sphere(radii, look["white"], segments=5, rings=2).at(*spot))
         place = scale(size), translate(x, height(x, z), z)
         parts += transform_all([stem, cap, *dots], *place)
     return parts

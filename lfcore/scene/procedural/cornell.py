@@ -29,9 +29,9 @@ def build(seed: int) -> Parts:
         rectangle((0, 0, -s), (s, 0, 0), (0, s, 0), white),
         rectangle((0, 0, 0), (0, 0, -s), (0, s, 0), red),
         rectangle((s, 0, -s), (0, 0, s), (0, s, 0), green),
-        box((1.3, 0.02, 1.0), glow, centre=(s / 2, s - 0.01, -s / 2)),
+        box((1.3, 0.02, 1.0), glow).at(s / 2, s - 0.01, -s / 2),
     ]
     for size, turn, x, z in (((1.65, 3.3, 1.65), 17, 1.85, -3.5), ((1.65,) * 3, -18, 3.7, -1.7)):
-        block = [box(size, white, centre=(0, size[1] / 2, 0))]
+        block = [box(size, white).at(0, size[1] / 2, 0)]
         parts += transform_all(block, rotate("y", turn), translate(x, 0, z))
     return parts

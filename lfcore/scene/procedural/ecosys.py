@@ -11,8 +11,9 @@ from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, textured
 from lfcore.scene.procedural.foliage import blade, diamond, orient, rosette, shrub, tuft
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube, xyz
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join
+from lfcore.scene.procedural.primitives import mesh_grid, scattered
+from lfcore.scene.procedural.turned import curve, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, xyz
 
 # Species: plants at density 1, nearest and farthest distance, smallest and largest size.
 SPECIES = {

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural.basics import Parts, Range, Rng
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, tube, xyz
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise
+from lfcore.scene.procedural.primitives import mesh_grid, quad, scattered
+from lfcore.scene.procedural.turned import curve, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise, xyz
 
 
 def blade(
@@ -119,10 +120,8 @@ def tuft(
     rng: Rng, number: int, surface: Surface, *, height: float = 0.25, radius: float = 0.05
 ) -> SurfaceMesh:
     """Grass: ``number`` bent blades of 2 triangles."""
-    corners = np.array([[-0.03, 0, 0], [0.03, 0, 0], [0.018, 0.6, 0.04], [0.0, 1.0, 0.22]])
-    uv = np.array([[0, 0], [1, 0], [0.8, 0.6], [0.5, 1]])
-    order = [[0, 1, 2], [0, 2, 3]]
-    leaf = SurfaceMesh(corners[order], surface, None, uv[order])
+    corners = [(-0.03, 0, 0), (0.03, 0, 0), (0.018, 0.6, 0.04), (0.0, 1.0, 0.22)]
+    leaf = quad(corners, surface, [(0, 0), (1, 0), (0.8, 0.6), (0.5, 1)])
     turn, out = rng.uniform(0, 2 * np.pi, number), np.sqrt(rng.random(number))
     flat = xyz(np.cos(turn) * out, 0.0, np.sin(turn) * out)
     directions = (0, 1, 0) + flat * 0.45 + rng.normal(scale=0.10, size=(number, 3))

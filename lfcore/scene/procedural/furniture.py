@@ -8,21 +8,10 @@ import numpy as np
 
 from lfcore.scene.procedural import foliage, textures
 from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes, painted, textured
-from lfcore.scene.procedural.primitives import (
-    box,
-    cushion,
-    cylinder,
-    lathe,
-    mesh_grid,
-    rectangle,
-    ring,
-    scattered,
-    sphere,
-    tube,
-    xyz,
-)
+from lfcore.scene.procedural.primitives import box, cushion, mesh_grid, rectangle, scattered
 from lfcore.scene.procedural.softgoods import draped, pillow, tufted
-from lfcore.scene.surface_mesh import Surface, transform_all
+from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all, xyz
 from lfcore.scene.transforms import rotate, translate
 
 TITLES = (
@@ -61,7 +50,7 @@ def book(size: Sequence[float], index: int, look: Look, *, lying: bool = False) 
     uv = np.stack(np.meshgrid(u, [0.0, 1.0]), -1)
     cover = mesh_grid(points, look["books"], uv, crease_deg=50)
     inside, middle = (thick * 0.86, tall * 0.97, deep * 0.96), (thick / 2, tall / 2, -deep * 0.49)
-    parts = [cover, box(inside, look["paper"], centre=middle)]
+    parts = [cover, box(inside, look["paper"]).at(*middle)]
     return transform_all(parts, rotate("z", 90), translate(tall, 0, 0)) if lying else parts
 
 
@@ -83,8 +72,8 @@ def bed(seed: int, look: Look) -> Parts:
     mattress = cushion((width, 0.26, 2.04), look["linen"], pieces=14, power=9.0)
     parts = [
         tufted(width + 0.16, 0.85, look["velvet"]).at(0, 0.32, 0.0),
-        box((width + 0.18, 1.12, 0.05), walnut, centre=(0, 0.62, -0.03)),
-        box((width + 0.08, 0.22, 2.06), walnut, centre=(0, 0.24, 1.06), grain=2),
+        box((width + 0.18, 1.12, 0.05), walnut).at(0, 0.62, -0.03),
+        box((width + 0.08, 0.22, 2.06), walnut, grain=2).at(0, 0.24, 1.06),
         mattress.at(0, top - 0.13, 1.08),
     ]
     leg = lathe("0 0, 0.028 0, 0.042 0.14, 0 0.14", walnut, segments=12)
@@ -126,9 +115,9 @@ def night_table(look: Look) -> Parts:
     """0.46 wide, 0.52 tall, front to +z."""
     walnut = look["walnut"]
     parts = [
-        box((0.46, 0.03, 0.38), walnut, centre=(0, 0.505, 0)),
-        box((0.42, 0.24, 0.34), walnut, centre=(0, 0.37, 0)),
-        *(box((0.38, 0.095, 0.02), walnut, centre=(0, y, 0.175)) for y in (0.43, 0.315)),
+        box((0.46, 0.03, 0.38), walnut).at(0, 0.505, 0),
+        box((0.42, 0.24, 0.34), walnut).at(0, 0.37, 0),
+        *(box((0.38, 0.095, 0.02), walnut).at(0, y, 0.175) for y in (0.43, 0.315)),
     ]
     knob = lathe("0 0, 0.008 0, 0.008 0.012, 0.016 0.02, 0 0.028", look["brass"], segments=14)
     for y in (0.43, 0.315):
@@ -162,11 +151,10 @@ def bookshelf(rng: Rng, look: Look, width: float) -> Parts:
     """Open shelves against a wall at z = 0, front to +z, filled with books and things."""
     deep, tall, wood = 0.26, 1.9, look["oak"]
     sides = [(x, tall / 2, deep / 2) for x in (0.0125, width - 0.0125)]
-    parts = [box((0.025, tall, deep), wood, centre=place, grain=1) for place in sides]
+    parts = [box((0.025, tall, deep), wood, grain=1).at(*place) for place in sides]
     parts.append(rectangle((0, 0, 0.004), (width, 0, 0), (0, tall, 0), wood, repeat=1.0))
     levels = np.linspace(0.06, tall - 0.0125, 6)
-    boards = [(width / 2, y, deep / 2) for y in levels]
-    parts += [box((width - 0.05, 0.025, deep), wood, centre=place) for place in boards]
+    parts += [box((width - 0.05, 0.025, deep), wood).at(width / 2, y, deep / 2) for y in levels]
     fills = ((0.03, 0.62), (0.38, 0.66), (0.03, 0.46), (0.30, 0.74), (0.03, 0.55))
     for level, (start, length) in zip(levels[:-1], fills, strict=True):
         parts += transform_all(book_row(rng, length, look), translate(start, level + 0.0125, 0.03))
@@ -227,17 +215,18 @@ def potted_plant(rng: Rng, look: Look) -> Parts:
     return [pot, stalks, scattered(leaf, matrices)]
 
 
+def vase(surface: Surface) -> SurfaceMesh:
+    """A vase for flowers, 0.215 m tall."""
+    profile = "0 0, 0.045 0, 0.068 0.05, 0.072 0.1, 0.055 0.16, 0.036 0.19, 0.042 0.215"
+    return lathe(f"{profile}, 0.036 0.215, 0.03 0.18", surface, segments=40, crease_deg=55)
+
+
 def tulip_table(rng: Rng, look: Look) -> Parts:
     """A round side table, 0.62 tall, with a book, and tulips in a vase."""
     oak = look["oak"]
     profile = "0 0.59, 0.21 0.59, 0.225 0.6, 0.225 0.61, 0.215 0.62, 0 0.62"
     top = lathe(profile, oak, segments=60, repeat=1.5)
     stem = lathe("0.15 0, 0.14 0.02, 0.03 0.05, 0.02 0.59", oak, segments=32)
-    profile = (
-        "0 0, 0.045 0, 0.068 0.05, 0.072 0.1, 0.055 0.16, 0.036 0.19, 0.042 0.215, 0.036 0.215, "
-        "0.03 0.18"
-    )
-    vase = lathe(profile, look["glaze"], segments=40, crease_deg=55)
     stalks, tips = foliage.stems(
         rng, 9, look["stalk"], foot=(0, 0.15, 0), spread=0.13, height=0.27, radius=0.0045
     )
@@ -249,7 +238,8 @@ def tulip_table(rng: Rng, look: Look) -> Parts:
     heads = scattered(cup, foliage.orient(rng, tips, lean, sizes))
     blade = foliage.blade(0.24, 0.045, look["leaf"], bend=0.5, fold=0.2, pieces=8, widest=0.4)
     leaves = foliage.rosette(rng, 9, blade, foot=(0, 0.18, 0), lift=(0.45, 0.95), size=(0.7, 1.0))
-    flowers = transform_all([vase, stalks, heads, leaves], translate(-0.05, 0.62, -0.03))
+    bunch = [vase(look["glaze"]), stalks, heads, leaves]
+    flowers = transform_all(bunch, translate(-0.05, 0.62, -0.03))
     volume = book((0.03, 0.20, 0.14), 1, look, lying=True)
     turned = transform_all(volume, rotate("y", 30), translate(0.02, 0.62, 0.17))
     return [top, stem, *flowers, *turned]

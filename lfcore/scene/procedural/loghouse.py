@@ -4,7 +4,8 @@ import numpy as np
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Look, Parts, Point, Rng, Size, painted, textured
-from lfcore.scene.procedural.primitives import box, cylinder, log, quad, rectangle, tube
+from lfcore.scene.procedural.primitives import box, quad, rectangle
+from lfcore.scene.procedural.turned import cylinder, log, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join
 
 WIDTH, DEPTH, RADIUS, COURSES = 4.0, 3.0, 0.105, 11
@@ -49,7 +50,7 @@ def loghouse(seed: int) -> Parts:
 
 
 def _walls(look: Look) -> Parts:
-    parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], centre=(0, 0.08, 0), repeat=1.2)]
+    parts = [box((WIDTH + 0.3, 0.34, DEPTH + 0.3), look["stone"], repeat=1.2).at(0, 0.08, 0)]
     step, out, far = 2 * RADIUS * 0.96, WIDTH / 2 + 0.24, DEPTH / 2 + 0.24
     logs = []
     for course in range(COURSES):
@@ -124,8 +125,8 @@ def _shingles(
 def _chimney(look: Look) -> Parts:
     x, z = 1.05, -0.55
     return [
-        box((0.62, 2.6, 0.55), look["stone"], centre=(x, EAVES + 0.75, z), repeat=1.4),
-        box((0.74, 0.12, 0.67), look["stone"], centre=(x, EAVES + 2.08, z), repeat=1.4),
+        box((0.62, 2.6, 0.55), look["stone"], repeat=1.4).at(x, EAVES + 0.75, z),
+        box((0.74, 0.12, 0.67), look["stone"], repeat=1.4).at(x, EAVES + 2.08, z),
         cylinder((x, EAVES + 2.1, z), (x, EAVES + 2.4, z), 0.13, look["iron"], segments=10),
     ]
 
@@ -138,7 +139,7 @@ def _window(look: Look, centre: np.ndarray, across: np.ndarray) -> Parts:
     def bar(x: float, y: float, half_x: float, half_y: float, depth: float, name: str) -> None:
         size = np.abs(across) * 2 * half_x + up * 2 * half_y + np.abs(out) * depth
         place = centre + x * across + y * up + out * depth / 2
-        parts.append(box(size, look[name], centre=place))
+        parts.append(box(size, look[name]).at(*place))
 
     corner = centre - across * width / 2 - up * tall / 2 + out * 0.02
     parts = [rectangle(corner, across * width, up * tall, look["glow"])]
@@ -156,9 +157,9 @@ def _door(look: Look) -> Parts:
     z, trim = DEPTH / 2 + RADIUS, look["trim"]
     low, high = ((0.33, y, z + 0.05) for y in (1.2, 1.36))
     return [
-        box((0.9, 1.85, 0.06), look["door"], centre=(0, 0.33 + 0.925, z), repeat=1.0),
-        *(box((0.12, 1.95, 0.10), trim, centre=(x, 0.33 + 0.975, z)) for x in (-0.51, 0.51)),
-        box((1.14, 0.13, 0.11), trim, centre=(0, 0.33 + 1.94, z)),
+        box((0.9, 1.85, 0.06), look["door"], repeat=1.0).at(0, 0.33 + 0.925, z),
+        *(box((0.12, 1.95, 0.10), trim).at(x, 0.33 + 0.975, z) for x in (-0.51, 0.51)),
+        box((1.14, 0.13, 0.11), trim).at(0, 0.33 + 1.94, z),
         rectangle((-0.2, 1.62, z + 0.035), (0.4, 0, 0), (0, 0.36, 0), look["glow"]),
         cylinder(low, high, 0.018, look["iron"], segments=6),
     ]
@@ -167,9 +168,9 @@ def _door(look: Look) -> Parts:
 def _porch(rng: Rng, look: Look) -> Parts:
     boards, timber, front = look["boards"], look["timber"], DEPTH / 2 + 1.25
     planks = [(0, 0.30, DEPTH / 2 + 0.18 + index * 0.125) for index in range(9)]
-    parts = [box((3.1, 0.05, 0.115), boards, centre=place, repeat=0.5) for place in planks]
+    parts = [box((3.1, 0.05, 0.115), boards, repeat=0.5).at(*place) for place in planks]
     steps = (0, 0.19, front + 0.14 + 0.26 * 0), (0, 0.07, front + 0.14 + 0.26 * 1)
-    parts += [box((1.0, 0.07, 0.28), boards, centre=place) for place in steps]
+    parts += [box((1.0, 0.07, 0.28), boards).at(*place) for place in steps]
     eave, before = EAVES - 0.34, front - 0.06
     for x in (-1.5, -0.62, 0.62, 1.5):
         parts += log((x, 0.0, before), (x, eave - 0.1, before), 0.06, timber, look["grain"])

@@ -1,16 +1,15 @@
-"""Shapes that the procedural models are made of; every one returns a SurfaceMesh.
+"""Flat shapes that the procedural models are made of, and copies of parts; round shapes are in
+:mod:`lfcore.scene.procedural.turned`.
 
 World space, metres, y up.  Texture coordinates run in metres times ``repeat`` (textures per
 metre) unless said otherwise, so that a brick has one size on every wall.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.procedural.basics import Parts, Size
 from lfcore.scene.surface_mesh import (
     Surface,
     SurfaceMesh,
@@ -18,7 +17,6 @@ from lfcore.scene.surface_mesh import (
     crease_normals,
     join,
     normalise,
-    xyz,
 )
 
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -38,19 +36,16 @@ def rectangle(
     surface: Surface,
     *,
     repeat: float | None = None,
-    pieces: Size = (1, 1),
 ) -> SurfaceMesh:
-    """A flat rectangle from ``origin`` along ``across`` and ``up``, cut into ``pieces``.
+    """A flat rectangle from ``origin`` along ``across`` and ``up``.
 
     ``repeat`` None stretches one texture over it.
     """
     origin, across, up = (np.asarray(v, np.float64) for v in (origin, across, up))
-    a, b = np.meshgrid(np.linspace(0, 1, pieces[0] + 1), np.linspace(0, 1, pieces[1] + 1))
-    points = origin + a[..., None] * across + b[..., None] * up
-    uv = np.stack([a, b], -1)
+    uv = np.array(UNIT_SQUARE)
     if repeat is not None:
-        uv = uv * (np.linalg.norm(across) * repeat, np.linalg.norm(up) * repeat)
-    return mesh_grid(points, surface, uv, smooth=False)
+        uv *= np.linalg.norm(across) * repeat, np.linalg.norm(up) * repeat
+    return quad([origin, origin + across, origin + across + up, origin + up], surface, uv)
 
 
 def mesh_grid(
@@ -88,16 +83,10 @@ def _cells(grid: np.ndarray) -> np.ndarray:
     return both.reshape(-1, 3, grid.shape[-1])
 
 
-def box(
-    size: ArrayLike,
-    surface: Surface,
-    *,
-    centre: ArrayLike = (0, 0, 0),
-    repeat: float = 1.0,
-    grain: int = 0,
-) -> SurfaceMesh:
-    """12 triangles, flat shaded. The texture's u runs along axis ``grain`` where it can."""
-    half, centre = np.asarray(size, np.float64) / 2, np.asarray(centre, np.float64)
+def box(size: ArrayLike, surface: Surface, *, repeat: float = 1.0, grain: int = 0) -> SurfaceMesh:
+    """12 triangles about the origin, flat shaded. The texture's u runs along axis ``grain`` where
+    it can."""
+    half = np.asarray(size, np.float64) / 2
     parts = []
     for sign, axis, first, second in _sides():
         corners = np.zeros((4, 3))
@@ -107,12 +96,12 @@ def box(
         along = grain if axis != grain else first
         other = 3 - axis - along
         uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
-        parts.append(quad(corners + centre, surface, uv))
+        parts.append(quad(corners, surface, uv))
     return join(parts)
 
 
 def _sides() -> Iterator[tuple[float, int, int, int]]:
-    """Of a cube: the sign and axis of its normal, and two axes that it is right-handed with."""
+    """The sides of a cube: sign and axis of the normal, and two axes that make it right-handed."""
     for axis in range(3):
         first, second = (axis + 1) % 3, (axis + 2) % 3
         yield from ((-1.0, axis, second, first), (1.0, axis, first, second))
@@ -144,139 +133,6 @@ def cushion(
     return SurfaceMesh(triangles, surface, crease_normals(triangles, 60.0), whole.uvs)
 
 
-def outline(text: str) -> np.ndarray:
-    """(K, 2) float64 of ``"radius height, radius height, ..."``."""
-    return np.array([pair.split() for pair in text.split(",")], np.float64)
-
-
-def lathe(
-    profile: ArrayLike | str,
-    surface: Surface,
-    *,
-    segments: int = 24,
-    repeat: float | None = None,
-    crease_deg: float = 40.0,
-) -> SurfaceMesh:
-    """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
-
-    ``profile`` may be text, as of :func:`outline`; ``repeat`` None wraps one texture once around
-    and once from the first to the last pair.
-    """
-    profile = outline(profile) if isinstance(profile, str) else np.asarray(profile, np.float64)
-    angle = -np.arange(segments) * (2 * np.pi / segments)
-    ring = xyz(np.cos(angle), 0.0, np.sin(angle))
-    points = profile[:, :1, None] * ring[None]
-    points[..., 1] = profile[:, 1:]
-    length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))]
-    u, v = np.linspace(0, 1, segments + 1), length / (length[-1] or 1.0)
-    if repeat is not None:
-        u, v = u * 2 * np.pi * profile[:, 0].max() * repeat, length * repeat
-    uv = np.stack(np.meshgrid(u, v), -1)
-    return mesh_grid(points, surface, uv, close_columns=True, crease_deg=crease_deg)
-
-
-def sphere(
-    radius: ArrayLike,
-    surface: Surface,
-    *,
-    centre: ArrayLike = (0, 0, 0),
-    segments: int = 16,
-    rings: int = 10,
-) -> SurfaceMesh:
-    """An ellipsoid when ``radius`` is a triple; 2 * segments * (rings - 1) triangles."""
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
-    across = np.cos(latitude)
-    across[[0, -1]] = 0.0
-    part = lathe(np.stack([across, np.sin(latitude)], -1), surface, segments=segments)
-    radius = np.broadcast_to(np.asarray(radius, np.float64), 3)
-    triangles, normals = part.triangles * radius, normalise(part.triangles / radius)
-    return SurfaceMesh(triangles + np.asarray(centre, np.float64), surface, normals, part.uvs)
-
-
-def tube(
-    path: ArrayLike,
-    radius: ArrayLike,
-    surface: Surface,
-    *,
-    segments: int = 8,
-    closed: bool = False,
-    caps: bool = True,
-    repeat: float = 1.0,
-) -> SurfaceMesh:
-    """A round tube along (K, 3) ``path``; ``radius`` a number or one for each point.
-
-    Caps are cones of no height, so that one sheet covers all.
-    """
-    path = np.asarray(path, np.float64)
-    radii = np.broadcast_to(np.asarray(radius, np.float64), len(path)).copy()
-    length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
-    ahead = np.roll(path, -1, 0) - np.roll(path, 1, 0) if closed else np.gradient(path, axis=0)
-    tangents = normalise(ahead)
-    if caps and not closed:
-        path = np.concatenate([path[:1], path, path[-1:]])
-        radii = np.r_[0, radii, 0]
-        tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
-        length = np.r_[0, length, length[-1]]
-    right, up = _frames(tangents, closed)
-    angle = np.arange(segments)[:, None] * (2 * np.pi / segments)
-    ring = np.cos(angle) * right[:, None] + np.sin(angle) * up[:, None]
-    points = path[:, None] + radii[:, None, None] * ring
-    u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radii.max() * repeat))
-    if closed:
-        length = np.r_[length, length[-1] + np.linalg.norm(path[0] - path[-1])]
-    uv = np.stack(np.meshgrid(u, length * repeat), -1)
-    return mesh_grid(points, surface, uv, close_columns=True, close_rows=closed, crease_deg=70.0)
-
-
-def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Right and up vectors carried along the path without twist (double reflection's limit)."""
-    right = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-    rights = np.empty((len(tangents), 3))
-    for number, tangent in enumerate(tangents):
-        right = right - tangent * (right @ tangent)
-        rights[number] = right = right / np.linalg.norm(right)
-    if closed:
-        # Spread the angle that remains between the last and the first frame over the loop.
-        first, last = rights[0], rights[-1] - tangents[0] * (rights[-1] @ tangents[0])
-        twist = np.arctan2(np.cross(last, first) @ tangents[0], last @ first)
-        angle = np.linspace(0, twist, len(tangents))[:, None]
-        rights = np.cos(angle) * rights + np.sin(angle) * np.cross(tangents, rights)
-    return rights, np.cross(tangents, rights)
-
-
-def cylinder(
-    start: ArrayLike, end: ArrayLike, radius: ArrayLike, surface: Surface, **options: Any
-) -> SurfaceMesh:
-    """A straight tube; ``radius`` a number or a pair (a cone's); ``options`` of :func:`tube`."""
-    return tube(np.array([start, end], np.float64), radius, surface, **options)
-
-
-def ring(
-    radius: float, number: int, *, centre: ArrayLike = (0, 0, 0), axis: str = "z"
-) -> np.ndarray:
-    """(number, 3) points on a circle about an axis, for closed tubes."""
-    angle = np.arange(number) * (2 * np.pi / number)
-    flat = xyz(np.cos(angle), np.sin(angle), 0.0) * radius
-    order = {"z": [0, 1, 2], "y": [0, 2, 1], "x": [2, 0, 1]}[axis]
-    return flat[:, order] + np.asarray(centre, np.float64)
-
-
-def curve(points: Sequence[ArrayLike], number: int) -> np.ndarray:
-    """(number, 3) points on a Catmull-Rom spline through ``points``, ends included."""
-    p = np.asarray(points, np.float64)
-    padded = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
-    position = np.linspace(0, len(p) - 1, number)
-    index = np.minimum(position.astype(int), len(p) - 2)
-    t = (position - index)[:, None]
-    p0, p1, p2, p3 = (padded[index + k] for k in range(4))
-    return 0.5 * (
-        2 * p1
-        + (p2 - p0) * t
-        + (2 * p0 - 5 * p1 + 4 * p2 - p3) * t**2
-        + (3 * p1 - p0 - 3 * p2 + p3) * t**3
-    )
-
-
 def scattered(part: SurfaceMesh, matrices: np.ndarray) -> SurfaceMesh:
     """``part`` repeated under (K, 4, 4) rigid or uniformly scaled matrices, as one part."""
     matrices = np.asarray(matrices, np.float64)
@@ -304,21 +160,3 @@ def disc(
     hub = np.broadcast_to(np.asarray(centre, np.float64), rim[:-1].shape)
     uv = np.stack([np.full((segments, 2), 0.5), flat[:-1] / 2 + 0.5, flat[1:] / 2 + 0.5], 1)
     return SurfaceMesh(np.stack([hub, rim[:-1], rim[1:]], 1), surface, None, uv)
-
-
-def log(
-    start: ArrayLike,
-    end: ArrayLike,
-    radius: float,
-    bark: Surface,
-    grain: Surface,
-    *,
-    segments: int = 8,
-) -> Parts:
-    """A trunk with sawn ends: 4 * segments triangles."""
-    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
-    return [
-        cylinder(start, end, radius, bark, segments=segments, caps=False),
-        disc(start, start - end, radius, grain, segments=segments),
-        disc(end, end - start, radius, grain, segments=segments),
-    ]

@@ -4,8 +4,9 @@ import numpy as np
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Range, Size
-from lfcore.scene.procedural.primitives import curve, mesh_grid, scattered, sphere, tube, xyz
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, transform_all
+from lfcore.scene.procedural.primitives import mesh_grid, scattered
+from lfcore.scene.procedural.turned import curve, sphere, tube
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals, join, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 Triple = tuple[float, float, float]

@@ -6,7 +6,7 @@ from lfcore.errors import SceneError
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, textured
 from lfcore.scene.procedural.primitives import rectangle
-from lfcore.scene.procedural.primitives import sphere as ball
+from lfcore.scene.procedural.turned import sphere as ball
 
 MOST_SEGMENTS = 4096
 """16 million triangles: beyond, a machine's memory decides."""
@@ -23,6 +23,6 @@ def build(seed: int, *, segments: int = 96) -> Parts:
     floor = textured("floor", board)
     rings = max(2, segments // 2)
     return [
-        ball(1.0, red, centre=(0, 1.0, 0), segments=segments, rings=rings),
+        ball(1.0, red, segments=segments, rings=rings).at(0, 1.0, 0),
         rectangle((-10, 0, 6), (20, 0, 0), (0, 0, -26), floor, repeat=0.5),
     ]

@@ -12,16 +12,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from lfcore.scene.procedural.basics import Size
 
-SIZE = 512
+SQUARE = (512, 512)
+Colours = Sequence[ArrayLike]
+"""A gradient of sRGB triples."""
 
 
 def noise(
-    seed: int,
-    *,
-    cells: Size = (8, 8),
-    octaves: int = 4,
-    size: Size = (SIZE, SIZE),
-    gain: float = 0.55,
+    seed: int, *, cells: Size = (8, 8), octaves: int = 4, size: Size = SQUARE, gain: float = 0.55
 ) -> np.ndarray:
     """(H, W) float64 tileable value noise in [0, 1]; ``cells`` (rows, columns) of octave one."""
     rng = np.random.default_rng(seed)
@@ -56,12 +53,7 @@ def finish(picture: np.ndarray) -> np.ndarray:
 
 
 def speckle(
-    seed: int,
-    colours: Sequence[ArrayLike],
-    *,
-    cells: Size = (12, 12),
-    octaves: int = 5,
-    size: Size = (SIZE, SIZE),
+    seed: int, colours: Colours, *, cells: Size = (12, 12), octaves: int = 5, size: Size = SQUARE
 ) -> np.ndarray:
     """Plain fractal noise through a gradient: plaster, earth, bark, rust."""
     return finish(ramp(noise(seed, cells=cells, octaves=octaves, size=size), *colours))
@@ -92,7 +84,7 @@ def planks(
     light: ArrayLike,
     *,
     rows: int = 6,
-    size: Size = (512, 512),
+    size: Size = SQUARE,
     stagger: bool = True,
 ) -> np.ndarray:
     """Boards along u, each with a tone and grain of its own, dark joints between."""
@@ -115,12 +107,12 @@ def planks(
 
 def bricks(
     seed: int,
-    colours: Sequence[ArrayLike],
+    colours: Colours,
     mortar: ArrayLike,
     *,
     rows: int = 8,
     columns: int = 4,
-    size: Size = (SIZE, SIZE),
+    size: Size = SQUARE,
     gap: float = 0.09,
 ) -> np.ndarray:
     """Running bond; ``colours`` is a gradient from which each brick draws its tone."""
@@ -144,12 +136,7 @@ def bricks(
 
 
 def cobbles(
-    seed: int,
-    colours: Sequence[ArrayLike],
-    gap_colour: ArrayLike,
-    *,
-    cells: int = 9,
-    size: Size = (SIZE, SIZE),
+    seed: int, colours: Colours, gap_colour: ArrayLike, *, cells: int = 9, size: Size = SQUARE
 ) -> np.ndarray:
     """Rounded setts in jittered rows: distance to the two nearest of wrapped seeds."""
     rng = np.random.default_rng(seed)
@@ -194,9 +181,7 @@ def weave(
     return finish(np.asarray(colour) * shade[..., None])
 
 
-def stripes(
-    seed: int, colours: Sequence[ArrayLike], widths: ArrayLike, *, depth: float = 0.10
-) -> np.ndarray:
+def stripes(seed: int, colours: Colours, widths: ArrayLike, *, depth: float = 0.10) -> np.ndarray:
     """Bands across v, over cloth; ``widths`` are relative."""
     edges = np.cumsum(np.asarray(widths, np.float64)) / np.sum(widths)
     band = np.searchsorted(edges, np.linspace(0, 1, 256, endpoint=False), side="right")

@@ -4,7 +4,8 @@ import numpy as np
 
 from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, codes, painted, textured
-from lfcore.scene.procedural.primitives import box, cushion, cylinder, lathe, ring, sphere, tube
+from lfcore.scene.procedural.primitives import box, cushion
+from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
 from lfcore.scene.transforms import rotate, translate
 
@@ -57,10 +58,10 @@ def ring_tower() -> Parts:
     for index, radius in enumerate((0.078, 0.070, 0.062, 0.054, 0.046)):
         thick = 0.026 - 0.0015 * index
         y += thick
-        path = ring(radius - thick * 0.6, 60, centre=(0, y, 0), axis="y")
+        path = ring(radius - thick * 0.6, 60)[:, [0, 2, 1]] + (0, y, 0)
         parts.append(tube(path, thick, toy_paint(index), segments=16, closed=True))
         y += thick * 0.72
-    return [*parts, sphere(0.03, toy_paint(5), centre=(0, y + 0.02, 0), segments=30, rings=20)]
+    return [*parts, sphere(0.03, toy_paint(5), segments=30, rings=20).at(0, y + 0.02, 0)]
 
 
 def train() -> Parts:
@@ -68,18 +69,15 @@ def train() -> Parts:
     wood = painted("toy wood", "#d8b27c", 0.08, 30.0)
     chimney = "0.014 0, 0.014 0.05, 0.026 0.075, 0.02 0.075, 0 0.06"
     parts = [
-        box((0.24, 0.03, 0.10), wood, centre=(0.0, 0.055, 0)),
+        box((0.24, 0.03, 0.10), wood).at(0.0, 0.055, 0),
         cylinder((-0.02, 0.115, 0), (0.125, 0.115, 0), 0.046, toy_paint(2), segments=36),
         cushion((0.09, 0.13, 0.10), toy_paint(0), pieces=10, power=10.0).at(-0.07, 0.135, 0),
-        box((0.11, 0.014, 0.12), toy_paint(1), centre=(-0.07, 0.207, 0)),
+        box((0.11, 0.014, 0.12), toy_paint(1)).at(-0.07, 0.207, 0),
         lathe(chimney, toy_paint(1), segments=28).at(0.085, 0.155, 0),
-        sphere(0.02, toy_paint(5), centre=(0.03, 0.165, 0), segments=24, rings=16),
-        box((0.20, 0.03, 0.10), wood, centre=(-0.28, 0.055, 0)),
-        *(
-            box((0.19, 0.07, 0.012), toy_paint(3), centre=(-0.28, 0.105, z))
-            for z in (0.044, -0.044)
-        ),
-        *(box((0.012, 0.07, 0.10), toy_paint(3), centre=(x, 0.105, 0)) for x in (-0.19, -0.37)),
+        sphere(0.02, toy_paint(5), segments=24, rings=16).at(0.03, 0.165, 0),
+        box((0.20, 0.03, 0.10), wood).at(-0.28, 0.055, 0),
+        *(box((0.19, 0.07, 0.012), toy_paint(3)).at(-0.28, 0.105, z) for z in (0.044, -0.044)),
+        *(box((0.012, 0.07, 0.10), toy_paint(3)).at(x, 0.105, 0) for x in (-0.19, -0.37)),
         cylinder((-0.18, 0.05, 0), (-0.12, 0.05, 0), 0.006, wood, segments=8),
     ]
     for x in (-0.075, 0.075, -0.22, -0.34):
@@ -89,7 +87,7 @@ def train() -> Parts:
             parts.append(wheel.transformed(turn, translate(x, 0.037, z)))
     for index, x in enumerate((-0.32, -0.26, -0.22)):
         place = (x, 0.115, 0.008 * (index - 1))
-        parts.append(sphere(0.032, toy_paint(index + 3), centre=place, segments=24, rings=16))
+        parts.append(sphere(0.032, toy_paint(index + 3), segments=24, rings=16).at(*place))
     return parts
 
 

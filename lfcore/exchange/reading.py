@@ -1,0 +1,62 @@
+"""Files of other programs, read whole or refused by an error that names them."""
+
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from lfcore.errors import StorageError
+
+
+class ExchangeError(StorageError):
+    """A light field of another program that is incomplete or contradicts itself."""
+
+
+# What values of other types, or beyond all bounds, raise where they are used.
+NOT_OF_THE_FORMAT = (
+    ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
+)  # fmt: skip
+
+
+def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
+    """The error for a file that a library could not read, with the beginning of its reason."""
+    if isinstance(error, FileNotFoundError):
+        return ExchangeError("no such file", file=file)
+    reason = " ".join(str(getattr(error, "strerror", None) or error).split())[:120]
+    return ExchangeError(f"{problem}: {reason}", file=file)
+
+
+@contextmanager
+def refused(problem: str, file: Path, key: str | None = None) -> Iterator[None]:
+    """Within the block, what values of a description raise is this :class:`ExchangeError`."""
+    try:
+        yield
+    except NOT_OF_THE_FORMAT:
+        raise ExchangeError(problem, file=file, key=key) from None
+
+
+def read_text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise unreadable(file, error) from None
+
+
+def load_json(file: Path) -> dict:
+    """The object in a JSON file."""
+    try:
+        data = json.loads(read_text(file))
+    except (ValueError, RecursionError) as error:
+        raise unreadable(file, error) from None
+    if not isinstance(data, dict):
+        raise ExchangeError("is no JSON object", file=file)
+    return data
+
+
+def existing(files: Iterable[Path], asked_by: str) -> Path:
+    """The first of these files that there is; ``asked_by`` names what asks for it."""
+    files = list(files)
+    for file in files:
+        if file.is_file():
+            return file
+    raise ExchangeError(f"no such file; {asked_by}", file=files[0])
