@@ -10,10 +10,11 @@ from random import Random
 
 import numpy as np
 
-from lfcore.exchange import FORMATS, export_lightfield
+from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
+from lfcore.exchange.table import FORMATS
 from lfcore.storage.codecs import Encoding
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of

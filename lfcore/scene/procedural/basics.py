@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError
 from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, hex_colour
@@ -14,6 +15,8 @@ Look = dict[str, Surface]
 """The surfaces of a model by name."""
 Point = np.ndarray
 """(3,) float64."""
+Vector = ArrayLike
+"""(3,) numbers."""
 Size = tuple[int, int]
 Range = tuple[float, float]
 

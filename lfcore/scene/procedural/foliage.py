@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.procedural.basics import Parts, Range, Rng
+from lfcore.scene.procedural.basics import Parts, Range, Rng, Vector
 from lfcore.scene.procedural.primitives import mesh_grid, quad, scattered
 from lfcore.scene.procedural.turned import curve, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, join, normalise, xyz
@@ -84,7 +84,7 @@ def rosette(
     number: int,
     leaf: SurfaceMesh,
     *,
-    foot: ArrayLike = (0, 0, 0),
+    foot: Vector = (0, 0, 0),
     lift: Range = (0.2, 1.0),
     size: Range = (0.7, 1.0),
 ) -> SurfaceMesh:
@@ -103,9 +103,9 @@ def shrub(
     rng: Rng,
     number: int,
     leaf: SurfaceMesh,
-    radii: ArrayLike,
+    radii: Vector,
     *,
-    centre: ArrayLike = (0, 0, 0),
+    centre: Vector = (0, 0, 0),
     size: Range = (0.7, 1.2),
 ) -> SurfaceMesh:
     """Leaves scattered through the outer part of an ellipsoid, pointing outwards and drooping."""
@@ -134,7 +134,7 @@ def stems(
     number: int,
     surface: Surface,
     *,
-    foot: ArrayLike,
+    foot: Vector,
     spread: float,
     height: float,
     radius: float = 0.004,

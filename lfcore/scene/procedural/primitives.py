@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.scene.procedural.basics import Vector
 from lfcore.scene.surface_mesh import (
     Surface,
     SurfaceMesh,
@@ -30,12 +31,7 @@ def quad(corners: ArrayLike, surface: Surface, uv: ArrayLike = UNIT_SQUARE) -> S
 
 
 def rectangle(
-    origin: ArrayLike,
-    across: ArrayLike,
-    up: ArrayLike,
-    surface: Surface,
-    *,
-    repeat: float | None = None,
+    origin: Vector, across: Vector, up: Vector, surface: Surface, *, repeat: float | None = None
 ) -> SurfaceMesh:
     """A flat rectangle from ``origin`` along ``across`` and ``up``.
 
@@ -148,7 +144,7 @@ def scattered(part: SurfaceMesh, matrices: np.ndarray) -> SurfaceMesh:
 
 
 def disc(
-    centre: ArrayLike, normal: ArrayLike, radius: float, surface: Surface, *, segments: int = 10
+    centre: Vector, normal: Vector, radius: float, surface: Surface, *, segments: int = 10
 ) -> SurfaceMesh:
     """A flat fan; one texture over its bounding square."""
     y = normalise(np.asarray(normal, np.float64))

@@ -13,8 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 from lfcore.scene.procedural.basics import Size
 
 SQUARE = (512, 512)
-Colours = Sequence[ArrayLike]
-"""A gradient of sRGB triples."""
+Tone = ArrayLike
+"""An sRGB triple."""
+Colours = Sequence[Tone]
+"""A gradient of them."""
 
 
 def noise(
@@ -40,7 +42,7 @@ def noise(
     return np.clip((total - low) / (high - low), 0, 1)
 
 
-def ramp(values: np.ndarray, *colours: ArrayLike) -> np.ndarray:
+def ramp(values: np.ndarray, *colours: Tone) -> np.ndarray:
     """(..., 3) float64: ``values`` in [0, 1] to a gradient through evenly spaced colours."""
     stops = np.linspace(0, 1, len(colours))
     table = np.asarray(colours, np.float64)
@@ -60,7 +62,7 @@ def speckle(
 
 
 def plaster(
-    seed: int, colour: ArrayLike, *, contrast: float = 10.0, size: Size = (256, 256)
+    seed: int, colour: Tone, *, contrast: float = 10.0, size: Size = (256, 256)
 ) -> np.ndarray:
     fine = noise(seed, cells=(24, 24), octaves=3, size=size) - 0.5
     broad = noise(seed + 1, cells=(3, 3), octaves=3, size=size) - 0.5
@@ -68,7 +70,7 @@ def plaster(
 
 
 def wood(
-    seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 512), rings: float = 7.0
+    seed: int, dark: Tone, light: Tone, *, size: Size = (256, 512), rings: float = 7.0
 ) -> np.ndarray:
     """Grain along u (columns): stretched noise warps parallel lines."""
     warp = noise(seed, cells=(4, 1), octaves=3, size=size)
@@ -79,13 +81,7 @@ def wood(
 
 
 def planks(
-    seed: int,
-    dark: ArrayLike,
-    light: ArrayLike,
-    *,
-    rows: int = 6,
-    size: Size = SQUARE,
-    stagger: bool = True,
+    seed: int, dark: Tone, light: Tone, *, rows: int = 6, size: Size = SQUARE, stagger: bool = True
 ) -> np.ndarray:
     """Boards along u, each with a tone and grain of its own, dark joints between."""
     rng = np.random.default_rng(seed)
@@ -108,7 +104,7 @@ def planks(
 def bricks(
     seed: int,
     colours: Colours,
-    mortar: ArrayLike,
+    mortar: Tone,
     *,
     rows: int = 8,
     columns: int = 4,
@@ -136,7 +132,7 @@ def bricks(
 
 
 def cobbles(
-    seed: int, colours: Colours, gap_colour: ArrayLike, *, cells: int = 9, size: Size = SQUARE
+    seed: int, colours: Colours, gap_colour: Tone, *, cells: int = 9, size: Size = SQUARE
 ) -> np.ndarray:
     """Rounded setts in jittered rows: distance to the two nearest of wrapped seeds."""
     rng = np.random.default_rng(seed)
@@ -171,7 +167,7 @@ def cobbles(
 
 
 def weave(
-    seed: int, colour: ArrayLike, *, threads: int = 64, depth: float = 0.16, size: Size = (256, 256)
+    seed: int, colour: Tone, *, threads: int = 64, depth: float = 0.16, size: Size = (256, 256)
 ) -> np.ndarray:
     """Plain cloth: crossing threads, and the slow shading of wear."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] * 2 * np.pi
@@ -189,7 +185,7 @@ def stripes(seed: int, colours: Colours, widths: ArrayLike, *, depth: float = 0.
     return finish(np.asarray(colours, np.float64)[band][:, None] * cloth)
 
 
-def leaf(seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (128, 128)) -> np.ndarray:
+def leaf(seed: int, dark: Tone, light: Tone, *, size: Size = (128, 128)) -> np.ndarray:
     """A leaf's blade: midrib along v in the middle, side veins, mottling."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None]
     rib = np.exp(-(((u - 0.5) / 0.03) ** 2))
@@ -198,15 +194,13 @@ def leaf(seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (128, 128
     return finish(ramp(np.clip(0.75 * mottle + 0.35 * rib + 0.18 * vein, 0, 1), dark, light))
 
 
-def bark(seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 256)) -> np.ndarray:
+def bark(seed: int, dark: Tone, light: Tone, *, size: Size = (256, 256)) -> np.ndarray:
     """Furrows along v."""
     furrow = noise(seed, cells=(3, 20), octaves=4, size=size)
     return finish(ramp(np.clip(1.5 * furrow - 0.2, 0, 1), dark, light))
 
 
-def end_grain(
-    seed: int, dark: ArrayLike, light: ArrayLike, *, size: Size = (256, 256)
-) -> np.ndarray:
+def end_grain(seed: int, dark: Tone, light: Tone, *, size: Size = (256, 256)) -> np.ndarray:
     """Growth rings of a sawn log, one texture over its face, with a crack or two."""
     v, u = np.mgrid[: size[0], : size[1]] / np.array(size)[:, None, None] - 0.5
     warp = noise(seed, cells=(3, 3), octaves=3, size=size) - 0.5
@@ -240,6 +234,6 @@ def write(
     return np.rot90(np.array(image), turn).copy()
 
 
-def blank_page(colour: ArrayLike, size: tuple[int, int]) -> np.ndarray:
+def blank_page(colour: Tone, size: tuple[int, int]) -> np.ndarray:
     """(H, W, 3) uint8 of one colour."""
     return np.broadcast_to(np.asarray(colour, np.uint8), (*size, 3)).copy()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.procedural.basics import Parts
+from lfcore.scene.procedural.basics import Parts, Vector
 from lfcore.scene.procedural.primitives import disc, mesh_grid
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, xyz
 
@@ -110,7 +110,7 @@ def _frames(tangents: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]
 
 
 def cylinder(
-    start: ArrayLike, end: ArrayLike, radius: ArrayLike, surface: Surface, **options: Any
+    start: Vector, end: Vector, radius: ArrayLike, surface: Surface, **options: Any
 ) -> SurfaceMesh:
     """A straight tube; ``radius`` a number or a pair (a cone's); ``options`` of :func:`tube`."""
     return tube(np.array([start, end], np.float64), radius, surface, **options)
@@ -139,13 +139,7 @@ def curve(points: Sequence[ArrayLike], number: int) -> np.ndarray:
 
 
 def log(
-    start: ArrayLike,
-    end: ArrayLike,
-    radius: float,
-    bark: Surface,
-    grain: Surface,
-    *,
-    segments: int = 8,
+    start: Vector, end: Vector, radius: float, bark: Surface, grain: Surface, *, segments: int = 8
 ) -> Parts:
     """A trunk with sawn ends: 4 * segments triangles."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
