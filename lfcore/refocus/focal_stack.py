@@ -30,7 +30,6 @@ from lfcore.refocus.shift_sum import (
     add_views,
     launch_add,
     read_sums,
-    zeroed,
 )
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.layout import FrameLayout
@@ -125,7 +124,7 @@ class FocalStackSummer:
         program = build_program(self.device, [_SOURCE], {**defines, "SUM": "uint"})
         self._gather, self._scale = (cl.Kernel(program, n) for n in ("add_views", "scale_views"))
         self._spread = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
-        self._blocks = zeroed(self.device, self.schedule.pictures * 12 * self._size**2)
+        self._blocks = self.device.zeros(self.schedule.pictures * 12 * self._size**2)
 
     @property
     def open_samples(self) -> np.ndarray:
@@ -180,7 +179,7 @@ class FocalStackSummer:
             entry[:, 1], entry[:, 2] = pad - shift[column], pad - shift[row]
             lists.append((k * blocks**2, (k + 1) * blocks**2))
             entries.append(entry)
-        sums = zeroed(self.device, len(self.planes) * 24 * size**2)
+        sums = self.device.zeros(len(self.planes) * 24 * size**2)
         launch_add(
             self._spread, self.device, self._blocks, (0, 0, self._size, self._size),
             (0, 0, size, size), size, np.array(lists), np.concatenate(entries), sums,

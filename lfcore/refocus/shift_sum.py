@@ -55,22 +55,12 @@ class ViewSummer:
         self._share = np.stack([share for _, share in found])
         tables = (self._first, self._share) if self._magnified else (np.zeros(1, np.int32),) * 2
         self._tables = [self.device.buffer(table) for table in tables]
-        self._sums = zeroed(self.device, len(planes) * 24 * slab.pixels**2)
+        self._sums = self.device.zeros(len(planes) * 24 * slab.pixels**2)
 
     @property
     def open_samples(self) -> np.ndarray:
         """(K, 2) int32 (i, j): lens samples that some plane's aperture lets through."""
         return np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
-
-    def add(self, views: np.ndarray, samples: np.ndarray, region: tuple[int, int] = (0, 0)) -> None:
-        """Add views (K, h, w, 3), uint8 sRGB or floating linear light in [0, 1], of lens samples
-        (K, 2) (i, j); ``region`` is the first column and row of the pixels that are given."""
-        samples = np.asarray(samples, np.int32).reshape(-1, 2)
-        height, width = views.shape[1:3]
-        step = self.group_size(width, height)
-        for start in range(0, len(samples), step):
-            buffer = self.device.buffer(to_fixed(views[start : start + step]))
-            self.add_fixed(buffer, samples[start : start + step], (*region, width, height))
 
     def group_size(self, width: int, height: int) -> int:
         """Views of that size that go to the device at a time."""
@@ -136,13 +126,6 @@ def to_fixed(views: np.ndarray) -> np.ndarray:
 def _fixed(light: np.ndarray) -> np.ndarray:
     rounded = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
     return rounded.astype(np.uint32)
-
-
-def zeroed(device: Device, nbytes: int) -> cl.Buffer:
-    """A buffer of zeros; nothing of its size is needed on the host."""
-    buffer = device.empty(nbytes)
-    cl.enqueue_fill_buffer(device.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
-    return buffer
 
 
 def read_sums(device: Device, sums: cl.Buffer, count: int, slab: Slab) -> Iterator[np.ndarray]:

@@ -22,9 +22,15 @@ from av.error import FFmpegError
 from lfcore.errors import StorageError
 from lfcore.files import cannot_write, whole_file
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.decoding import FRAME_RATE, frame_number, ticks_per_frame
+from lfcore.storage.decoding import (
+    FRAME_RATE,
+    PACKED_RGB,
+    frame_number,
+    stored_format,
+    ticks_per_frame,
+    video_frames,
+)
 from lfcore.storage.pixels import pixel_format
-from lfcore.storage.planar import PACKED_RGB, stored_format, video_frames
 from lfcore.storage.remote import RemoteFile
 
 # Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no

@@ -16,12 +16,17 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.container import FRAME_MS
-from lfcore.storage.decoding import DecodeCount, FrameRun, frame_number, ticks_per_frame
+from lfcore.storage.decoding import (
+    DecodeCount,
+    FrameRun,
+    frame_number,
+    stored_format,
+    ticks_per_frame,
+)
 from lfcore.storage.ebml import Structure, scan
 from lfcore.storage.index import FIRST, Segment
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import TAG, Metadata
-from lfcore.storage.planar import stored_format
 from lfcore.storage.remote import located
 from lfcore.storage.segment import open_video
 

@@ -22,7 +22,7 @@ from lfcore.optics.camera import image_distance
 from lfcore.optics.planes import SHAPES
 from lfcore.refocus.focal_stack import FocalStackSummer, focal_stack, focal_stack_views, plan
 from lfcore.refocus.resampling import coverage
-from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views
+from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views, to_fixed
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_views import read_stored, read_views
 
@@ -112,8 +112,8 @@ def test_rectangles_of_views_add_up(device):
         whole = shift_sum_views(slab, views, PLANES, filter=filter, device=device)
         summer = ViewSummer(slab, PLANES, filter=filter, device=device)
         for (u0, u1), (v0, v1) in itertools.product([(0, 5), (5, 16)], [(0, 9), (9, 16)]):
-            part = views.reshape(9, 16, 16, 3)[:, v0:v1, u0:u1]
-            summer.add(part, samples, (u0, v0))
+            part = device.buffer(to_fixed(views.reshape(9, 16, 16, 3)[:, v0:v1, u0:u1]))
+            summer.add_fixed(part, samples, (u0, v0, u1 - u0, v1 - v0))
         np.testing.assert_allclose(summer.pictures(), whole, atol=2e-4)
 
 

@@ -120,12 +120,22 @@ def realistic(
         raise OpticsError(f"must be above 0, not {film_diagonal_m}", key="film_diagonal_m")
     width, height = camera.size
     shooter = LensSampler(lens, film_diagonal_m / 2)
-    out = np.empty((width * height, 4), np.float32)
+    out, device = np.empty((width * height, 4), np.float32), field.device
     batch = max(1, BATCH_RAYS // samples_per_pixel)
     for first in range(0, len(out), batch):
-        pixels = np.arange(first, min(first + batch, len(out)))
+        part = out[first : first + batch]
+        pixels = first + np.arange(len(part))
         rays = film_rays(camera, shooter, pixels, samples_per_pixel, code, seed)
-        out[pixels] = _look_up(field, camera, surface, *rays)
+        origins, directions, weights, film = rays
+        packed = np.zeros((*weights.shape, 8), np.float32)
+        packed[..., :3], packed[..., 3:6], packed[..., 6] = origins, directions, weights
+        target = device.empty(part.nbytes)
+        field.kernel("rays.cl", "given_rays")(
+            device.queue, (len(part),), None, *field.arguments(camera, surface),
+            device.buffer(packed), device.buffer(film.astype(np.float32)),
+            np.int32(samples_per_pixel), np.int32(len(part)), target,
+        )  # fmt: skip
+        cl.enqueue_copy(device.queue, part, target)
     return Synthesis.of(out, camera.size)
 
 
@@ -155,29 +165,6 @@ def film_rays(
     directions = directions @ camera.rotation.T
     shape = (len(pixels), count)
     return origins.reshape(*shape, 3), directions.reshape(*shape, 3), weights.reshape(shape), film
-
-
-def _look_up(
-    field: DeviceField,
-    camera: VirtualCamera,
-    surface: FocalSurface,
-    origins: np.ndarray,
-    directions: np.ndarray,
-    weights: np.ndarray,
-    film: np.ndarray,
-) -> np.ndarray:
-    """(P, 4) float32: colour and coverage of pixels by their rays."""
-    (pixels, count), device = weights.shape, field.device
-    packed = np.zeros((pixels, count, 8), np.float32)
-    packed[..., :3], packed[..., 3:6], packed[..., 6] = origins, directions, weights
-    result = np.empty((pixels, 4), np.float32)
-    target = device.empty(result.nbytes)
-    field.kernel("rays.cl", "given_rays")(
-        device.queue, (pixels,), None, *field.arguments(camera, surface), device.buffer(packed),
-        device.buffer(film.astype(np.float32)), np.int32(count), np.int32(pixels), target,
-    )  # fmt: skip
-    cl.enqueue_copy(device.queue, result, target)
-    return result
 
 
 def _checked(sampler: str, samples_per_pixel: int) -> int:
