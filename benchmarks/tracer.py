@@ -30,7 +30,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.array import trace_array
+from lfcore.rendering.photograph import trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
 from lfcore.tracing.packets import Groups

@@ -89,6 +89,11 @@ class Device:
         flags = access | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 
+    def shown(self, array: np.ndarray) -> cl.Buffer:
+        """As :meth:`buffer`, of the array's own memory on a CPU."""
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=array)
+
     def empty(self, nbytes: int) -> cl.Buffer:
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(int(nbytes), 64))
 
@@ -132,6 +137,30 @@ class Device:
             yield view
         finally:
             view.base.release(self.queue)
+
+    def target_buffer(self, host: np.ndarray) -> cl.Buffer:
+        """Where the device writes what ``host`` is to hold: on a CPU that memory itself."""
+        if self.is_cpu:
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+            return cl.Buffer(self.context, flags, hostbuf=host)
+        return self.empty(host.nbytes)
+
+    def collect(self, target: cl.Buffer, host: np.ndarray) -> None:
+        """Make what the device wrote visible in ``host``; waits for the queue."""
+        if not self.is_cpu:
+            cl.enqueue_copy(self.queue, host, target)
+            return
+        with self.mapped(target, host.shape, host.dtype.type):
+            pass  # to map it is enough: what is seen there is ``host``
+        self.queue.finish()
+
+
+def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
+    """An uninitialised array that begins a page: drivers use such memory as it is."""
+    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+    raw = np.empty(size + PAGE, np.uint8)
+    offset = -raw.ctypes.data % PAGE
+    return raw[offset : offset + size].view(dtype).reshape(shape)
 
 
 def is_cpu(device: cl.Device) -> bool:

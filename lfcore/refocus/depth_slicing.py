@@ -19,8 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device
-from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
+from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
@@ -53,18 +52,14 @@ HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
 def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     """Rays as of :meth:`DepthSlicer.add`, for several slicers."""
     ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
-    return _shown(device, light), _shown(device, depth), ranges
+    light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
+    return device.shown(light), device.shown(depth), ranges
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
     """How many pictures of that size are formed at a time."""
     most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
     return max(1, most // DepthSlicer.sums_bytes(1, size, stops))
-
-
-def _shown(device: Device, host: np.ndarray, dtype: type | np.dtype = np.float32) -> cl.Buffer:
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-    return cl.Buffer(device.context, flags, hostbuf=np.ascontiguousarray(host, dtype))
 
 
 class DepthSlicer:
@@ -214,7 +209,7 @@ class DepthSlicer:
         ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
-        shown = _shown(self.device, codes, codes.dtype)
+        shown = self.device.shown(np.ascontiguousarray(codes))
         self.add_held(part, light, shown, self._table[ends], first_row)
 
     def add_held(
@@ -256,19 +251,19 @@ class DepthSlicer:
         each = zip(pictures, self.planes, self._cells, self._ones, strict=True)
         for number, (picture, plane, cells, one) in enumerate(each):
             room = self._room(plane, cells) * np.float32(one)  # kept until the kernel has run
-            target = target_buffer(device, picture)
+            target = device.target_buffer(picture)
             self._compose(
                 device.queue,
                 (self._strips, 1),
                 (1, 1),
                 self._sums,
-                _shown(device, room),
+                device.shown(room),
                 np.int32(self._rows),
                 *map(np.int32, self.size),
                 target,
                 global_offset=(0, number),
             )
-            collect(device, target, picture)
+            device.collect(target, picture)
             device.forget(self._sums, number, len(self.planes))
             if plane.normalise == "lens":
                 picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2

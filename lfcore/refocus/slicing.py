@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.opencl.device import Device, build_program, cl, open_device
-from lfcore.opencl.host_memory import page_aligned
+from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
 from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
@@ -70,13 +69,11 @@ class PlaneFormer:
             return
         slots = self._slots[start:stop].copy()
         slots["frame"] -= first
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-        host = np.ascontiguousarray(frames)
         self._kernel(
             device.queue,
             (self._sums.workers,),
             (1,),
-            cl.Buffer(device.context, flags, hostbuf=host),
+            device.shown(np.ascontiguousarray(frames)),
             np.int32(layout.frame_width),
             np.int32(layout.frame_height),
             device.buffer(slots),

@@ -8,8 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device
-from lfcore.opencl.host_memory import page_aligned
+from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
@@ -87,7 +86,9 @@ class FrameSummer:
                 joined = np.concatenate([part.ravel() for part in band], out=self._band[:size])
                 place = np.array([[0, x, y + row - first, 0]], np.int32)
                 region = left, top + row, width, rows
-                self._unpack(self._shown(joined), len(band[0]), place, element[None], region)
+                self._unpack(
+                    self.summer.device.shown(joined), len(band[0]), place, element[None], region
+                )
                 self.summer.device.queue.finish()
 
     def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
@@ -102,7 +103,7 @@ class FrameSummer:
         here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
         elements, places = elements[here], places[here]
         places[:, 0] -= first
-        buffer = self._shown(np.ascontiguousarray(frames))
+        buffer = self.summer.device.shown(np.ascontiguousarray(frames))
         if self.layout.kind == "views":
             self._add_views(buffer, elements, places)
         else:
@@ -128,10 +129,6 @@ class FrameSummer:
         for start in range(0, len(self._open), step):
             part = self._open[start : start + step]
             self._unpack(frames, self.layout.frame_height, places, part, region)
-
-    def _shown(self, frames: np.ndarray) -> cl.Buffer:
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
-        return cl.Buffer(self.summer.device.context, flags, hostbuf=frames)
 
     def _unpack(
         self, frames: cl.Buffer, rows: int, places: np.ndarray, samples: np.ndarray, region: tuple

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import OpticsError, SceneError
-from lfcore.opencl.device import Device, open_device
-from lfcore.opencl.host_memory import collect, page_aligned, target_buffer
+from lfcore.opencl.device import Device, open_device, page_aligned
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.slab import Slab
@@ -67,7 +66,7 @@ def fill_arrays(
             for name, array in arrays.items()
         }
         written: dict[str, Any] = {
-            name: target_buffer(device, piece) for name, piece in pieces.items()
+            name: device.target_buffer(piece) for name, piece in pieces.items()
         }
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
         some = [replace(one, elements=one.elements[start:stop]) for one in sets]
@@ -78,7 +77,7 @@ def fill_arrays(
                 inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
             job.launch(bundles, _groups(job.shape, bundles, places), **written, **inputs)
         for name, piece in pieces.items():
-            collect(device, written[name], piece)
+            device.collect(written[name], piece)
 
 
 class RepeatedPlaceError(OpticsError):

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.opencl.device import PAGE, Device, cl
-from lfcore.opencl.host_memory import page_aligned
+from lfcore.opencl.device import PAGE, Device, cl, page_aligned
 from lfcore.optics.slab import Slab
 from lfcore.tracing.layouts import SLOT
 from lfcore.tracing.packets import ranks

@@ -24,8 +24,7 @@ from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of
 from lfcore.pictures import write_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.rendering.array import trace_array
-from lfcore.rendering.photograph import direct_thin_lens
+from lfcore.rendering.photograph import direct_thin_lens, trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.needs import Needs

@@ -8,8 +8,15 @@ from lfcore import CameraArray, Device, open_device
 from lfcore.cli import main
 from lfcore.exr import read_exr_picture
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.rendering.array import array_bundles, stratified_offsets, trace_array
-from lfcore.rendering.photograph import direct_thin_lens, photograph, shutter_times, trace_shutter
+from lfcore.rendering.photograph import (
+    array_bundles,
+    direct_thin_lens,
+    photograph,
+    shutter_times,
+    stratified_offsets,
+    trace_array,
+    trace_shutter,
+)
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array

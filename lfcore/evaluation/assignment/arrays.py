@@ -18,7 +18,7 @@ from lfcore.evaluation.metrics import PEAK, mse, psnr
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array.device_field import DeviceField
-from lfcore.rendering.array import trace_array
+from lfcore.rendering.photograph import trace_array
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
 from lfcore.storage.tiled_exr import read_array, write_array

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfcore.opencl.device import Device
-from lfcore.opencl.host_memory import page_aligned
+from lfcore.opencl.device import Device, page_aligned
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile

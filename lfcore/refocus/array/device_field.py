@@ -88,8 +88,7 @@ class DeviceField:
                 remedy="Use fewer cameras or pixels",
             )
         # A CPU reads the host's own memory; nothing is copied.
-        source = cl.mem_flags.USE_HOST_PTR if device.is_cpu else cl.mem_flags.COPY_HOST_PTR
-        self.buffer = cl.Buffer(device.context, cl.mem_flags.READ_ONLY | source, hostbuf=self.image)
+        self.buffer = (device.shown if device.is_cpu else device.buffer)(self.image)
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
         )
