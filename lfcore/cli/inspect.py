@@ -23,8 +23,6 @@ examples:
   lfcore info bike.mkv --verify     read every byte and compare checksums
   lfcore info bike.mkv --json       the metadata and more, for programs
 """
-
-
 DEVICES = """\
 List the OpenCL devices. The default has an asterisk; LFCORE_DEVICE or --device chooses another by
 part of its name."""

@@ -44,7 +44,6 @@ LONG_RAY_BITS, SUM_BITS = 40, 29
 """Of a ray in sums of 64 bits, where light above white takes bits that rays leave, or its last
 ones; and of all rays of a pixel in sums of 32 bits, which hold eight times as much."""
 
-
 HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
 """Colours and depths of views on a device, and the least and most depth of each row."""
 

@@ -25,8 +25,6 @@ from lfcore.storage.lightfield import LightFieldFile
 
 FARTHEST = 0.9
 """The inverse depth that is a miss, at most: a share of that of the farthest surface."""
-
-
 CLOSE = 1.1
 """The ratio of f-numbers that views should tell apart, and of a focus to the nearest surface."""
 

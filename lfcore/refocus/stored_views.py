@@ -246,8 +246,7 @@ def read_stored(
     samples = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
     views = read_views(field, samples, progress=progress)
     image = array.mosaic(views.reshape(rows, columns, *views.shape[1:]))
-    if field.white != 1.0:
-        image *= np.float32(field.white)
+    image *= np.float32(field.white)
     return image, array
 
 

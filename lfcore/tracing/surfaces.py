@@ -27,8 +27,6 @@ from lfcore.tracing.layouts import (
 
 LEAST_HIGHLIGHT = 2.0**-24
 """A highlight below this share of its peak is left out: it would change no float near 1."""
-
-
 UNEVEN = 0.08
 """Baked light that differs by such a share from the middle of two opposite neighbours has no
 coarser levels."""
