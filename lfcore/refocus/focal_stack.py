@@ -8,6 +8,8 @@ range of focus, not with P.  It is the two-level form of the fast discrete focal
 (Marichal-Hernandez et al., "Fast approximate 4-D/3-D discrete Radon transform, from light field
 to focal stack with O(N^4) sums", 2011).
 
+Measured: of 16 x 16 views, 60 pictures take 0.16 of slicing's time, 10 take 0.74.
+
 Whole pixels are added throughout, so a ray lands within ``1 + tolerance_px`` pixels of its place,
 where slicing lands within one half.
 """
