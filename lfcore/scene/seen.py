@@ -18,13 +18,15 @@ from lfcore.optics.size import Pixels, Size
 SIDE = 64
 """The rays per side of the coarse picture."""
 PAIRS_AT_A_TIME = 1 << 19
+Ticks = tuple[np.ndarray, np.ndarray]
+"""The tangents of the rays' columns and rows, even."""
 
 
 def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
     """The depths that a picture of tangent extent ``width`` shows, without its nearest and farthest
     2 percent; None where no ray meets anything and no vertex is in it."""
     ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
-    depth = _depths(triangles, ticks, ticks)
+    depth = _depths(triangles, (ticks, ticks))
     depth = depth[np.isfinite(depth)]
     if not len(depth):  # wires between the rays
         points = triangles.reshape(-1, 3).astype(np.float64)
@@ -42,11 +44,11 @@ def focus_at(
     ``width`` is the tangent extent of the shorter side of a picture of ``pixels``.
     """
     (x, y), size = check_place(place), Size.of(pixels)
-    ticks = [
+    column, row = (
         np.array([(share - 0.5) * width * (side / size.shorter)])
         for share, side in zip((x, y), size, strict=True)
-    ]
-    depth = float(_depths(triangles, *ticks)[0, 0])
+    )
+    depth = float(_depths(triangles, (column, row))[0, 0])
     if math.isinf(depth):
         raise OpticsError(
             f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
@@ -56,11 +58,12 @@ def focus_at(
     return depth
 
 
-def _depths(triangles: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Depths (R, C), inf for a miss, of the rays of even tangents ``rows`` (R,), ``columns``."""
-    nearest = np.full(len(rows) * len(columns), np.inf)
+def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:
+    """Depths (R, C), inf for a miss, of the rays."""
+    columns, rows = map(len, ticks)
+    nearest = np.full(rows * columns, np.inf)
     corners = triangles[(triangles[:, :, 2] > 0).any(1)].astype(np.float64)
-    first, count = _boxes(corners, columns, rows)
+    first, count = _boxes(corners, ticks)
     met = np.flatnonzero(count.prod(1))
     corners, first, count = corners[met], first[met], count[met]
     pairs = np.concatenate([[0], np.cumsum(count.prod(1))])
@@ -68,37 +71,31 @@ def _depths(triangles: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.
     while start < len(corners):
         end = int(np.searchsorted(pairs, pairs[start] + PAIRS_AT_A_TIME, "right")) - 1
         part = slice(start, max(end, start + 1))
-        _draw(nearest, corners[part], first[part], count[part], columns, rows)
+        _draw(nearest, corners[part], first[part], count[part], ticks)
         start = part.stop
-    return nearest.reshape(len(rows), len(columns))
+    return nearest.reshape(rows, columns)
 
 
-def _boxes(
-    corners: np.ndarray, columns: np.ndarray, rows: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _boxes(corners: np.ndarray, ticks: Ticks) -> tuple[np.ndarray, np.ndarray]:
     """First column and row, and numbers of columns and rows, (T, 2) each, around triangles."""
     z = corners[:, :, 2]
     whole = ~(z > 0).all(1)  # those that cross the plane of the lens can be anywhere
     first, count = np.empty((2, len(corners), 2), np.int64)
-    for axis, ticks in enumerate((columns, rows)):
+    for axis, places in enumerate(ticks):
         tangents = corners[:, :, axis] / np.where(z > 0, z, 1.0)
         # Rounding may leave out a ray on an edge, which the neighbour has as well.
-        low = np.searchsorted(ticks, tangents.min(1), "left")
-        high = np.searchsorted(ticks, tangents.max(1), "right")
+        low = np.searchsorted(places, tangents.min(1), "left")
+        high = np.searchsorted(places, tangents.max(1), "right")
         first[:, axis] = np.where(whole, 0, low)
-        count[:, axis] = np.where(whole, len(ticks), high - low)
+        count[:, axis] = np.where(whole, len(places), high - low)
     return first, count
 
 
 def _draw(
-    nearest: np.ndarray,
-    corners: np.ndarray,
-    first: np.ndarray,
-    count: np.ndarray,
-    columns: np.ndarray,
-    rows: np.ndarray,
+    nearest: np.ndarray, corners: np.ndarray, first: np.ndarray, count: np.ndarray, ticks: Ticks
 ) -> None:
     """Lower ``nearest`` to the depths of ``corners`` (K, 3, 3) at the rays of their boxes."""
+    columns, rows = ticks
     # Of the order of 1, so that products of three lengths neither overflow nor vanish.
     size = np.abs(corners).max()
     v = corners / size

@@ -24,6 +24,8 @@ LEVELS, SIDE, SHARES = 6, 128, 32
 _SIDES, _SOURCE = (128, 64, 32, 32, 16, 16), 64
 """The sides of maps before they are enlarged, and of the sky that most are made from."""
 _SAMPLES = 256
+Source = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Directions (S, 3), light (S, 3) and solid angles (S,) of texels."""
 _made: dict[int, tuple[weakref.ref[np.ndarray], np.ndarray]] = {}
 
 
@@ -61,8 +63,8 @@ def _corners(side: int) -> np.ndarray:
     return octahedron(np.stack(np.meshgrid(axis, axis), -1))
 
 
-def _source(sky: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Directions (S, 3), light (S, 3) and solid angles (S,) of a map as fine as needed, at most."""
+def _source(sky: np.ndarray, side: int) -> Source:
+    """The texels of a map as fine as needed, of ``side`` texels a side at most."""
     side = min(side, max(len(sky), 32))
     axis = (np.arange(side) + 0.5) / side * 2 - 1
     towards = octahedron(np.stack(np.meshgrid(axis, axis), -1)).reshape(-1, 3)
@@ -82,33 +84,28 @@ def _mean_over_lobes(sky: np.ndarray, roughness: float, side: int) -> np.ndarray
     towards = _corners(side).reshape(-1, 3)
     if not roughness:
         return _rounded(_reduced(sky, side, towards)).reshape(side, side, 3)
-    source, light, angles = _source(sky, 2 * _SOURCE if roughness < 0.3 else _SOURCE)
-    square = roughness**4
+    source, square = _source(sky, 2 * _SOURCE if roughness < 0.3 else _SOURCE), roughness**4
 
     def weights(cosine: np.ndarray) -> np.ndarray:
         halfway = (1 + cosine) / 2  # (N . H)^2
         return np.maximum(cosine, 0) / (halfway * (square - 1) + 1) ** 2
 
-    return _rounded(_weighted(towards, source, light, angles, weights)).reshape(side, side, 3)
+    return _rounded(_weighted(towards, source, weights)).reshape(side, side, 3)
 
 
 def _light(sky: np.ndarray) -> np.ndarray:
     """(16, 16, 3): light over pi on a surface of each direction."""
     towards = _corners(16).reshape(-1, 3)
-    found = _weighted(towards, *_source(sky, _SOURCE), lambda cosine: np.maximum(cosine, 0))
+    found = _weighted(towards, _source(sky, _SOURCE), lambda cosine: np.maximum(cosine, 0))
     return _rounded(found).reshape(16, 16, 3)
 
 
 def _weighted(
-    towards: np.ndarray,
-    source: np.ndarray,
-    light: np.ndarray,
-    angles: np.ndarray,
-    weights: Callable[[np.ndarray], np.ndarray],
+    towards: np.ndarray, source: Source, weights: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    made = []
-    for some in np.array_split(towards, max(1, len(towards) * len(source) >> 22)):
-        share = weights(some @ source.T) * angles
+    made, (texels, light, angles) = [], source
+    for some in np.array_split(towards, max(1, len(towards) * len(texels) >> 22)):
+        share = weights(some @ texels.T) * angles
         made.append(share @ light / share.sum(1, keepdims=True))
     return np.concatenate(made)
 

@@ -36,7 +36,7 @@ def test_depths_seen_are_those_of_traced_rays(ball):
     scene = build_scene(ball)
     width = scene.camera.field_width
     ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
-    found = _depths(scene.triangles, ticks, ticks)
+    found = _depths(scene.triangles, (ticks, ticks))
     traced = depth_of_views(open_tracer(scene), Slab(scene.camera, 1, SIDE))[0]
     assert np.isfinite(traced).sum() > 500
     same = np.isclose(found, traced, rtol=1e-4) | (np.isinf(found) & np.isinf(traced))

@@ -84,8 +84,8 @@ class LightRig:
             file = parameters.string(name)
             if file is None:
                 continue
-            picture, encoded = read_picture(self.folder / file, parameters.place_of(name))
-            if encoded:
+            picture = read_picture(self.folder / file, parameters.place_of(name))
+            if picture.dtype == np.uint8:
                 picture = srgb_decode(picture / 255.0)
             light = np.ascontiguousarray(picture * radiance, np.float32)
             if not (light.min() >= 0 and light.max() <= BRIGHTEST):

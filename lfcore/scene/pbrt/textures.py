@@ -52,27 +52,23 @@ def encode(linear: np.ndarray) -> tuple[np.ndarray, float]:
     return srgb_codes(linear / top), top
 
 
-def read_picture(path: Path, place: Place) -> tuple[np.ndarray, bool]:
-    """A picture as (H, W, 3), RGB, row 0 on top, and whether it is encoded 8-bit sRGB.
-
-    Anything else (EXR, PFM, HDR, 16 bit) comes as linear float32.
-    """
+def read_picture(path: Path, place: Place) -> np.ndarray:
+    """A picture as (H, W, 3), RGB, row 0 on top: uint8 sRGB codes, or linear float32 of all else
+    (EXR, PFM, HDR, 16 bit)."""
     if not os.path.isfile(path):
         raise place.error(f"image {str(path)!r} does not exist", "Check the path")
     if path.suffix.lower() == ".exr":
-        from lfcore.exr import read_exr_picture as read_exr
+        from lfcore.exr import read_exr_picture
 
-        return read_exr(path), False
+        return read_exr_picture(path)
     try:
         picture = read_codes(path)
     except LfcoreError:
         problem = f"image {str(path)!r} cannot be decoded"
         raise place.error(problem, "Use PNG, EXR or TGA") from None
-    if picture.dtype == np.uint8:
-        return picture, True
     if picture.dtype == np.uint16:
-        return srgb_decode(picture / 65535.0).astype(np.float32), False
-    return picture.astype(np.float32), False
+        return srgb_decode(picture / 65535.0).astype(np.float32)
+    return picture
 
 
 class TextureTable:
@@ -142,12 +138,12 @@ class TextureTable:
         if name is None:
             raise parameters.error("filename", "is missing", "Name the image file")
         place = parameters.items["filename"].place
-        picture, encoded = read_picture(self.folder / name, place)
+        picture = read_picture(self.folder / name, place)
         coding, factor = parameters.string("encoding", "sRGB"), 1.0
         is_linear = coding == "linear" or not parameters.bool("gamma", True)
-        if encoded and is_linear:
-            picture, encoded = picture / 255.0, False
-        if not encoded:
+        if picture.dtype == np.uint8 and is_linear:
+            picture = picture / 255.0
+        if picture.dtype != np.uint8:
             picture, factor = encode(picture)
         if parameters.bool("invert", False):
             picture, factor = encode(1.0 - srgb_decode(picture / 255.0) * factor)
