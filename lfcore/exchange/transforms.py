@@ -110,11 +110,17 @@ def _read_idlab(file: Path) -> ViewGrid:
         if not names or poses.shape[1:] != (4, 4):
             raise ValueError
     grid = posed.on_a_plane(poses, file, names)
-    files = [_idlab_picture(file.parent, name) for name in names]
+    folder = file.parent
+    places = folder, folder / "png", folder / "exr", folder.parent / "png"
+    ends = "", ".png", ".exr", ".jpg"
+    files = [
+        existing([place / (name + end) for place in places for end in ends], f"{IDLAB} names it")
+        for name in names
+    ]
     size = pictures.size_of(files[0])
     placed = [[files[k] for k in line] for line in grid.index]
     geometry = Geometry(grid.pitch, *_idlab_lens(data, size, file))
-    return by_file.of_files(placed, file.parent.resolve().name, geometry=geometry)
+    return by_file.of_files(placed, folder.resolve().name, geometry=geometry)
 
 
 def _idlab_pose(frame: dict) -> np.ndarray:
@@ -126,14 +132,6 @@ def _idlab_pose(frame: dict) -> np.ndarray:
     pose[:3, :3] = Rotation.from_euler("xyz", frame["rotation"]).as_matrix()
     pose[:3, 3] = frame["position"]
     return pose
-
-
-def _idlab_picture(folder: Path, name: str) -> Path:
-    for place in (folder, folder / "png", folder / "exr", folder.parent / "png"):
-        for suffix in ("", ".png", ".exr", ".jpg"):
-            if pictures.is_picture(place / (name + suffix)):
-                return place / (name + suffix)
-    raise ExchangeError(f"no such picture, as {IDLAB} names it", file=folder / name)
 
 
 def _idlab_lens(data: dict, size: tuple[int, int], file: Path) -> tuple:
