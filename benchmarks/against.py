@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measured.rows import report, say
+from benchmarks.measured.rows import parser_of, report, say
 from lfcore.errors import LfcoreError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -115,11 +115,9 @@ def checkout(revision: str) -> Iterator[Path]:
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__, pixels=512)
     parser.add_argument("revision", help="of the program to compare with")
-    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--views", nargs="+", type=int, default=[4, 8, 16, 64, 512], help="N")
-    parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
     parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays of a case")
@@ -127,7 +125,6 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--devices", nargs=2, default=["", ""], metavar="NAME",
                         help="of the other and of this tree")  # fmt: skip
     parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)))
-    parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
     if options.rounds < 1:
         parser.error("--rounds must be at least 1")

@@ -2,8 +2,7 @@
 
 Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
 is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 200 rays
-per pixel.  Disparities are compared with those of single rays.  Beside them are views that are made
-from recorded ones, of 64 rays per pixel in all (:mod:`lfcore.refocus.free_views`).
+per pixel.  Disparities are compared with those of single rays.
 
 With --cycles, stacks of three pictures of 96 pixels, of scenes without highlights, are made in turn
 with Cycles and its denoiser, at the number of samples whose worst plane is as good.  Its pictures
@@ -14,16 +13,14 @@ import argparse
 import math
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.measured.rows import say
+from benchmarks.measured.rows import report, say
 from benchmarks.peers.cycles_lens import CyclesLens, matt
 from benchmarks.peers.method import Samples
-from benchmarks.publish import Result, of_this_run
 from benchmarks.quality import true_picture
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, views
@@ -33,15 +30,10 @@ from lfcore.datasets.sample import sample
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.ray_cells import plain_views
 from lfcore.optics.slab import Lattice, Slab
-from lfcore.refocus.free_views import FreeViews
 from lfcore.rendering.depth import all_samples, disparity
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.record_depth import depth_store, record_by_depth
-from lfcore.storage.codecs import LOSSLESS, Encoding
-from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
 CONFIG = Path(__file__).resolve().parents[1] / "config/datasets"
@@ -49,8 +41,6 @@ TRUTH = Lattice(16, 2)
 """Its error is about 10 dB below that of stacks of 45 dB."""
 TRUE_PATTERN, VIEWS, RAYS = (10, 2), (0, 13, 40, 67, 80), 20_000
 """The rays of true views; the views that are compared; rays that check disparity."""
-RECORDED = Lattice(4, 2, displaced=True)
-"""The rays of recorded views, from which others are made."""
 CYCLES_PIXELS, CYCLES_SAMPLES, CONVERGED = 96, (64, 256, 512), 2048
 
 
@@ -79,28 +69,6 @@ def field_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[floa
     return made
 
 
-def between(of: Description, tracer: Tracer) -> tuple[list[float], float, float]:
-    """dB of views between recorded ones, the share of holes, and core seconds per view."""
-    slab, spec = (
-        Slab(tracer.scene.camera, of.lens.views, of.pixels),
-        Encoding(LOSSLESS[0], "gbrp", tune=None),
-    )
-    points, errors, holes = plain_views(slab).positions, [], 0.0
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "field.mkv"
-        record_by_depth(file, tracer, *depth_store(slab.camera, RECORDED, of.pixels, spec))
-        with LightFieldFile.open(file) as field:
-            made = FreeViews(field, of.pixels, device=tracer.device)
-            made.picture(points[0])  # reads the file
-            begun = time.process_time()
-            shown = [made.picture(points[number]) for number in VIEWS]
-            seconds = (time.process_time() - begun) / len(VIEWS)
-            for number, picture in zip(VIEWS, shown, strict=True):
-                errors.append(psnr(picture, views.view(tracer, slab, number, TRUE_PATTERN)))
-                holes = max(holes, float(np.isnan(made._nearest(points[number])).mean()))
-    return errors, holes, seconds
-
-
 def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
     """The largest error of disparity in pixels, by single rays, of pixels that are no edges."""
     slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
@@ -121,7 +89,7 @@ def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
     return worst
 
 
-def rows_of(name: str, count: int) -> Iterator[dict]:
+def row_of(name: str, count: int) -> dict:
     """A row of the shipped description ``name``."""
     of, device = Description.read(CONFIG / f"{name}.yaml"), open_device(threads=1)
     chosen = np.linspace(0, of.count - 1, count).astype(int).tolist()
@@ -132,18 +100,16 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
         records = make_batch(of, chosen, shard, listed, drafts, device)
         seconds = time.process_time() - begun
         made = [one for one in records if "refused" not in one]
-        errors, apart, made_between = [], [], []
+        errors, apart = [], []
         for item in stored_items([shard], chosen):
             tracer = open_tracer(sample(of, item.index)[0], device)
             errors += (found := measure(of, item, tracer))
             if of.kind == "light_fields":
                 apart.append(disparity_error(of, item, tracer))
-                made_between.append(between(of, tracer))
-                say(str(made_between[-1]))
             expected = item.record["expected_db"]
             say(f"{item.index}: {min(found):.1f} dB, expected {expected:.1f} {apart[-1:]}")
     parts = pd.DataFrame(made)[["scene_core_seconds", "files_core_seconds"]].mean()
-    yield {
+    return {
         "data set": name, "made": f"{len(made)} of {count}", "core s": f"{seconds / len(made):.2f}",
         "scene s": f"{parts.iloc[0]:.2f}", "files s": f"{parts.iloc[1]:.2f}",
         "rays per pixel": f"{np.mean([one['rays_per_pixel'] for one in made]):.0f}",
@@ -152,14 +118,6 @@ def rows_of(name: str, count: int) -> Iterator[dict]:
         "as asked": f"{100 * np.mean(np.array(errors) >= of.quality_db):.0f}% of {len(errors)}",
         "disparity px": f"{max(apart):.4f}" if apart else "",
     }  # fmt: skip
-    if made_between:
-        errors = [one for each in made_between for one in each[0]]
-        yield {
-            "data set": f"views between, holes {max(each[1] for each in made_between):.2%}",
-            "made": str(len(made_between)), "rays per pixel": f"{RECORDED.rays_per_pixel:.0f}",
-            "core s": f"{of.lens.views**2 * np.mean([each[2] for each in made_between]):.1f}",
-            "worst dB": f"{min(errors):.1f}", "median dB": f"{np.median(errors):.1f}",
-        }  # fmt: skip
 
 
 def cycles_row(count: int) -> dict:
@@ -222,12 +180,10 @@ def main() -> None:
     rows: list[dict] = []
     for name, count in (("focal_stacks", options.stacks), ("light_fields", options.fields)):
         if count:
-            rows += rows_of(name, count)
+            rows.append(row_of(name, count))
     if options.cycles:
         rows.append(cycles_row(options.cycles))
-    Result(of_this_run("python -m benchmarks.datasets"), pd.DataFrame(rows).fillna("")).write(
-        options.out
-    )
+    report(options.out, "python -m benchmarks.datasets", rows)
 
 
 if __name__ == "__main__":

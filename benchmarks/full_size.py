@@ -20,7 +20,14 @@ from PIL import Image
 from benchmarks.publish import ROOT, Result, head, markdown, wrapped
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
-from lfcore.evaluation.figures import THESIS_PIXELS, log_ticks, save_figure, views_axis
+from lfcore.evaluation.figures import (
+    QUALITY,
+    SIZE,
+    THESIS_PIXELS,
+    Panel,
+    curves_over_n,
+    save_figure,
+)
 from lfcore.evaluation.table_files import human_bytes
 from lfcore.files import make_folder, whole_file, write_text
 from lfcore.optics.plane_pictures import load_stack
@@ -33,7 +40,7 @@ THESIS = {
 }
 SETTINGS = "settings.yaml"
 FIGURE = "against_thesis.png"
-QUALITY = 92
+JPEG_QUALITY = 92
 """Of JPEG, chroma whole: the pictures are to be looked at, not measured."""
 COMPARED = {
     # columns of a table, and whether more is better
@@ -160,34 +167,19 @@ def _stacks(results: Path, scenes: Iterable[str], to: Path) -> Iterator[tuple[st
             file = f"{name}_stack_{scene}.jpg"
             with whole_file(to / file) as out:
                 jpeg = cast(BinaryIO, out)
-                Image.fromarray(codes).save(jpeg, "JPEG", quality=QUALITY, subsampling=0)
+                Image.fromarray(codes).save(jpeg, "JPEG", quality=JPEG_QUALITY, subsampling=0)
             yield f"{scene}, {name} stack: {', '.join(dict.fromkeys(labels))}", file
 
 
 def against_thesis(tables: Tables) -> Figure:
-    """Error, size and time over N, one colour a scene: ours, and dashed the thesis's."""
+    """Error, bits and time per ray over N, one colour per scene: ours, and dashed the thesis's."""
     traced, stored, decoded = (tables[name] for name in THESIS)
-    times = traced.seconds + stored.seconds + decoded.seconds
-    theirs = sum(tables[name].thesis_seconds for name in THESIS)
-    panels = (
-        ("PSNR of stored pictures, dB", decoded.psnr_db, decoded.thesis_psnr_db, False),
-        ("stored, MiB", stored.video_bytes / 2**20, stored.thesis_video_bytes / 2**20, True),
-        ("trace, store and read, s", times, theirs, True),
-    )
-    figure = Figure(figsize=(12, 3.9), layout="constrained")
-    for axis, (label, ours, thesis, logarithmic) in zip(figure.subplots(1, 3), panels, strict=True):
-        for index, (scene, rows) in enumerate(traced.groupby("scene", sort=False)):
-            place = rows.index
-            axis.plot(rows.N, ours[place], "o-", color=f"C{index}", label=str(scene), markersize=5)
-            axis.plot(rows.N, thesis[place], "x--", color=f"C{index}", markersize=5)
-        if logarithmic:
-            log_ticks(axis.yaxis)
-        views_axis(axis, traced.N)
-        axis.set_ylabel(label)
-    axis.plot([], [], "x--", color="0.4", label="the thesis")
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    return figure
+    time = Panel("trace, store and read, ns per ray", "seconds", 1e9)
+    sums = {
+        name: traced[name] + stored[name] + decoded[name] for name in ("seconds", "thesis_seconds")
+    }
+    sizes = {name: stored[name] for name in ("video_bytes", "thesis_video_bytes")}
+    return curves_over_n(decoded.assign(**sums, **sizes), [QUALITY[0], SIZE, time])
 
 
 def page(tables: Tables, provenance: dict[str, str], stacks: list[tuple[str, str]]) -> str:

@@ -28,12 +28,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.measured.rows import say
+from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import matt
 from benchmarks.peers.method import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath
-from benchmarks.publish import Result, of_this_run, with_kept
+from benchmarks.publish import with_kept
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
@@ -230,14 +230,11 @@ def figure(table: pd.DataFrame, path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser("benchmarks.light", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
+    parser = parser_of(__doc__ or "", scenes=tuple(PATHS), pixels=128)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
-    parser.add_argument("--scenes", nargs="+", default=list(PATHS))
     parser.add_argument("--parts", nargs="+", default=["planes", "price"], help="beside bakes")
     parser.add_argument("--errors", nargs="+", type=float, default=ERRORS)
-    parser.add_argument("--pixels", type=int, default=128)
     parser.add_argument("--converged", type=int, default=CONVERGED)
     parser.add_argument("--repeats", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
@@ -261,7 +258,7 @@ def main() -> None:
                 contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
     made = pd.DataFrame(rows).assign(pixels=options.pixels)
     table = with_kept(made, options.out, "scene", "part")
-    Result(of_this_run("python -m benchmarks.light --out light.csv"), table).write(options.out)
+    report(options.out, "python -m benchmarks.light", table)
     if options.figure:
         figure(table, options.figure)
 

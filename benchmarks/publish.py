@@ -105,8 +105,8 @@ def read_result(path: Path) -> Result:
     return Result(provenance, rows)
 
 
-def of_this_run(command: str, commit: str = "", **more: str) -> dict[str, str]:
-    """What is known of a run on this machine, at this commit or the one that is said."""
+def of_this_run(command: str, **more: str) -> dict[str, str]:
+    """What is known of a run on this machine, at this commit."""
 
     def git(*words: str) -> str:
         return subprocess.run(
@@ -115,7 +115,7 @@ def of_this_run(command: str, commit: str = "", **more: str) -> dict[str, str]:
 
     # Results and the documents that they stand in are no part of what is measured.
     edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
-    commit = commit or git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
+    commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
     here = machine()
     processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
     today = datetime.date.today().isoformat()
@@ -243,7 +243,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if one is stale")
     parser.add_argument("--take", metavar="NAME", help="keep the tables of a run as this result")
     parser.add_argument("--command", default="make tables", help="what made them")
-    parser.add_argument("--commit", default="", help="that they were made at, if not this")
     parser.add_argument("--note", default="", help="what else is to be known")
     parser.add_argument("--configfile", type=Path, default=ROOT / "config" / "thesis.yaml",
                         help="of a run at full size (config/thesis.yaml)")  # fmt: skip
@@ -253,7 +252,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if options.take:
             note = {"note": options.note} if options.note else {}
-            provenance = of_this_run(options.command, options.commit, **note)
+            provenance = of_this_run(options.command, **note)
         if options.take == "full":
             from benchmarks.full_size import publish
 

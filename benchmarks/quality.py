@@ -8,7 +8,6 @@ that it falls on.  With 128 pixels it is known well enough; with 24 x 24 lens sa
 256 pixels and to 46 with 512 (bike, near plane), where blur is wide.
 """
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -20,9 +19,8 @@ import numpy as np
 import pandas as pd
 
 import lfcore
-from benchmarks.measured.rows import say
+from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
-from benchmarks.publish import Result, of_this_run
 from lfcore.errors import OpticsError
 from lfcore.evaluation.true_picture import inner_psnr
 from lfcore.optics.planes import SensorPlane
@@ -63,19 +61,19 @@ class Case:
     def worst_db(self, pictures: np.ndarray) -> float:
         return min(inner_psnr(*pair) for pair in zip(pictures, self.truths, strict=True))
 
-    def fixed(self, repeats: int) -> list[tuple[float, float, Lattice]]:
+    def fixed(self) -> list[tuple[float, float, Lattice]]:
         """(core seconds, dB, lattice) of single lattices, the cheapest first."""
         made = []
         of = self.tracer, self.tracer.scene.camera, self.planes, self.pixels
         for lattice in LATTICES:
-            pictures, seconds = least_clocked(partial(pictures_by_depth, *of, lattice), repeats)
+            pictures, seconds = least_clocked(partial(pictures_by_depth, *of, lattice))
             made.append((seconds, self.worst_db(pictures), lattice))
         return sorted(made, key=lambda each: each[0])
 
 
-def least_clocked(run: Callable, repeats: int) -> tuple:
-    """What it returns, and its least core seconds."""
-    runs = [clocked(run, clock=time.process_time) for _ in range(repeats)]
+def least_clocked(run: Callable) -> tuple:
+    """What it returns, and the least core seconds of two runs."""
+    runs = [clocked(run, clock=time.process_time) for _ in range(2)]
     return runs[-1][0], min(seconds for _, seconds in runs)
 
 
@@ -94,22 +92,15 @@ def true_picture(
     return (total / share.sum()).astype(np.float32)
 
 
-def cases(name: str, pixels: int, kept: Path | None) -> Iterator[Case]:
-    """The cases of a scene; true pictures are kept in a folder for the next run."""
-    path = SCENES / name if (SCENES / name).exists() else Path(name)
-    scene = lfcore.load_scene(path)
+def cases(name: str, pixels: int) -> Iterator[Case]:
+    """The cases of a scene."""
+    scene = lfcore.load_scene(SCENES / name if (SCENES / name).exists() else Path(name))
     tracer, focus = open_tracer(scene), scene.focus_distances_m
     planes = [
         SensorPlane(distance, scene.camera.f_number)
         for distance in (focus[0], focus[len(focus) // 2], focus[-1])
     ]
-    file = kept and kept / f"{path.stem}-{pixels}.npy"
-    if file and file.exists():
-        truths = np.load(file)
-    else:
-        truths = np.stack([true_picture(tracer, plane, pixels) for plane in planes])
-        if file:
-            np.save(file, truths)
+    truths = np.stack([true_picture(tracer, plane, pixels) for plane in planes])
     for index, which in enumerate(("near", "middle", "far")):
         yield Case(tracer, which, planes[index : index + 1], truths[index : index + 1])
     yield Case(tracer, "all three", planes, truths)
@@ -119,9 +110,9 @@ Made = tuple[float, np.ndarray, Lattice, float]
 """The expected dB, the pictures, the rays, and the core seconds."""
 
 
-def rendered(case: Case, repeats: int, target: float) -> Made:
+def rendered(case: Case, target: float) -> Made:
     given = case.tracer, case.tracer.scene.camera, case.planes, case.pixels, Quality(target)
-    made, seconds = least_clocked(lambda: QualitySearch(*given).pictures(), repeats)
+    made, seconds = least_clocked(lambda: QualitySearch(*given).pictures())
     return float(made.expected_db.min()), made.pictures, made.lattice, seconds
 
 
@@ -140,10 +131,10 @@ def stored(case: Case, target: float) -> Made:
 
 
 def rows_of(
-    case: Case, name: str, make: Callable[[float], Made], targets: list[float], fixed: list[tuple]
+    case: Case, name: str, make: Callable[[float], Made], fixed: list[tuple]
 ) -> Iterator[dict]:
     """A row per quality, beside the cheapest of the ``fixed`` lattices that reaches it."""
-    for target in targets:
+    for target in TARGETS_DB:
         row: dict = {"planes": name, "asked dB": f"{target:g}"}
         try:
             expected_db, pictures, lattice, seconds = make(target)
@@ -180,30 +171,19 @@ def summary(rows: pd.DataFrame) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser("benchmarks.quality", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--pixels", type=int, default=128)
-    parser.add_argument("--repeats", type=int, default=2)
-    parser.add_argument("--truths", type=Path, help="folder that keeps true pictures")
-    parser.add_argument("--targets", nargs="+", type=float, default=list(TARGETS_DB))
-    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom", "chart"])
+    parser = parser_of(__doc__, scenes=("bike", "cabin", "bedroom", "chart"), pixels=128)
     parser.add_argument("--stored", action="store_true", help="record light fields, too")
     asked = parser.parse_args()
     rows: list[dict] = []
     for name in asked.scenes:
-        for case in cases(name, asked.pixels, asked.truths):
-            make = partial(rendered, case, asked.repeats)
-            found = [*rows_of(case, case.name, make, asked.targets, case.fixed(asked.repeats))]
+        for case in cases(name, asked.pixels):
+            found = [*rows_of(case, case.name, partial(rendered, case), case.fixed())]
             if asked.stored and case.name == "all three":
-                found += rows_of(case, "stored", partial(stored, case), asked.targets, [])
+                found += rows_of(case, "stored", partial(stored, case), [])
             for row in found:
                 rows.append({"scene": Path(name).stem} | row)
                 say(" ".join(map(str, rows[-1].values())))
-    table = pd.DataFrame(rows)
-    scenes = " ".join(Path(name).name for name in asked.scenes)
-    command = f"python -m benchmarks.quality --pixels {asked.pixels} --scenes {scenes}"
-    command += " --stored" * asked.stored
-    Result(of_this_run(command, note=summary(table)), table.fillna("")).write(asked.out)
+    report(asked.out, "python -m benchmarks.quality", rows, summary(pd.DataFrame(rows)))
 
 
 if __name__ == "__main__":

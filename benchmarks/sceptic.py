@@ -25,12 +25,11 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from benchmarks.measured.rows import say
+from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import CyclesLens, matt
 from benchmarks.peers.method import Samples, SkippedError
 from benchmarks.peers.mitsuba_lens import MitsubaLens
-from benchmarks.publish import Result, of_this_run
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
@@ -260,23 +259,17 @@ def busiest(picture: np.ndarray) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser("benchmarks.sceptic", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True)
+    parser = parser_of(__doc__ or "", pixels=[128])
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--crops", type=Path, help="folder of crops at equal time")
-    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
     parser.add_argument("--peers", nargs="+", default=list(PEERS), choices=PEERS)
-    parser.add_argument("--pixels", nargs="+", type=int, default=[128])
     parser.add_argument("--most-rays", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     table, agreement, kept = study(options)
-    command = f"python -m benchmarks.sceptic --scenes {' '.join(options.scenes)} --pixels " + (
-        f"{' '.join(map(str, options.pixels))} --most-rays {options.most_rays}"
-    )
     note = f"Converged pictures of the peers agree with ours: {agreement}."
-    Result(of_this_run(command, note=note), table).write(options.out)
+    report(options.out, "python -m benchmarks.sceptic", table, note)
     if options.figure:
         figure(table, options.figure)
     if options.crops:

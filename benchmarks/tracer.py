@@ -15,16 +15,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from benchmarks.measured.rows import in_turn, rates, report, say
+from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES, Sample, SampledTile, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
-from benchmarks.peers.method import Method, Run, SkippedError, clocked
+from benchmarks.peers.method import Method, SkippedError, core_seconds
 from benchmarks.peers.mitsuba_picture import MitsubaPicture
 from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
@@ -57,10 +55,10 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
     return Method(
         NAME,
         "visibility",
-        lambda: clocked(work, sample.rays),
+        sample.rays,
+        partial(core_seconds, work),
         f"{device.name}, {device.lanes} lanes, {device.threads} threads",
-        lambda: check_hits(tracer, sample),
-        ours=True,
+        partial(check_hits, tracer, sample),
     )
 
 
@@ -94,7 +92,7 @@ def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Met
     the fixed cost of a tile, of which the sample is a small part."""
     tile = SampledTile.of(sample)
 
-    def work() -> Run:
+    def work() -> float:
         ends: list[float] = []
         tracing = tracer.trace_tile(
             sample.slab,
@@ -103,13 +101,13 @@ def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Met
             frames=False,
             progress=lambda done, total: ends.append(time.process_time()),
         )
-        cpu = time.process_time()
+        begun = time.process_time()
         for _ in tracing:
             pass
-        return Run(tracing.seconds, ends[-1] - cpu, sample.rays)
+        return ends[-1] - begun
 
     note = f"{tracer.device.name}, {len(planes)} planes"
-    return Method(NAME, "algorithm1", work, note, ours=True)
+    return Method(NAME, "algorithm1", sample.rays, work, note)
 
 
 PEERS: dict[str, Callable] = {"embree": EmbreePackets, "mitsuba": MitsubaPicture}
@@ -158,37 +156,34 @@ def of_array(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iter
     grid = ARRAYS[tracer.scene.name]
     size = (views,) * 2, (options.pixels,) * 2
     array = CameraArray.on_grid(size[0], grid["bounds_m"], grid["fov_deg"], size[1])
-    work = partial(clocked, partial(trace_array, tracer, array), array.rays)
-    yield Method(NAME, "array", work, ours=True)
+    work = partial(core_seconds, partial(trace_array, tracer, array))
+    yield Method(NAME, "array", array.rays, work)
     if "mitsuba" in peers:
         with skipping("mitsuba"):
             yield peers["mitsuba"].of_array(array)
 
 
 def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
-    """A row per method; methods that do the same work take turns."""
+    """A row per method; methods that do the same work take turns, after a round unseen."""
     for work in dict.fromkeys(method.work for method in methods):
         chosen = [method for method in methods if method.work == work]
-        found = {name: rates(runs) for name, runs in in_turn(chosen, repeats).items()}
-        peers = pd.DataFrame([found[m.name] for m in chosen if not m.ours])
-        for method in chosen:
+        rounds = [[method.run() for method in chosen] for _ in range(repeats + 1)]
+        for method, seconds in zip(chosen, np.median(rounds[1:], axis=0).tolist(), strict=True):
             hits, depth = method.check() or (None, None)
-            row = {"method": method.name, "work": work, **found[method.name]}
-            for each in ("mrays_per_second", "mrays_per_core_second") if len(peers) else ():
-                row[f"{each}_over_best_peer"] = row[each] / peers[each].max()
-            yield row | {"hit_share": hits, "mean_depth_m": depth, "note": method.note}
+            yield {
+                "method": method.name, "work": work, "sampled_rays": method.rays,
+                "mrays_per_core_second": method.rays / seconds / 1e6, "hit_share": hits,
+                "mean_depth_m": depth, "note": method.note,
+            }  # fmt: skip
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", nargs="+", default=["bike", "cabin", "bedroom"])
+    parser = parser_of(__doc__, pixels=512)
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
-    parser.add_argument("--pixels", type=int, default=512, help="M; default 512")
     parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=PEERS)
     parser.add_argument("--arrays", action="store_true", help="of N x N cameras of M x M pixels")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
-    parser.add_argument("--out", type=Path, required=True, help="CSV file")
     options = parser.parse_args(arguments)
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")

@@ -1,1 +1,1 @@
-"""The measurements of tracer.py: sampled rays, our own methods, a module per mode."""
+"""What the programs share: options, rows, sampled rays, and the worker of against.py."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peers.method import Method, Run, SkippedError
+from benchmarks.peers.method import Method, SkippedError
 from lfcore.scene.model import Scene
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -48,15 +48,16 @@ class EmbreePackets:
         return [self._method(sample, path, way) for way in ways]
 
     def _method(self, sample, path: Path, way: str) -> Method:
-        def trace() -> tuple[Run, float, float]:
+        def trace() -> tuple[float, float, float]:
             self._say(f"rays {path} {self._threads} {way}\nrun")
-            wall, cpu, hits, depth = (float(word) for word in self._answer())
-            return Run(wall, cpu, sample.rays), hits / sample.rays, depth / max(hits, 1)
+            _, seconds, hits, depth = (float(word) for word in self._answer())
+            return seconds, hits / sample.rays, depth / max(hits, 1)
 
         width = "native 16-wide" if self.native16 else "16-wide calls split by Embree"
         note = f"Embree {self.version}, {width}, {self._threads} threads"
         name = f"embree, {WAYS[way]}"
-        return Method(name, "visibility", lambda: trace()[0], note, lambda: trace()[1:])
+        run, check = (lambda: trace()[0]), (lambda: trace()[1:])
+        return Method(name, "visibility", sample.rays, run, note, check)
 
     def close(self) -> None:
         self._told.close()

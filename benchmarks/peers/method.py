@@ -1,4 +1,4 @@
-"""A measured method and one run of it, and renderers in processes of their own."""
+"""A measured method, and renderers in processes of their own."""
 
 import time
 from collections.abc import Callable
@@ -8,8 +8,8 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import Any
 
-from lfcore import timing
 from lfcore.optics.camera import Camera
+from lfcore.timing import clocked
 
 
 class SkippedError(Exception):
@@ -23,36 +23,26 @@ def check_installed(*packages: str) -> None:
         raise SkippedError(f"not installed: pip install {' '.join(missing)}")
 
 
-@dataclass(frozen=True)
-class Run:
-    """One run: wall seconds, CPU seconds of all threads, rays."""
-
-    seconds: float
-    cpu_seconds: float
-    rays: int
-
-
 @dataclass
 class Method:
-    """A named piece of work that can be run again and again.
+    """A named piece of work, of so many ``rays``, that can be run again and again.
 
-    ``run`` does the work once.  ``note`` has what a reader needs to compare: threads, instruction
-    set, differences.  ``check`` returns (share of rays that hit, their mean depth), or None if they
-    are unknown.
+    ``run`` does the work once and returns its core seconds.  ``note`` has what a reader needs to
+    compare: threads, instruction set, differences.  ``check`` returns (share of rays that hit,
+    their mean depth), or None if they are unknown.
     """
 
     name: str
     work: str
-    run: Callable[[], Run]
+    rays: int
+    run: Callable[[], float]
     note: str = ""
     check: Callable[[], tuple[float, float] | None] = lambda: None
-    ours: bool = False
 
 
-def clocked(work: Callable[[], object], rays: int) -> Run:
-    """Run ``work`` in this process under both clocks."""
-    (_, cpu), wall = timing.clocked(lambda: timing.clocked(work, clock=time.process_time))
-    return Run(wall, cpu, rays)
+def core_seconds(work: Callable[[], object]) -> float:
+    """Of one run of ``work``, by all threads of this process."""
+    return clocked(work, clock=time.process_time)[1]
 
 
 @dataclass(frozen=True)

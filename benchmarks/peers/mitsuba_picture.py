@@ -19,7 +19,7 @@ from types import ModuleType
 
 import numpy as np
 
-from benchmarks.peers.method import Method, Renderer, Run, Samples, check_installed, clocked
+from benchmarks.peers.method import Method, Renderer, Samples, check_installed, core_seconds
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
 from lfcore.scene.mitsuba import Description, film, thin_lens
@@ -116,9 +116,9 @@ def _row(mitsuba: ModuleType, array: CameraArray) -> dict:
     return {"type": "batch", **shared, **sensors}
 
 
-def _clocked(samples: int, rays: int, seed: int) -> Run:
+def _clocked(samples: int, seed: int) -> float:
     render = partial(_here["describe"].mitsuba.render, _here["scene"], spp=samples, seed=seed)
-    return clocked(lambda: np.asarray(render()), rays)
+    return core_seconds(lambda: np.asarray(render()))
 
 
 class MitsubaPicture(Renderer):
@@ -151,7 +151,7 @@ class MitsubaPicture(Renderer):
     ) -> Method:
         """The rate of pictures of ``rays`` in all."""
         version, seeds = self.ask(_load, seen), itertools.count(1)
-        self.ask(_clocked, 1, 0, 0)
+        self.ask(_clocked, 1, 0)
         parts = (f"Mitsuba {version}", f"{self._threads} threads", note, Path(self.llvm or "").name)
-        run = lambda: self.ask(_clocked, samples, rays, next(seeds))  # noqa: E731
-        return Method(NAME, work, run, ", ".join(parts))
+        run = lambda: self.ask(_clocked, samples, next(seeds))  # noqa: E731
+        return Method(NAME, work, rays, run, ", ".join(parts))

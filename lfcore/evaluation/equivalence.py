@@ -79,14 +79,9 @@ def equivalence(
     # The program is made unseen by the clock: a run that makes it would be repeated.
     trace_picture(tracer, slab.camera, 8, planes[0], views=reference_views)
     slicing = partial(trace_planes, tracer, slab, planes)
-    steps = [
-        lambda: [_traced("traced directly", "none", lambda: np.stack([*map(trace, planes)]))],
-        lambda: [_traced("slicing the slab", "nearest", slicing)],
-        lambda: _views(tracer, slab, planes),
-        lambda: _plenoptic(tracer, slab, planes),
-    ]
-    made = [one for step in steps for one in step()]
-    truth = made[0]
+    truth = _traced("traced directly", "none", lambda: np.stack([*map(trace, planes)]))
+    sliced = _traced("slicing the slab", "nearest", slicing)
+    made = [truth, sliced, *_views(tracer, slab, planes), *_plenoptic(tracer, slab, planes)]
     rows: list[dict] = []
     for one in [*made[1:], truth]:
         rays = (reference_views if one is truth else views) ** 2

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NamedTuple, cast
 
+import cv2
 import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
@@ -68,6 +68,15 @@ def _panel(codes: np.ndarray, panel_px: int) -> np.ndarray:
         return codes
     size = panel_px, round(high * panel_px / wide)
     return np.asarray(Image.fromarray(codes).resize(size, Image.Resampling.BICUBIC))
+
+
+def shrunk(picture: np.ndarray, width: int) -> np.ndarray:
+    """``picture`` (H, W, 3), linear light, at most ``width`` pixels wide, by means over areas."""
+    high, wide = picture.shape[:2]
+    if wide <= width:
+        return picture
+    size = width, round(high * width / wide)
+    return cv2.resize(np.asarray(picture, np.float32), size, interpolation=cv2.INTER_AREA)
 
 
 def enlarged(picture: np.ndarray, corner: int, side: int, panel_px: int) -> np.ndarray:
@@ -160,14 +169,13 @@ def views_axis(axis: Axes, views: pd.Series) -> None:
     axis.set_xlabel("views per side, N")
 
 
-def log_ticks(axis: Axis) -> None:
-    """Make ``axis`` logarithmic, with plain numbers at 1, 2 and 5 of each decade."""
-    scale = axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale
-    scale("log")
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(lambda value, _: f"{value:g}")
-    axis.set_minor_formatter(NullFormatter())
-    axis.set_tick_params(labelsize=8)
+def log_ticks(axis: Axes) -> None:
+    """Make the x axis logarithmic, with plain numbers at 1, 2 and 5 of each decade."""
+    axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.xaxis.set_tick_params(labelsize=8)
 
 
 def _curve(

@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.evaluation.figures import Cell, contact_sheet, enlarged
+from lfcore.evaluation.figures import Cell, contact_sheet, enlarged, shrunk
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.rendering.direct import focused_camera
@@ -63,13 +62,5 @@ def panels(
 
 def plenoptic_sheet(path: str | Path, rows: Sequence[list[Cell]]) -> None:
     """A row per photograph, as :func:`panels` gives them; all panels of one size."""
-    cells = [(_fitted(picture), label) for row in rows for picture, label in row]
+    cells = [(shrunk(picture, PANEL_PX), label) for row in rows for picture, label in row]
     contact_sheet(path, cells, len(rows[0]), panel_px=PANEL_PX)
-
-
-def _fitted(picture: np.ndarray) -> np.ndarray:
-    """At most PANEL_PX wide, by means over areas, in linear light."""
-    if len(picture) <= PANEL_PX:
-        return picture
-    size = (PANEL_PX, PANEL_PX)
-    return cv2.resize(np.asarray(picture, np.float32), size, interpolation=cv2.INTER_AREA)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -29,14 +30,11 @@ class Reference:
 
     ``known_db`` is (P,): the PSNR to which the mean of two unlike lattices is known, estimated by
     their difference; right to 1.5 dB where it was checked (docs/notebook/true-picture.md).
-    ``square_error`` is (P, H, W) float32: the squared error per pixel, the mean over channels in
-    linear light.
     """
 
     planes: list[SensorPlane]
     pictures: np.ndarray
     known_db: np.ndarray
-    square_error: np.ndarray
 
     @property
     def size(self) -> Size:
@@ -80,20 +78,15 @@ def true_pictures(
     # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
     # Errors that both have alike do not differ; they were found to be as large again.
     known = [inner_psnr(*both) + 10 * np.log10(2) for both in zip(*pair, strict=True)]
-    square_error = np.square(pair[0] - pair[1]).mean(axis=-1) / 2
-    return Reference(list(planes), pictures, np.array(known), square_error)
+    return Reference(list(planes), pictures, np.array(known))
 
 
 def save_reference(path: str | Path, reference: Reference) -> None:
     """Write it as npz: a stack of planes, and its error."""
-    save_stack(
-        path, reference.pictures, reference.planes,
-        known_db=reference.known_db, square_error=reference.square_error,
-    )  # fmt: skip
+    save_stack(path, reference.pictures, reference.planes, known_db=reference.known_db)
 
 
 def load_reference(path: str | Path) -> Reference:
     """Read a file of :func:`save_reference`; raises :class:`LfcoreError` for any other file."""
     pictures, planes = load_stack(path)
-    errors = read_arrays(path, "reference", lambda file: (file["known_db"], file["square_error"]))
-    return Reference(planes, pictures, *errors)
+    return Reference(planes, pictures, read_arrays(path, "reference", itemgetter("known_db")))

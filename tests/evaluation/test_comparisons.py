@@ -15,9 +15,10 @@ from plain_scenes import refused
 
 from lfcore import CameraArray, SensorPlane, open_device
 from lfcore.evaluation import renderers
-from lfcore.evaluation.assignment.arrays import array_of, errors, overview, square_field
+from lfcore.evaluation.assignment.arrays import array_of, errors, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.evaluation.equivalence import equivalence
+from lfcore.evaluation.figures import shrunk
 from lfcore.evaluation.left_out import FEATURES, LeftOutError, check_identical, full_needs, left_out
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.evaluation.stability.tested_tracer import bare_scene
@@ -282,16 +283,16 @@ def test_what_is_no_direct_lens(tracer):
     refused("rotation", direct_thin_lens, tracer, turned, 4.0, 4)
 
 
-def test_errors_and_overview_of_known_pictures():
+def test_errors_and_smaller_pictures_are_known():
     black, grey = np.zeros((12, 12, 3)), np.full((12, 12, 3), 0.5)
     found = errors(grey, black)
     assert found["rmse"] == pytest.approx(0.5)
     assert found["psnr_db"] == pytest.approx(20 * np.log10(1 / 0.735357), abs=1e-3)
     image = np.random.default_rng(1).random((8, 12, 3)).astype(np.float32)
-    small = overview(image, 5)
-    assert small.shape == (2, 4, 3)
-    np.testing.assert_allclose(small[1, 2], image[3:6, 6:9].mean((0, 1)), rtol=1e-5)
-    np.testing.assert_array_equal(overview(image, 40), image)
+    small = shrunk(image, 6)
+    assert small.shape == (4, 6, 3)
+    np.testing.assert_allclose(small[1, 2], image[2:4, 4:6].mean((0, 1)), rtol=1e-5)
+    np.testing.assert_array_equal(shrunk(image, 40), image)
 
 
 GRID = {"bounds_m": [-1, 1, -2, 2], "fov_deg": 40}

@@ -152,7 +152,7 @@ def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):
         stack[:, :2] = 0
         save_stack(tmp_path / f"{views}.npz", stack, planes)
         files.append(Resolution(views, tmp_path / f"{views}.npz", tmp_path / "trace.json"))
-    truth = Reference(planes, true, np.full(2, 60.0), np.zeros(true.shape[:3]))
+    truth = Reference(planes, true, np.full(2, 60.0))
     save_reference(tmp_path / "truth.npz", truth)
     rows = scene_records("bike", 32, files, tmp_path / "truth.npz")
     assert rows[1]["psnr_db"] == math.inf, "the reference itself"

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
 from lfcore import DeviceError, Lattice, LightField, OpticsError, SensorPlane, Slab, StorageError
 from lfcore.errors import SettingsError
@@ -13,7 +12,7 @@ from lfcore.evaluation.renderers import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference, inner_psnr, true_pictures
 from lfcore.evaluation.work_precision import figure, in_memory, points, study
-from lfcore.evaluation.work_precision.figure import DIRECTIONS, DISTANCES_PT, label_points, pareto
+from lfcore.evaluation.work_precision.figure import pareto
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
 from lfcore.evaluation.work_precision.study import peer_rows
 from lfcore.optics.ray_cells import crossed_views
@@ -35,7 +34,7 @@ def grey():
     """True pictures of two grey planes, known to 60 and 50 dB."""
     planes = [SensorPlane(focus, 2.0) for focus in (1.0, 3.0)]
     pictures = np.full((2, 32, 32, 3), 0.5, np.float32)
-    return Reference(planes, pictures, np.array([60.0, 50.0]), np.zeros((2, 32, 32), np.float32))
+    return Reference(planes, pictures, np.array([60.0, 50.0]))
 
 
 def test_a_point_is_of_the_worst_plane_and_judged_beside_the_truths_own_error(grey):
@@ -175,30 +174,10 @@ def test_diagrams_show_every_point_and_what_was_refused(tmp_path, drawn, shows):
     figure.stored(tmp_path / "b.png", rows, machine="a machine")
     (first,), (record, file, inside) = (one.axes for one in drawn)
     assert shows(first, [[2.0, 36.0], [4.0, 46.0], [1.0, 54.0], [3.0, 40.0]])
-    assert {"c: refused: no", "4 x 1", "8"} <= {text.get_text() for text in first.texts}
+    assert {"c: refused: no", "8"} <= {text.get_text() for text in first.texts}
     assert shows(record, [[7.0, 41.0]]) and shows(file, [[5.0, 41.0]])
     assert shows(inside, [[0.5, 31.0]])
     assert list(points.table(rows).columns) == list(COLUMNS)
-
-
-def test_labels_cover_neither_one_another_nor_points():
-    drawing = Figure(figsize=(4, 3))
-    axis = drawing.subplots()
-    rng = np.random.default_rng(2)
-    x, y = 1 + rng.random((2, 40)) * [[1], [0.3]]
-    axis.plot(x, y, "o", markersize=4)
-    axis.set(xlim=(0.5, 2.5), ylim=(0, 2), xscale="log")
-    labels = [(*at, f"{n} x 1.25", "C0") for n, at in enumerate(zip(x, y, strict=True))]
-    written = label_points(axis, labels)
-    boxes = [note.get_window_extent() for note in written]
-    assert len(written) > 25
-    assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n])
-    shown = axis.transData.transform(np.stack([x, y], 1))
-    assert not any(box.contains(*place) for box in boxes for place in shown)
-    room = axis.get_window_extent()
-    assert all(room.x0 <= box.x0 and box.x1 <= room.x1 for box in boxes)
-    many = label_points(axis, labels[:1] * (len(DIRECTIONS) * len(DISTANCES_PT) + 1))
-    assert len(many) <= len(DIRECTIONS) * len(DISTANCES_PT), "no room, no label"
 
 
 def test_two_lattices_agree_on_the_truth_unless_alike(reference, chart):

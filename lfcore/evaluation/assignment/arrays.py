@@ -110,11 +110,3 @@ def errors(image: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     """``rmse`` of linear radiance and ``psnr_db`` of sRGB codes, clipped to [0, 1]."""
     codes = (display_values(part) for part in (image, reference))
     return {"rmse": math.sqrt(mse(image, reference)), "psnr_db": psnr(*codes, peak=PEAK)}
-
-
-def overview(image: np.ndarray, width: int) -> np.ndarray:
-    """A light field's picture averaged down to at most ``width`` columns, whole blocks only."""
-    factor = max(1, math.ceil(image.shape[1] / width))
-    rows, columns = (length // factor for length in image.shape[:2])
-    cut = image[: rows * factor, : columns * factor].astype(np.float32)
-    return cut.reshape(rows, factor, columns, factor, 3).mean((1, 3))

@@ -79,7 +79,7 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
 
 def _rates(axis: Axes, points: pd.DataFrame, quality: str, colours: Mapping[str, Colour]) -> None:
     """Curves of lossy codecs; lossless ones are far off and listed as text."""
-    log_ticks(axis.xaxis)
+    log_ticks(axis)
     lossless = points.codec == "ffv1"
     for name, curve in points[~lossless].groupby("curve", sort=False):
         curve = curve.sort_values("bits_per_ray")
@@ -100,7 +100,7 @@ def _rates(axis: Axes, points: pd.DataFrame, quality: str, colours: Mapping[str,
 
 
 def _speeds(axis: Axes, deltas: pd.DataFrame, colours: Mapping[str, Colour]) -> None:
-    log_ticks(axis.xaxis)
+    log_ticks(axis)
     for row in deltas.itertuples():
         codec = next(codec for word, codec in CODECS.items() if row.curve.startswith(word))
         axis.plot(

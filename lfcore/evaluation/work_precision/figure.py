@@ -1,18 +1,15 @@
 """Error against run time: dB against the true picture over core seconds; upper left is better."""
 
+import re
 from collections.abc import Sequence
 from itertools import product
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation
-from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
 from lfcore.evaluation.figures import log_ticks, save_figure
@@ -22,13 +19,10 @@ from lfcore.evaluation.work_precision.points import FROM_FILE, IN_MEMORY, ON_THE
 MARKERS = "osD^vP*X"
 FRONT: dict[str, Any] = {"color": "0.75", "linewidth": 7, "alpha": 0.6, "zorder": 1}
 """The style of the line that joins a Pareto front."""
-DISTANCES_PT = (4, 8, 13, 19, 26)
-SIZE_PT = 6
-MARKER_PT = 3.0
-"""Half the side of a marker, in points."""
-Label = tuple[float, float, str, str]
-"""A point in data coordinates, its text, and the colour."""
-DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
+BESIDE: dict[str, Any] = {
+    "xytext": (-3, 2), "textcoords": "offset points", "size": 6, "ha": "right", "va": "bottom",
+}  # fmt: skip
+"""The place and size of a setting, to the upper left of its point."""
 
 
 def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
@@ -38,46 +32,6 @@ def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
     best = np.fmin.accumulate(np.append(np.inf, error[order]))
     better[order] = best[1:] < best[:-1]
     return better
-
-
-def label_points(axis: Axes, labels: Sequence[Label]) -> list[Annotation]:
-    """Write each text at the nearest free place around its point.
-
-    A text without a place beside points and texts is left out; one without a place beside curves
-    is on a curve.  Everything else must be drawn, and the layout fixed.  Returns what is written.
-    """
-    room, scale = axis.get_window_extent(), axis.figure.dpi / 72
-    at = axis.transData.transform([label[:2] for label in labels] or np.empty((0, 2)))
-    written: list[Annotation] = []
-    taken = [Bbox([point - MARKER_PT * scale, point + MARKER_PT * scale]) for point in at]
-    taken += [text.get_window_extent() for text in axis.texts if text.get_text()]
-    drawn: list[tuple[Any, Any]] = [
-        (one, one.get_path()) for one in axis.lines if one.get_linestyle() != "None"
-    ]
-    drawn += [(one, path) for one in axis.collections for path in one.get_paths()]
-    curves = [one.get_transform().transform_path(path) for one, path in drawn]
-    for x, y, text, colour in labels:
-        note = axis.annotate(
-            text, (x, y), xytext=(0, 0), textcoords="offset points", size=SIZE_PT, color=colour,
-            ha="center", va="center",
-        )  # fmt: skip
-        own = note.get_window_extent()
-        # The label's edge, and not its middle, is so far from the point.
-        half = np.array([own.width, own.height]) / 2 / scale
-        moves = [np.array(to) * (far + half) for far, to in product(DISTANCES_PT, DIRECTIONS)]
-        places = [(move, own.translated(*(move * scale)).padded(1)) for move in moves]
-        free = [
-            (any(curve.intersects_bbox(box, filled=False) for curve in curves), *move)
-            for move, box in places
-            if room.count_contains(box.corners()) == 4 and not box.count_overlaps(taken)
-        ]
-        if not free:
-            note.remove()
-            continue
-        note.set_position(min(free, key=itemgetter(0))[1:])
-        written.append(note)
-        taken.append(note.get_window_extent())
-    return written
 
 
 GUIDE_DB = 10.0
@@ -124,55 +78,50 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
     size = (COLUMN_INCHES * max(2, len(scenes)), ROW_INCHES * len(diagrams) + 0.5)
     figure = Figure(figsize=size)
     axes = figure.subplots(len(diagrams), len(scenes), squeeze=False)
-    labels: dict[Axes, list[Label]] = {}
     for (diagram, scene), axis in zip(product(diagrams, scenes), axes.flat, strict=True):
         methods = list(diagram.points.method.unique())
         rows = diagram.points[diagram.points.scene == scene]
-        labels[axis] = _panel(axis, rows, diagram.seconds, methods)
+        _panel(axis, rows, diagram.seconds, methods)
         axis.set_title(f"{scene}, {diagram.title}", fontsize=10)
     for line in axes:
         line[0].set_ylabel("PSNR of the worst plane (dB)")
     caption = (
         f"core seconds for all planes ({machine})\n"
-        "Upper left is better. Grey band: Pareto front. Dashed: slope of independent samples, "
-        f"{GUIDE_DB:g} dB per tenfold time.\n"
+        "Upper left is better. Grey band: Pareto front, with its settings. Dashed: slope of "
+        f"independent samples, {GUIDE_DB:g} dB per tenfold time.\n"
         "Dotted: the true picture judges what is below; hollow points are above."
     )
     figure.supxlabel(caption, fontsize=8)
-    FigureCanvasAgg(figure)  # one renderer for all boxes
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout stays
-    for axis, own in labels.items():
-        label_points(axis, own)
     save_figure(path, figure)
 
 
-def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> list[Label]:
-    """Draw one diagram; returns the labels of its points."""
+def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> None:
+    """Draw one diagram."""
     shown = rows.psnr_true_db.astype(float).fillna(rows.expected_db.astype(float))
     rows = rows.assign(shown_db=shown, x=rows[time].astype(float))
     _say_missing(axis, rows[rows.x.isna()])
     rows = rows[rows.x.notna()]
     if rows.empty:
         axis.text(0.5, 0.5, "not measured", transform=axis.transAxes, ha="center")
-        return []
-    log_ticks(axis.xaxis)
+        return
+    log_ticks(axis)
     axis.tick_params(labelsize=8)
     front = rows[pareto(-rows.shown_db, rows.x)].sort_values("x")
     axis.plot(front.x, front.shown_db, **FRONT)
-    labels: list[Label] = []
+    for point in front.itertuples():  # no point is to the upper left of one on the front
+        setting = re.sub("N = |CRF ", "", point.setting)
+        axis.annotate(setting, (point.x, point.shown_db), **BESIDE)
     for method, curve in rows.groupby("method", sort=False):
-        labels += _curve(axis, curve, str(method), methods.index(str(method)), time)
+        _curve(axis, curve, str(method), methods.index(str(method)), time)
     known = rows.truth_known_db.astype(float).min() - BELOW_DB
     if known < rows.shown_db.max() + 5:
         axis.axhline(known, color="0.4", linestyle=":", linewidth=1)
     axis.margins(x=0.1, y=0.12)
     _guide(axis, rows)
     axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
-    return labels
 
 
-def _curve(axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str) -> list[Label]:
+def _curve(axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str) -> None:
     colour = f"C{number}"
     style: dict[str, Any] = {"color": colour, "marker": MARKERS[number % len(MARKERS)]}
     judged = ~curve.note.fillna("").str.startswith("not judged")
@@ -183,8 +132,6 @@ def _curve(axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str)
     if time == "seconds":
         low, high = (curve[f"quartile_{n}_seconds"].astype(float) for n in (1, 3))
         axis.hlines(curve.shown_db, low, high, color=colour, linewidth=1)
-    texts = curve.setting.str.replace("N = |CRF ", "", regex=True)
-    return [(*at, colour) for at in zip(curve.x, curve.shown_db, texts, strict=True)]
 
 
 def _guide(axis: Axes, rows: pd.DataFrame) -> None:
