@@ -6,8 +6,8 @@
 
 Compared are visibility (closest triangle and depth of every ray) and Algorithm 1 (interpolated
 normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in turn on the
-same sampled rays; or arrays of N x N cameras, one shaded ray per pixel, into host memory that is
-reused, or new.  See benchmarks/README.md for the columns and the rules.
+same sampled rays; or arrays of N x N cameras, one shaded ray per pixel.  See benchmarks/README.md
+for the columns and the rules.
 """
 
 import argparse
