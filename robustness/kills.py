@@ -21,9 +21,8 @@ from robustness.outcome import ROOT
 WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
 """How a run is ended: the process alone, all of its group as a terminal does, or one child."""
 STATUS = {"TERM": (143, -signal.SIGTERM), "INT group": (130, -signal.SIGINT)}
-PATIENCE, LONGEST = 60.0, 1800.0
-"""Seconds without work of the processor, and in all, after which a run is taken to hang: a busy
-machine gives it little, but some."""
+LONGEST = 900.0
+"""Seconds after which a run, which takes some ten on a quiet machine, is taken to hang."""
 
 
 @dataclass(frozen=True)
@@ -190,27 +189,12 @@ def _strike(leader: int, way: str) -> bool:
 
 def until_end(process: subprocess.Popen) -> str | None:
     """What a process says until it ends; None, and an end, for one that hangs."""
-    worked, deadline = -1.0, time.monotonic() + LONGEST
-    while True:
-        try:
-            return process.communicate(timeout=PATIENCE)[0].decode(errors="replace")
-        except subprocess.TimeoutExpired:
-            before, worked = worked, processor_seconds(process.pid)
-        if worked <= before or time.monotonic() > deadline:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-            return None
-
-
-def processor_seconds(process: int) -> float:
-    """Of a process and all below it."""
-    seconds = 0.0
-    with suppress(psutil.NoSuchProcess):
-        leader = psutil.Process(process)
-        for one in (leader, *leader.children(recursive=True)):
-            with suppress(psutil.NoSuchProcess):
-                seconds += sum(one.cpu_times()[:2])
-    return seconds
+    try:
+        return process.communicate(timeout=LONGEST)[0].decode(errors="replace")
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        return None
 
 
 MICRO = {"scenes": ["sphere"], "views": [2, 4], "pixels": 16, "reports": []}
