@@ -37,7 +37,6 @@ from lfcore.tracing.tracer import Tracer
 from lfcore.workflow.studies import ARRAYS
 
 NAME = "lfcore"
-CHECKED_RAYS = 1 << 22
 
 
 def visibility(tracer: Tracer, sample: Sample) -> Method:
@@ -64,14 +63,9 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
 
 def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:
     """(share of rays that hit, their mean depth), from ``slab_hits``."""
-    pixels, hits, depth = sample.pixels, 0, 0.0
-    step = max(1, CHECKED_RAYS // sample.slab.views**2)
-    for start in range(0, len(pixels), step):
-        triangle, z = tracer.slab_hits(sample.slab, pixels[start : start + step])
-        seen = triangle >= 0
-        hits += int(seen.sum())
-        depth += float(z[seen].sum(dtype=np.float64))
-    return hits / sample.rays, depth / max(hits, 1)
+    triangle, depth = tracer.slab_hits(sample.slab, sample.pixels)
+    hit = triangle >= 0
+    return float(hit.mean()), float(depth[hit].mean(dtype=np.float64))
 
 
 def planes_of(scene) -> list[SensorPlane]:
