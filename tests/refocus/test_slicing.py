@@ -175,7 +175,8 @@ KINDS = ("macropixels", "views")
 
 @pytest.fixture(scope="module")
 def tracer():
-    scene = bare_scene(TRIANGLES, ambient=(0.5, 0.4, 0.3))
+    white = np.ones((2, 3, 3), np.float32)
+    scene = bare_scene(TRIANGLES, colours=white, ambient=(0.5, 0.4, 0.3))
     return open_tracer(scene, open_device(threads=1))
 
 

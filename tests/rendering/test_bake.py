@@ -194,10 +194,10 @@ def test_bounces_of_a_closed_room_are_a_geometric_series():
     """Inside a sphere that glows with 1 and reflects a share a, light is 1 + a + a^2 + ..."""
     room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
     for albedo, bounces in ((0.6, 0), (0.6, 1), (0.6, 3), (1.0, 4)):
-        scene = world(room, albedo, 1.0, sky=np.zeros_like(WHITE), bounces=bounces)
+        scene = world(room, albedo, 1.0, sky=np.zeros_like(WHITE), bounces=bounces, cells=8)
         light = sum(albedo**power for power in range(bounces + 1))
         assert seen(scene, 16) == pytest.approx(1 + albedo * light, rel=0.01)
-    dark = world(room, 1.0, sky=WHITE, bounces=4)
+    dark = world(room, 1.0, sky=WHITE, bounces=4, cells=8)
     assert seen(dark, 16).max() == 0
 
 
@@ -236,7 +236,7 @@ def test_a_panorama_is_where_the_page_says():
 
 def test_the_same_light_from_any_number_of_threads(tmp_path):
     things = [solid("box", (0.2, 0.1, 2), extents=(0.5, 0.5, 0.5)), plain_scenes.wall(2.6)]
-    scene = world(np.concatenate(things), bounces=2)
+    scene = world(np.concatenate(things), bounces=2, cells=8)
     one, two = (
         lfcore.bake(scene, device=lfcore.open_device(threads=threads)).light for threads in (1, 2)
     )

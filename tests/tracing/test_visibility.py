@@ -136,7 +136,7 @@ def test_single_rays_are_the_oracles(device, seed):
 
 @pytest.mark.parametrize("single_rays", [False, True])
 def test_one_pass_or_two_and_rows_or_all_give_the_same(device, single_rays):
-    tracer = tracer_of(soup(200, 3), device, single_rays=single_rays)
+    tracer = tracer_of(scene(soup(200, 3), lights=[LAMP]), device, single_rays=single_rays)
     bundles = views(Slab(CAMERA, 3, 150), np.array([[0, 0], [2, 1]]))
     whole = [tracer.bundle_radiance(bundles), *tracer.bundle_hits(bundles)[::-1]]
     assert np.isfinite(whole[1]).any() and np.isinf(whole[1]).any()
