@@ -20,7 +20,7 @@ from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
 from lfcore.tracing.chunks import slots_of, tile_corners
-from lfcore.tracing.layouts import header
+from lfcore.tracing.header import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20

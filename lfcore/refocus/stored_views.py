@@ -14,7 +14,7 @@ from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
-from lfcore.tracing.layouts import header
+from lfcore.tracing.header import header
 
 CHUNK_BYTES = 8 << 20
 GROUP_BYTES = 64 << 20

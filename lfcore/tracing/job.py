@@ -8,15 +8,8 @@ import numpy as np
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.layouts import (
-    CUT_OUTS,
-    PARAMETERS,
-    RAY_ARGUMENTS,
-    SINKS,
-    header,
-    record,
-    unused,
-)
+from lfcore.tracing.header import header
+from lfcore.tracing.layouts import CUT_OUTS, PARAMETERS, RAY_ARGUMENTS, SINKS, record, unused
 from lfcore.tracing.packets import Groups, PacketShape
 
 KERNEL = "tracing/kernels/entry/trace.cl"

@@ -1,13 +1,12 @@
 """The records, arguments and constants that host and kernels share.
 
-The C header of every program is made of them (:func:`header`), so nothing is typed twice.
-Every field is 4 bytes wide, or two of 2 bytes side by side, so that C adds no padding; a test
-compares the offset of every field with what the device's compiler has.
+The C header of every program is made of this module (:func:`header.header`), so nothing is typed
+twice.  Every field is 4 bytes wide, or two of 2 bytes side by side, so that C adds no padding; a
+test compares the offset of every field with what the device's compiler has.
 """
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -179,28 +178,3 @@ def record(layout: np.dtype, **values: Any) -> np.ndarray:
     for name, value in values.items():
         made[name] = value
     return made
-
-
-@cache
-def header(**records: np.dtype) -> str:
-    """The C source of all constants, records and parameters, and of ``records`` by their names."""
-    lines = [
-        f"#define {name} {value!r}{'f' * isinstance(value, float)}"
-        for name, value in CONSTANTS.items()
-    ]
-    lines += [f"#define {name} {number}" for number, name in enumerate(SINKS)]
-    for name, layout in (RECORDS | records).items():
-        assert layout.names is not None
-        fields = "".join(f" {_member(layout[field], field)};" for field in layout.names)
-        lines.append(f"typedef struct {{{fields} }} {name};")
-    parameters = ", ".join(f"{type_}{name}" for name, type_ in PARAMETERS.items())
-    return "\n".join([*lines, f"#define PARAMETERS {parameters}"]) + "\n"
-
-
-def _member(layout: np.dtype, name: str) -> str:
-    """The C declaration of a field."""
-    plain = {FLOAT: "float", INT: "int", UINT: "uint", np.uint16: "ushort"}
-    types: dict[np.dtype, str] = {np.dtype(known): name for known, name in plain.items()}
-    types |= {known: name for name, known in RECORDS.items()}
-    size = "".join(f"[{length}]" for length in layout.shape)
-    return f"{types[layout.base]} {name}{size}"

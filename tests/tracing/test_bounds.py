@@ -14,7 +14,7 @@ from lfcore import Tracer
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.layouts import header
+from lfcore.tracing.header import header
 
 pytestmark = pytest.mark.kernels
 

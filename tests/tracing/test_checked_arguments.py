@@ -17,8 +17,8 @@ from lfcore.refocus import strip_tables
 from lfcore.tracing import chunks, layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
+from lfcore.tracing.header import header
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.layouts import header
 from lfcore.tracing.plan import PLACES, PROBED_BLOCKS, best_outer, probed_blocks
 
 SLAB = Slab(CAMERA, 8, 40)
