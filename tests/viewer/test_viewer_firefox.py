@@ -124,7 +124,7 @@ def _port(file: Path) -> int:
 
 
 def test_firefox_shows_what_refocus_makes(browser, tmp_path):
-    field = record(load_scene(SCENES / "bike"), tmp_path / "bike.mkv", pixels=96)
+    field = record(load_scene(SCENES / "bike"), tmp_path / "bike.mkv", pixels=64)
     field.viewer().save(tmp_path / "bike.html")
     visit(browser, tmp_path / "bike.html")
     near, far = (field.disparity_of(end) for end in field.depth_range)
