@@ -98,7 +98,8 @@ class Refinement:
                 values, covered, side, self._floor, _CONTRAST * self._allowed
             )
             if side == begun:
-                rough |= (self._wanted[triangles, None, None] > side / 2) & _is_new(side)
+                large = self._wanted[triangles, None, None] > side
+                rough |= (large | hidden) & _is_new(side)
             faces = 2 * triangles[:, None] + np.arange(2)
             rough &= is_seen[faces][..., None]
             todo = rough.any((1, 2))
@@ -191,7 +192,7 @@ def _between(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, 2, n, 3) values of grids of twice the cells, linear between points that are not covered;
     (T, 2, n) whether a point is covered; and whether a new point is rough: its neighbours differ
-    by more than a share, or one of them is covered."""
+    by more than a share, or one of the two is covered."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.
@@ -201,7 +202,7 @@ def _between(
     (a, b), (hidden, other) = ([of[:, :, k] for k in at] for of in (values, covered))
     x, y = a.mean(-1), b.mean(-1)
     rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
-    rough |= (hidden | other) & _is_new(side)
+    rough |= (hidden != other) & _is_new(side)
     a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
     return (a + b) / 2, hidden & other, rough
 
