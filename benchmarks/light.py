@@ -61,10 +61,7 @@ SHOWN = 0.02
 PINHOLE, SHARP = 1e4, Lattice(2, 16)
 CONVERGED = 4096
 """Samples per pixel of Mitsuba's converged pictures."""
-PEER = {
-    "Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture"),
-    "the same, with albedo and normals": Samples(64, "multijitter", "auxiliary"),
-}
+PEER = {"Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture")}
 LATTICE = Lattice(4, 2)
 PRICED = 512
 """Pixels of the side of the picture whose rays are timed."""
