@@ -200,7 +200,9 @@ def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
     assert '"workflow/Snakefile"' in text
     snakefile.write_text(text.replace('"workflow/', f'"{checkout.folder}/workflow/'))
     words = ("--cores", "2", "--configfile", "config/smoke.yaml", "--config", "scenes=[bike]")
-    done = type(checkout)(tmp_path).snakemake(*words, "views=[16]", PYTHONPATH=str(checkout.folder))
+    done = type(checkout)(tmp_path).snakemake(
+        *words, "views=[16]", "reports=[focal_stack,quality]", PYTHONPATH=str(checkout.folder)
+    )
     assert done.returncode == 0, done.stdout
     for name in ("index.html", "table_7_1.csv", "figures/focal_stack_bike.png"):
         assert (tmp_path / "results" / "tables" / name).is_file()
