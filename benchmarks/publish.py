@@ -154,7 +154,7 @@ def tables(folder: Path) -> pd.DataFrame:
 
 def peers(file: Path) -> pd.DataFrame:
     """Of a run of ``benchmarks/tracer.py`` by scene and N: visibility beside Embree's, the better
-    of its packets, and pictures beside Mitsuba's where it took part."""
+    of its packets, and pictures."""
     table = pd.read_csv(file, comment="#").set_index(["scene", "N"])
 
     def fastest(work: str, method: str) -> pd.Series:
@@ -162,11 +162,8 @@ def peers(file: Path) -> pd.DataFrame:
         return own.mrays_per_core_second.groupby(level=["scene", "N"], sort=False).max()
 
     ours, embree = fastest("visibility", "lfcore"), fastest("visibility", "embree, ")
-    both = pd.DataFrame({HITS: ours, "Embree 3": embree, "times Embree": ours / embree})
-    mitsuba = fastest("algorithm1", "mitsuba")
-    if not mitsuba.empty:
-        ours = fastest("algorithm1", "lfcore")
-        both[PICTURES], both["Mitsuba 3"], both["times Mitsuba"] = ours, mitsuba, ours / mitsuba
+    rates = {HITS: ours, "Embree 3": embree, "times Embree": ours / embree}
+    both = pd.DataFrame(rates | {PICTURES: fastest("algorithm1", "lfcore")})
     return both.dropna().map("{:.3g}".format).reset_index()
 
 

@@ -1,19 +1,17 @@
-"""The tracer against its peers and against itself, in one run on one machine.
+"""The tracer against Embree, in one run on one machine.
 
     python benchmarks/tracer.py --out tracer.csv
-    python benchmarks/tracer.py --scenes bike --views 512 --peers embree --out bike.csv
-    python benchmarks/tracer.py --arrays --scenes book sphere --views 16 --peers mitsuba --out a.csv
+    python benchmarks/tracer.py --scenes bike --views 512 --out bike.csv
 
-Compared are visibility (closest triangle and depth of every ray) and Algorithm 1 (interpolated
-normals, textures, Blinn-Phong, shadows, five sensor planes), ours and the peers' in turn on the
-same sampled rays; or arrays of N x N cameras, one shaded ray per pixel.  See benchmarks/README.md
-for the columns and the rules.
+Visibility (closest triangle and depth of every ray) is ours and Embree's in turn on the same
+sampled rays, Algorithm 1 (interpolated normals, textures, Blinn-Phong, shadows, five sensor planes)
+is ours.  See benchmarks/README.md for the columns and the rules.
 """
 
 import argparse
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from typing import Any
 
@@ -23,18 +21,14 @@ from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES, Sample, SampledTile, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, SkippedError, core_seconds
-from benchmarks.peers.mitsuba_picture import MitsubaPicture
-from lfcore.optics.array import CameraArray
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.photograph import trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
 from lfcore.tracing.packets import Groups
 from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
-from lfcore.workflow.studies import ARRAYS
 
 NAME = "lfcore"
 
@@ -104,57 +98,33 @@ def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Met
     return Method(NAME, "algorithm1", sample.rays, work, note)
 
 
-PEERS: dict[str, Callable] = {"embree": EmbreePackets, "mitsuba": MitsubaPicture}
-"""What makes a peer of a scene and the number of threads."""
-
-
-@contextmanager
-def skipping(name: str) -> Iterator[None]:
-    """A line says why a peer cannot run."""
-    try:
-        yield
-    except SkippedError as error:
-        say(f"SKIPPED {name}: {error}")
-
-
 def all_rows(options) -> list[dict]:
     rows = []
     for name in options.scenes:
         say(f"building {name}")
         tracer = open_tracer(build_scene(SCENES / name / "scene.yaml"))
-        peers = {}
-        for peer in options.peers:
-            with skipping(peer):
-                peers[peer] = PEERS[peer](tracer.scene, tracer.device.threads)
-        for views in options.views:
-            say(f"{name}, N = {views}")
-            methods = list((of_array if options.arrays else of_slab)(tracer, views, options, peers))
-            facts = {"scene": name, "triangles": tracer.scene.triangle_count, "N": views}
-            facts |= {"M": options.pixels, "threads": tracer.device.threads}
-            rows += [facts | row for row in measured(methods, options.repeats)]
-        for opened in peers.values():
-            opened.close()
+        with embree(tracer) as peer:
+            for views in options.views:
+                say(f"{name}, N = {views}")
+                sample = sample_slab(
+                    Slab(tracer.scene.camera, views, options.pixels), options.mrays
+                )
+                methods = [visibility(tracer, sample)]
+                methods += [algorithm1(tracer, sample, planes_of(tracer.scene))]
+                methods += peer.methods(sample) if peer else []
+                facts = {"scene": name, "triangles": tracer.scene.triangle_count, "N": views}
+                facts |= {"M": options.pixels, "threads": tracer.device.threads}
+                rows += [facts | row for row in measured(methods, options.repeats)]
     return rows
 
 
-def of_slab(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iterator[Method]:
-    sample = sample_slab(Slab(tracer.scene.camera, views, options.pixels), options.mrays)
-    yield visibility(tracer, sample)
-    yield algorithm1(tracer, sample, planes_of(tracer.scene))
-    for name, peer in peers.items():
-        with skipping(name):
-            yield from peer.methods(sample)
-
-
-def of_array(tracer: Tracer, views: int, options, peers: dict[str, Any]) -> Iterator[Method]:
-    grid = ARRAYS[tracer.scene.name]
-    size = (views,) * 2, (options.pixels,) * 2
-    array = CameraArray.on_grid(size[0], grid["bounds_m"], grid["fov_deg"], size[1])
-    work = partial(core_seconds, partial(trace_array, tracer, array))
-    yield Method(NAME, "array", array.rays, work)
-    if "mitsuba" in peers:
-        with skipping("mitsuba"):
-            yield peers["mitsuba"].of_array(array)
+def embree(tracer: Tracer) -> AbstractContextManager[EmbreePackets | None]:
+    """Embree with the scene; None, aloud, where it cannot run."""
+    try:
+        return closing(EmbreePackets(tracer.scene, tracer.device.threads))
+    except SkippedError as error:
+        say(f"SKIPPED embree: {error}")
+        return nullcontext()
 
 
 def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
@@ -174,8 +144,6 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = parser_of(__doc__, pixels=512)
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
-    parser.add_argument("--peers", nargs="*", default=list(PEERS), choices=PEERS)
-    parser.add_argument("--arrays", action="store_true", help="of N x N cameras of M x M pixels")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
     options = parser.parse_args(arguments)
