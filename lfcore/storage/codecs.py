@@ -117,21 +117,19 @@ class Encoding:
         if not isinstance(self.preset, str | None):
             raise StorageError(f"is no preset's name: {self.preset!r}", key="preset")
         if self.pixel_format is not None:
-            self._check_pixel_format(self.pixel_format)
+            pixel_format(self.pixel_format)
+            known = CODECS[self.codec]
+            grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
+            if self.pixel_format not in (*known, *grey):
+                raise StorageError(
+                    f"{self.codec} does not take {self.pixel_format}",
+                    key="pixel_format",
+                    remedy=f"Use one of {', '.join(known)}",
+                )
         for key, (low, high) in RANGES.items():
             value = getattr(self, key)
             if value is not None and not low <= value <= high:
                 raise StorageError(f"must be from {low} to {high}, not {value}", key=key)
-
-    def _check_pixel_format(self, name: str) -> None:
-        pixel_format(name)
-        grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
-        if name not in (*CODECS[self.codec], *grey):
-            raise StorageError(
-                f"{self.codec} does not take {name}",
-                key="pixel_format",
-                remedy=f"Use one of {', '.join(CODECS[self.codec])}",
-            )
 
     @property
     def stored_format(self) -> str:

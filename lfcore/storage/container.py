@@ -130,7 +130,21 @@ class _Stream:
         found = [read_segment(file, grey=layout.format.grey) for file in paths]
         infos, headers = [info for info, _ in found], [header for _, header in found]
         for file, info, header, tile in zip(paths, infos, headers, tiles, strict=True):
-            _check(file, info, tile, layout)
+            frames = info.width, info.height, info.pixel_format
+            expected = layout.frame_width, layout.frame_height, layout.pixel_format
+            if frames != expected:
+                raise StorageError(
+                    "has frames of {} x {} {}; the layout needs {} x {} {}".format(
+                        *frames, *expected
+                    ),
+                    file=file,
+                )
+            if info.frames != tile.frame_count:
+                raise StorageError(
+                    f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}",
+                    file=file,
+                    remedy="Encode this tile again",
+                )
             if (info.codec, header) != (infos[0].codec, headers[0]):
                 raise StorageError(
                     "was encoded with other settings than the first segment",
@@ -144,36 +158,28 @@ class _Stream:
         reorder, first = max(info.reorder for info in self.infos), 0
         for file, info in zip(self.files, self.infos, strict=True):
             with open_video(file) as container:
-                yield _timed(_packets(container, info, file), first, first - reorder, made)
+                yield _packets(container, info, file, first, first - reorder, made)
             first += info.frames
 
 
-def _packets(container: Any, info: SegmentInfo, file: Path) -> Iterator[av.Packet]:
-    """The packets of a segment; :class:`StorageError` where they do not match ``info``."""
+def _packets(
+    container: Any, info: SegmentInfo, file: Path, first: int, decoded: int, made: Any
+) -> Iterator[av.Packet]:
+    """The packets of a segment whose frame 0 is ``first`` of the whole, decoded from ``decoded``
+    on; :class:`StorageError` where they do not match ``info``."""
     frames = crc = 0
     for packet in container.demux(container.streams.video[0]):
         if packet.size:
-            frames, crc = frames + 1, zlib.crc32(packet, crc)
+            crc = zlib.crc32(packet, crc)
+            # In the file's own unit of time; the muxer goes over to milliseconds, exactly.
+            ticks = ticks_per_frame(packet.time_base)
+            packet.pts = (packet.pts or 0) + first * ticks
+            packet.dts, packet.duration = (decoded + frames) * ticks, ticks
+            packet.stream = made
+            frames += 1
             yield packet
     if (frames, crc) != (info.frames, info.crc32):
         raise StorageError("changed while it was read", file=file, remedy="Encode its tile again")
-
-
-def _check(file: Path, info: SegmentInfo, tile: Tile, layout: FrameLayout) -> None:
-    """Raise :class:`StorageError` unless the segment is the video of the tile."""
-    expected = (layout.frame_width, layout.frame_height, layout.pixel_format)
-    if (info.width, info.height, info.pixel_format) != expected:
-        raise StorageError(
-            f"has frames of {info.width} x {info.height} {info.pixel_format}; the layout needs "
-            "{} x {} {}".format(*expected),
-            file=file,
-        )
-    if info.frames != tile.frame_count:
-        raise StorageError(
-            f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}",
-            file=file,
-            remedy="Encode this tile again",
-        )
 
 
 def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
@@ -193,19 +199,6 @@ def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
             for packet in packets:
                 output.mux_one(packet)
     output.close()
-
-
-def _timed(
-    packets: Iterator[av.Packet], first: int, decoded: int, made: Any
-) -> Iterator[av.Packet]:
-    """Packets of a file whose frame 0 is ``first`` of the whole, decoded from ``decoded`` on."""
-    for place, packet in enumerate(packets, decoded):
-        # In the file's own unit of time; the muxer goes over to milliseconds, exactly.
-        ticks = ticks_per_frame(packet.time_base)
-        packet.pts = (packet.pts or 0) + first * ticks
-        packet.dts, packet.duration = place * ticks, ticks
-        packet.stream = made
-        yield packet
 
 
 def pack_segments(path: str | Path, segments: Iterable[Path]) -> None:

@@ -5,7 +5,7 @@ The file alone is enough: geometry, layout and an index of segments are in its m
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -299,23 +299,16 @@ class LightFieldFile(StoredVideo):
         wanted = np.unique(numbers)
         step = max(1, CHUNK_BYTES // self.layout.frame_bytes)
         held = slice(bisect_left(self._keys, part.first), bisect_left(self._keys, part.stop))
-        keys = [key - part.first for key in self._keys[held]] or [0]
-        start = 0
-        while start < len(wanted):
-            stop = start + 1
-            # On through the frames between, unless a later key frame lets us skip some.
-            while (
-                stop < len(wanted)
-                and keys[bisect_right(keys, wanted[stop]) - 1] <= wanted[stop - 1] + 1
-            ):
-                stop += 1
-            first = int(wanted[start])
-            for chunk in self.frames(part.index, first, int(wanted[stop - 1]) + 1, chunk=step):
+        keys = np.array([key - part.first for key in self._keys[held]] or [0])
+        entry = keys[np.searchsorted(keys, wanted, side="right") - 1]
+        # On through the frames between, unless a later key frame lets us skip some.
+        for run in np.split(wanted, np.flatnonzero(entry[1:] > wanted[:-1] + 1) + 1):
+            first = int(run[0])
+            for chunk in self.frames(part.index, first, int(run[-1]) + 1, chunk=step):
                 low, high = np.searchsorted(numbers, (first, first + len(chunk)))
                 if low < high:
                     yield chunk, numbers[low:high] - first, slice(low, high)
                 first += len(chunk)
-            start = stop
 
 
 def windows(

@@ -136,9 +136,13 @@ class Metadata:
             whole = data.pop("digest") == _digest(data)
         # Text that nests deeper than Python's stack is nothing that we wrote.
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError):
-            raise _damaged(file) from None
+            whole = False
         if not whole:
-            raise _damaged(file)
+            raise StorageError(
+                f"the metadata (tag {TAG}) are damaged, so that nothing can be read",
+                file=file,
+                remedy="Join the segments again, or take a copy of the file",
+            )
         if data.get("version") not in (SQUARE, VERSION):
             raise StorageError(
                 f"has metadata of version {data.get('version')}; this program reads {SQUARE} and "
@@ -160,7 +164,10 @@ class Metadata:
 
     @classmethod
     def _from_json(cls, data: dict[str, Any]) -> Metadata:
-        _check_types(data)
+        for key, kind in TYPES.items():
+            absent = key in GEOMETRIES and data[key] is None
+            if not isinstance(data.get(key, kind()), kind) and not absent:
+                raise StorageError(f"must be {_NAMES[kind]}, not {data[key]!r}", key=key)
         layout = FrameLayout.from_json(data["layout"])
         segments = SegmentIndex.from_json(layout, data["segments"])
         check_known(StorageError, "geometry", data["geometry"], GEOMETRIES)
@@ -213,23 +220,6 @@ class Metadata:
             raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
             raise StorageError("must have a segment for each of the colours'", key="depth")
-
-
-def _check_types(data: dict[str, Any]) -> None:
-    """Raise :class:`StorageError` where a value is of another type than it is written with."""
-    for key, kind in TYPES.items():
-        if not isinstance(data.get(key, kind()), kind) and not (
-            key in GEOMETRIES and data[key] is None
-        ):
-            raise StorageError(f"must be {_NAMES[kind]}, not {data[key]!r}", key=key)
-
-
-def _damaged(file: Path) -> StorageError:
-    return StorageError(
-        f"the metadata (tag {TAG}) are damaged, so that nothing can be read",
-        file=file,
-        remedy="Join the segments again, or take a copy of the file",
-    )
 
 
 def _canonical(data: dict) -> str:

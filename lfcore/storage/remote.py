@@ -76,24 +76,18 @@ class RemoteFile:
         first, last = start // BLOCK, (stop - 1) // BLOCK
         with self._lock:
             held = {n: self._blocks[n] for n in range(first, last + 1) if n in self._blocks}
-            n = first
-            while n <= last:
+            for n in range(first, last + 1):
                 if n in held:
-                    n += 1
                     continue
-                stop_block = n + 1
-                while stop_block <= last and stop_block not in held:
-                    stop_block += 1
-                stop_block = max(stop_block, self._ahead(n, stop_block))
-                data = self._fetch(n * BLOCK, min(stop_block * BLOCK, self._size))
-                for k in range(n, stop_block):
+                end = next((k for k in range(n + 1, last + 1) if k in held), last + 1)
+                end = self._ahead(n, end)
+                data = self._fetch(n * BLOCK, min(end * BLOCK, self._size))
+                for k in range(n, end):
                     held[k] = data[(k - n) * BLOCK : (k - n + 1) * BLOCK]
-                n = stop_block
             self._blocks.update(held)
             while len(self._blocks) > MOST_BLOCKS:
                 self._blocks.popitem(last=False)
-        parts = [held[n] for n in range(first, last + 1)]
-        whole = b"".join(parts)
+        whole = b"".join(held[n] for n in range(first, last + 1))
         return whole[start - first * BLOCK : stop - first * BLOCK]
 
     def _ahead(self, first: int, stop: int) -> int:

@@ -104,17 +104,6 @@ class SegmentWriter:
                     mux(packet)
                 self.frames += 1
 
-    def _finish(self) -> None:
-        if not self.frames:
-            raise StorageError("a segment without frames", file=self.path)
-        with self._named_errors():
-            for packet in self._stream.codec_context.encode(None):
-                packet.stream = self._stream
-                if self.spec.codec == "libx265" and self.frames <= FEW_FRAMES:
-                    packet.dts = packet.pts
-                self._output.mux_one(packet)
-            self._output.close()
-
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -124,7 +113,15 @@ class SegmentWriter:
         with self._scope:
             if error:
                 raise error
-            self._finish()
+            if not self.frames:
+                raise StorageError("a segment without frames", file=self.path)
+            with self._named_errors():
+                for packet in self._stream.codec_context.encode(None):
+                    packet.stream = self._stream
+                    if self.spec.codec == "libx265" and self.frames <= FEW_FRAMES:
+                        packet.dts = packet.pts
+                    self._output.mux_one(packet)
+                self._output.close()
 
 
 @contextmanager

@@ -359,15 +359,8 @@ class StoredVideo:
     def _find_damage(self) -> None:
         for part in self.metadata.segments:
             self.damage += self._damage_of(part)
-        twice = self._numbers_met_twice()
-        for part in self.segments:
-            if twice & set(range(part.first, part.stop)):
-                self.damage.append(Damage(part, "holds two packets of one number"))
-
-    def _numbers_met_twice(self) -> set[int]:
-        """Frame numbers that two packets claim, as where a cluster has lost its time."""
         met: set[int] = set()
-        twice: set[int] = set()
+        twice: set[int] = set()  # numbers of two packets, as where a cluster has lost its time
         with suppress(FFmpegError), open_video(self.path, MOST_STREAMS) as container:
             stream = container.streams.video[self._track]
             ticks = ticks_per_frame(stream.time_base)
@@ -375,7 +368,9 @@ class StoredVideo:
                 number = frame_number(packet.pts, ticks) if packet.size else None
                 if number is not None:
                     (twice if number in met else met).add(number)
-        return twice
+        for part in self.segments:
+            if twice & set(range(part.first, part.stop)):
+                self.damage.append(Damage(part, "holds two packets of one number"))
 
     def _damage_of(self, part: Segment) -> list[Damage]:
         """What is found wrong with a segment, of colours or of depths."""

@@ -57,7 +57,9 @@ def store_views(
                 for column, row in tile.elements() - np.array(held.views[:2], np.int32):
                     picture = view(int(column), int(row))
                     hashed.update(np.ascontiguousarray(picture).data)
-                    writer.write(_frame(picture, layout))
+                    if picture.dtype == np.uint16:
+                        picture = picture / np.float32(65535)
+                    writer.write(frames_from_rgb(picture[None], layout.pixel_format, *frame_size))
                     done += 1
                     if progress:
                         progress(done, held.views[2] * held.views[3])
@@ -83,11 +85,3 @@ def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
         layout.tile(column, row + start, columns, min(step, rows - start), index)
         for index, start in enumerate(starts)
     ]
-
-
-def _frame(picture: np.ndarray, layout: FrameLayout) -> np.ndarray:
-    if picture.dtype == np.uint16:
-        picture = picture / np.float32(65535)
-    return frames_from_rgb(
-        picture[None], layout.pixel_format, layout.frame_width, layout.frame_height
-    )
