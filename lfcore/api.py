@@ -129,10 +129,8 @@ def bake(
         Default: the scene's, or 0.02.
     mib : int, optional
         Memory that this may use, MiB.  Default: the scene's, or 1024.
-    device : Device or str, optional
-        An open device, or part of its name.
-    progress : callable, optional
-        Called with (steps done, of all).
+    device, progress : optional
+        As in :func:`render`.
 
     Returns
     -------
@@ -154,11 +152,8 @@ def bake(
     asked: dict[str, Any] = {"bounces": bounces, "bake_error": error, "bake_mib": mib, "sky": sky}
     given = {name: value for name, value in asked.items() if value is not None}
     check({"objects": [{"file": "-"}], **given}, file=scene.name)
-    options = scene.bake or BakeOptions()
-    for name, key in (("bounces", "bounces"), ("error", "bake_error"), ("mib", "bake_mib")):
-        if key in given:
-            options = replace(options, **{name: given[key]})
-    scene = replace(scene, bake=options, light=None)
+    options = {key.removeprefix("bake_"): value for key, value in given.items() if key != "sky"}
+    scene = replace(scene, bake=replace(scene.bake or BakeOptions(), **options), light=None)
     if sky is not None:
         upright = np.diag([1.0, -1.0, -1.0])
         scene = with_sky(scene, dict(sky), upright, file=scene.name)
@@ -394,8 +389,7 @@ def record(
         The side of the pictures that the file is for, or their width and height.  The camera's
         field is that of the shorter side.
     focus_m : float or str, optional
-        Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
-        ``"40%"`` of the depth that is seen.  Default: the scene's.
+        As in :func:`render`.
     f_number : float, optional
         The widest aperture that can be refocused later.  Default: the scene's.
     quality : Quality, optional
@@ -404,10 +398,8 @@ def record(
         loses; the file has the prediction in ``content["expected"]``.
     encoding : Encoding, optional
         Codec, layout and whether depth is stored.  Default: as measured best.
-    device : Device or str, optional
-        An open device, or part of its name.
-    progress : callable, optional
-        Called with (outer elements done, of all).
+    device, progress : optional
+        As in :func:`render`.
     **more
         ``focus_at`` and ``blur`` of :meth:`Scene.plane`.
 
@@ -560,10 +552,8 @@ def trace_array(
         Rays per pixel.  Default: the film's, or 1.
     instants : int, optional
         Instants of the shutter while objects move.  Default: 1 at rest, else up to 16.
-    device : Device or str, optional
-        An open device, or part of its name.
-    progress : callable, optional
-        Called with (instants done, of all).
+    device, progress : optional
+        As in :func:`render`.
 
     Returns
     -------

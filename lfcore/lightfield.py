@@ -42,7 +42,8 @@ if TYPE_CHECKING:  # what most uses of a file do without is imported where it is
 
 PLANE_KEYWORDS = ("focus_at", "blur", "disparity_px", "aperture_views")
 """The keywords of :meth:`LightField.plane` beside those of :class:`PlaneOptions`."""
-METHODS = ("slicing", "shift-sum")
+METHODS = {"slicing": ("bilinear", "shift-sum"), "shift-sum": ("depth", "slicing")}
+"""The methods, each with the filter that it lacks and the method that has it."""
 MOST_PLANES = 100
 
 
@@ -221,7 +222,14 @@ class LightField(FieldPlanes):
         self.require_slab()
         if filter is None:
             filter = "depth" if self.metadata.depth and method is None else "nearest"
-        method = check_method(method, filter)
+        if filter != "depth":
+            check_known(OpticsError, "filter", filter, FILTERS)
+        method = method or ("shift-sum" if filter == "bilinear" else "slicing")
+        check_known(OpticsError, "method", method, METHODS)
+        lacks, other = METHODS[method]
+        if filter == lacks:
+            remedy = f"Use the method {other}"
+            raise OpticsError(f"{method} has no {filter} filter", key="filter", remedy=remedy)
         if not 1 <= len(planes) <= MOST_PLANES:
             raise OpticsError(
                 f"{len(planes)} planes were asked for",
@@ -321,10 +329,8 @@ class LightField(FieldPlanes):
             (K, 2) metres: s to the right and t down.
         pixels : int or (int, int), optional
             The longer side, or width and height.  Default: as the file was traced for.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (views done, of all).
+        device, progress : optional
+            As in :meth:`refocus_many`; progress counts views.
 
         Returns
         -------
@@ -356,10 +362,8 @@ class LightField(FieldPlanes):
             The scene that was recorded, to trace it; it is not compared.
         samples : array_like, optional
             (K, 2) integer lens samples (i, j).  Default: all, row by row.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (views done, of all).
+        device, progress : optional
+            As in :meth:`refocus_many`; progress counts views.
 
         Returns
         -------
@@ -409,10 +413,8 @@ class LightField(FieldPlanes):
         ----------
         scene : Scene, optional
             The scene that was recorded, for a file without depth; it is not compared.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (views done, of all).
+        device, progress : optional
+            As in :meth:`refocus_many`; progress counts views.
 
         Returns
         -------
@@ -466,10 +468,8 @@ class LightField(FieldPlanes):
         jpeg_quality : int
             The quality of the pictures' encoder, 1 to 100.  Default: 90, and of a file with
             depth by the views' error.
-        device : Device or str, optional
-            An open device, or part of its name.
-        progress : callable, optional
-            Called with (frames done, of all).
+        device, progress : optional
+            As in :meth:`refocus_many`.
 
         Returns
         -------
@@ -488,18 +488,3 @@ def _numbers(given: Sequence | np.ndarray | None) -> list:
     """The numbers of a stack; None for the one that is recorded."""
     found = [] if given is None else [given] if isinstance(given, str) else list(given)
     return found or [None]
-
-
-def check_method(method: str | None, filter: str) -> str:
-    """The method to use; :class:`OpticsError` for one that is unknown or lacks the filter."""
-    if filter != "depth":
-        check_known(OpticsError, "filter", filter, FILTERS)
-    method = method or ("shift-sum" if filter == "bilinear" else "slicing")
-    check_known(OpticsError, "method", method, METHODS)
-    other = {"slicing": "bilinear", "shift-sum": "depth"}
-    if filter == other[method]:
-        remedy = "shift-sum" if method == "slicing" else "slicing"
-        raise OpticsError(
-            f"{method} has no {filter} filter", key="filter", remedy=f"Use the method {remedy}"
-        )
-    return method

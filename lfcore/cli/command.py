@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +17,7 @@ import lfcore
 from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import DeviceError, OpticsError
-from lfcore.pictures import check_codes, write_pictures
+from lfcore.pictures import write_pictures
 from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
 
@@ -118,11 +117,6 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def check_form(arguments: argparse.Namespace, path: Path) -> None:
-    """Raise :class:`LfcoreError` for ``--bits`` and ``--exposure`` that ``path`` does not take."""
-    check_codes(path, arguments.bits, bool(arguments.exposure))
-
-
 def form(arguments: argparse.Namespace) -> dict[str, Any]:
     """``--bits`` and ``--exposure`` as :func:`lfcore.write_picture` takes them."""
     return {"bits": arguments.bits, **arguments.exposure}
@@ -175,16 +169,9 @@ def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespac
         return
     with recorded(arguments.command) as record:
         run(arguments)
-    print(json.dumps(_finite(record), allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    """The same with "inf" for infinity, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
+    # JSON lacks infinity: "inf" is in its place.
+    finite = json.loads(json.dumps(record), parse_constant=lambda name: str(float(name)))
+    print(json.dumps(finite))
 
 
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:

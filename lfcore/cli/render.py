@@ -19,7 +19,6 @@ from lfcore.cli.command import (
     add_encoder,
     add_output,
     add_scene,
-    check_form,
     encoder,
     flags,
     form,
@@ -29,7 +28,7 @@ from lfcore.cli.command import (
 )
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
-from lfcore.pictures import check_suffix
+from lfcore.pictures import check_codes, check_suffix
 
 if TYPE_CHECKING:
     from lfcore.rendering.quality import Rendering
@@ -84,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfcore.api import lattice_to_trace
 
     check_suffix(arguments.output)
-    check_form(arguments, arguments.output)
+    check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
     if arguments.error_map is not None:
         check_suffix(arguments.error_map)
     excluded = ["--filter nearest"] if arguments.filter == "nearest" else []
@@ -99,7 +98,8 @@ def run(arguments: argparse.Namespace) -> None:
     planes = plane_options.read_planes(arguments, scene)
     plane_options.report(planes)
     same = {"planes": planes, "pixels": pixels, "device": arguments.device}
-    lattice = with_subpixels(lattice_to_trace(arguments.filter, arguments.views), arguments)
+    lattice = lattice_to_trace(arguments.filter, arguments.views)
+    lattice = replace(lattice, **given(arguments, "subpixels"))
     rays = 0 if quality else lattice.rays(pixels)
     with named_file(arguments.scene), progress("tracing", "parts", rays=rays) as report:
         if quality is None:
@@ -141,11 +141,6 @@ def chosen_quality(
     if excluded:
         refuse("--quality-db", "chooses the rays itself", f"Leave out {', '.join(excluded)}")
     return lfcore.Quality(arguments.quality_db, **given(arguments, "most_rays"), **more)
-
-
-def with_subpixels(lattice: lfcore.Lattice, arguments: argparse.Namespace) -> lfcore.Lattice:
-    """The lattice with the rays per pixel of ``--subpixels``, if given."""
-    return replace(lattice, **given(arguments, "subpixels"))
 
 
 @contextmanager
@@ -221,8 +216,9 @@ def record(arguments: argparse.Namespace) -> None:
     if arguments.subpixels and depth is False:
         refuse("--subpixels", "belongs to views with depth", "Leave one out")
     if depth or arguments.subpixels:
-        views = lfcore.Lattice(views or 4, displaced=arguments.depth != "plain")
-        views = with_subpixels(views, arguments)
+        views = lfcore.Lattice(
+            views or 4, displaced=arguments.depth != "plain", **given(arguments, "subpixels")
+        )
     _, lattice = lattice_to_store(depth, views)
     rays = 0 if quality else lattice.rays(pixels)
     what = f"tracing {rays:,} rays" if rays else "tracing"
@@ -242,8 +238,7 @@ def record(arguments: argparse.Namespace) -> None:
         size = f"{slab.views} x {slab.views} views of {slab.size}"
         say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
         note(expected_db=expected["db"], focus_range_m=[near, far])
-    length = os.path.getsize(arguments.output)
-    wrote(arguments.output, f": {length:,} bytes")
+    wrote(arguments.output, f": {os.path.getsize(arguments.output):,} bytes")
 
 
 COMMANDS = {

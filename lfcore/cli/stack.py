@@ -15,7 +15,6 @@ from lfcore.cli.command import (
     add,
     add_lightfield,
     add_output,
-    check_form,
     form,
     open_field,
     refuse,
@@ -23,7 +22,7 @@ from lfcore.cli.command import (
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import CODED, SUFFIXES, check_suffix, contact_sheet
+from lfcore.pictures import CODED, SUFFIXES, check_codes, check_suffix, contact_sheet
 
 REFOCUS = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -85,7 +84,7 @@ def make_pictures(
 
 def refocus(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
-    check_form(arguments, arguments.output)
+    check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
     field = open_field(arguments)
     planes = plane_options.read_planes(arguments, field)
     if field.metric:
@@ -160,7 +159,7 @@ def run(arguments: argparse.Namespace) -> None:
     film = path.suffix.lower() == ".mp4"
     check_suffix(path, (*CODED, ".mp4") if arguments.sheet else (*SUFFIXES, ".mp4"))
     if not film:
-        check_form(arguments, path)
+        check_codes(path, arguments.bits, bool(arguments.exposure))
     if film and arguments.sheet:
         refuse("--sheet", "a contact sheet is no film", "Write a .png")
     field = open_field(arguments)

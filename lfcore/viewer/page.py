@@ -134,7 +134,7 @@ def viewer_page(
         "status": status,
         # "<" would end the script element.
         "field": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        "script": _base64(zlib.compress(program.encode(), 9)),
+        "script": base64.b64encode(zlib.compress(program.encode(), 9)).decode(),
     }
     template = (HERE / "page.html").read_text(encoding="utf-8")
     pieces = template.split("@")  # text and names by turns: the page itself has no other "@"
@@ -246,7 +246,7 @@ def _coded(atlas: Atlas) -> dict[str, Any]:
 
 
 def _pages(atlas: Atlas) -> list[str]:
-    return [f"data:{atlas.media};base64,{_base64(page)}" for page in atlas.pages]
+    return [f"data:{atlas.media};base64,{base64.b64encode(page).decode()}" for page in atlas.pages]
 
 
 def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
@@ -270,7 +270,3 @@ def _map(found: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
         "low": low,
         "high": high,
     }
-
-
-def _base64(data: bytes) -> str:
-    return base64.b64encode(data).decode("ascii")
