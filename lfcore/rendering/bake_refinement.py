@@ -98,7 +98,7 @@ class Refinement:
                 values, covered, side, self._floor, _CONTRAST * self._allowed
             )
             if side == begun:
-                large = self._wanted[triangles, None, None] > side
+                large = self._wanted[triangles, None, None] > side / 2
                 rough |= (large | hidden) & _is_new(side)
             faces = 2 * triangles[:, None] + np.arange(2)
             rough &= is_seen[faces][..., None]
