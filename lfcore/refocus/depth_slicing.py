@@ -122,7 +122,8 @@ class DepthSlicer:
         strips = STRIPS_A_THREAD * self.device.threads
         self._rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
         self._strips = -(-self.size.height // self._rows)
-        self._planes = self.device.buffer(self._plane_records())
+        records = [[p.delta, self._scale(p), self._step(p), slab.lens_pitch_m] for p in planes]
+        self._planes = self.device.buffer(np.array(records, np.float32))
         size = self.sums_bytes(len(planes), self.size, stops, len(bounds_px), self._rows)
         self._sums = self.device.zeros(size, sparse=True)
 
@@ -158,11 +159,6 @@ class DepthSlicer:
         """The weight, in units of the sums, of a ray whose cell is open."""
         rays = max(1.0, cells.share.sum() / self._step(plane) ** 2)  # a pixel
         return 2.0 ** (LONG_RAY_BITS if stops else SUM_BITS - math.ceil(math.log2(rays)))
-
-    def _plane_records(self) -> np.ndarray:
-        pitch = self.views.slab.lens_pitch_m
-        records = [[p.delta, self._scale(p), self._step(p), pitch] for p in self.planes]
-        return np.array(records, np.float32)
 
     def _first(self, plane: SensorPlane) -> np.ndarray:
         """(K, 2) float64: where the ray of pixel (0, 0) of each view falls, pixels."""

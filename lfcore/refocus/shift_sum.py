@@ -117,15 +117,11 @@ class ViewSummer:
 
 def to_fixed(views: np.ndarray) -> np.ndarray:
     """(K, 3, h, w) uint32 fixed point of views (K, h, w, 3), uint8 sRGB or linear light."""
-    planar = np.moveaxis(views, -1, 1)
-    if views.dtype == np.uint8:
-        return np.take(_fixed(srgb_decode(np.arange(256, dtype=np.uint8))), planar)
-    return np.ascontiguousarray(_fixed(np.clip(planar, 0, 1)))
-
-
-def _fixed(light: np.ndarray) -> np.ndarray:
+    planar, are_codes = np.moveaxis(views, -1, 1), views.dtype == np.uint8
+    light = srgb_decode(np.arange(256, dtype=np.uint8)) if are_codes else np.clip(planar, 0, 1)
     rounded = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
-    return rounded.astype(np.uint32)
+    fixed = rounded.astype(np.uint32)
+    return np.take(fixed, planar) if are_codes else np.ascontiguousarray(fixed)
 
 
 def read_sums(device: Device, sums: cl.Buffer, count: int, slab: Slab) -> Iterator[np.ndarray]:

@@ -68,30 +68,6 @@ def photograph(
     return expose(scene, instants, picture, device=device, progress=progress)
 
 
-def thin_lens_bundles(camera: VirtualCamera, focus_z: float, samples: np.ndarray) -> Bundles:
-    """Pinholes on a thin lens, sheared so that their pictures coincide on the plane z = focus_z.
-
-    ``samples`` (S, 4) in [0, 1) are film x, film y, lens a, lens b of each.  Rays start in z = 0,
-    where the bundles have their origins: what lies between a camera at z > 0 and that plane would
-    hide the scene, and what lies behind it is seen through.
-    """
-    if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
-        raise OpticsError("a directly traced thin lens must look along z", key="rotation")
-    x, y, z = camera.position_m
-    distance = focus_z - z
-    if not distance > 0:
-        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
-    lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
-    lens = lens * camera.lens_radius_m
-    pitch = camera.pixel_pitch
-    tangents = (samples[:, :2] - 0.5) * pitch - lens / distance
-    origins = np.array([x, y]) + lens - z * tangents
-    elements = np.concatenate([origins, tangents], 1).astype(np.float32)
-    step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
-    # Many samples fall within a pixel; textures are filtered over half of one.
-    return Bundles(elements, step, *camera.size, pitch / min(2.0, math.sqrt(len(samples))))
-
-
 def direct_thin_lens(
     tracer: Tracer,
     camera: VirtualCamera,
@@ -103,14 +79,32 @@ def direct_thin_lens(
     """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
 
     All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
-    ``first`` skips that many points of it.
+    ``first`` skips that many points of it.  Each is a pinhole on the lens, sheared so that their
+    pictures coincide on the plane z = focus_z.  Rays start in z = 0, where the bundles have their
+    origins: what lies between a camera at z > 0 and that plane would hide the scene, and what lies
+    behind it is seen through.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
+    if not np.allclose(camera.rotation, np.eye(3), atol=1e-12):
+        raise OpticsError("a directly traced thin lens must look along z", key="rotation")
+    x, y, z = camera.position_m
+    distance = focus_z - z
+    if not distance > 0:
+        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
     # Half of a cell on: the set's first point is the corner (0, 0, 0, 0).
     points = sampling.halton_table(first + samples_per_pixel)[first:]
     samples = (points + 0.5 / (first + samples_per_pixel)) % 1.0
-    bundles = thin_lens_bundles(camera, focus_z, samples)
+    lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
+    lens = lens * camera.lens_radius_m
+    pitch = camera.pixel_pitch
+    tangents = (samples[:, :2] - 0.5) * pitch - lens / distance
+    origins = np.array([x, y]) + lens - z * tangents
+    elements = np.concatenate([origins, tangents], 1).astype(np.float32)
+    step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
+    # Many samples fall within a pixel; textures are filtered over half of one.
+    footprint = pitch / min(2.0, math.sqrt(samples_per_pixel))
+    bundles = Bundles(elements, step, *camera.size, footprint)
     total = np.zeros((*camera.size[::-1], 3), np.float64)
     chunk = max(1, min(32, _CHUNK_RAYS // (camera.size[0] * camera.size[1])))
     for start in range(0, samples_per_pixel, chunk):

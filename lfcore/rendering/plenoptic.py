@@ -12,7 +12,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.progress import Progress
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_planes
 from lfcore.tracing.tracer import Tracer
 
@@ -38,31 +38,21 @@ def photograph(
     out = np.empty((camera.photograph_side, camera.photograph_side, 3), np.uint8)
     done = 0
     for tile in layout.tiles(TILE_RAYS):
-        corners = _block_corners(tile, camera.samples)
+        elements = tile.elements()
+        firsts = np.unique(tile.placement(elements)[:, 0], return_index=True)[1]
+        corners = elements[firsts] * camera.samples  # of each frame in the photograph
         tracing = tracer.trace_tile(camera.slab(), tile)
         for chunk in tracing:
             planes = layout.format.views(chunk.frames, layout.frame_width, layout.frame_height)
             for k in range(len(chunk.frames)):
                 block = to_uint8(rgb_from_planes([p[k : k + 1] for p in planes], layout.format))[0]
-                x, y, width, height = corners[chunk.first + k]
-                out[y : y + height, x : x + width] = block[:height, :width]
+                x, y = corners[chunk.first + k]
+                part = out[y : y + len(block), x : x + block.shape[1]]  # cut at its edges
+                part[:] = block[: part.shape[0], : part.shape[1]]
         done += tile.element_count
         if progress:
             progress(done, camera.lenses**2)
     return out
-
-
-def _block_corners(tile: Tile, samples: int) -> dict[int, tuple[int, int, int, int]]:
-    """Where each frame of a tile lies in the photograph: column, row, width, height in pixels."""
-    elements = tile.elements()
-    frames = tile.placement(elements)[:, 0]
-    found = {}
-    for frame in range(tile.frame_count):
-        inside = elements[frames == frame]
-        low, high = inside.min(0), inside.max(0) + 1
-        size = (high - low) * samples
-        found[frame] = (*(low * samples).tolist(), *size.tolist())
-    return found
 
 
 def refocus_photograph(

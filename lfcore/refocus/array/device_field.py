@@ -92,6 +92,8 @@ class DeviceField:
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
         )
+        sizes, pitch = (*array.cameras, *array.tile), array.pixel_pitch
+        self.record = np.array((*sizes, 1.0 / pitch, array.delta, *array.bounds()), ARRAY)
 
     def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
         """A kernel built for this field's number format."""
@@ -100,11 +102,12 @@ class DeviceField:
 
     def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
         """The arguments that all kernels start with."""
-        record, depth = surface_record(surface, camera)
+        lens = camera.pixel_pitch, camera.lens_radius_m
+        view = np.array((camera.position_m, camera.rotation.ravel(), *camera.size, *lens), VIEW)
+        record, depth = surface_record(surface)
         map_buffer = self.device.buffer(depth)
         return (
-            self.buffer, array_record(self.array), self.columns, self.rows,
-            view_record(camera), record, map_buffer,
+            self.buffer, self.record, self.columns, self.rows, view, record, map_buffer,
         )  # fmt: skip
 
     def run_rows(
@@ -122,26 +125,7 @@ class DeviceField:
         return Synthesis.of(out, camera.size)
 
 
-def array_record(array: CameraArray) -> np.ndarray:
-    record = np.zeros((), ARRAY)
-    record["columns"], record["rows"] = array.cameras
-    record["width"], record["height"] = array.tile
-    record["inv_pitch"], record["delta"] = 1.0 / array.pixel_pitch, array.delta
-    names = ("low_x", "high_x", "low_y", "high_y")
-    for name, bound in zip(names, array.bounds(), strict=True):
-        record[name] = bound
-    return record
-
-
-def view_record(camera: VirtualCamera) -> np.ndarray:
-    record = np.zeros((), VIEW)
-    record["position"], record["rotation"] = camera.position_m, camera.rotation.ravel()
-    record["width"], record["height"] = camera.size
-    record["pitch"], record["lens_radius"] = camera.pixel_pitch, camera.lens_radius_m
-    return record
-
-
-def surface_record(surface: FocalSurface, camera: VirtualCamera) -> tuple[np.ndarray, np.ndarray]:
+def surface_record(surface: FocalSurface) -> tuple[np.ndarray, np.ndarray]:
     """The struct of a surface, and its map of inverse depths (empty but for a depth map)."""
     record = np.zeros((), SURFACE)
     if isinstance(surface, surfaces.DepthMapSurface):
