@@ -6,6 +6,8 @@ a ray from x_f to ``x_f + s (delta' - delta)``.
 
 import numpy as np
 
+from lfcore.optics.plane_sums import targets
+
 
 def form_plane(slab, plane, light, *, bilinear=False):
     """One picture (H, W, 3) float64, linear light, row v and column u, of all rays of the slab,
@@ -45,3 +47,22 @@ def _targets(slab, plane, sample, axis, bilinear):
          share * ((place >= corner) & (place < corner + extent)))
         for place, share in ([(low, 1 - over), (low + 1, over)] if bilinear else [(low, 1.0)])
     ]  # fmt: skip
+
+
+def scattered_sums(slab, plane, rays, first=(0, 0)):
+    """(3, H, W) uint64 of a plane's picture: every ray is added on its own, exact in float64.
+
+    ``rays`` are whole numbers (rows, columns, N, N, 3), indexed [v, u, j, i], from the pixel (u, v)
+    that ``first`` begins with.
+    """
+    left, top, width, height = slab.picture(plane.side(slab))
+    out = np.zeros((3, height * width))
+    to, mask = targets(slab, plane), plane.mask(slab)
+    for row, column in np.ndindex(rays.shape[:2]):
+        y, x = to[first[1] + row] - top, to[first[0] + column] - left
+        y, x = np.meshgrid(y, x, indexing="ij")
+        counts = mask & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        at, light = (y * width + x)[counts], rays[row, column][counts].astype(float)
+        for channel in range(3):
+            out[channel] += np.bincount(at, light[:, channel], height * width)
+    return out.astype(np.uint64).reshape(3, height, width)

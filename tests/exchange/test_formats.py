@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from plain_scenes import CHART, refused
-from stored_fields import tile_frames, write_field
+from stored_fields import LOSSLESS, tile_frames, write_field
 
 from lfcore import Encoding, FrameLayout, LightField, load_scene, record
 from lfcore.cli import main
@@ -27,7 +27,6 @@ from lfcore.pictures import read_codes
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 
-EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 
 
@@ -49,7 +48,7 @@ class Noise:
 
 def store(folder, views, geometry=KNOWN, name="noise") -> Noise:
     path = folder / f"{name}.mkv"
-    store_grid(path, ViewGrid.of_array(views, name, format="test", geometry=geometry), EXACT)
+    store_grid(path, ViewGrid.of_array(views, name, format="test", geometry=geometry), LOSSLESS)
     return Noise(path, views)
 
 

@@ -4,7 +4,6 @@ import logging
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -223,27 +222,7 @@ def test_without_a_folder_one_line_is_logged_and_programs_work(device, monkeypat
         assert [twice(device), twice(device)] == [42, 42]
     program_cache.folder.cache_clear()
     (record,) = caplog.records
-    assert "no folder" in record.message
-
-
-RUN_ONE = """
-import numpy as np
-from lfcore.opencl.device import build_program, cl, open_device
-device = open_device()
-buffer = device.buffer(np.ones(16, np.float32))
-kernel = cl.Kernel(build_program(device, ["FILE"]), "round_all")
-kernel(device.queue, (1,), None, *[buffer] * 2, *[device.empty(64) for _ in range(3)])
-device.queue.finish()
-"""
-
-
-def test_kernels_run_without_a_home():
-    """pyopencl keeps files of its own there, which fails in other ways."""
-    code = RUN_ONE.replace("FILE", str(Path(__file__).with_name("rounding.cl")))
-    home = {"HOME": "/dev/null", "PATH": os.environ["PATH"]}
-    found = subprocess.run([sys.executable, "-c", code], env=home, capture_output=True, text=True)
-    assert found.returncode == 0
-    assert len(found.stderr.splitlines()) == 1 and "XDG_CACHE_HOME" in found.stderr
+    assert "no folder" in record.message and "XDG_CACHE_HOME" in record.message
 
 
 BUILD_ONE = """

@@ -199,12 +199,6 @@ def test_depth_and_picture_of_a_wall():
     assert pixels[:2].tolist() == [[0, 0], [1, 0]]
 
 
-def test_the_left_of_the_picture_sees_the_left_of_the_scene():
-    left = wall(3) - np.float32([10, 0, 0])
-    light = trace(scene(left), SLAB, all_pixels(SLAB)).reshape(6, 6, 4, 4, 3)
-    assert (light[:, :2, ..., 0] < 0.1).all() and (light[:, 4:, ..., 0] > 0.6).all()
-
-
 @pytest.mark.parametrize("bilinear", [False, True])
 def test_the_recorded_focus_is_the_mean_over_the_lens(bilinear):
     light = np.random.default_rng(0).uniform(0, 1, (6, 6, 4, 4, 3))

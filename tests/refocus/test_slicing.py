@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from plain_scenes import refused
-from scattered_planes import form_plane
+from scattered_planes import form_plane, scattered_sums
 from stored_fields import write_field
 
 from lfcore import Camera, FrameLayout, Lattice, SensorPlane, Slab, open_device, render
@@ -15,7 +15,7 @@ from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import cl
 from lfcore.optics import bundles
-from lfcore.optics.plane_sums import FIXED_ONE, targets
+from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import PlaneFormer, form_planes
 from lfcore.refocus.stored_views import FrameSummer, frame_chunks
@@ -68,21 +68,6 @@ def light_of(frames, tile, device):
     return light.rays
 
 
-def sums_one_by_one(slab, plane, rays, tile):
-    """(3, H, W) uint64 of the plane's picture: every ray added on its own, exact in float64."""
-    left, top, width, height = slab.picture(plane.side(slab))
-    out = np.zeros((3, height * width))
-    to, mask = targets(slab, plane), plane.mask(slab)
-    u, v, *_ = tile_corners(tile, slab)
-    for row, column in np.ndindex(rays.shape[:2]):
-        y, x = np.meshgrid(to[v + row] - top, to[u + column] - left, indexing="ij")
-        counts = mask & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        at, light = (y * width + x)[counts], rays[row, column][counts].astype(float)
-        for channel in range(3):
-            out[channel] += np.bincount(at, light[:, channel], height * width)
-    return out.astype(np.uint64).reshape(3, height, width)
-
-
 def smooth_frames(tile, seed):
     """Frames (F, frame_bytes) uint8 of random samples in which many rows are like the one above,
     whole or in part, as they are in decoded video."""
@@ -113,12 +98,12 @@ def test_sums_are_those_of_every_ray(form, views, pixels, pack, lanes):
     former.add(frames[:half], 0)
     former.add(frames[half:], half)
     got, rays = former.plane_sums(), light_of(frames, tile, open_device())
-    height, width = got.sums.shape[2:]
+    (height, width), corner = got.sums.shape[2:], tile_corners(tile, slab)
     for plane, found in zip(planes, got.sums, strict=True):
         whole, own = np.zeros((3, 12, 12), np.uint64), slab.picture(plane.side(slab))
         whole[:, got.top : got.top + height, got.left : got.left + width] = found
         shown = whole[:, own[1] : own[1] + own[3], own[0] : own[0] + own[2]]
-        np.testing.assert_array_equal(shown, sums_one_by_one(slab, plane, rays, tile))
+        np.testing.assert_array_equal(shown, scattered_sums(slab, plane, rays, corner))
 
 
 def test_light_is_that_of_the_standard():
@@ -152,7 +137,7 @@ def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     for plane, found in zip(
         PLANES, form_planes(LightField.open(path), PLANES).sums.sums, strict=True
     ):
-        np.testing.assert_array_equal(found, sums_one_by_one(slab, plane, rays, tile))
+        np.testing.assert_array_equal(found, scattered_sums(slab, plane, rays))
 
 
 def test_a_tile_stays_while_the_next_is_read(tmp_path):

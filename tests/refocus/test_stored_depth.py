@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from plain_scenes import CHART, refused
 from plain_scenes import scene as plain_scene
+from stored_fields import LOSSLESS
 
 from lfcore import Camera, Encoding, LightField, SensorPlane, Slab
 from lfcore.cli import main
@@ -34,7 +35,6 @@ pytestmark = pytest.mark.kernels
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 SLAB, TALL = Slab(CAMERA, 3, 20), Slab.of(CAMERA, 3, (12, 20))
 PIXELS = 10
-LOSSLESS = Encoding("ffv1", "gbrp", preset=None, tune=None)
 PLANES = [
     SensorPlane(2.5, 1.0, "square"),
     SensorPlane(4.0, 1.4),

@@ -1,5 +1,7 @@
 """The scene's own film, and camera arrays: against analytic scenes and the tracer's visibility."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plain_scenes import refused
@@ -33,7 +35,8 @@ LightSource "infinite" "rgb L" [1 1 1]
 AttributeBegin
     ActiveTransform EndTime Translate 2 0 0 ActiveTransform All
     Material "matte" "rgb Kd" [1 0.5 0.25]
-    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [-2 -1 2  0 -1 2  0 1 2  -2 1 2]
+    Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+        "point P" [-2 -1 2  0 -1 2  0 1.5 2  -2 1.5 2]
 AttributeEnd
 Material "matte" "rgb Kd" [0.1 0.1 0.1]
 Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point P" [-9 -9 5  9 -9 5  9 9 5  -9 9 5]
@@ -124,60 +127,30 @@ def test_options_of_film_and_slab_exclude_each_other(scene, tmp_path, capsys):
     assert "--samples" in said and "film" in said
 
 
-# A wall, red above and green below, and a blue sphere before it; ambient light alone.
-WALL = """
-Camera "lightfield" "float fov" 60 "integer camerasperdim" [3 2]
-    "float cameragridbounds [-0.3 0.3 -0.2 0.2]
-Film "image" "integer xresolution" [120] "integer yresolution" [80]
-WorldBegin
-LightSource "infinite" "rgb L" [2 2 2]
-Material "matte" "rgb Kd" [.8 0 0]
-Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
-    "point P" [-9 0.1 4  9 0.1 4  9 9 4  -9 9 4]
-Material "matte" "rgb Kd" [0 .6 0]
-Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
-    "point P" [-9 -9 4  9 -9 4  9 0.1 4  -9 0.1 4]
-Material "matte" "rgb Kd" [0 0 .4]
-Translate .7 .5 3
-Shape "sphere" "float radius" .3
-WorldEnd
-"""
-
-
-@pytest.fixture(scope="module")
-def traced(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scene") / "s.pbrt"
-    path.write_text(WALL)
-    scene = build_pbrt_scene(path)
-    return scene, open_tracer(scene)
+@pytest.fixture
+def traced(scene):
+    """The scene before an array of cameras, and its tracer."""
+    made = scene(f"{ARRAY} {STILL}")
+    return made, open_tracer(made)
 
 
 def test_every_tile_is_what_its_camera_sees(traced):
-    """Colours from exact geometry: sphere, then the two halves; radiance above one survives."""
-    scene, tracer = traced
-    array = scene.view.array
-    tiles = array.tiles(trace_array(tracer, array))
-    wrong = 0
-    for j in range(2):
-        for i in range(3):
-            o, d = array.origins()[j, i], array.directions(i, j)
-            to_centre = np.array([0.7, -0.5, 3.0]) - o
-            along = (d * to_centre).sum(-1) / (d * d).sum(-1)
-            miss = np.linalg.norm(along[..., None] * d - to_centre, axis=-1)
-            above = o[1] + 4 * d[..., 1] < -0.1
-            expected = np.where(above[..., None], [1.6, 0, 0], [0, 1.2, 0])
-            expected = np.where(miss[..., None] < 0.3, [0, 0, 0.8], expected)
-            wrong += (np.abs(tiles[j, i] - expected) > 1e-3).any(-1).sum()
-    # The tessellated sphere differs from the exact one on its outline, in a few pixels.
-    assert wrong <= 12
-    assert tiles[0, 0, 0].max() == pytest.approx(1.6, rel=1e-4)
+    """Colours from exact geometry: the square, then the wall."""
+    array = traced[0].view.array
+    tiles = array.tiles(trace_array(traced[1], array))
+    for j, i in np.ndindex(2, 3):
+        x, y, _ = np.moveaxis(array.origins()[j, i] + 2 * array.directions(i, j), -1, 0)
+        square = (x > -2) & (x < 0) & (y > -1.5) & (y < 1)  # pbrt's y is up
+        expected = np.where(square[..., None], [1, 0.5, 0.25], [0.1] * 3)
+        np.testing.assert_allclose(tiles[j, i], expected, atol=1e-5)
+        assert square.any() and not square.all()
 
 
 def test_samples_average_over_the_pixel(traced):
-    """More samples approach the pixel's mean along the edge, where one sample is red or green."""
+    """More samples approach the pixel's mean along the edge, where one sample is square or wall."""
     tracer = traced[1]
-    array = CameraArray.single(60.0, (24, 24))
-    fine = trace_array(tracer, CameraArray.single(60.0, (384, 384)))
+    array = CameraArray((0.12,), (-0.07,), 60.0, (24, 24))
+    fine = trace_array(tracer, replace(array, tile=(384, 384)))
     mean = fine.reshape(24, 16, 24, 16, 3).mean((1, 3))
     errors = [
         np.sqrt(np.mean((trace_array(tracer, array, count, seed=3) - mean) ** 2))

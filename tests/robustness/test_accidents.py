@@ -92,7 +92,8 @@ def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
 
 
 def test_surroundings_that_are_not_as_they_should(tmp_path):
-    names = ("standard error is closed", "the output is below a file", "threads: abc")
+    names = ("home is /dev/null", "standard error is closed", "the output is below a file",
+             "threads: abc")  # fmt: skip
     results = dict(faults.try_all(tmp_path / "folder", names))
     assert results == dict.fromkeys(names, "")
 

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 import tracing_scenes
-from tracing_scenes import lit_soup, scene, soup, unit
+from tracing_scenes import LAMP, WALL, lit_soup, scene, soup, unit
 
 from lfcore import Device, FrameLayout, Scene, SensorPlane, Slab, Tracer, open_device
 from lfcore.optics import bundles
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.tracing.bvh import build_bvh
 
 TABLE = Path(__file__).with_suffix(".json")
@@ -40,15 +40,14 @@ SUN = Light(DIRECTIONAL, unit(-0.15, -0.25, -0.95), (0.3, 0.35, 0.4))
 def textured_soup() -> Scene:
     """Flat triangles with a texture, far and near, in three lights, two of which cast shadows."""
     rng = np.random.default_rng(11)
-    wall = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
-    triangles = np.concatenate([soup(120, 9, 0.5), wall]).astype(np.float32)
+    triangles = np.concatenate([soup(120, 9, 0.5), WALL]).astype(np.float32)
     return scene(
         triangles,
         uvs=(triangles[..., :2] * 3).astype(np.float32),
         textures=[rng.integers(0, 256, (48, 40, 3), np.uint8)],
         materials=[Material("tiles", (0.7, 0.6, 0.5), (0.2, 0.2, 0.2), 30.0, texture=0)],
         lights=[
-            Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True),
+            LAMP,
             SUN,
             Light(DIRECTIONAL, unit(1.0, 0.0, -0.1), (0.2, 0.1, 0.1), 0.0, False),
         ],
@@ -65,8 +64,7 @@ def fine_soup() -> Scene:
 def holes_and_metal() -> Scene:
     """Flat triangles with holes, of metal, their normals bent, in lights that cast shadows."""
     rng = np.random.default_rng(12)
-    wall = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
-    triangles = np.concatenate([soup(150, 14, 0.6), wall]).astype(np.float32)
+    triangles = np.concatenate([soup(150, 14, 0.6), WALL]).astype(np.float32)
     shapes = (24, 20, 4), (12, 12, 3), (16, 16, 3), (8, 8, 3)
     maps = {"metal_texture": 1, "normal_texture": 2, "emission_texture": 3}
     glow, factors = (0.1, 0.2, 0.1), {"metallic": 0.9, "roughness": 0.8}
@@ -82,7 +80,7 @@ def holes_and_metal() -> Scene:
         textures=[rng.integers(0, 256, shape, np.uint8) for shape in shapes],
         materials=materials,
         material_ids=(np.arange(len(triangles)) % 2).astype(np.int32),
-        lights=[Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.8, 0.7), 2.0, True), SUN],
+        lights=[LAMP, SUN],
     )
 
 
