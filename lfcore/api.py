@@ -386,8 +386,7 @@ def record(
         as it is.  With ``encoding.depth=False`` N x N views are stored as they are, without depth;
         16 x 16 by default.
     pixels : int or (int, int)
-        The side of the pictures that the file is for, or their width and height.  The camera's
-        field is that of the shorter side.
+        As in :func:`render`, of the pictures that the file is for.
     focus_m : float or str, optional
         As in :func:`render`.
     f_number : float, optional

@@ -49,21 +49,9 @@ class LfcoreError(Exception):
     def named(
         self, kind: type[Error], *, file: str | Path | None = None, key: str | None = None
     ) -> Error:
-        """Make an error of another kind from this one.
+        """Make an error of another kind from this one, with its problem and remedy.
 
-        Parameters
-        ----------
-        kind : type
-            The subclass of :class:`LfcoreError`.
-        file : str or Path, optional
-            The file to name.  Default: this error's.
-        key : str, optional
-            The key to name.  Default: this error's.
-
-        Returns
-        -------
-        LfcoreError
-            With the same problem and remedy.
+        ``file`` and ``key`` take the place of this error's.
         """
         return kind(self.problem, file=file or self.file, key=key or self.key, remedy=self.remedy)
 

@@ -6,10 +6,6 @@ Progress = Callable[[int, int], None]
 """Called with (done, of all), from any thread but one at a time."""
 
 
-def silent(done: int, total: int) -> None:
-    """Report nothing."""
-
-
 def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
     """The progress of part ``number`` of several, as a part of all."""
     return progress and (lambda done, of: progress(number * of + done, parts * of))

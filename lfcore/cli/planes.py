@@ -208,27 +208,23 @@ def save(
     path: Path, planes: list[SensorPlane], pictures: np.ndarray, how: Mapping[str, Any],
     field: lfcore.LightField | None = None,
 ) -> None:  # fmt: skip
-    """Write pictures and report their names: several in one NPY, or in a file each.
+    """Write pictures and report their names: several in one NPY, or in a file each, whose name has
+    its number and settings: the disparity where distances are not known.
 
     ``how`` is as :func:`lfcore.write_picture` takes it.
     """
     if path.suffix.lower() == ".npy":
         write_named([(path, pictures[0] if len(planes) == 1 else pictures)])
     else:
-        names = [path] if len(planes) == 1 else output_names(path, planes, field)
+        names = [path]
+        if len(planes) > 1:
+            from lfcore.optics.plane_pictures import plane_label
+
+            labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
+            if field is not None and not field.metric:
+                labels = [
+                    f"{k:02d}_disparity{field.disparity_of(plane.focus_m):.3g}_{plane.aperture}"
+                    for k, plane in enumerate(planes)
+                ]
+            names = [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]
         write_named(list(zip(names, pictures, strict=True)), **how)
-
-
-def output_names(
-    path: Path, planes: list[SensorPlane], field: lfcore.LightField | None
-) -> list[Path]:
-    """A numbered name per plane with its settings; disparities where distances are not known."""
-    from lfcore.optics.plane_pictures import plane_label
-
-    labels = [plane_label(k, plane) for k, plane in enumerate(planes)]
-    if field is not None and not field.metric:
-        labels = [
-            f"{k:02d}_disparity{field.disparity_of(plane.focus_m):.3g}_{plane.aperture}"
-            for k, plane in enumerate(planes)
-        ]
-    return [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]

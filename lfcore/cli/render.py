@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import lfcore
 from lfcore.cli import film, values
@@ -29,9 +28,6 @@ from lfcore.cli.command import (
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
 from lfcore.pictures import check_codes, check_suffix
-
-if TYPE_CHECKING:
-    from lfcore.rendering.quality import Rendering
 
 DESCRIPTION = """\
 Trace a scene and make pictures from its rays at once, without storing a light field. SCENE is a
@@ -113,7 +109,7 @@ def run(arguments: argparse.Namespace) -> None:
     plane_options.save(arguments.output, planes, pictures, form(arguments))
 
 
-def _report_quality(arguments: argparse.Namespace, made: Rendering, planes: list) -> None:
+def _report_quality(arguments: argparse.Namespace, made: lfcore.Rendering, planes: list) -> None:
     import numpy as np
 
     from lfcore.colour import srgb_decode
@@ -238,7 +234,7 @@ def record(arguments: argparse.Namespace) -> None:
         size = f"{slab.views} x {slab.views} views of {slab.size}"
         say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
         note(expected_db=expected["db"], focus_range_m=[near, far])
-    wrote(arguments.output, f": {os.path.getsize(arguments.output):,} bytes")
+    wrote(arguments.output, f": {arguments.output.stat().st_size:,} bytes")
 
 
 COMMANDS = {
