@@ -151,6 +151,13 @@ def stacked(parts: list[SurfaceMesh]) -> dict[str, np.ndarray | None]:
     return found
 
 
+def grid_triangles(grid: np.ndarray) -> np.ndarray:
+    """(T, 3, N): two triangles for each cell of a grid (R, C, N), row by row."""
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    both = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2)
+    return both.reshape(-1, 3, grid.shape[-1])
+
+
 def area_vectors(triangles: np.ndarray) -> np.ndarray:
     """(T, 3) normals of the counter-clockwise front, as long as twice the area."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -161,7 +161,7 @@ class Interpreter:
             self.world_to_camera = TO_OURS.copy()
         view = read_camera(*self._camera, film, read_samples(self._sampler))
         self.view = replace(view, motion_times=self._motion_times)
-        self._set(matrices=(np.eye(4), np.eye(4)), active=(START, END))
+        self._set(matrices=(np.eye(4), np.eye(4)), active=(0, 1))
         self._systems["world"] = (np.eye(4), np.eye(4))
 
     def _do_active_transform(self, directive: Directive) -> None:
@@ -284,15 +284,12 @@ class Interpreter:
         return with_uvs(item.mesh) * texture.uv_scale + texture.uv_offset, surface
 
 
-START, END = 0, 1
-
-
 @dataclass(frozen=True, eq=False)
 class Attributes:
     """What AttributeBegin saves; ``matrices`` are the CTM at shutter open and close."""
 
     matrices: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(4), np.eye(4)))
-    active: tuple[int, ...] = (START, END)
+    active: tuple[int, ...] = (0, 1)
     material: Definition | None = None
     area_light: ParameterSet | None = None
     reversed: bool = False

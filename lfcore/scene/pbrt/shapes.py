@@ -18,7 +18,7 @@ from lfcore.scene.meshes import vertex_columns, with_strips
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
 from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.reading import LARGEST_MESH, read_bytes
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, normalise, xyz
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, grid_triangles, normalise, xyz
 
 TOLERANCE = 1e-3
 # Corners of a triangle without texture coordinates, as pbrt gives them.
@@ -152,57 +152,41 @@ def _sphere(parameters: ParameterSet) -> SurfaceMesh:
     theta = np.linspace(start, stop, rows + 1)[:, None]
     # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
     sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
-
-    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        outward = xyz(sine * x, sine * y, np.cos(theta))
-        return radius * outward, outward
-
-    return _turned(parameters, around, 0.5)
+    x, y = _circle(parameters, 0.5)
+    outward = xyz(sine * x, sine * y, np.cos(theta))
+    return _turned(radius * outward, outward)
 
 
 def _disk(parameters: ParameterSet) -> SurfaceMesh:
     reach = np.array([_radius(parameters), parameters.float("innerradius", 0.0)])[:, None]
     height = parameters.float("height", 0.0)
-
-    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return xyz(reach * x, reach * y, height), xyz(0.0, 0.0, np.ones_like(reach * x))
-
-    return _turned(parameters, around)
+    x, y = _circle(parameters)
+    return _turned(xyz(reach * x, reach * y, height), xyz(0.0, 0.0, np.ones_like(reach * x)))
 
 
 def _cylinder(parameters: ParameterSet) -> SurfaceMesh:
     radius = _radius(parameters)
     z = np.sort([parameters.float("zmin", -1.0), parameters.float("zmax", 1.0)])[:, None]
-
-    def around(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return xyz(radius * x, radius * y, z), xyz(x, y, 0.0 * z)
-
-    return _turned(parameters, around)
+    x, y = _circle(parameters)
+    return _turned(xyz(radius * x, radius * y, z), xyz(x, y, 0.0 * z))
 
 
-def _turned(
-    parameters: ParameterSet,
-    around: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    share: float = 1.0,
-) -> SurfaceMesh:
-    """Triangles of the points and normals (R, C, 3) of a surface of revolution, whose columns are
-    at x and y on the unit circle, within a ``share`` of the tolerance; u along columns and v along
-    rows, without degenerate ones."""
+def _circle(parameters: ParameterSet, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """x and y (1, C) on the unit circle up to ``phimax``, within a share of the tolerance."""
     phi_max = math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
     phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, share) + 1)[None, :]
-    points, normals = around(np.cos(phi), np.sin(phi))
     if phi_max >= 2 * math.pi * (1 - 1e-12):  # all the way round: closed to the last bit
-        points[:, -1], normals[:, -1] = points[:, 0], normals[:, 0]
-    rows, columns = points.shape[0] - 1, points.shape[1] - 1
-    corner = np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)[None, :]
-    a, b = corner.ravel(), corner.ravel() + 1
-    d, c = a + columns + 1, b + columns + 1
-    faces = np.stack([a, b, c, a, c, d], -1).reshape(-1, 3)
-    flat = points.reshape(-1, 3)
-    same = (flat[faces] == flat[np.roll(faces, -1, axis=1)]).all(-1).any(-1)
-    u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
-    uvs = np.stack([u.ravel(), v.ravel()], -1)
-    return _indexed(flat, faces[~same], normals.reshape(-1, 3), uvs)
+        phi[:, -1] = 0.0
+    return np.cos(phi), np.sin(phi)
+
+
+def _turned(points: np.ndarray, normals: np.ndarray) -> SurfaceMesh:
+    """Triangles of a grid of points and normals (R, C, 3) without degenerate ones; u along columns
+    and v along rows."""
+    uv = np.meshgrid(*(np.linspace(0, 1, count) for count in points.shape[1::-1]))
+    corners, *more = (grid_triangles(grid) for grid in (points, normals, np.stack(uv, -1)))
+    same = (corners == np.roll(corners, -1, axis=1)).all(-1).any(-1)
+    return SurfaceMesh(corners[~same], Surface(), *(each[~same] for each in more))
 
 
 def loop_subdivide(

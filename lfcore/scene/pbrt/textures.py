@@ -37,10 +37,6 @@ class Texture:
             return self.factor
         return self.factor * srgb_decode(self.image / 255.0).mean((0, 1))
 
-    @property
-    def placement(self) -> tuple:
-        return (*self.uv_scale, *self.uv_offset)
-
 
 def constant(value: float | np.ndarray) -> Texture:
     return Texture(np.broadcast_to(np.asarray(value, np.float64), (3,)).copy())
@@ -128,7 +124,7 @@ class TextureTable:
             return replace(b, factor=a.factor * b.factor)
         if b.image is None:
             return replace(a, factor=a.factor * b.factor)
-        if a.placement != b.placement:
+        if (a.uv_scale, a.uv_offset) != (b.uv_scale, b.uv_offset):
             parameters.approximated("images of different uv mapping, the second as its mean")
             return replace(a, factor=a.factor * b.mean())
         return _product(a, b)

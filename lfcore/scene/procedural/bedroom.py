@@ -38,7 +38,10 @@ def build(seed: int, *, triangles: int = 207000, closed: bool = False) -> Parts:
     parts += transform_all(plant, translate(-1.62, 0, -2.2))
     carpet = softgoods.rug(1.9, 1.35, look["rug"], look["fringe"], seed=seed + 60)
     parts += transform_all(carpet, rotate("y", 4), translate(-0.15, 0, 0.42))
-    parts += _toys(seed, look) + _on_walls(seed, look) + _lantern(look)
+    parts += transform_all(toys.toy_corner(seed), rotate("y", 6), translate(0.14, 0.022, 0.84))
+    bear = softgoods.teddy(look["fur"], look["light fur"], look["button"], seed=seed + 80)
+    parts += transform_all(bear, rotate("y", 20), translate(-0.56, 0.022, 0.78))
+    parts += _on_walls(seed, look) + _lantern(look)
     parts += transform_all(furniture.tulip_table(rng, look), translate(0.98, 0, 1.72))
     hide = disc((0, 0, 0), (0, 1, 0), 1.0, look["fleece"], segments=48)
     parts.append(hide.transformed(scale(0.33, 1, 0.5), SHEEPSKIN, translate(0, 0.006, 0)))
@@ -60,7 +63,12 @@ def surfaces(seed: int) -> Look:
     stripes = textures.stripes(seed + 4, tones, (4, 1, 2, 1, 4, 2))
     curtain = textures.stripes(seed + 7, ((204, 194, 176), (178, 158, 130)), (3, 1), depth=0.08)
     leaf = textures.leaf(seed + 10, (26, 70, 40), (92, 150, 74))
-    return furniture.bedroom_wood(seed + 100) | {
+    walnut = textures.wood(seed + 101, (70, 42, 26), (128, 84, 54), rings=6)
+    oak = textures.wood(seed + 102, (158, 118, 76), (208, 170, 122), rings=6)
+    return {
+        "walnut": textured("walnut", walnut, 0.07, 35.0),
+        "oak": textured("oak", oak, 0.05, 30.0),
+        "brass": painted("brass", "#b28a3e", (0.5, 0.42, 0.25), 60.0),
         "linen": cloth("linen", (238, 232, 220), 1),
         "blush": cloth("blush cotton", (214, 152, 138), 2),
         "mustard": cloth("mustard cotton", (212, 158, 52), 3),
@@ -157,14 +165,6 @@ def _beside_bed(look: Look) -> Parts:
         parts += transform_all(volume, rotate("y", 8 - 20 * number), place)
     profile = "0 0, 0.032 0, 0.036 0.01, 0.036 0.085, 0.032 0.085, 0.031 0.012, 0 0.01"
     return [*parts, lathe(profile, look["white"], segments=36).at(0.92, 0.52, BACK + 0.37)]
-
-
-def _toys(seed: int, look: Look) -> Parts:
-    bear = softgoods.teddy(look["fur"], look["light fur"], look["button"], seed=seed + 80)
-    return [
-        *transform_all(toys.toy_corner(seed), rotate("y", 6), translate(0.14, 0.022, 0.84)),
-        *transform_all(bear, rotate("y", 20), translate(-0.56, 0.022, 0.78)),
-    ]
 
 
 def _on_walls(seed: int, look: Look) -> Parts:

@@ -22,9 +22,15 @@ def build(seed: int, *, triangles: int = 10000) -> Parts:
     place = chain(rotate("x", -2.5), rotate("y", 24), translate(0.05, 0, 0.0))
     parts = transform_all(bicycle(seed), place)
     parts += transform_all(_basket_load(seed), translate(0.52, 0.80, 0), place)
-    parts += _ground(seed) + _house(seed) + _lamp_post() + _foreground(rng, seed)
-    parts += _window_box(rng)
-    leaf = _ivy_leaf(seed)
+    parts += _ground(seed) + _house(seed)
+    profile = "0 0, 0.12 0, 0.12 0.06, 0.09 0.1, 0.085 0.34, 0.1 0.36, 0.06 0.42, 0.045 0.6"
+    iron = painted("cast iron", "#2f3a38", 0.2, 40.0)
+    lamp_post = lathe(f"{profile}, 0.038 3.4", iron, segments=12)
+    parts.append(lamp_post.at(-1.62, PAVEMENT_Y, -1.65))
+    parts += _foreground(rng, seed) + _window_box(rng)
+    texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
+    ivy = textured("ivy", texture, (0.05, 0.06, 0.04), 20.0)
+    leaf = foliage.diamond(0.14, 0.13, ivy, fold=0.12)
     parts += fill_to(triangles - count(parts), leaf, lambda number: _ivy(rng, number, leaf))
     return merge(parts)
 
@@ -162,12 +168,6 @@ def _door(seed: int, stone: Surface) -> Parts:
     ]
 
 
-def _lamp_post() -> Parts:
-    profile = "0 0, 0.12 0, 0.12 0.06, 0.09 0.1, 0.085 0.34, 0.1 0.36, 0.06 0.42, 0.045 0.6"
-    iron = painted("cast iron", "#2f3a38", 0.2, 40.0)
-    return [lathe(f"{profile}, 0.038 3.4", iron, segments=12).at(-1.62, PAVEMENT_Y, -1.65)]
-
-
 def _pot(radius: float, height: float, surface: Surface, earth: Surface, segments: int) -> Parts:
     size = radius, height
     shell = outline("0 0, 0.68 0, 0.92 0.8, 1.03 0.8, 1.06 1, 0.94 1, 0.9 0.88") * size
@@ -213,13 +213,6 @@ def _window_box(rng: Rng) -> Parts:
         bloom = painted(f"bloom {colour}", colour)
         parts.append(foliage.flowers(rng, places, bloom, size=0.034, petals=5))
     return parts
-
-
-def _ivy_leaf(seed: int) -> SurfaceMesh:
-    texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
-    return foliage.diamond(
-        0.14, 0.13, textured("ivy", texture, (0.05, 0.06, 0.04), 20.0), fold=0.12
-    )
 
 
 def _ivy(rng: Rng, number: int, leaf: SurfaceMesh) -> SurfaceMesh:

@@ -18,6 +18,7 @@ CENTRE = (0.0, 2.2, 0.0)
 SIZE_M = np.array([4.0, 5.0, 1.2])
 TITLE, AUTHORS = "LIGHT FIELDS", "A. Lumen   B. Parallax   C. Aperture"
 NAVY, CREAM, GOLD, RED = (24, 38, 78), (244, 236, 214), (222, 178, 84), (178, 48, 42)
+RED_ON_DARK = (240, 120, 96)
 
 
 def build(seed: int) -> Parts:
@@ -37,7 +38,10 @@ def _box(half: np.ndarray, seed: int) -> Parts:
     x, y, z = half
     cover = textured("cover", _cover(seed), 0.25, 60.0)
     back = textured("back cover", blank_page(NAVY, (8, 8)), 0.25, 60.0)
-    spine = textured("spine", _spine(), 0.25, 60.0)
+    page = blank_page(NAVY, (1280, 320))
+    page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
+    page = write(page, TITLE, (160, 640), 110, GOLD, turn=-1)
+    spine = textured("spine", page, 0.25, 60.0)
     pages = textured("pages", _pages(seed))
     return [
         quad([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
@@ -71,9 +75,6 @@ def _cover(seed: int) -> np.ndarray:
     return write(page, AUTHORS, (512, 1120), 1700.0 / len(AUTHORS), RED_ON_DARK)
 
 
-RED_ON_DARK = (240, 120, 96)
-
-
 def _ripples(seed: int, size: Size) -> np.ndarray:
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: size[0], : size[1]] / size[0]
@@ -81,12 +82,6 @@ def _ripples(seed: int, size: Size) -> np.ndarray:
     for centre_x, centre_y in rng.uniform(0, 1.3, (5, 2)):
         wave += np.sin(38.0 * np.hypot(x - centre_x, y - centre_y))
     return textures.finish(textures.ramp(wave / 8 + 0.5, NAVY, RED, GOLD, CREAM))
-
-
-def _spine() -> np.ndarray:
-    page = blank_page(NAVY, (1280, 320))
-    page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
-    return write(page, TITLE, (160, 640), 110, GOLD, turn=-1)
 
 
 def _pages(seed: int) -> np.ndarray:

@@ -17,10 +17,8 @@ def build(seed: int) -> Parts:
 
     ``seed`` changes nothing: the box has no random part.
     """
-    white, red, green = (
-        painted(name, colour)
-        for name, colour in (("white", "#dcd8cf"), ("red", "#a81f1c"), ("green", "#2c7f31"))
-    )
+    white, red = painted("white", "#dcd8cf"), painted("red", "#a81f1c")
+    green = painted("green", "#2c7f31")
     glow = painted("lamp", "#c8c8c8", emission=LAMP)
     s = SIDE
     parts = [

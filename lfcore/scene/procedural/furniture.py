@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.scene.procedural import foliage, textures
-from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes
 from lfcore.scene.procedural.primitives import box, cushion, mesh_grid, rectangle, scattered
 from lfcore.scene.procedural.softgoods import draped, pillow, tufted
 from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
@@ -243,13 +243,3 @@ def tulip_table(rng: Rng, look: Look) -> Parts:
     volume = book((0.03, 0.20, 0.14), 1, look, lying=True)
     turned = transform_all(volume, rotate("y", 30), translate(0.02, 0.62, 0.17))
     return [top, stem, *flowers, *turned]
-
-
-def bedroom_wood(seed: int) -> Look:
-    walnut = textures.wood(seed + 1, (70, 42, 26), (128, 84, 54), rings=6)
-    oak = textures.wood(seed + 2, (158, 118, 76), (208, 170, 122), rings=6)
-    return {
-        "walnut": textured("walnut", walnut, 0.07, 35.0),
-        "oak": textured("oak", oak, 0.05, 30.0),
-        "brass": painted("brass", "#b28a3e", (0.5, 0.42, 0.25), 60.0),
-    }

@@ -16,6 +16,7 @@ from lfcore.scene.surface_mesh import (
     SurfaceMesh,
     area_vectors,
     crease_normals,
+    grid_triangles,
     join,
     normalise,
 )
@@ -64,19 +65,13 @@ def mesh_grid(
         points = np.concatenate([points, points[:, :1]], 1)
     if close_rows:
         points = np.concatenate([points, points[:1]], 0)
-    triangles = _cells(points)
+    triangles = grid_triangles(points)
     edges = area_vectors(triangles)
     size = np.abs(points - points.mean((0, 1))).max()
     keep = np.abs(edges).max(1) > 1e-12 * size * size
     normals = crease_normals(triangles[keep], crease_deg) if smooth else None
-    uvs = None if uv is None else _cells(np.asarray(uv, np.float64))[keep]
+    uvs = None if uv is None else grid_triangles(np.asarray(uv, np.float64))[keep]
     return SurfaceMesh(triangles[keep], surface, normals, uvs)
-
-
-def _cells(grid: np.ndarray) -> np.ndarray:
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    both = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2)
-    return both.reshape(-1, 3, grid.shape[-1])
 
 
 def box(size: ArrayLike, surface: Surface, *, repeat: float = 1.0, grain: int = 0) -> SurfaceMesh:
