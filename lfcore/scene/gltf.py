@@ -23,7 +23,7 @@ from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.surface_mesh import normalise, triple
-from lfcore.scene.transforms import parse_transform
+from lfcore.scene.transforms import affine, parse_transform
 
 SUFFIXES = (".glb", ".gltf")
 GLOSSY, DRACO = "KHR_materials_pbrSpecularGlossiness", "KHR_draco_mesh_compression"
@@ -198,11 +198,9 @@ class Document:
         try:
             if "matrix" in node:
                 return np.array(node["matrix"], np.float64).reshape(4, 4).T
-            pose = np.eye(4)
             turn = Rotation.from_quat(np.array(node.get("rotation", (0, 0, 0, 1)), np.float64))
-            pose[:3, :3] = turn.as_matrix() * np.array(node.get("scale", (1, 1, 1)), np.float64)
-            pose[:3, 3] = node.get("translation", (0, 0, 0))
-            return pose
+            size = np.array(node.get("scale", (1, 1, 1)), np.float64)
+            return affine(turn.as_matrix() * size, node.get("translation", (0, 0, 0)))
         except (ValueError, TypeError, OverflowError) as error:
             raise self._broken(f"a node's pose makes no sense: {error}") from None
 
@@ -259,9 +257,7 @@ class Document:
         if not isinstance(angle, (int, float)) or not 0 < angle < math.pi or not square:
             return None
         narrow = min(float(aspect), 1.0) if isinstance(aspect, (int, float)) and aspect > 0 else 1.0
-        to_world = np.eye(4)
-        to_world[:3, :3], to_world[:3, 3] = axes, matrix[:3, 3]
-        return FoundCamera(to_world, 2 * math.tan(angle / 2) * narrow)
+        return FoundCamera(affine(axes, matrix[:3, 3]), 2 * math.tan(angle / 2) * narrow)
 
     def note_what_is_left_out(self, notebook: Notebook) -> None:
         """Note what the file as a whole loses; materials note their own."""

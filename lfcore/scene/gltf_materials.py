@@ -213,11 +213,11 @@ def _share(value: Any, otherwise: float, path: Path) -> float:
 
 def factor(material: Any) -> np.ndarray:
     """(4,) base colour and alpha, which trimesh holds as floats or as whole numbers."""
-    given = np.ones(4) if material.baseColorFactor is None else np.asarray(material.baseColorFactor)
-    whole = np.issubdtype(given.dtype, np.integer)
-    factor = np.ones(4)
-    factor[: len(given[:4])] = given[:4] / (float(np.iinfo(given.dtype).max) if whole else 1.0)
-    return factor
+    from trimesh.visual.color import to_float  # slow to import
+
+    given = material.baseColorFactor
+    given = np.zeros(0) if given is None else to_float(given)[:4]
+    return np.append(given, np.ones(4 - len(given)))
 
 
 def clipped(colour: np.ndarray) -> Colour:

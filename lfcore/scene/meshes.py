@@ -21,8 +21,6 @@ from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
-# Formats whose vertex colours are linear; everywhere else they are display values.
-LINEAR_COLOUR_FORMATS = (".glb", ".gltf")
 STRIP_NAMES = ("vertex_indices", "vertex_index")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
@@ -271,7 +269,17 @@ def _of_mtl(material: Any, path: Path) -> Surface:
     texture = picture(material.image, path)
 
     def number(key: str, otherwise: float) -> np.ndarray:
-        return _mtl_numbers(given.get(key, otherwise), f"{material.name}: {key.title()}", path)
+        """(3,) of what stands behind a key: a single number counts for all three."""
+        value = given.get(key, otherwise)
+        try:
+            numbers = np.ravel(np.asarray(value, np.float64))
+        except (ValueError, TypeError):
+            numbers = np.zeros(0)
+        if len(numbers) not in (1, 3) or not np.isfinite(numbers).all():
+            problem = f"{value!r} is not one finite number or three"
+            where = Where(path, f"material {material.name}: {key.title()}")
+            raise where.error(problem, "Mend the material file")
+        return np.broadcast_to(numbers, 3)
 
     diffuse = number("kd", 0.8)
     if texture is not None and not diffuse.any():
@@ -283,20 +291,10 @@ def _of_mtl(material: Any, path: Path) -> Surface:
     return Surface(material.name or path.stem, *colours[:2], exponent, colours[2], texture)
 
 
-def _mtl_numbers(value: Any, key: str, path: Path) -> np.ndarray:
-    """(3,) of what stands behind a key of an MTL: a single number counts for all three."""
-    try:
-        numbers = np.ravel(np.asarray(value, np.float64))
-    except (ValueError, TypeError):
-        numbers = np.zeros(0)
-    if len(numbers) not in (1, 3) or not np.isfinite(numbers).all():
-        problem = f"{value!r} is not one finite number or three"
-        raise Where(path, f"material {key}").error(problem, "Mend the material file")
-    return np.broadcast_to(numbers, 3)
-
-
 def _colours(visual: Any, faces: np.ndarray, path: Path) -> np.ndarray | None:
     """(T, 3, 3) linear vertex or face colours, None when the file has none."""
+    from trimesh.visual.color import to_float
+
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
         corner = np.asarray(visual.vertex_colors)[faces]
@@ -307,16 +305,9 @@ def _colours(visual: Any, faces: np.ndarray, path: Path) -> np.ndarray | None:
         if attribute is None or len(attribute) <= faces.max():
             return None
         corner = np.asarray(attribute)[faces]
-    colours = _unit(corner)[..., :3]
-    return colours if path.suffix.lower() in LINEAR_COLOUR_FORMATS else srgb_decode(colours)
-
-
-def _unit(values: np.ndarray) -> np.ndarray:
-    """Colours in [0, 1] from either floats or whole numbers of their type's range."""
-    values = np.asarray(values)
-    if np.issubdtype(values.dtype, np.integer):
-        return values / float(np.iinfo(values.dtype).max)
-    return np.clip(values.astype(np.float64), 0, 1)
+    colours = np.clip(to_float(corner[..., :3]), 0, 1)
+    # Those of glTF are linear; everywhere else they are display values.
+    return colours if path.suffix.lower() in SUFFIXES else srgb_decode(colours)
 
 
 def read_texture(path: Path, where: Where) -> np.ndarray:

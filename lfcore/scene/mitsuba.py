@@ -94,8 +94,9 @@ class Description:
             return None
         props = mitsuba.Properties()
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        glow = self._glow(material)
-        if glow is not None:
+        if self._glows:
+            emission = np.array(scene.materials[material].emission)
+            glow = self._colour(material, np.array(scene.ambient), emission)
             props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": glow})
         mesh = mitsuba.Mesh(
             f"material {material}",
@@ -131,13 +132,6 @@ class Description:
         texels = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
-
-    def _glow(self, index: int) -> dict | None:
-        """The radiance of a material that glows."""
-        if not self._glows:
-            return None
-        emission = np.array(self._scene.materials[index].emission)
-        return self._colour(index, np.array(self._scene.ambient), emission)
 
     def _bsdf(self, index: int) -> dict:
         material = self._scene.materials[index]

@@ -28,6 +28,7 @@ from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
+from lfcore.scene.transforms import affine
 from lfcore.scene.view import View
 
 if TYPE_CHECKING:
@@ -57,13 +58,11 @@ class Motion:
         from scipy.spatial.transform import Rotation, Slerp  # seldom needed, slow to import
 
         move = self.end @ np.linalg.inv(self.start)
-        turn = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([np.eye(3), move[:3, :3]])))(time)
+        slerp = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([np.eye(3), move[:3, :3]])))
+        turn = slerp(time).as_matrix()
         # Objects turn about their own origin, not about the camera.
         pivot = self.start[:3, 3]
-        matrix = np.eye(4)
-        matrix[:3, :3] = turn.as_matrix()
-        matrix[:3, 3] = pivot + time * (self.end[:3, 3] - pivot) - matrix[:3, :3] @ pivot
-        return matrix
+        return affine(turn, pivot + time * (self.end[:3, 3] - pivot) - turn @ pivot)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,14 +200,8 @@ class Scene:
         ----------
         scene : trimesh.Scene or trimesh.Trimesh
             Its camera and lights are not taken over.
-        camera : Camera, optional
+        camera, lights, ambient, background, name
             As in :meth:`from_triangles`.
-        lights : sequence of Light, optional
-            As in :meth:`from_triangles`.
-        ambient, background : (float, float, float), optional
-            Linear RGB.
-        name : str
-            The scene's name.
 
         Returns
         -------

@@ -92,34 +92,24 @@ def _texture(scene: Scene, index: int, folder: Path) -> str:
     material = scene.materials[index]
     diffuse = np.array(material.diffuse)
     pigment = f"rgb {_vector(diffuse)}"
-    if _textured(scene, index):
+    textured = material.texture >= 0 and len(scene.uvs) > 0
+    if textured:
         linear = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
-        codes = srgb_codes(linear)
-        write_picture(folder / f"{index}.png", codes)
+        write_picture(folder / f"{index}.png", srgb_codes(linear))
         pigment = f'uv_mapping image_map {{ png "{index}.png" interpolate 2 }}'
     finish = f"ambient rgb {_vector(scene.ambient)} diffuse 1"
     if any(material.emission):
+        emission = np.array(material.emission)
+        if textured or (emission[diffuse == 0] > 0).any():
+            problem = f"the emission of material {material.name!r} is not exported to POV-Ray"
+            remedy = "Give it a diffuse colour without zeros, and no texture"
+            raise SceneError(problem, key=scene.name, remedy=remedy)
         # POV-Ray multiplies its emission by the pigment.
-        finish += f" emission rgb {_vector(_over(scene, index))}"
+        finish += f" emission rgb {_vector(emission / np.where(diffuse == 0, 1, diffuse))}"
     if any(material.specular):
         roughness = 1 / max(material.shininess, 1.0)
         finish += f" specular {max(material.specular):.5g} roughness {roughness:.5g}"
     return f"texture {{ pigment {{ {pigment} }} finish {{ {finish} }} }}"
-
-
-def _textured(scene: Scene, index: int) -> bool:
-    return scene.materials[index].texture >= 0 and len(scene.uvs) > 0
-
-
-def _over(scene: Scene, index: int) -> np.ndarray:
-    """Emission over diffuse colour."""
-    material = scene.materials[index]
-    diffuse, emission = np.array(material.diffuse), np.array(material.emission)
-    if _textured(scene, index) or (emission[diffuse == 0] > 0).any():
-        problem = f"the emission of material {material.name!r} is not exported to POV-Ray"
-        remedy = "Give it a diffuse colour without zeros, and no texture"
-        raise SceneError(problem, key=scene.name, remedy=remedy)
-    return emission / np.where(diffuse == 0, 1, diffuse)
 
 
 def _mesh(scene: Scene, folder: Path) -> Iterator[str]:

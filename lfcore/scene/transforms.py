@@ -4,14 +4,20 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.scene.reading import NOWHERE, Where
 
 
-def translate(x: float, y: float, z: float) -> np.ndarray:
+def affine(linear: ArrayLike, offset: ArrayLike = 0.0) -> np.ndarray:
+    """(4, 4) of a (3, 3) linear part and what is then added (3,)."""
     matrix = np.eye(4)
-    matrix[:3, 3] = x, y, z
+    matrix[:3, :3], matrix[:3, 3] = linear, offset
     return matrix
+
+
+def translate(x: float, y: float, z: float) -> np.ndarray:
+    return affine(np.eye(3), (x, y, z))
 
 
 def scale(x: float, y: float | None = None, z: float | None = None) -> np.ndarray:
@@ -26,9 +32,7 @@ def rotate(axis: Sequence[float] | str, angle_deg: float) -> np.ndarray:
     x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = math.radians(angle_deg)
-    matrix = np.eye(4)
-    matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
-    return matrix
+    return affine(np.eye(3) + (math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)))
 
 
 def chain(*steps: np.ndarray) -> np.ndarray:
@@ -92,10 +96,7 @@ def look_at(
 
 def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
     """World-to-camera matrix from its (3, 3) rotation and the lens centre in the world."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = rows
-    matrix[:3, 3] = -rows @ position
-    return matrix
+    return affine(rows, -rows @ position)
 
 
 def pose_from_matrix(rows: list[list[float]], where: Where) -> np.ndarray:

@@ -10,7 +10,7 @@ from lfcore.scene.procedural import textures
 from lfcore.scene.procedural.basics import Parts, Size, textured
 from lfcore.scene.procedural.primitives import quad, rectangle
 from lfcore.scene.procedural.textures import blank_page, write
-from lfcore.scene.transforms import chain, rotate, translate
+from lfcore.scene.transforms import affine, chain, rotate, translate
 
 # Rotation of the book in pbrt-book/book.pbrt: angle in degrees and axis.
 POSE = (77.3425, (0.403388, -0.754838, -0.517202))
@@ -25,8 +25,7 @@ def build(seed: int) -> Parts:
     """16 triangles: cover, back, spine, three page edges, floor and wall; the cover faces +z."""
     parts = _box(SIZE_M / 2, seed)
     # The mesh this stands for lies on its back: cover up (+y), top of the page at -x.
-    lie = np.eye(4)
-    lie[:3, :3] = np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
+    lie = affine([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
     pose = chain(lie, rotate(POSE[1], POSE[0]), translate(*CENTRE))
     parts = [part.transformed(pose) for part in parts]
     lowest = min(part.triangles[..., 1].min() for part in parts)
