@@ -5,6 +5,7 @@ Names are searched for in the text, by the formats' own marks; of names that mea
 file that is missing, parsing tells the user.  A name in a comment counts: it costs a parse at most.
 """
 
+import os
 import re
 import urllib.parse
 from collections.abc import Callable, Iterable, Iterator
@@ -48,14 +49,12 @@ def _walk(path: Path) -> Iterator[tuple[Path, Scanner]]:
         yield file, scanner
         for name, scanner_of_named in _named_by(file, scanner):
             # pbrt looks beside its main file, then beside the file that includes.
-            candidates = (_existing(folder, name) for folder in dict.fromkeys((main, file.parent)))
-            named = next((candidate for candidate in candidates if candidate), None)
+            candidates = (folder / name for folder in dict.fromkeys((main, file.parent)))
+            named = next((each for each in candidates if os.path.isfile(each)), None)
             if named and named not in seen:
                 seen.add(named)
-                scanner_of_named = scanner_of_named or _scanner_of(named)
-                waiting.append(
-                    (named, main if scanner is _pbrt else named.parent, scanner_of_named)
-                )
+                beside = main if scanner is _pbrt else named.parent
+                waiting.append((named, beside, scanner_of_named or _scanner_of(named)))
 
 
 def asks_for_light(path: str | Path) -> bool:
@@ -82,13 +81,6 @@ def _named_by(file: Path, scanner: Scanner) -> list[tuple[str, Scanner | None]]:
         return names
     except (OSError, ValueError, SceneError):
         return []
-
-
-def _existing(folder: Path, name: str) -> Path | None:
-    try:
-        return folder / name if (folder / name).is_file() else None
-    except (OSError, ValueError):  # too long, or holds a NUL
-        return None
 
 
 def _scanner_of(file: Path) -> Scanner:

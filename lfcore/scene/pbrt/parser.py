@@ -111,11 +111,8 @@ class _Parser:
             head = tokens.take()
             kind, name = declare(str(head.value), head.place)
             if head.unclosed:
-                self.notebook.add(
-                    APPROXIMATED,
-                    head.place,
-                    f'"{head.value} lacks its closing quote: read as closed',
-                )
+                what = f'"{head.value} lacks its closing quote: read as closed'
+                self.notebook.add(APPROXIMATED, head.place, what)
             if name in into.items:
                 raise head.place.error(f'"{name}" is given twice', "Remove one of them")
             values = _values(tokens, kind, head)

@@ -21,11 +21,6 @@ Size = tuple[int, int]
 Range = tuple[float, float]
 
 
-def codes(colour: str) -> list[int]:
-    """The three sRGB codes of ``#rrggbb``."""
-    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-
-
 def painted(
     name: str, colour: str, specular: float | Colour = 0.0, shininess: float = 32.0, **more: Any
 ) -> Surface:

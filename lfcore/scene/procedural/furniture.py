@@ -5,9 +5,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from PIL.ImageColor import getrgb
 
 from lfcore.scene.procedural import foliage, textures
-from lfcore.scene.procedural.basics import Look, Parts, Range, Rng, codes
+from lfcore.scene.procedural.basics import Look, Parts, Range, Rng
 from lfcore.scene.procedural.primitives import box, cushion, mesh_grid, rectangle, scattered
 from lfcore.scene.procedural.softgoods import draped, pillow, tufted
 from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
@@ -28,7 +29,7 @@ def spine_atlas(seed: int) -> np.ndarray:
     """(512, 1024, 3) uint8: 16 book spines side by side, 64 texels each, titles reading down."""
     atlas = np.zeros((512, 1024, 3), np.uint8)
     for index, (title, cloth) in enumerate(zip(TITLES, CLOTHS, strict=True)):
-        colour = codes(cloth)
+        colour = getrgb(cloth)
         page = textures.weave(seed + index, colour, size=(512, 64), threads=32).copy()
         ink = (236, 214, 150) if sum(colour) < 420 else (60, 44, 36)
         for row in (40, 48, 440, 448, 470):

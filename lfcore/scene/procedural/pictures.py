@@ -2,9 +2,9 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
+from PIL.ImageColor import getrgb
 
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.basics import codes
 
 
 def art_print(seed: int, kind: int) -> np.ndarray:
@@ -129,8 +129,8 @@ def patchwork(seed: int) -> np.ndarray:
     stitch = (np.abs(seam - 0.075) < 0.008) & (((u + v) * 16 % 1) < 0.6)
     for number in range(16):
         row, column = divmod(number, 4)
-        base = np.array(codes(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
-        other = np.array(codes(tones[(row * 3 + column + 2) % 6]))
+        base = np.array(getrgb(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
+        other = np.array(getrgb(tones[(row * 3 + column + 2) % 6]))
         mask = masks[int(rng.integers(4))]
         cloth = textures.weave(seed + number, (255, 255, 255), size=(128, 128), threads=32)
         patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)

@@ -1,9 +1,10 @@
 """Toys: letter blocks, a beach ball, a stacking tower, a wooden train."""
 
 import numpy as np
+from PIL.ImageColor import getrgb
 
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.basics import Parts, codes, painted, textured
+from lfcore.scene.procedural.basics import Parts, painted, textured
 from lfcore.scene.procedural.primitives import box, cushion
 from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, transform_all
@@ -26,7 +27,7 @@ def toy_paint(index: int) -> Surface:
 def letter_block(letter: str, index: int, seed: int) -> SurfaceMesh:
     """A wooden cube with rounded edges and a letter framed on each side; 768 triangles."""
     wood = textures.wood(seed + index, (206, 168, 116), (232, 204, 158), size=(128, 128), rings=4)
-    ink = codes(PAINTS[index % len(PAINTS)])
+    ink = getrgb(PAINTS[index % len(PAINTS)])
     face = wood.copy()
     face[10:118, 10:118] = ink
     face[17:111, 17:111] = wood[17:111, 17:111]
@@ -40,7 +41,7 @@ def ball(seed: int) -> SurfaceMesh:
     """Six coloured gores and two white caps."""
     texture = np.zeros((128, 256, 3), np.uint8)
     for gore in range(6):
-        texture[:, gore * 256 // 6 : (gore + 1) * 256 // 6] = codes(PAINTS[gore])
+        texture[:, gore * 256 // 6 : (gore + 1) * 256 // 6] = getrgb(PAINTS[gore])
         texture[:, gore * 256 // 6 : gore * 256 // 6 + 3] = (244, 238, 226)
     texture[:12] = texture[-12:] = (244, 238, 226)
     whole = sphere(0.13, textured("beach ball", texture, 0.3, 60.0), segments=60, rings=40)
