@@ -130,7 +130,7 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
     found |= {
         "resolution": f"{width} x {height} pixels, {columns} x {rows} views, {rays:,} rays",
         "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} per frame, "
-        f"{metadata.frames} frames of {layout.frame_width} x {layout.frame_height}",
+        f"{metadata.segments.frames} frames of {layout.frame_width} x {layout.frame_height}",
         "codec": f"{metadata.codec}, {layout.pixel_format}{_settings(metadata.settings)}",
         "segments": f"{len(metadata.segments)}, damaged: {len(field.damage)}",
         "size": f"{size:,} bytes, {8 * size / rays:.4f} bits per ray, "

@@ -64,10 +64,10 @@ def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
 class DepthSlicer:
     """Forms ``planes`` of ``pixels`` on the longer side from rays of ``views`` with known depth.
 
-    ``bounds_px`` and ``least_px`` are as for the reference, ``stops`` those above white of the
-    brightest ray.  ``fill_far`` gives the farthest light of a pixel what all rays leave, for holes
-    at edges.  ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a
-    file are added (:meth:`add_stored`) and not traced ones.
+    ``bounds_px`` are as for the reference, ``stops`` those above white of the brightest ray.
+    ``fill_far`` gives the farthest light of a pixel what all rays leave, for holes at edges.
+    ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a file are
+    added (:meth:`add_stored`) and not traced ones.
     """
 
     def __init__(
@@ -78,7 +78,6 @@ class DepthSlicer:
         device: Device | None = None,
         *,
         bounds_px: Sequence[float] = BOUNDS_PX,
-        least_px: float | None = None,
         stops: int = 0,
         fill_far: bool = False,
         codes: DepthCodes | None = None,
@@ -97,9 +96,7 @@ class DepthSlicer:
             )
         self.views, self.planes, self.pixels = views, list(planes), pixels
         self.device = device or open_device()
-        if least_px is None:
-            least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
-        self.least_px = least_px
+        self.least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
         self._table = np.zeros(1, np.float32) if codes is None else codes.table
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]

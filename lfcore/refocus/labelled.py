@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.free_views import served_positions, views_at
+from lfcore.storage.index import FIRST
 
 if TYPE_CHECKING:
     import xarray
@@ -53,16 +53,12 @@ def _chunks(field: FieldPlanes) -> tuple[tuple[int, ...], ...]:
         return (1,) * count, (count,), (height,), (width,), (3,)
     by_views = field.layout.kind == "views"
     held = field.extent.views if by_views else (*field.corner, *field.picture_size)
-    edges: list[set[int]] = [set(), set()]  # of columns, and of rows
-    for part in field.metadata.segments:
-        tile = part.tile
-        edges[0] |= {tile.column, tile.column + tile.columns}
-        edges[1] |= {tile.row, tile.row + tile.rows}
+    starts, sizes = np.split(field.metadata.segments.numbers[:, :FIRST], 2, axis=1)
     sides = []
     for axis, count in ((1, held[3]), (0, held[2])):
-        low = held[axis]
-        inside = sorted({min(max(edge - low, 0), count) for edge in edges[axis]} | {0, count})
-        sides.append(tuple(stop - start for start, stop in itertools.pairwise(inside)))
+        low, size = starts[:, axis] - held[axis], sizes[:, axis]
+        edges = np.concatenate([low, low + size, [0, count]])
+        sides.append(tuple(np.diff(np.unique(edges.clip(0, count))).tolist()))
     columns, rows = field.grid
     width, height = field.picture_size
     whole = ((height,), (width,)) if by_views else ((rows,), (columns,))

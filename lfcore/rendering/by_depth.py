@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -31,16 +30,6 @@ FOOTPRINT = 2.0
 together in focus: measured, docs/notebook/true-picture.md."""
 
 
-class Widths(TypedDict, total=False):
-    """What a ray is in focus, in pixels of the picture, if not as measured best for one lattice.
-
-    ``footprint_px`` is what textures are filtered over, ``least_px`` the least side of its box.
-    """
-
-    footprint_px: float
-    least_px: float
-
-
 def pictures_by_depth(
     tracer: Tracer,
     camera: Camera,
@@ -49,7 +38,6 @@ def pictures_by_depth(
     lattice: Lattice,
     *,
     progress: Progress | None = None,
-    **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Pictures of a scene from the same rays: (P, height, width, 3) float32, linear light.
 
@@ -59,7 +47,7 @@ def pictures_by_depth(
     """
     planes, size = list(planes), Size.of(pixels)
     if len(planes) == 1:
-        return _focused(tracer, camera, planes[0], size, lattice, progress, **widths)[None]
+        return _focused(tracer, camera, planes[0], size, lattice, progress)[None]
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
     # For more, rays are traced again.
@@ -68,7 +56,7 @@ def pictures_by_depth(
     made = []
     for number, group in enumerate(groups):
         tell = part_of(progress, number, len(groups))
-        made.append(trace_by_depth(tracer, views, group, size.longer, progress=tell, **widths))
+        made.append(trace_by_depth(tracer, views, group, size.longer, progress=tell))
     pictures = np.concatenate(made)
     for picture, plane in zip(pictures, planes, strict=True):
         if plane.normalise == "lens":  # the whole lens, not the part that is traced
@@ -90,12 +78,11 @@ def _focused(
     size: Size,
     lattice: Lattice,
     progress: Progress | None,
-    **widths: Unpack[Widths],
 ) -> np.ndarray:
     slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
     own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(tracer, views, [own], size.longer, progress=progress, **widths)[0]
+    picture = trace_by_depth(tracer, views, [own], size.longer, progress=progress)[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
         share = lens_cells(views.slab, own.lens_aperture(views.slab)).share.mean()
@@ -111,7 +98,6 @@ def trace_by_depth(
     pixels: int,
     *,
     progress: Progress | None = None,
-    **widths: Unpack[Widths],
 ) -> np.ndarray:
     """Trace views and slice them by depth: (P, height, width, 3) float32, linear light.
 
@@ -119,14 +105,14 @@ def trace_by_depth(
     """
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
-    stops, least_px = tracer.needs.stops, widths.get("least_px")
+    stops = tracer.needs.stops
     needed = DepthSlicer.sums_bytes(len(planes), size, stops)
     if needed > device.device.global_mem_size // 2:
         what = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
         raise OpticsError(what, key="size", remedy=remedy)
-    slicer = DepthSlicer(views, planes, pixels, device, least_px=least_px, stops=stops)
-    for part, bundles in _bundles(views, pixels, widths.get("footprint_px")):
+    slicer = DepthSlicer(views, planes, pixels, device, stops=stops)
+    for part, bundles in _bundles(views, pixels, None):
         rays = len(bundles.elements) * bundles.columns
         # Whole packets, so that no ray's bits change.
         step = max(1, BAND_RAYS // rays // PACKET_ROWS) * PACKET_ROWS

@@ -71,14 +71,6 @@ class Metadata:
     depth: StoredDepth | None = None
 
     @property
-    def geometry(self) -> str:
-        return "array" if self.slab is None else "slab"
-
-    @property
-    def frames(self) -> int:
-        return self.segments.frames
-
-    @property
     def camera_array(self) -> CameraArray | None:
         """The array of an ``array`` geometry; :class:`OpticsError` when it is none."""
         return CameraArray.from_json(self.array) if self.array is not None else None
@@ -110,7 +102,7 @@ class Metadata:
         data = {
             "version": VERSION if self.layout.picture else SQUARE,
             "software": self.software,
-            "geometry": self.geometry,
+            "geometry": "array" if self.slab is None else "slab",
             "slab": self.slab.to_json() if self.slab else None,
             "array": self.array,
             "layout": self.layout.to_json(),

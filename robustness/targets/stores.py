@@ -134,7 +134,7 @@ def _salvage(file: Path, right: bytes) -> None:
         raise SilentlyWrong("a light field of another size")
     whole = whole.reshape(size, size, side, side, 3)
     known = np.zeros((size, size), bool)
-    frame = len(depths) // max(1, field.metadata.frames)
+    frame = len(depths) // max(1, field.metadata.segments.frames)
     for part in field.segments:
         if depths_of(field, part) != depths[part.first * frame : part.stop * frame]:
             raise SilentlyWrong("other depths than were stored, when salvaged")
