@@ -104,42 +104,12 @@ def test_a_sphere_in_half_a_sky():
         assert abs(off.mean()) < 0.002 and np.sqrt((off**2).mean()) < 0.01
 
 
-@pytest.mark.parametrize("distance", [0.5, 1.0])
-def test_two_plates_exchange_what_their_form_factor_says(distance):
-    """Parallel squares: J. Howell, "A Catalog of Radiation Heat Transfer Configuration Factors",
-    C-11."""
-    x = 1 / distance
-    r = np.sqrt(1 + x * x)
-    factor = 2 / (np.pi * x * x) * (
-        np.log(r * r / np.sqrt(1 + 2 * x * x)) + 2 * x * r * np.arctan(x / r)
-        - 2 * x * np.arctan(x)
-    )  # fmt: skip
-    square = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1.0]]) - (0, 0.5, 0.5)
-    faces = square[[[0, 1, 2], [0, 2, 3]]]
-    plates = np.concatenate([faces, faces + (distance, 0, 0)]) + (-distance / 2, 0, 1.6)
-    scene = replace(
-        world(plates, sky=np.zeros_like(WHITE), bounces=0),
-        materials=[Material("glows", (0, 0, 0), emission=(1, 1, 1)), Material("dark", (0, 0, 0))],
-        material_ids=np.int32([0, 0, 1, 1]),
-    )
-    scene = lfcore.bake(scene)
-    # The mean over a triangle of what is linear between its points.
-    total = []
-    for triangle in (2, 3):
-        places, values = on_grid(scene, triangle, behind=True)
-        side = round(np.sqrt(2 * len(places)) - 1.5)
-        i, j = lattice(side).T
-        edges = (i == 0) * 1 + (j == 0) + (i + j == side)
-        total.append(np.average(values, weights=np.array([6, 3, 1])[edges]))
-    assert np.mean(total) == pytest.approx(factor, rel=0.01)
-
-
-@pytest.mark.parametrize("half", [0.01, 0.2])
-def test_a_lamp_gives_what_its_form_factor_says(half):
-    """A square behind the camera, and a wall before it."""
+@pytest.mark.parametrize(("half", "distance"), [(0.01, 1.8), (0.2, 1.8), (0.5, 1.0)])
+def test_what_glows_gives_what_its_form_factor_says(half, distance):
+    """A square, small behind the camera or a plate as wide as half of the wall before it."""
     low, high = (0.3 - half, -half), (0.3 + half, half)
     scene = replace(
-        world(np.concatenate([plain_scenes.wall(1.5, 1.0), rectangle(low, high, -0.3)])),
+        world(np.concatenate([plain_scenes.wall(1.5, 1.0), rectangle(low, high, 1.5 - distance)])),
         materials=[Material("matt"), Material("lamp", emission=(0.1 / half**2,) * 3)],
         material_ids=np.int32([0, 0, 1, 1]), sky=np.zeros_like(WHITE),
         bake=BakeOptions(0, error=0.005),
@@ -147,7 +117,7 @@ def test_a_lamp_gives_what_its_form_factor_says(half):
     scene = lfcore.bake(scene)
     for triangle in (0, 1):
         places, found = on_grid(scene, triangle, behind=True)
-        wanted = 0.1 / half**2 * factor_to(places, low, high, 1.8)
+        wanted = 0.1 / half**2 * factor_to(places, low, high, distance)
         off = found / wanted - 1
         assert abs(off.mean()) < 0.003 and np.sqrt((off**2).mean()) < 0.01
 

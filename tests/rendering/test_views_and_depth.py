@@ -42,14 +42,6 @@ def test_depth_of_every_view_by_hand(tracer, size):
         np.testing.assert_allclose(picture, np.broadcast_to(row, (height, width)), rtol=1e-6)
 
 
-def test_disparity_by_hand():
-    slab = Slab(CAMERA, 8, 64)
-    # lens pitch 50 mm / 8, pixel pitch field / 64
-    unit = 0.05 / 8 / (CAMERA.field_width / 64)
-    got = depths.disparity(slab, np.array([1.0, 2.0, 4.0, np.inf], np.float32))
-    np.testing.assert_allclose(got, np.array([0.5, 0.0, -0.25, -0.5]) * unit, rtol=1e-6)
-
-
 def test_disparity_is_how_points_move(tracer):
     """The edge of the near wall moves by its disparity from one view to the next."""
     slab = Slab(CAMERA, 4, 400)
