@@ -36,6 +36,22 @@ _cleared: set[Path] = set()
 _lock = threading.Lock()
 
 
+class _KeptRefusal(io.FileIO):
+    """A file without a buffer that keeps the system's first refusal to write."""
+
+    error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        return self.kept(super().write, data)
+
+    def kept(self, work: Callable[[Any], Any], of: Any) -> Any:
+        try:
+            return work(of)
+        except OSError as error:
+            self.error = self.error or error
+            raise
+
+
 class WholeFile(io.BufferedRandom):
     """A binary file that is being written.
 
@@ -43,37 +59,15 @@ class WholeFile(io.BufferedRandom):
     an exception, and not beside it, where a full disk may pass unseen.
     """
 
-    error: OSError | None = None
-    """The first refusal of the system."""
-
-    @contextmanager
-    def _kept(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            self.error = self.error or error
-            raise
+    raw: _KeptRefusal
 
     def fileno(self) -> int:
         raise io.UnsupportedOperation("fileno")
 
-    def write(self, data: Any) -> int:
-        with self._kept():
-            return super().write(data)
-
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        with self._kept():
-            return super().seek(offset, whence)  # writes what is in its buffer
-
-    def flush(self) -> None:
-        with self._kept():
-            super().flush()
-
     def sync(self) -> None:
         """Wait until the disk has all that was written; several files are then renamed at once."""
         self.flush()
-        with self._kept():
-            os.fsync(self.raw.fileno())
+        self.raw.kept(os.fsync, self.raw.fileno())
 
 
 @contextmanager
@@ -85,7 +79,7 @@ def whole_file(path: str | Path) -> Iterator[WholeFile]:
     path = Path(path)
     with _held_draft(path) as draft:
         with _named(path):
-            file = WholeFile(io.FileIO(draft, "r+"), 1 << 18)
+            file = WholeFile(_KeptRefusal(draft, "r+"), 1 << 18)
         try:
             yield file
             file.sync()
@@ -93,8 +87,8 @@ def whole_file(path: str | Path) -> Iterator[WholeFile]:
         except BaseException as error:
             with suppress(OSError):  # a full disk fails again when buffers are flushed
                 file.close()
-            if file.error:
-                raise cannot_write(path, file.error) from error
+            if file.raw.error:
+                raise cannot_write(path, file.raw.error) from error
             raise
         with _named(path):
             os.replace(draft, path)

@@ -23,6 +23,7 @@ from lfcore.cli.progress import progress, wrote
 from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
 from lfcore.pictures import CODED, SUFFIXES, check_codes, check_suffix, contact_sheet
+from lfcore.refocus.focal_stack import focal_stack
 
 REFOCUS = """\
 Make pictures from a light field file: focused at any distance, through any aperture that is no
@@ -75,7 +76,14 @@ def make_pictures(
     arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
     """(P, height, width, 3) of the planes, with a line of progress."""
+    in_blocks = arguments.method == "blocks"
+    if in_blocks and (
+        arguments.filter not in (None, "nearest") or arguments.pixels or arguments.salvage
+    ):
+        refuse("--method", "blocks excludes --filter, --pixels and --salvage", "Leave them out")
     with progress("refocusing", "frames") as report:
+        if in_blocks:
+            return focal_stack(field, planes, device=arguments.device, progress=report)
         return field.refocus_many(
             planes, method=arguments.method, filter=arguments.filter, pixels=arguments.pixels,
             device=arguments.device, progress=report,
@@ -165,8 +173,7 @@ def run(arguments: argparse.Namespace) -> None:
     field = open_field(arguments)
     planes = stack_planes(arguments, field)
     plane_options.say_doubts(planes, field)
-    make = _make_in_blocks if arguments.method == "blocks" else make_pictures
-    pictures = make(arguments, field, planes)
+    pictures = make_pictures(arguments, field, planes)
     if film:
         from lfcore.film import write_film
 
@@ -181,17 +188,6 @@ def run(arguments: argparse.Namespace) -> None:
         plane_options.save(path, planes, pictures, form(arguments), field)
         return
     wrote(path, f": {len(planes)} pictures")
-
-
-def _make_in_blocks(
-    arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
-) -> np.ndarray:
-    from lfcore.refocus.focal_stack import focal_stack
-
-    if arguments.filter not in (None, "nearest") or arguments.pixels or arguments.salvage:
-        refuse("--method", "blocks excludes --filter, --pixels and --salvage", "Leave them out")
-    with progress("refocusing", "frames") as report:
-        return focal_stack(field, planes, device=arguments.device, progress=report)
 
 
 def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> list[SensorPlane]:
