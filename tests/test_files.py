@@ -89,7 +89,7 @@ def test_a_draft_has_the_rights_of_any_new_file(tmp_path):
 ARRAY = CameraArray.on_grid((2, 2), (0, 1, 0, 1), 45.0, (48, 48))
 PLANES = [SensorPlane(2.0, 2.0)]
 SUMS = PlaneSums.zeros(Slab(Camera(0.05, 0.036, 2.0, 3.0), 4, 16), PLANES)
-TRUTH = Reference(PLANES, NOISE[None], np.ones(1), np.zeros((1, 96, 96), np.float32))
+TRUTH = Reference(PLANES, NOISE[None], np.ones(1))
 
 
 def write_segment(path):
