@@ -125,9 +125,8 @@ def write_pictures(
 def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits: int = 8) -> bytes:
     """The file that :func:`write_picture` writes by a name with this suffix, ``.npy`` apart."""
     coloured = picture.shape[2:] == (3,)
-    if not (picture.ndim == 2 or coloured) or not (
-        picture.dtype.kind == "f" or picture.dtype in (np.uint8, np.uint16)
-    ):
+    is_codes = picture.dtype in (np.uint8, np.uint16)
+    if not (picture.ndim == 2 or coloured) or not (picture.dtype.kind == "f" or is_codes):
         raise LfcoreError(
             f"{picture.dtype} of shape {picture.shape} is no picture",
             remedy="Give (H, W, 3) floats of linear light, or uint8 or uint16 of sRGB codes",
@@ -138,7 +137,6 @@ def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits:
         return exr_bytes(_linear(picture), half=half)
     if suffix == ".pfm":
         return _by_opencv(suffix, _linear(picture).astype(np.float32))
-    is_codes = picture.dtype in (np.uint8, np.uint16)
     return _by_opencv(suffix, picture if is_codes else srgb_codes(picture, bits))
 
 
