@@ -99,10 +99,8 @@ def _parts(
 
 def _check_emitter(item: Item, part: SurfaceMesh) -> None:
     if not (np.abs(part.triangles) <= LARGEST_COORDINATE).all():
-        raise item.place.error(
-            f"an emitter reaches farther than {LARGEST_COORDINATE:g} m from the camera",
-            "Move it nearer, or use a distant light",
-        )
+        problem = f"an emitter reaches farther than {LARGEST_COORDINATE:g} m from the camera"
+        raise item.place.error(problem, "Move it nearer, or use a distant light")
 
 
 def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple[SurfaceMesh, bool]:

@@ -37,9 +37,8 @@ def read_film(parameters: ParameterSet | None) -> tuple[int, int]:
     width, height = DEFAULT_FILM
     size = parameters.integer("xresolution", width), parameters.integer("yresolution", height)
     if min(size) < 1 or max(size) > LARGEST_FILM:
-        raise parameters.error(
-            "xresolution", f"of {size[0]} x {size[1]} is no film", f"Give 1 to {LARGEST_FILM}"
-        )
+        problem = f"of {size[0]} x {size[1]} is no film"
+        raise parameters.error("xresolution", problem, f"Give 1 to {LARGEST_FILM}")
     if parameters.get("cropwindow"):
         parameters.left_out("crop window")
     parameters.note_unused()

@@ -167,9 +167,8 @@ class Interpreter:
     def _do_active_transform(self, directive: Directive) -> None:
         active = {"StartTime": (0,), "EndTime": (1,), "All": (0, 1)}.get(directive.strings[0])
         if active is None:
-            raise directive.place.error(
-                f"ActiveTransform {directive.strings[0]}", "Use StartTime, EndTime or All"
-            )
+            problem = f"ActiveTransform {directive.strings[0]}"
+            raise directive.place.error(problem, "Use StartTime, EndTime or All")
         self._set(active=active)
 
     def _do_transform_times(self, directive: Directive) -> None:

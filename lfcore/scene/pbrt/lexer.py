@@ -100,10 +100,8 @@ def _token(kind: str, text: str, place: Place) -> Token:
     if _NUMBER.fullmatch(text):
         return Token(NUMBERS, _numbers([text], place), text, place)
     if not re.fullmatch(r"[A-Za-z_][\w]*", text):
-        raise place.error(
-            f"{text[:80]!r} is neither a number, a directive nor a quoted string",
-            "Quote strings and parameter names",
-        )
+        problem = f"{text[:80]!r} is neither a number, a directive nor a quoted string"
+        raise place.error(problem, "Quote strings and parameter names")
     return Token(WORD, text, text, place)
 
 

@@ -68,9 +68,8 @@ class MaterialTable:
 
     def find(self, name: str, place: Place) -> Definition:
         if name not in self.named:
-            raise place.error(
-                f'material "{name}" is not defined', "Define it with MakeNamedMaterial"
-            )
+            problem = f'material "{name}" is not defined'
+            raise place.error(problem, "Define it with MakeNamedMaterial")
         return self.named[name]
 
     def resolve(self, definition: Definition, emission: tuple = (0.0, 0.0, 0.0)) -> Resolved:

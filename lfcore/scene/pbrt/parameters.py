@@ -43,10 +43,9 @@ class ParameterSet:
         if parameter is None:
             return None
         if types and parameter.type not in types:
-            raise parameter.place.error(
-                f'{self.owner} wants "{name}" as {" or ".join(types)}, not "{parameter.type}"',
-                f'Write "{types[0]} {name}"',
-            )
+            wanted, given = " or ".join(types), parameter.type
+            problem = f'{self.owner} wants "{name}" as {wanted}, not "{given}"'
+            raise parameter.place.error(problem, f'Write "{types[0]} {name}"')
         parameter.used = True
         return parameter
 
@@ -145,9 +144,8 @@ def declare(text: str, place: Place) -> tuple[str, str]:
     """Split ``"type name"``.  Raises :class:`SceneError` for an unknown type."""
     words = text.split()
     if len(words) != 2:
-        raise place.error(
-            f'"{text}" is not a parameter', 'Write "type name", for example "float fov"'
-        )
+        remedy = 'Write "type name", for example "float fov"'
+        raise place.error(f'"{text}" is not a parameter', remedy)
     if words[0] not in TYPES:
         remedy = did_you_mean(words[0], TYPES)
         raise place.error(f"unknown parameter type {words[0]!r}", remedy)

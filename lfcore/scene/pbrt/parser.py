@@ -71,10 +71,8 @@ class _Parser:
             raise place.error(f"{str(path)!r} includes itself", "Break the circle")
         self.files += 1
         if len(stack) > DEEPEST_INCLUDE or self.files > MOST_FILES:
-            raise place.error(
-                f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}",
-                "Include each file once",
-            )
+            problem = f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}"
+            raise place.error(problem, "Include each file once")
         tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
         while tokens.peek.kind != lexer.END:
             directive = self.directive(tokens)

@@ -84,9 +84,8 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
         wavelengths, values = rows[:, 0], rows[:, 1]
     except (SceneError, ValueError, IndexError) as error:
         reason = getattr(error, "problem", error)
-        raise parameter.place.error(
-            f"spectrum file {str(path)!r} cannot be read: {reason}"
-        ) from None
+        problem = f"spectrum file {str(path)!r} cannot be read: {reason}"
+        raise parameter.place.error(problem) from None
     return wavelengths, values
 
 
@@ -100,10 +99,8 @@ def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
     if kind == "blackbody":
         scale = float(values[1]) if len(values) > 1 else 1.0
         if not COLDEST <= values[0] <= HOTTEST:
-            raise parameter.place.error(
-                f"a blackbody of {values[0]:g} K, instead of one above {COLDEST:g} K",
-                f"Give {COLDEST:g} to {HOTTEST:g} K",
-            )
+            problem = f"a blackbody of {values[0]:g} K, instead of one above {COLDEST:g} K"
+            raise parameter.place.error(problem, f"Give {COLDEST:g} to {HOTTEST:g} K")
         return blackbody(float(values[0])) * scale
     if kind == "spectrum" and isinstance(values, list):
         return spectrum_to_rgb(*read_spd(folder / values[0], parameter))

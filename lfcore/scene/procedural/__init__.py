@@ -30,9 +30,8 @@ def build(name: str, parameters: dict, seed: int, where: Where = NOWHERE) -> lis
     try:
         return builder(seed, **parameters)
     except SceneError as error:
-        raise (given[error.key] if error.key else given).error(
-            error.problem, error.remedy
-        ) from None
+        here = given[error.key] if error.key else given
+        raise here.error(error.problem, error.remedy) from None
 
 
 def _check_type(value: Any, default: object, where: Where) -> None:
