@@ -25,11 +25,8 @@ MOST_DISTANCES = 1 << 26
 def stops_above_white(scene: Scene) -> int:
     """The least number of stops above white, 0 to 16, that no ray's radiance exceeds: highlights,
     near lights, vertex colours, the sky and baked light count at their most, each alone."""
-    most = 1.0 if scene.clip else _brightest(scene)
-    return min(MOST_STOPS, math.ceil(math.log2(most))) if most > 1 + 1e-6 else 0
-
-
-def _brightest(scene: Scene) -> float:
+    if scene.clip:
+        return 0
     tint = float(scene.colours.max(initial=1.0)) if len(scene.colours) else 1.0
     arriving = sum(_arriving(scene, light) for light in scene.lights if any(light.colour))
     sky = float(scene.sky.max(initial=0.0))
@@ -41,7 +38,8 @@ def _brightest(scene: Scene) -> float:
         base = max(m.diffuse) * tint + (DIELECTRIC if m.is_metallic else 0.0)
         reflected = (around + arriving) * base + arriving * _highlight(m, base)
         most = max(most, max(m.emission) + reflected)
-    return min(most, 2.0**MOST_STOPS)
+    most = min(most, 2.0**MOST_STOPS)
+    return math.ceil(math.log2(most)) if most > 1 + 1e-6 else 0
 
 
 def _highlight(material: Material, base: float) -> float:

@@ -127,7 +127,14 @@ class TextureTable:
         if (a.uv_scale, a.uv_offset) != (b.uv_scale, b.uv_offset):
             parameters.approximated("images of different uv mapping, the second as its mean")
             return replace(a, factor=a.factor * b.mean())
-        return _product(a, b)
+        sides = zip(a.image.shape[1::-1], b.image.shape[1::-1], strict=True)
+        width, height = map(max, sides)
+        one, other = (
+            cv2.resize(srgb_decode(image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
+            for image in (a.image, b.image)
+        )
+        image, top = encode(one * other)
+        return replace(a, factor=a.factor * b.factor * top, image=image)
 
     def _imagemap(self, parameters: ParameterSet) -> Texture:
         name = parameters.string("filename")
@@ -175,15 +182,3 @@ def _mean(texture: Texture, parameters: ParameterSet, name: str) -> np.ndarray:
         what = f'"{name}" of {parameters.owner}: the mean of its texture'
         parameters.note(APPROXIMATED, what, name)
     return texture.mean()
-
-
-def _product(a: Texture, b: Texture) -> Texture:
-    """The product of two images, at the size of the larger."""
-    images = [texture.image for texture in (a, b) if texture.image is not None]
-    height, width = (max(image.shape[axis] for image in images) for axis in (0, 1))
-    linear = [
-        cv2.resize(srgb_decode(image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
-        for image in images
-    ]
-    image, top = encode(linear[0] * linear[1])
-    return replace(a, factor=a.factor * b.factor * top, image=image)

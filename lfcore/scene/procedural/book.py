@@ -7,7 +7,7 @@ cover leans back and the title, the authors and the edges lie at different depth
 import numpy as np
 
 from lfcore.scene.procedural import textures
-from lfcore.scene.procedural.basics import Parts, Size, textured
+from lfcore.scene.procedural.basics import Parts, textured
 from lfcore.scene.procedural.primitives import quad, rectangle
 from lfcore.scene.procedural.textures import blank_page, write
 from lfcore.scene.transforms import affine, chain, rotate, translate
@@ -41,7 +41,9 @@ def _box(half: np.ndarray, seed: int) -> Parts:
     page[60:72, 30:290] = page[1208:1220, 30:290] = GOLD
     page = write(page, TITLE, (160, 640), 110, GOLD, turn=-1)
     spine = textured("spine", page, 0.25, 60.0)
-    pages = textured("pages", _pages(seed))
+    shade = np.random.default_rng(seed + 3).uniform(0.78, 1.0, (1, 256, 1))
+    paper = np.broadcast_to(np.array(CREAM) * shade, (256, 256, 3))
+    pages = textured("pages", textures.finish(paper))
     return [
         quad([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)], cover),
         quad([(x, -y, -z), (-x, -y, -z), (-x, y, -z), (x, y, -z)], back),
@@ -67,23 +69,13 @@ def _cover(seed: int) -> np.ndarray:
     page = blank_page(NAVY, (1280, 1024))
     page[40:1240, 40:984] = CREAM
     page[52:1228, 52:972] = NAVY
-    page[360:960, 112:912] = _ripples(seed, (600, 800))
+    y, x = np.mgrid[:600, :800] / 600
+    wave = np.zeros((600, 800))
+    for centre_x, centre_y in np.random.default_rng(seed).uniform(0, 1.3, (5, 2)):
+        wave += np.sin(38.0 * np.hypot(x - centre_x, y - centre_y))
+    ripples = textures.ramp(wave / 8 + 0.5, NAVY, RED, GOLD, CREAM)
+    page[360:960, 112:912] = textures.finish(ripples)
     for line, word in enumerate(TITLE.split()):
         page = write(page, word, (512, 140 + line * 150.0), 150.0, GOLD)
     page = write(page, "from rays to pictures", (512, 1010), 44, CREAM)
     return write(page, AUTHORS, (512, 1120), 1700.0 / len(AUTHORS), RED_ON_DARK)
-
-
-def _ripples(seed: int, size: Size) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[: size[0], : size[1]] / size[0]
-    wave = np.zeros(size)
-    for centre_x, centre_y in rng.uniform(0, 1.3, (5, 2)):
-        wave += np.sin(38.0 * np.hypot(x - centre_x, y - centre_y))
-    return textures.finish(textures.ramp(wave / 8 + 0.5, NAVY, RED, GOLD, CREAM))
-
-
-def _pages(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed + 3)
-    shade = rng.uniform(0.78, 1.0, (1, 256, 1))
-    return textures.finish(np.broadcast_to(np.array(CREAM) * shade, (256, 256, 3)))
