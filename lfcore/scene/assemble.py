@@ -144,10 +144,12 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
             picture = getattr(surface, name)
             if picture is None or part.uvs is None:
                 continue
-            digest = _digest(picture, TEXTURES[name])
+            texture = np.ascontiguousarray(picture, np.uint8)
+            kind = f"{TEXTURES[name]} {texture.shape}".encode()
+            digest = hashlib.blake2b(kind + texture.tobytes(), digest_size=16).digest()
             if digest not in texture_index:
                 texture_index[digest] = len(textures)
-                textures.append(np.ascontiguousarray(picture, np.uint8))
+                textures.append(texture)
             numbers[name] = texture_index[digest]
         material = _material(surface, numbers)
         key = tuple(vars(material).values())
@@ -162,9 +164,3 @@ def _material(surface: Surface, textures: Any) -> Material:
     colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
     numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
     return Material(surface.name, **colours, **numbers, curved=bool(surface.curved), **textures)
-
-
-def _digest(texture: np.ndarray, kind: str) -> bytes:
-    digest = hashlib.blake2b(f"{kind} {texture.shape}".encode(), digest_size=16)
-    digest.update(np.ascontiguousarray(texture, np.uint8).tobytes())
-    return digest.digest()

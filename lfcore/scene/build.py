@@ -21,7 +21,7 @@ from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.framing import z_seems_up
-from lfcore.scene.gltf import SUFFIXES, Staging, moved, staging_of
+from lfcore.scene.gltf import SUFFIXES, moved, staging_of
 from lfcore.scene.limits import within_limits
 from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
@@ -132,9 +132,9 @@ def build(
     every = parts + [part for part, _ in moving]
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
         notebook.add(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
-    staging = staging_of(description, file, notebook)
+    lamps, found = staging_of(description, file, notebook)
     extent = framing.bounds(every, file=file)
-    camera, to_camera = framing.place_camera(description["camera"], extent, where, staging.camera)
+    camera, to_camera = framing.place_camera(description["camera"], extent, where, found)
     geometry = assemble(every, to_camera)
     placed = [
         (part.transformed(to_camera), (to_camera @ start, to_camera @ end))
@@ -159,7 +159,7 @@ def build(
         camera=camera,
         view=view,
         motions=motions(geometry, transform_all(parts, to_camera), placed) if moving else (),
-        lights=_lights(description, staging, to_camera, where["lights"]),
+        lights=_lights(description, lamps, to_camera, where["lights"]),
         bake=BakeOptions(**baking) if any(key in description for key in ASKS) else None,
         ambient=parse_colour(description["ambient"]),
         background=parse_colour(description["background"]),
@@ -174,7 +174,7 @@ def build(
         from lfcore.scene.sky import with_sky  # seldom needed
 
         scene = with_sky(scene, description["sky"], to_camera, file=file)
-    if not bare and not staging.lights:
+    if not bare and not lamps:
         scene = studio.around(scene, extent, to_camera, file=file)
     return within_limits(scene, file)
 
@@ -246,10 +246,10 @@ def _with_material(
 
 
 def _lights(
-    description: dict, staging: Staging, to_camera: np.ndarray, where: Where
+    description: dict, lamps: list[Light], to_camera: np.ndarray, where: Where
 ) -> list[Light]:
-    if "lights" not in description and staging.lights:
-        return [moved(light, to_camera) for light in staging.lights]
+    if "lights" not in description and lamps:
+        return [moved(light, to_camera) for light in lamps]
     if "lights" not in description:
         return [] if "sky" in description else framing.default_lights()
     lights = []

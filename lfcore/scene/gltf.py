@@ -277,16 +277,11 @@ class Document:
             notebook.add(LEFT_OUT, self.path, f"extension {name}")
 
 
-@dataclass(frozen=True)
-class Staging:
-    """Both in world space; ``lights`` is empty and ``camera`` None where no file has any."""
-
-    lights: tuple[Light, ...]
-    camera: FoundCamera | None
-
-
-def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
-    """What the glTF files of a checked description bring; what it overrides is noted."""
+def staging_of(
+    description: dict, file: Path, notebook: Notebook
+) -> tuple[list[Light], FoundCamera | None]:
+    """Lights and a camera, in world space, of the glTF files of a checked description; what it
+    overrides is noted."""
     lights: list[Light] = []
     camera: FoundCamera | None = None
     for index, entry in enumerate(description["objects"]):
@@ -309,7 +304,7 @@ def staging_of(description: dict, file: Path, notebook: Notebook) -> Staging:
             pose = matrix @ own.to_world
             pose[:3, :3] = normalise(pose[:3, :3].T).T  # a scale makes no camera larger
             camera = replace(own, to_world=pose)
-    return Staging(tuple(lights), camera)
+    return lights, camera
 
 
 def moved(light: Light, matrix: np.ndarray) -> Light:

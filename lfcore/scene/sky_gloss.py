@@ -38,17 +38,14 @@ def sky_gloss(sky: np.ndarray) -> np.ndarray:
     """
     key = id(sky)
     if key not in _made or _made[key][0]() is not sky:
-        _made[key] = weakref.ref(sky, lambda _: _made.pop(key, None)), _gloss(sky)
+        rest = suns(sky)[0]
+        maps = [_enlarged(_mean_over_lobes(rest, k / (LEVELS - 1), side), SIDE)
+                for k, side in enumerate(_SIDES)]  # fmt: skip
+        maps.append(_enlarged(_light(rest), SIDE))
+        rows = [part.reshape(-1, 3) for part in (*maps, reflected_shares())]
+        gloss = np.concatenate(rows).astype(np.float32)
+        _made[key] = weakref.ref(sky, lambda _: _made.pop(key, None)), gloss
     return _made[key][1]
-
-
-def _gloss(sky: np.ndarray) -> np.ndarray:
-    rest = suns(sky)[0]
-    maps = [_enlarged(_mean_over_lobes(rest, k / (LEVELS - 1), side), SIDE)
-            for k, side in enumerate(_SIDES)]  # fmt: skip
-    maps.append(_enlarged(_light(rest), SIDE))
-    parts = [part.reshape(-1, 3) for part in (*maps, reflected_shares())]
-    return np.concatenate(parts).astype(np.float32)
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:

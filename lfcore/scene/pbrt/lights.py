@@ -72,7 +72,15 @@ class LightRig:
             intensity = intensity / max(intensity.mean(), 1e-12) * power / (4 * math.pi)
         light = Light(POINT, triple(position), _over_pi(intensity), 1.0)
         if kind == "spot":
-            light = _spot(light, parameters, to_camera)
+            # pbrt's cone fades between the same angles, by another curve.
+            axis = _axis(parameters, to_camera, "from", "to")
+            outer = parameters.float("coneangle", 30.0)
+            inner = outer - parameters.float("conedeltaangle", 5.0)
+            if not 0 < outer <= 90:
+                raise parameters.error("coneangle", f"{outer:g} is no angle from 0 to 90")
+            angles = (math.radians(max(angle, 0.0)) for angle in (inner, outer))
+            cosines = [max(math.cos(angle), 0.0) for angle in angles]
+            light = replace(light, normal=axis, cone=(cosines[0], min(cosines)))
             parameters.approximated("fades as glTF's spots")
         self.lights.append(light)
 
@@ -137,14 +145,3 @@ def _axis(parameters: ParameterSet, to_camera: np.ndarray, start: str, end: str)
     if not length > 0:
         raise parameters.error("to", "coincides with from")
     return triple(axis / length)
-
-
-def _spot(light: Light, parameters: ParameterSet, to_camera: np.ndarray) -> Light:
-    """The cone of a spot: pbrt's fades between the same angles, by another curve."""
-    axis = _axis(parameters, to_camera, "from", "to")
-    outer = parameters.float("coneangle", 30.0)
-    inner = outer - parameters.float("conedeltaangle", 5.0)
-    if not 0 < outer <= 90:
-        raise parameters.error("coneangle", f"{outer:g} is no angle from 0 to 90")
-    cosines = [max(math.cos(math.radians(max(angle, 0.0))), 0.0) for angle in (inner, outer)]
-    return replace(light, normal=axis, cone=(cosines[0], min(cosines)))

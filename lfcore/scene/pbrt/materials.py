@@ -25,8 +25,6 @@ METAL_DIFFUSE = 0.4
 MIRROR_SHININESS = 2000.0
 Look = tuple[Texture, np.ndarray, float]
 """Diffuse texture, specular colour, shininess."""
-
-
 Resolved = tuple[Surface, Texture] | None
 """A surface with its texture, which says where the image lies; None: the material is none."""
 
