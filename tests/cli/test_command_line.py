@@ -285,24 +285,6 @@ def test_an_unknown_option_names_its_command(capsys, command):
     assert said.startswith(f"lfcore {command}: ") and "--sise" in said and said.count("\n") == 1
 
 
-def test_export_reads_views_on_the_device_that_is_named(tmp_path, monkeypatch):
-    """In Python, too, and without a scene to trace."""
-    import lfcore.exchange.source as source
-
-    device, used, file = lfcore.open_device(), [], tmp_path / "chart.mkv"
-    words = ["--pixels", "8", "--views", "2", "--codec", "layout=macropixels", "-o", str(file)]
-    assert main(["record", str(CHART), "--depth", "none", *words]) == 0
-
-    def read_views(*_, device=None, **__):
-        used.append(device)
-        raise lfcore.StorageError("far enough")
-
-    monkeypatch.setattr(source, "read_views", read_views)
-    with pytest.raises(lfcore.StorageError, match="far enough"):
-        lfcore.export_lightfield(file, "nerfstudio", tmp_path / "a", device=device)
-    assert used == [device]
-
-
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_help_teaches(name, capsys):
     with pytest.raises(SystemExit) as stop:
