@@ -104,31 +104,21 @@ class FrameSummer:
         elements, places = elements[here], places[here]
         places[:, 0] -= first
         buffer = self.summer.device.shown(np.ascontiguousarray(frames))
-        if self.layout.kind == "views":
-            self._add_views(buffer, elements, places)
+        by_views = self.layout.kind == "views"
+        if by_views:
+            wanted = self._is_open[elements[:, 1], elements[:, 0]]
+            samples, places, region = elements[wanted], places[wanted], self._pixels
+            places[:, 1:3] += self._corner
         else:
-            raster = np.lexsort((elements[:, 0], elements[:, 1]))
-            self._add_macropixels(buffer, places[raster], tile)
-        self.summer.device.queue.finish()
-
-    def _add_views(self, frames: cl.Buffer, elements: np.ndarray, places: np.ndarray) -> None:
-        wanted = self._is_open[elements[:, 1], elements[:, 0]]
-        elements, places = elements[wanted], places[wanted]
-        places[:, 1:3] += self._corner
-        step = self.summer.group_size(*self._pixels[2:])
-        for start in range(0, len(elements), step):
+            left, top = self._pixels[:2]
+            region = (tile.column + left, tile.row + top, tile.columns, tile.rows)
+            samples, places = self._open, places[np.lexsort((elements[:, 0], elements[:, 1]))]
+        step = self.summer.group_size(*region[2:])
+        for start in range(0, len(samples), step):
             part = slice(start, start + step)
-            self._unpack(
-                frames, self.layout.frame_height, places[part], elements[part], self._pixels
-            )
-
-    def _add_macropixels(self, frames: cl.Buffer, places: np.ndarray, tile: Tile) -> None:
-        left, top = self._pixels[:2]
-        region = (tile.column + left, tile.row + top, tile.columns, tile.rows)
-        step = self.summer.group_size(tile.columns, tile.rows)
-        for start in range(0, len(self._open), step):
-            part = self._open[start : start + step]
-            self._unpack(frames, self.layout.frame_height, places, part, region)
+            of = places[part] if by_views else places
+            self._unpack(buffer, self.layout.frame_height, of, samples[part], region)
+        self.summer.device.queue.finish()
 
     def _unpack(
         self, frames: cl.Buffer, rows: int, places: np.ndarray, samples: np.ndarray, region: tuple

@@ -11,7 +11,7 @@ import threading
 from collections import OrderedDict
 from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 from lfcore.errors import LfcoreError, StorageError
 
@@ -33,15 +33,11 @@ class RemoteFile:
         self._blocks: OrderedDict[int, bytes] = OrderedDict()
         self._lock = threading.RLock()
         self._run = (0, 0)
-        self._file = self._opened()
-        self._size = int(self._file.size)
-
-    def _opened(self) -> Any:
         try:
             import fsspec
 
             system, path = fsspec.url_to_fs(self.url)
-            file = system.open(path, "rb", cache_type="none")
+            self._file = system.open(path, "rb", cache_type="none")
         except ImportError as error:
             raise StorageError(
                 f"cannot be opened: {error}", file=self.url,
@@ -49,9 +45,9 @@ class RemoteFile:
             ) from None  # fmt: skip
         except Exception as error:  # each file system has errors of its own
             raise self._failed(error) from error
-        if not getattr(file, "size", None) or not hasattr(file, "cache"):
+        if not getattr(self._file, "size", None) or not hasattr(self._file, "cache"):
             raise StorageError(NO_RANGES, file=self.url, remedy=DOWNLOAD)
-        return file
+        self._size = int(self._file.size)
 
     def _failed(self, error: Exception) -> StorageError:
         if isinstance(error, FileNotFoundError):

@@ -12,7 +12,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
-from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb
@@ -48,21 +48,27 @@ def store_views(
         "views", views, pixels, pixel_format=encoding.stored_format, picture=held.pixels[2:],
         peak=peak,
     )  # fmt: skip
-    tiles, hashed, done = _tiles(layout, held), hashlib.sha256(), 0
+    column, row, columns, rows = held.views
+    step = max(1, SEGMENT_RAYS // (columns * math.prod(layout.size)))
+    tiles = [
+        layout.tile(column, row + start, columns, min(step, rows - start), index)
+        for index, start in enumerate(range(0, rows, step))
+    ]
+    hashed, done = hashlib.sha256(), 0
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
         for tile, segment in zip(tiles, segments, strict=True):
             frame_size = layout.frame_width, layout.frame_height
             with SegmentWriter(segment, encoding, *frame_size) as writer:
-                for column, row in tile.elements() - np.array(held.views[:2], np.int32):
-                    picture = view(int(column), int(row))
+                for place in tile.elements() - np.array(held.views[:2], np.int32):
+                    picture = view(*place.tolist())
                     hashed.update(np.ascontiguousarray(picture).data)
                     if picture.dtype == np.uint16:
                         picture = picture / np.float32(65535)
                     writer.write(frames_from_rgb(picture[None], layout.pixel_format, *frame_size))
                     done += 1
                     if progress:
-                        progress(done, held.views[2] * held.views[3])
+                        progress(done, columns * rows)
         return join_segments(
             path, segments, tiles, layout, geometry=recorded, spec=encoding, content=content,
             scene={"name": name, "digest": digest or hashed.hexdigest()},
@@ -75,13 +81,3 @@ def _held(geometry: Slab | CameraArray) -> tuple[Extent, tuple[int, int]]:
         return geometry.held, (geometry.views, geometry.pixels)
     n, m = geometry.cameras[0], geometry.tile[0]
     return Extent((0, 0, n, n), (0, 0, m, m)), (n, m)
-
-
-def _tiles(layout: FrameLayout, held: Extent) -> list[Tile]:
-    column, row, columns, rows = held.views
-    step = max(1, SEGMENT_RAYS // (columns * math.prod(layout.size)))
-    starts = range(0, rows, step)
-    return [
-        layout.tile(column, row + start, columns, min(step, rows - start), index)
-        for index, start in enumerate(starts)
-    ]

@@ -104,11 +104,19 @@ class DeviceField:
         """The arguments that all kernels start with."""
         lens = camera.pixel_pitch, camera.lens_radius_m
         view = np.array((camera.position_m, camera.rotation.ravel(), *camera.size, *lens), VIEW)
-        record, depth = surface_record(surface)
-        map_buffer = self.device.buffer(depth)
-        return (
-            self.buffer, self.record, self.columns, self.rows, view, record, map_buffer,
-        )  # fmt: skip
+        record, inverse = np.zeros((), SURFACE), np.zeros(0, np.float32)
+        if isinstance(surface, surfaces.DepthMapSurface):
+            record["kind"] = surfaces.DEPTH_MAP
+            record["map_height"], record["map_width"] = surface.depth.shape
+            inverse = np.ascontiguousarray(1.0 / surface.depth, np.float32)
+        elif isinstance(surface, surfaces.SphereSurface):
+            record["kind"], record["radius"] = surfaces.SPHERE, surface.radius
+            record["point"] = surface.centre
+        else:
+            record["kind"] = surfaces.PLANE
+            record["point"], record["normal"] = surface.point, surface.normal
+        depths = self.device.buffer(inverse)
+        return self.buffer, self.record, self.columns, self.rows, view, record, depths
 
     def run_rows(
         self, kernel: cl.Kernel, camera: VirtualCamera, arguments: Sequence[Any]
@@ -123,19 +131,3 @@ class DeviceField:
             kernel(self.device.queue, (width, count), None, *arguments, np.int32(first), target)
         cl.enqueue_copy(self.device.queue, out, target)
         return Synthesis.of(out, camera.size)
-
-
-def surface_record(surface: FocalSurface) -> tuple[np.ndarray, np.ndarray]:
-    """The struct of a surface, and its map of inverse depths (empty but for a depth map)."""
-    record = np.zeros((), SURFACE)
-    if isinstance(surface, surfaces.DepthMapSurface):
-        record["kind"] = surfaces.DEPTH_MAP
-        record["map_height"], record["map_width"] = surface.depth.shape
-        return record, np.ascontiguousarray(1.0 / surface.depth, np.float32)
-    if isinstance(surface, surfaces.SphereSurface):
-        record["kind"], record["radius"] = surfaces.SPHERE, surface.radius
-        record["point"] = surface.centre
-    else:
-        record["kind"] = surfaces.PLANE
-        record["point"], record["normal"] = surface.point, surface.normal
-    return record, np.zeros(0, np.float32)

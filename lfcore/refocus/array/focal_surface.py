@@ -119,24 +119,13 @@ def inverse_depth(
 ) -> np.ndarray:
     """q of rays (..., 3) at film positions (..., 2) in pixels; the float64 reference."""
     if isinstance(surface, DepthMapSurface):
-        share = film / np.array(camera.size, np.float64)
-        return _along_axis_of(camera, bilinear(1.0 / surface.depth, share), origins, directions)
+        from scipy.ndimage import map_coordinates  # for few: slow to import
+
+        inverse, share = 1.0 / surface.depth, film / np.array(camera.size, np.float64)
+        place = np.moveaxis(share[..., ::-1] * inverse.shape - 0.5, -1, 0)
+        near = map_coordinates(inverse, place, order=1, mode="nearest")
+        axis = camera.rotation[:, 2]  # a ray has depth 1 / near along it, from the lens on
+        start = (origins - camera.position_m) @ axis
+        forward = directions @ axis
+        return np.clip(near * forward / np.maximum(1.0 - near * start, 1e-12), 0.0, _NEAREST)
     return surface.inverse_depth(origins, directions)
-
-
-def _along_axis_of(
-    camera: VirtualCamera, near: np.ndarray, origins: np.ndarray, directions: np.ndarray
-) -> np.ndarray:
-    """q where a ray has depth 1 / near along the camera's axis, measured from its lens."""
-    axis = camera.rotation[:, 2]
-    start = (origins - camera.position_m) @ axis
-    forward = directions @ axis
-    return np.clip(near * forward / np.maximum(1.0 - near * start, 1e-12), 0.0, _NEAREST)
-
-
-def bilinear(grid: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Look up (H, W) at (..., 2) in [0, 1]: texel centres, clamped at the edge."""
-    from scipy.ndimage import map_coordinates  # for few: slow to import
-
-    place = share[..., ::-1] * grid.shape - 0.5
-    return map_coordinates(grid, np.moveaxis(place, -1, 0), order=1, mode="nearest")
