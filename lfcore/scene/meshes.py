@@ -62,8 +62,13 @@ def parts_of(
     """The parts of a ``trimesh.Scene``, as :func:`load_mesh`; ``path`` names it in errors."""
     import trimesh  # the heaviest import of the package, not needed by procedural scenes
 
+    try:
+        nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        meshes = [(matrix, scene.geometry[name]) for matrix, name in nodes]
+    except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
+        raise _error(path, f"its nodes cannot be placed: {error!r}") from error
     parts, empty = [], True
-    for matrix, placed in _placed(scene, path):
+    for matrix, placed in meshes:
         try:
             mesh = with_strips(placed)
         except ValueError as error:
@@ -78,15 +83,6 @@ def parts_of(
         remedy = "Export triangles, not only points, lines or fans"
         raise _error(path, "mesh holds no triangles", remedy)
     return parts
-
-
-def _placed(scene: Any, path: Path) -> list:
-    """(matrix, geometry) of each node that has one."""
-    try:
-        nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
-        return [(matrix, scene.geometry[name]) for matrix, name in nodes]
-    except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
-        raise _error(path, f"its nodes cannot be placed: {error!r}") from error
 
 
 def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:

@@ -105,27 +105,18 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
     """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns; ``to_camera`` turns
     the world, y up."""
-    return under(scene, _sky_of(description, to_camera, Path(file)))
-
-
-def under(scene: Scene, sky: np.ndarray) -> Scene:
-    """The scene with a sky and the light of its suns."""
-    return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
-
-
-def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
     # All that takes the kernels' header imports this module.
     from lfcore.scene.reading import Where
     from lfcore.scene.surface_mesh import parse_colour
 
-    strength = description.get("strength", 1.0)
+    strength, file = description.get("strength", 1.0), Path(file)
     if "file" in description:
         where = Where(file, "sky.file")
         panorama = _read_panorama(file.parent / description["file"], where) * np.float32(strength)
         side = max(2, min(panorama.shape[1], LARGEST_SIDE))
     elif "colour" in description:
         colour = np.multiply(parse_colour(description["colour"]), strength)
-        return np.tile(np.float32(colour), (2, 2, 1))
+        return under(scene, np.tile(np.float32(colour), (2, 2, 1)))
     else:
         ends = [
             np.multiply(parse_colour(description[end]), strength) for end in ("horizon", "zenith")
@@ -137,7 +128,12 @@ def _sky_of(description: dict, to_camera: np.ndarray, file: Path) -> np.ndarray:
         panorama, side = np.repeat(column[:, None], 2 * GRADIENT_SIDE, axis=1), GRADIENT_SIDE
     turned = math.radians(description.get("rotation_deg", 0.0))
     places = partial(panorama_places, turned=turned)
-    return octahedral(panorama, to_camera[:3, :3].T, places, side)
+    return under(scene, octahedral(panorama, to_camera[:3, :3].T, places, side))
+
+
+def under(scene: Scene, sky: np.ndarray) -> Scene:
+    """The scene with a sky and the light of its suns."""
+    return replace(scene, sky=sky, lights=[*scene.lights, *suns(sky)[1]])
 
 
 def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: int) -> np.ndarray:

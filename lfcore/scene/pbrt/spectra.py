@@ -81,12 +81,11 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
     try:
         text = read_bytes(path, LARGEST_DESCRIPTION).decode()
         rows = np.loadtxt(text.splitlines(), ndmin=2, comments="#")
-        wavelengths, values = rows[:, 0], rows[:, 1]
+        return rows[:, 0], rows[:, 1]
     except (SceneError, ValueError, IndexError) as error:
         reason = getattr(error, "problem", error)
         problem = f"spectrum file {str(path)!r} cannot be read: {reason}"
         raise parameter.place.error(problem) from None
-    return wavelengths, values
 
 
 def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
