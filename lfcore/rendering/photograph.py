@@ -169,18 +169,14 @@ def trace_shutter(
     return expose(scene, times, picture, device=device, progress=progress)
 
 
-def array_bundles(
-    array: CameraArray, offsets: np.ndarray | None = None, samples: int = 1
-) -> Bundles:
+def array_bundles(array: CameraArray, offsets: np.ndarray, samples: int) -> Bundles:
     """All data cameras, row after row, as bundles.
 
     ``offsets`` (Ny Nx, 2) moves each camera's rays within their pixels, in pixels from the centre.
     ``samples`` a pixel narrow the footprint that textures are filtered over.
     """
     origins = array.origins().reshape(-1, 3)[:, :2]
-    tangents = -array.delta * origins
-    if offsets is not None:
-        tangents = tangents + offsets * array.pixel_pitch
+    tangents = -array.delta * origins + offsets * array.pixel_pitch
     elements = np.concatenate([origins, tangents], 1).astype(np.float32)
     pitch = array.pixel_pitch
     step = np.array([0.0, 0.0, pitch, pitch], np.float32)

@@ -18,7 +18,6 @@ from lfcore.progress import Progress
 from lfcore.refocus.stored_views import ahead
 from lfcore.rendering.depth import all_samples, depth_content, spread_over
 from lfcore.scene.files import scene_digest
-from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout, Tile
@@ -134,18 +133,14 @@ def peak_to_store(tracer: Tracer, slab: Slab, transfer: str | None) -> float | N
         return None
     found = bundles.views(coarse := spread_over(slab), all_samples(coarse))
     seen = float(tracer.bundle_radiance(found).max(initial=0.0)) if stops else 1.0
-    glow = _glow(tracer.scene, slab)
-    if transfer is None and max(seen, glow) <= 1:
-        return None
-    most = max(1.0, glow, HEADROOM * seen)
-    return 2.0 ** min(stops, math.ceil(math.log2(most)))
-
-
-def _glow(scene: Scene, slab: Slab) -> float:
-    """The brightest emission of a surface that has a corner in the picture."""
+    scene = tracer.scene
     glows = np.array([max(material.emission) for material in scene.materials], np.float64)
     x, y, z = np.moveaxis(scene.triangles, -1, 0).astype(np.float64)
     reach = slab.camera.field_width / 2 * max(slab.size) / min(slab.size)
     reach = reach * np.maximum(z, 0) + slab.camera.lens_radius_m
-    seen = ((z > 0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)).any(axis=1)
-    return float(glows[scene.material_ids[seen]].max(initial=0.0))
+    corners = ((z > 0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)).any(axis=1)
+    glow = float(glows[scene.material_ids[corners]].max(initial=0.0))
+    if transfer is None and max(seen, glow) <= 1:
+        return None
+    most = max(1.0, glow, HEADROOM * seen)
+    return 2.0 ** min(stops, math.ceil(math.log2(most)))

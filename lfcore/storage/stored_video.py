@@ -104,8 +104,16 @@ class StoredVideo:
         field._salvage = salvage
         if salvage:
             field._find_damage()
+        elif structure.faults:
+            field._find_damage()
+            raise field._report(structure.faults, field.damage)
         else:
-            field._refuse_faults(structure)
+            index = metadata.segments
+            held = np.isin(index.numbers[:, FIRST], field._keys) | (not field._keys)
+            gone = np.flatnonzero(~held).tolist()
+            missing = [Damage(index[k], f"segment {k} is missing") for k in gone]
+            if missing:
+                raise field._report([], missing)
         return field
 
     def __repr__(self) -> str:
@@ -381,18 +389,6 @@ class StoredVideo:
         except StorageError as error:
             return [Damage(part, error.problem)]
         return []
-
-    def _refuse_faults(self, structure: Structure) -> None:
-        """Raise when the structure or the index of key frames shows damage."""
-        if structure.faults:
-            self._find_damage()
-            raise self._report(structure.faults, self.damage)
-        index = self.metadata.segments
-        held = np.isin(index.numbers[:, FIRST], self._keys) | (not self._keys)
-        gone = np.flatnonzero(~held).tolist()
-        missing = [Damage(index[k], f"segment {k} is missing") for k in gone]
-        if missing:
-            raise self._report([], missing)
 
     def _report(self, faults: list[str], bad: list[Damage]) -> StorageError:
         total = len(self.metadata.segments)
