@@ -131,7 +131,9 @@ class GltfSurfaces:
         if mode not in ("MASK", "BLEND"):
             return 0.0
         alpha, image = float(factor(material)[3]), material.baseColorTexture
-        least, most = (255, 255) if image is None else _alpha_range(image)
+        least, most = 255, 255
+        if image is not None and ("A" in image.getbands() or "transparency" in image.info):
+            least, most = image.convert("RGBA").getchannel("A").getextrema()
         cutoff = 0.5
         if mode == "MASK" and material.alphaCutoff is not None:
             cutoff = float(material.alphaCutoff)
@@ -144,14 +146,6 @@ class GltfSurfaces:
 
     def _note(self, kind: str, name: str, what: str) -> None:
         self.notebook.add(kind, self.document.path, f"material {name!r}: {what}")
-
-
-def _alpha_range(image: Any) -> tuple[int, int]:
-    """Least and most alpha of a Pillow image, 255 for one without."""
-    if "A" not in image.getbands() and "transparency" not in image.info:
-        return 255, 255
-    least, most = image.convert("RGBA").getchannel("A").getextrema()
-    return int(least), int(most)
 
 
 def _extension(holder: Any, name: str) -> dict | None:

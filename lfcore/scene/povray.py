@@ -43,33 +43,26 @@ def write_view(folder: str | Path, scene: Scene, camera: Camera, *, samples: int
     """
     if math.isinf(camera.focus_m):
         raise SceneError("POV-Ray cannot focus at infinity", key="camera.focus_m")
-    folder = Path(folder)
+    angle = 2 * math.degrees(math.atan(camera.field_width / 2))
     head = [
         "#version 3.7;",
         "global_settings { assumed_gamma 1 max_trace_level 2 }",
-        *_camera(camera, samples),
+        f"camera {{ perspective location 0 direction z right x up y angle {angle:.8g}",
+        # Measured on a plane out of focus: a blur disc of POV-Ray's is half its "aperture" wide.
+        f"  aperture {4 * camera.lens_radius_m:.7g}",
+        f"  focal_point <0,0,{camera.focus_m:.7g}>",
+        f"  blur_samples {samples} variance 0 }}",
         f"background {{ rgb {_vector(scene.background)} }}",
         *_lights(scene),
         f'#include "{MESH}"',
     ]
-    file = folder / FILE
+    file = Path(folder) / FILE
     write_text(file, "\n".join(head) + "\n")
     return file
 
 
 def _vector(values: Iterable[float]) -> str:
     return "<" + ",".join(f"{float(value):.7g}" for value in values) + ">"
-
-
-def _camera(camera: Camera, samples: int) -> list[str]:
-    # Measured on a plane out of focus: a blur disc of POV-Ray's is half its "aperture" wide.
-    angle = 2 * math.degrees(math.atan(camera.field_width / 2))
-    return [
-        f"camera {{ perspective location 0 direction z right x up y angle {angle:.8g}",
-        f"  aperture {4 * camera.lens_radius_m:.7g}",
-        f"  focal_point <0,0,{camera.focus_m:.7g}>",
-        f"  blur_samples {samples} variance 0 }}",
-    ]
 
 
 def _lights(scene: Scene) -> Iterator[str]:

@@ -90,15 +90,11 @@ def floor(extent: Bounds, to_camera: np.ndarray) -> SurfaceMesh | None:
     inner = np.stack([a, b, c], 2)
     outer = np.stack([a, c, d], 2)[1:]  # the innermost ring is a fan
     triangles = np.concatenate([inner.reshape(-1, 3, 3), outer.reshape(-1, 3, 3)])
-    return SurfaceMesh(triangles, Surface(NAME, diffuse=_colour(to_camera)))
-
-
-def _colour(to_camera: np.ndarray) -> tuple[float, float, float]:
-    """Reflects as much of sky and lamp as the horizon sends."""
-    up = to_camera[:3, 1]
+    # It reflects as much of sky and lamp as the horizon sends.
     sent = np.array(HORIZON) / 3 + np.array(ZENITH) * 2 / 3  # the gradient's, times the cosine
-    sent = sent + np.array(LAMP) * max(float(up @ lamp().vector), 0.0)
-    return triple(np.minimum(np.array(HORIZON) / sent, 0.9))
+    sent = sent + np.array(LAMP) * max(float(to_camera[:3, 1] @ lamp().vector), 0.0)
+    colour = triple(np.minimum(np.array(HORIZON) / sent, 0.9))
+    return SurfaceMesh(triangles, Surface(NAME, diffuse=colour))
 
 
 def _camera(to_camera: np.ndarray) -> np.ndarray:
