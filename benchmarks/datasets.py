@@ -27,6 +27,7 @@ from lfcore.datasets import items, views
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import StoredItem, make_batch, stored_items
 from lfcore.datasets.sample import sample
+from lfcore.evaluation import metrics
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
@@ -45,8 +46,7 @@ CYCLES_PIXELS, CYCLES_SAMPLES, CONVERGED = 96, (64, 256, 512), 2048
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    error = np.square(srgb_encode(one.astype(np.float64)) - srgb_encode(other.astype(np.float64)))
-    return float(-10 * np.log10(error.mean()))
+    return metrics.psnr(*(srgb_encode(each.astype(np.float64)) for each in (one, other)), peak=1)
 
 
 def stack_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:

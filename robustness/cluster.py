@@ -323,19 +323,14 @@ def main(arguments: list[str] | None = None) -> int:
         except CannotRun as error:
             print(error)
             return 1
-    if options.publish:
-        publish(runs, options.faults)
+    if options.publish:  # rows of runs that were not made stay
+        from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
+
+        of_faults = f'FAULTS="{" ".join(options.faults)}" ' if options.faults else ""
+        file = RESULTS / "cluster.csv"
+        rows = with_kept(pd.DataFrame([one.row() for one in runs]), file, "run")
+        Result(of_this_run(f"make cluster {of_faults}PUBLISH=1"), rows).write(file)
     return int(any(one.wrong for one in runs))
-
-
-def publish(runs: list[Run], faults: Sequence[str]) -> None:
-    """Keep a row a run, with commit and processor; rows of runs that were not made stay."""
-    from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
-
-    of_faults = f'FAULTS="{" ".join(faults)}" ' if faults else ""
-    file = RESULTS / "cluster.csv"
-    rows = with_kept(pd.DataFrame([one.row() for one in runs]), file, "run")
-    Result(of_this_run(f"make cluster {of_faults}PUBLISH=1"), rows).write(file)
 
 
 if __name__ == "__main__":

@@ -64,6 +64,7 @@ def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, trie
 
 MINIMISE_TRIES = 120
 MEMORY_DISK = Path("/dev/shm")
+"""A folder in memory, where the system has one: children write thousands of small files."""
 
 
 @dataclass
@@ -193,9 +194,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in set(wanted) - set(known):
         parser.error(f"no target {name!r}; there are {', '.join(known)}")
     chosen = [target for name, target in known.items() if name in wanted]
-    with tempfile.TemporaryDirectory(
-        prefix="lfcore-fuzz-", dir=_disk(), ignore_cleanup_errors=True
-    ) as name:
+    disk = MEMORY_DISK if os.access(MEMORY_DISK, os.W_OK) else None
+    with tempfile.TemporaryDirectory("lfcore-fuzz", dir=disk, ignore_cleanup_errors=True) as name:
         benches = fuzz(
             chosen, Path(name), seed=arguments.seed, seconds=arguments.seconds,
             most=arguments.inputs, each=arguments.each,
@@ -210,11 +210,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"largest child: {peak:,.0f} MiB; seed {arguments.seed}")
     return int(any(bench.tally.findings for bench in benches))
-
-
-def _disk() -> Path | None:
-    """A folder in memory, if the system has one: the children write thousands of small files."""
-    return MEMORY_DISK if MEMORY_DISK.is_dir() and os.access(MEMORY_DISK, os.W_OK) else None
 
 
 if __name__ == "__main__":

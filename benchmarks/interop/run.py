@@ -17,6 +17,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -147,11 +148,10 @@ def plenopticam(bench: Bench) -> list[str]:
              "matplotlib", "requests", "docutils", "colour_demosaicing<0.2.6",
              "color_space_converter", "color_matcher", "ddt"]  # fmt: skip
     python = bench.environment("plenopticam", needs, ["plenopticam==0.9.3", "depthy"])
-    made = bench.read(
-        python, "plenopticam_reader.py", bench.file("eslf"), bench.export("json"), SIDE
-    )
     white = next(bench.export("plenoptic").glob("*_white.png"))
-    centres = bench.read(python, "plenopticam_white_reader.py", white)["centres"]
+    words = bench.file("eslf"), bench.export("json"), SIDE, white
+    made = bench.read(python, "plenopticam_reader.py", *words)
+    centres = made["centres"]
     ours = np.array(json.loads(white.with_suffix(".json").read_text())["mic_list"])
     order = np.lexsort((np.rint(centres[:, 1]), np.rint(centres[:, 0])))
     return [
@@ -184,26 +184,18 @@ def llff(bench: Bench) -> list[str]:
 
 def hci_tools(bench: Bench) -> list[str]:
     python = bench.environment("hci-tools", ["numpy", "imageio", "pillow"])
-    made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), bench.export("hci"))
+    read = partial(bench.read, python, "hci_reader.py", bench.source("hci-tools"))
+    made = read(bench.export("hci"))
+    folder = data_sets.made(bench.work, "whole", data_sets.WHOLE)
+    item, (views, disparity) = read(folder / "data/hci/train/000000"), data_sets.field_of(folder)
     slab = bench.field.require_slab()
     ends = (1 / np.array(DEPTH_M[::-1]) - slab.camera.delta) * slab.lens_pitch_m
     return [
         same(made["views"], bench.views, "views"),
         near(made["numbers"], np.array([WIDTH, HEIGHT, SIDE, SIDE, 10.0, 2.0]), 1e-9, "geometry"),
         near(made["range"], ends / slab.pixel_pitch, 1e-6, "range of disparity"),
-        *_hci_data_set(bench, python),
-    ]
-
-
-def _hci_data_set(bench: Bench, python: Path) -> list[str]:
-    """A light field of a data set by HCI's tools, against its HDF5 file."""
-    folder = data_sets.made(bench.work, "whole", data_sets.WHOLE)
-    scene = folder / "data/hci/train/000000"
-    made = bench.read(python, "hci_reader.py", bench.source("hci-tools"), scene)
-    views, disparity = data_sets.field_of(folder)
-    return [
-        same(made["views"], views, "a data set's views"),
-        same(made["disparity"], disparity, "and disparity, as in HDF5"),
+        same(item["views"], views, "a data set's views"),
+        same(item["disparity"], disparity, "and disparity, as in HDF5"),
     ]
 
 

@@ -17,26 +17,21 @@ from lfcore.optics.slab import Slab
 
 FOLDER = Path(__file__).parent
 BLUE, RED, GREEN, GREY = "#2a63b0", "#c0392b", "#2e7d4f", "#555555"
-VIEWS = PIXELS = 9
-
-
-def slab() -> Slab:
-    """A wide lens with few views, so that the drawing is clear; focused at 2 m."""
-    return Slab(Camera(0.5, 0.4, 1.0, 2.0), VIEWS, PIXELS)
+SLAB = Slab(Camera(0.5, 0.4, 1.0, 2.0), 9, 9)
+"""A wide lens with few views, so that the drawings are clear; focused at 2 m."""
 
 
 def parametrisation(axes) -> None:
     """Rays of three lens points and three pixels, which meet in the plane of focus."""
-    one = slab()
-    delta, z = one.camera.delta, np.array([0.0, 2.9])
-    lens = (np.array([0, 4, 8]) - 4) * one.lens_pitch_m
-    tangents = (np.array([1, 4, 7]) - 4) * one.pixel_pitch
+    delta, z = SLAB.camera.delta, np.array([0.0, 2.9])
+    lens = (np.array([0, 4, 8]) - 4) * SLAB.lens_pitch_m
+    tangents = (np.array([1, 4, 7]) - 4) * SLAB.pixel_pitch
     for tangent, colour in zip(tangents, (BLUE, GREY, RED), strict=True):
         for s in lens:
             axes.plot(z, s * (1 - z * delta) + z * tangent, color=colour, linewidth=0.9)
         axes.plot(2.0, 2.0 * tangent, "o", color=colour)
     axes.plot([0, 0], [-0.27, 0.27], color="black", linewidth=3)
-    axes.plot(np.zeros(9), one.lens_positions(), "o", color="white", ms=3.5, mec="black")
+    axes.plot(np.zeros(9), SLAB.lens_positions(), "o", color="white", ms=3.5, mec="black")
     axes.axvline(2.0, color=GREEN, linestyle="--")
     axes.text(1.97, -0.64, "in focus, d = 2 m", color=GREEN, ha="right")
     axes.text(0.05, 0.31, "lens: s")
@@ -47,14 +42,13 @@ def parametrisation(axes) -> None:
 
 def disparity(axes) -> None:
     """The disparity of points over their depth, in pixels per view."""
-    one = slab()
     z = np.linspace(1.0, 8.0, 200)
-    px = (1 / z - one.camera.delta) * one.lens_pitch_m / one.pixel_pitch
+    px = (1 / z - SLAB.camera.delta) * SLAB.lens_pitch_m / SLAB.pixel_pitch
     axes.plot(z, px, color=BLUE)
     axes.axhline(0, color=GREEN, linestyle="--")
     axes.plot(2.0, 0, "o", color=GREEN)
     axes.text(2.15, 0.05, "in focus: 0", color=GREEN)
-    far = -one.camera.delta * one.lens_pitch_m / one.pixel_pitch
+    far = -SLAB.camera.delta * SLAB.lens_pitch_m / SLAB.pixel_pitch
     axes.axhline(far, color=GREY, linestyle=":")
     axes.text(4.2, far + 0.04, "infinity", color=GREY)
     axes.set(xlabel="depth z, m", ylabel="disparity, pixels")
@@ -73,7 +67,7 @@ def epipolar(axes) -> None:
 
 def apertures(figure) -> None:
     """The masks over the lens samples of a slab of 33 x 33 views."""
-    many = Slab(Camera(0.5, 0.4, 1.0, 2.0), 33, 1)
+    many = Slab(SLAB.camera, 33, 1)
     shapes = (
         ("circle, f/1", SensorPlane(2.0, 1.0)), ("circle, f/2", SensorPlane(2.0, 2.0)),
         ("square, f/1.5", SensorPlane(2.0, 1.5, "square")),

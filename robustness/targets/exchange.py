@@ -1,6 +1,5 @@
 """Light fields of other programs, with one damaged file, or file name."""
 
-import json
 import shutil
 import zlib
 from collections.abc import Sequence
@@ -15,13 +14,12 @@ from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.table import FORMATS
-from lfcore.storage.codecs import Encoding
 from robustness.mutate import damage_bytes, damage_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target, seeds_folder
+from robustness.targets.stores import CODECS
 from robustness.trees import damage_json
 
-EXACT = Encoding("ffv1", "gbrp", preset=None, tune=None)
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 GRID = (3, 3)
 TEXTS = (".json", ".cfg", ".txt")
@@ -44,15 +42,13 @@ def seeds(folder: Path) -> list[bytes]:
     shape = (*GRID, 16, 16, 3)
     noise = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
     views = ViewGrid.of_array(noise, "noise", format="noise", geometry=KNOWN)
-    store_grid(folder / "noise.mkv", views, EXACT)
+    store_grid(folder / "noise.mkv", views, CODECS["ffv1"])
     whole = []
     for name, row in FORMATS.items():
         if not row.imports or name == "hdf5":  # which needs a package of its own
             continue
         if name == "folder":
             shutil.copytree(folder / "blender" / "png", folder / name)
-        elif name == "blender":
-            write_blender(folder / name, noise)
         else:
             near_and_far = WriteOptions(near_m=1.0, far_m=4.0)
             export_lightfield(folder / "noise.mkv", name, folder / name, options=near_and_far)
@@ -65,22 +61,6 @@ def seeds(folder: Path) -> list[bytes]:
 
 def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file())
-
-
-def write_blender(folder: Path, views: np.ndarray) -> None:
-    from PIL import Image
-
-    (folder / "png").mkdir(parents=True)
-    frames = []
-    for row, column in np.ndindex(views.shape[:2]):
-        name = f"view_{views.shape[1] * row + column:04d}f"
-        Image.fromarray(views[row, column]).save(folder / "png" / f"{name}.png")
-        place = [0.01 * column, -0.01 * row, 0.0]
-        frames.append({"name": name, "position": place, "rotation": [0, 0, 0]})
-    camera = {"type": "PERSP", "lens_unit": "MILLIMETERS", "focal_length": 50.0}
-    size = {"resolution": [16, 16], "sensor_size": [36.0, 36.0]}
-    data = {"camera": camera, "lf_type": "PLANE", **size, "frames": frames}
-    (folder / "lightfield.json").write_text(json.dumps(data))
 
 
 def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
