@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from lfcore import __version__
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, StoredItem, stored_items
+from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, stored_items
 from lfcore.datasets.trials import trials_of
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.page import Section, write_page
@@ -171,7 +171,11 @@ def write_report(
     folder, trials = page.parent / "page", trials_of(description)
     cells, labels = [], []
     for item in stored_items(shards, drawn(description, records)):
-        cells.append(_cell(item))
+        names = [name for name in item.pictures() if name != "sharp.tif"]
+        depth = item.floats(next(name for name in DEPTHS if name in item.files))
+        shown = item.codes(names[0]), item.codes(names[-1]), depth_picture(depth)
+        small = [cv2.resize(one, (160, 160), interpolation=cv2.INTER_AREA) for one in shown]
+        cells.append(np.hstack(small))
         labels.append(f"{item.index:06d}: {item.record['expected_db']:.1f} dB")
         for trial in trials:
             trial.add(item)
@@ -189,13 +193,6 @@ def write_report(
         page, sections, title=f"Data set {description.name}", introduction=CAPTIONS["page"],
         facts=facts, config={},
     )  # fmt: skip
-
-
-def _cell(item: StoredItem) -> np.ndarray:
-    names = [name for name in item.pictures() if name != "sharp.tif"]
-    depth = item.floats(next(name for name in DEPTHS if name in item.files))
-    shown = [item.codes(names[0]), item.codes(names[-1]), depth_picture(depth)]
-    return np.hstack([cv2.resize(one, (160, 160), interpolation=cv2.INTER_AREA) for one in shown])
 
 
 def _histograms(

@@ -55,11 +55,17 @@ def join_segments(
     left.
     """
     path = Path(path)
-    streams = [_Stream.of(path, segments, tiles, layout)]
+    colours, stored = _Stream.of(path, segments, tiles, layout), None
+    streams = [colours]
     if depth:
         grey = replace(layout, pixel_format=depth.codes.pixel_format, peak=None)
-        streams.append(_Stream.of(path, depth.segments, tiles, grey))
-    colours = streams[0]
+        deep = _Stream.of(path, depth.segments, tiles, grey)
+        streams.append(deep)
+        stored = StoredDepth(
+            depth.codes, depth.displaced, depth.pixels, deep.infos[0].codec,
+            zlib.crc32(deep.header), depth.spec.to_json(),
+            tuple((info.bytes, info.crc32) for info in deep.infos),
+        )  # fmt: skip
     numbers = np.empty((len(tiles), 8), np.int64)
     first = 0
     for place, (info, tile) in enumerate(zip(colours.infos, tiles, strict=True)):
@@ -76,7 +82,7 @@ def join_segments(
         segments=SegmentIndex(layout, numbers),
         software=f"lfcore {__version__}",
         content=content or {},
-        depth=depth.described(streams[1]) if depth else None,
+        depth=stored,
     )
     metadata.check()
     text = metadata.to_text()
@@ -101,14 +107,6 @@ class DepthSegments:
     displaced: bool
     pixels: int
     spec: Encoding
-
-    def described(self, stream: _Stream) -> StoredDepth:
-        """What the metadata say of them."""
-        return StoredDepth(
-            self.codes, self.displaced, self.pixels, stream.infos[0].codec,
-            zlib.crc32(stream.header), self.spec.to_json(),
-            tuple((info.bytes, info.crc32) for info in stream.infos),
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
