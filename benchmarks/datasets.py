@@ -49,24 +49,18 @@ def psnr(one: np.ndarray, other: np.ndarray) -> float:
     return metrics.psnr(*(srgb_encode(each.astype(np.float64)) for each in (one, other)), peak=1)
 
 
-def stack_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
-    """dB of each picture of a stack."""
-    made = []
-    for number, focus in enumerate(of.lens.focus_m):
-        plane = SensorPlane(focus, of.lens.f_number)
-        true = true_picture(tracer, plane, of.pixels, TRUTH)
-        made.append(psnr(srgb_decode(item.codes(f"focus{number:02d}.tif")), true))
-    return made
-
-
-def field_errors(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
-    """dB of some views."""
-    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
-    made = []
-    for number in VIEWS:
-        true = views.view(tracer, slab, number, TRUE_PATTERN)
-        made.append(psnr(srgb_decode(item.codes(f"input_Cam{number:03d}.png")), true))
-    return made
+def errors_of(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
+    """dB of each picture of a stack, or of some views of a light field."""
+    if of.kind == "light_fields":
+        slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+        true = {f"input_Cam{k:03d}.png": views.view(tracer, slab, k, TRUE_PATTERN) for k in VIEWS}
+    else:
+        planes = [SensorPlane(focus, of.lens.f_number) for focus in of.lens.focus_m]
+        true = {
+            f"focus{k:02d}.tif": true_picture(tracer, plane, of.pixels, TRUTH)
+            for k, plane in enumerate(planes)
+        }
+    return [psnr(srgb_decode(item.codes(name)), picture) for name, picture in true.items()]
 
 
 def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
@@ -93,7 +87,6 @@ def row_of(name: str, count: int) -> dict:
     """A row of the shipped description ``name``."""
     of, device = Description.read(CONFIG / f"{name}.yaml"), open_device(threads=1)
     chosen = np.linspace(0, of.count - 1, count).astype(int).tolist()
-    measure = field_errors if of.kind == "light_fields" else stack_errors
     with tempfile.TemporaryDirectory() as folder:
         shard, listed, drafts = (Path(folder) / each for each in ("tar", "records", "drafts"))
         begun = time.process_time()
@@ -103,7 +96,7 @@ def row_of(name: str, count: int) -> dict:
         errors, apart = [], []
         for item in stored_items([shard], chosen):
             tracer = open_tracer(sample(of, item.index)[0], device)
-            errors += (found := measure(of, item, tracer))
+            errors += (found := errors_of(of, item, tracer))
             if of.kind == "light_fields":
                 apart.append(disparity_error(of, item, tracer))
             expected = item.record["expected_db"]
