@@ -61,7 +61,8 @@ SHOWN = 0.02
 PINHOLE, SHARP = 1e4, Lattice(2, 16)
 CONVERGED = 4096
 """Samples per pixel of Mitsuba's converged pictures."""
-PEER = {"Mitsuba path + OIDN, 64 samples": Samples(64, "multijitter", "picture")}
+PEER = "Mitsuba path + OIDN, 64 samples"
+DENOISED = Samples(64, "multijitter", "picture")
 LATTICE = Lattice(4, 2)
 PRICED = 512
 """Pixels of the side of the picture whose rays are timed."""
@@ -87,15 +88,12 @@ def _bake(scene: Scene, error: float, threads: int) -> tuple[BakedLight, float, 
 
     assert scene.bake is not None
     bvh, device = hierarchy_of(scene), open_device(threads=threads)
-    bake_light(_small(), hierarchy_of(_small()), device, replace(scene.bake, error=1.0))  # programs
+    small = load_scene(SCENES / PATHS["cornell"])
+    bake_light(small, hierarchy_of(small), device, replace(scene.bake, error=1.0))  # programs
     Path("/proc/self/clear_refs").write_text("5")  # the peak counts anew
     before, begun = _peak_mib(), time.process_time()
     light = bake_light(scene, bvh, device, replace(scene.bake, error=error))
     return light, time.process_time() - begun, _peak_mib() - before
-
-
-def _small() -> Scene:
-    return load_scene(SCENES / PATHS["cornell"])
 
 
 def _peak_mib() -> float:
@@ -151,12 +149,10 @@ def planes(
             "core s": f"{seconds:.3g}", "dB": f"{np.mean(dB):.1f}",
         }  # fmt: skip
 
-    peers = []
-    for name, samples in PEER.items():
-        peer.picture(cameras[0], options.pixels, samples, next(seeds))  # compiles
-        found = [peer.picture(c, options.pixels, samples, next(seeds)) for c in cameras]
-        seconds = float(np.mean([taken for _, taken in found]))
-        peers.append(_said(row(name, [one for one, _ in found], seconds)))
+    peer.picture(cameras[0], options.pixels, DENOISED, next(seeds))  # compiles
+    found = [peer.picture(c, options.pixels, DENOISED, next(seeds)) for c in cameras]
+    seconds = float(np.mean([taken for _, taken in found]))
+    theirs = _said(row(PEER, [one for one, _ in found], seconds))
     for bake, lit in lights:
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
         pictures_by_depth(tracer, scene.camera, wanted, 16, LATTICE)  # programs
@@ -164,13 +160,13 @@ def planes(
         made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, LATTICE)
         traced = (time.process_time() - begun) / len(wanted)
         ours = row(f"baked, {bake['setting']}, {LATTICE}", list(made), traced)
-        per_plane = float(peers[0]["core s"]) / 10 - traced
+        per_plane = float(theirs["core s"]) / 10 - traced
         ours["bake core s"] = bake["core s"]
         first = max(1, math.ceil(float(bake["core s"]) / per_plane)) if per_plane > 0 else ""
         yield _said(ours | {"a tenth from plane": first})
-        if float(ours["dB"]) >= float(peers[0]["dB"]):
+        if float(ours["dB"]) >= float(theirs["dB"]):
             break
-    yield from peers
+    yield theirs
 
 
 def true_psnr(picture: np.ndarray, truths: list[np.ndarray]) -> float:

@@ -60,7 +60,7 @@ TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
           "psnr_true_db": "true PSNR dB (7.1)", "ssim": "SSIM"}  # fmt: skip
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
              "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
-HITS, PICTURES = "hits, Mrays per core-second", "pictures, Mrays per core-second"
+HITS = "hits, Mrays per core-second"
 OF_RUN = ("command", "commit", "processor", "date")
 """What is known of every result."""
 
@@ -153,17 +153,16 @@ def tables(folder: Path) -> pd.DataFrame:
 
 
 def peers(file: Path) -> pd.DataFrame:
-    """Of a run of ``benchmarks/tracer.py`` by scene and N: visibility beside Embree's, the better
-    of its packets, and pictures."""
+    """Of a run of ``benchmarks/tracer.py`` by scene and N: beside Embree's, the better of its
+    packets."""
     table = pd.read_csv(file, comment="#").set_index(["scene", "N"])
 
-    def fastest(work: str, method: str) -> pd.Series:
-        own = table[(table.work == work) & table.method.str.startswith(method)]
-        return own.mrays_per_core_second.groupby(level=["scene", "N"], sort=False).max()
+    def fastest(method: str) -> pd.Series:
+        rates = table.mrays_per_core_second[table.method.str.startswith(method)]
+        return rates.groupby(level=["scene", "N"], sort=False).max()
 
-    ours, embree = fastest("visibility", "lfcore"), fastest("visibility", "embree, ")
-    rates = {HITS: ours, "Embree 3": embree, "times Embree": ours / embree}
-    both = pd.DataFrame(rates | {PICTURES: fastest("algorithm1", "lfcore")})
+    ours, embree = fastest("lfcore"), fastest("embree, ")
+    both = pd.DataFrame({HITS: ours, "Embree 3": embree, "times Embree": ours / embree})
     return both.dropna().map("{:.3g}".format).reset_index()
 
 

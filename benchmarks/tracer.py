@@ -3,13 +3,11 @@
     python benchmarks/tracer.py --out tracer.csv
     python benchmarks/tracer.py --scenes bike --views 512 --out bike.csv
 
-Visibility (closest triangle and depth of every ray) is ours and Embree's in turn on the same
-sampled rays, Algorithm 1 (interpolated normals, textures, Blinn-Phong, shadows, five sensor planes)
-is ours.  See benchmarks/README.md for the columns and the rules.
+Visibility, the closest triangle and depth of every ray, is ours and Embree's in turn on the same
+sampled rays.  See benchmarks/README.md for the columns and the rules.
 """
 
 import argparse
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
@@ -18,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measured.rows import parser_of, report, say
-from benchmarks.measured.sample import SCENES, Sample, SampledTile, sample_slab
+from benchmarks.measured.sample import SCENES, Sample, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, SkippedError, core_seconds
 from lfcore.optics.bundles import macropixels
-from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.build import build_scene
@@ -47,7 +44,6 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
 
     return Method(
         NAME,
-        "visibility",
         sample.rays,
         partial(core_seconds, work),
         f"{device.name}, {device.lanes} lanes, {device.threads} threads",
@@ -62,42 +58,6 @@ def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:
     return float(hit.mean()), float(depth[hit].mean(dtype=np.float64))
 
 
-def planes_of(scene) -> list[SensorPlane]:
-    """Five planes over the scene's own focus distances, at the lens's full aperture.
-
-    The first has a square aperture, so that every ray of the slab counts; the others are round.
-    """
-    near, far = min(scene.focus_distances_m), max(scene.focus_distances_m)
-    dioptres = np.linspace(1 / near, 1 / far, 5)
-    return [
-        SensorPlane(float(1 / d), scene.camera.f_number, "circle" if k else "square")
-        for k, d in enumerate(dioptres)
-    ]
-
-
-def algorithm1(tracer: Tracer, sample: Sample, planes: list[SensorPlane]) -> Method:
-    """Trace, shade, cast shadows and add to ``planes``; seconds are of the kernels' queue, without
-    the fixed cost of a tile, of which the sample is a small part."""
-    tile = SampledTile.of(sample)
-
-    def work() -> float:
-        ends: list[float] = []
-        tracing = tracer.trace_tile(
-            sample.slab,
-            tile,
-            planes,
-            frames=False,
-            progress=lambda done, total: ends.append(time.process_time()),
-        )
-        begun = time.process_time()
-        for _ in tracing:
-            pass
-        return ends[-1] - begun
-
-    note = f"{tracer.device.name}, {len(planes)} planes"
-    return Method(NAME, "algorithm1", sample.rays, work, note)
-
-
 def all_rows(options) -> list[dict]:
     rows = []
     for name in options.scenes:
@@ -109,9 +69,7 @@ def all_rows(options) -> list[dict]:
                 sample = sample_slab(
                     Slab(tracer.scene.camera, views, options.pixels), options.mrays
                 )
-                methods = [visibility(tracer, sample)]
-                methods += [algorithm1(tracer, sample, planes_of(tracer.scene))]
-                methods += peer.methods(sample) if peer else []
+                methods = [visibility(tracer, sample), *(peer.methods(sample) if peer else [])]
                 facts = {"scene": name, "triangles": tracer.scene.triangle_count, "N": views}
                 facts |= {"M": options.pixels, "threads": tracer.device.threads}
                 rows += [facts | row for row in measured(methods, options.repeats)]
@@ -128,17 +86,15 @@ def embree(tracer: Tracer) -> AbstractContextManager[EmbreePackets | None]:
 
 
 def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
-    """A row per method; methods that do the same work take turns, after a round unseen."""
-    for work in dict.fromkeys(method.work for method in methods):
-        chosen = [method for method in methods if method.work == work]
-        rounds = [[method.run() for method in chosen] for _ in range(repeats + 1)]
-        for method, seconds in zip(chosen, np.median(rounds[1:], axis=0).tolist(), strict=True):
-            hits, depth = method.check() or (None, None)
-            yield {
-                "method": method.name, "work": work, "sampled_rays": method.rays,
-                "mrays_per_core_second": method.rays / seconds / 1e6, "hit_share": hits,
-                "mean_depth_m": depth, "note": method.note,
-            }  # fmt: skip
+    """A row per method; the methods take turns, after a round unseen."""
+    rounds = [[method.run() for method in methods] for _ in range(repeats + 1)]
+    for method, seconds in zip(methods, np.median(rounds[1:], axis=0).tolist(), strict=True):
+        hits, depth = method.check()
+        yield {
+            "method": method.name, "sampled_rays": method.rays,
+            "mrays_per_core_second": method.rays / seconds / 1e6, "hit_share": hits,
+            "mean_depth_m": depth, "note": method.note,
+        }  # fmt: skip
 
 
 def parse(arguments: list[str] | None = None) -> argparse.Namespace:

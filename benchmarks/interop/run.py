@@ -119,19 +119,13 @@ def run(command: list[str], timeout: float = 900, **more) -> str:
 
 
 def same(found: np.ndarray, expected: np.ndarray, what: str) -> str:
-    if found.shape != expected.shape:
-        raise AssertionError(f"{what}: {found.shape}, not {expected.shape}")
-    if not np.array_equal(found, expected):
-        worst = np.abs(found.astype(float) - expected).max()
-        raise AssertionError(f"{what}: differs by up to {worst:g}")
+    np.testing.assert_array_equal(found, expected, what)
     return what
 
 
 def near(found: np.ndarray, expected: np.ndarray, limit: float, what: str) -> str:
-    worst = float(np.abs(found - expected).max())
-    if not worst <= limit:
-        raise AssertionError(f"{what}: off by {worst:.3g}, allowed {limit:g}")
-    return f"{what} to {worst:.1g}"
+    np.testing.assert_allclose(found, expected, 0, limit, err_msg=what)
+    return f"{what} to {np.abs(found - expected).max():.1g}"
 
 
 def plenpy(bench: Bench) -> list[str]:

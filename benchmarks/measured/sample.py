@@ -8,14 +8,12 @@ do.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from lfcore.optics.slab import Slab
-from lfcore.storage.layout import FrameLayout, Tile
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 CELLS = 8
@@ -56,27 +54,3 @@ def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
     grid = np.stack(np.meshgrid(np.arange(cells), np.arange(cells)), axis=-1)
     corners = (grid * cell // step * step + offsets).reshape(-1, 2)
     return Sample(slab, side, corners.astype(np.int32))
-
-
-class SampledTile(Tile):
-    """The whole picture as one tile, of which only the sample's pixels are traced.
-
-    Planes are as large as the picture, as for a real tile.
-    """
-
-    _pixels: np.ndarray
-
-    @classmethod
-    def of(cls, sample: Sample) -> SampledTile:
-        size = sample.slab.pixels
-        layout = FrameLayout("macropixels", sample.slab.views, size, "raster")
-        tile = cls(layout, 0, 0, 0, size, size)
-        object.__setattr__(tile, "_pixels", sample.pixels)
-        return tile
-
-    @property
-    def rays(self) -> int:
-        return len(self._pixels) * math.prod(self.layout.inner)
-
-    def elements(self) -> np.ndarray:
-        return self._pixels

@@ -57,7 +57,7 @@ class EmbreePackets:
         note = f"Embree {self.version}, {width}, {self._threads} threads"
         name = f"embree, {WAYS[way]}"
         run, check = (lambda: trace()[0]), (lambda: trace()[1:])
-        return Method(name, "visibility", sample.rays, run, note, check)
+        return Method(name, sample.rays, run, note, check)
 
     def close(self) -> None:
         self._told.close()

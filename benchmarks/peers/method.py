@@ -25,19 +25,17 @@ def check_installed(*packages: str) -> None:
 
 @dataclass
 class Method:
-    """A named piece of work, of so many ``rays``, that can be run again and again.
+    """A way to find the first hits of so many ``rays``, again and again.
 
-    ``run`` does the work once and returns its core seconds.  ``note`` has what a reader needs to
-    compare: threads, instruction set, differences.  ``check`` returns (share of rays that hit,
-    their mean depth), or None if they are unknown.
+    ``run`` does so once and returns its core seconds.  ``note`` has threads and instruction set.
+    ``check`` returns (share of rays that hit, their mean depth).
     """
 
     name: str
-    work: str
     rays: int
     run: Callable[[], float]
-    note: str = ""
-    check: Callable[[], tuple[float, float] | None] = lambda: None
+    note: str
+    check: Callable[[], tuple[float, float]]
 
 
 def core_seconds(work: Callable[[], object]) -> float:

@@ -83,23 +83,16 @@ def _with_backs(scene: Scene) -> Scene:
 def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:
     mitsuba = start(threads, llvm)
     describe = _Lit(mitsuba, scene)
-    integrator = {"type": "path", "max_depth": bounces + 2, "rr_depth": 64}
-    described = describe.all({}) | {"integrator": integrator}
+    described = describe.all({})
+    described["integrator"] = {"type": "path", "max_depth": bounces + 2, "rr_depth": 64}
     del described["sensor"]
     if len(scene.sky):
         described["sky"] = describe.sky()
-    _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={
-        "": mitsuba.load_dict(integrator),
-        "auxiliary": mitsuba.load_dict(
-            {"type": "aov", "aovs": "albedo:albedo,normal:sh_normal", "path": integrator}
-        ),
-    })  # fmt: skip
+    _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described))
 
 
 def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
     mitsuba = _here["mitsuba"]
     sensor = thin_lens(mitsuba, camera, pixels)
     sensor["sampler"] = {"type": samples.sampler}
-    integrator = _here["integrators"]["auxiliary" if samples.denoise == "auxiliary" else ""]
-    how = {"sensor": mitsuba.load_dict(sensor), "integrator": integrator}
-    return render(mitsuba, _here["scene"], pixels, samples, seed, **how)
+    return render(mitsuba, _here["scene"], pixels, samples, seed, sensor=mitsuba.load_dict(sensor))
