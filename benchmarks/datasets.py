@@ -2,7 +2,7 @@
 
 Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
 is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 200 rays
-per pixel.  Disparities are compared with those of single rays.
+per pixel.  Disparities are compared with single rays.
 
 With --cycles, stacks of three pictures of 96 pixels, of scenes without highlights, are made in turn
 with Cycles and its denoiser, at the number of samples whose worst plane is as good.  Its pictures

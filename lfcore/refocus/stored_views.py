@@ -18,7 +18,7 @@ from lfcore.tracing.header import header
 
 CHUNK_BYTES = 8 << 20
 GROUP_BYTES = 64 << 20
-"""Of views in fixed point that are taken at a time."""
+"""The bytes of a group of views in fixed point."""
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 

@@ -113,7 +113,7 @@ def read_yaml(path: str | Path) -> Any:
 
 def _check_bounds(text: str, where: Where) -> None:
     """Refuse YAML that nests deeply, contains itself, or is large with its aliases followed."""
-    levels: list[list[Any]] = [["", 0, 0]]  # anchor, line and number of values of what is open
+    levels: list[list[Any]] = [["", 0, 0]]  # per open collection: anchor, line, number of values
     sizes: dict[str | None, int] = {}
     for event in yaml.parse(text, yaml.SafeLoader):
         anchor, size = getattr(event, "anchor", None), 0

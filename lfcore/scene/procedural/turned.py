@@ -1,6 +1,6 @@
 """Round shapes that the procedural models are made of: profiles that are turned, and tubes.
 
-World space and texture coordinates are those of :mod:`lfcore.scene.procedural.primitives`.
+World space and texture coordinates: as in :mod:`lfcore.scene.procedural.primitives`.
 """
 
 from collections.abc import Sequence
