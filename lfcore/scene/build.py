@@ -59,6 +59,8 @@ def build_scene(
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
+        if not os.path.isfile(path):
+            raise Where(path).error("scene file not found", "Check the path")
         entry: dict = {"file": path.name}
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
