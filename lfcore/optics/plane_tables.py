@@ -12,12 +12,12 @@ from lfcore.optics.planes import Aperture, SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
 BLOCK = 16
-BEAM_COLUMNS = 64
+PACKET_COLUMNS = 64
 RUN = np.dtype([("target", np.int32), ("start", np.uint16), ("end", np.uint16)])
-"""A run of columns of a beam, [start, end), and the target that they share, relative to the beam's
-first pixel."""
-RUNS = np.dtype([("count", np.int32), ("run", RUN, BEAM_COLUMNS)])
-"""The runs of a beam, sorted by target."""
+"""A run of columns of a packet, [start, end), and the target that they share, relative to the
+packet's first pixel."""
+RUNS = np.dtype([("count", np.int32), ("run", RUN, PACKET_COLUMNS)])
+"""The runs of a packet, sorted by target."""
 RUN_WORDS = RUNS.itemsize // 4
 PLANE = np.dtype([("mask", np.int32), ("runs", np.int32), ("stride", np.int32)])
 """A plane: its mask, its offset into the tables' ``runs``, and RUNS per group of pixels (0: all
@@ -45,13 +45,13 @@ Corners = tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class PlaneTables:
-    """Planes of a slab over a tile of pixels, for beams of lens samples.
+    """Planes of a slab over a tile of pixels, for packets of lens samples.
 
     ``planes[order[k]]`` is the kernel's plane k, with ``info[k]``: planes that share a mask are
-    neighbours, so that a beam's prefix sums serve them all.  ``runs`` are flat int32 records of
+    neighbours, so that a packet's prefix sums serve them all.  ``runs`` are flat int32 records of
     RUNS, or, for views, targets.  ``masks`` (masks, N, N) are 255 where open, indexed [j, i], and
-    padded with 0 to whole beams; ``kinds`` (masks, blocks, blocks) are 0 closed, 1 partly, 2 wholly
-    open.  The tile's rays can reach the region ``left, top, width, height`` of the planes.
+    padded with 0 to whole packets; ``kinds`` (masks, blocks, blocks) are 0 closed, 1 partly, 2
+    wholly open.  The tile's rays can reach the region ``left, top, width, height`` of the planes.
     """
 
     order: np.ndarray
@@ -76,17 +76,17 @@ class PlaneTables:
 
 
 def lens_tables(
-    slab: Slab, planes: Sequence[SensorPlane], corners: Corners, group: int, side: int
+    slab: Slab, planes: Sequence[SensorPlane], corners: Corners, group_side: int, side: int
 ) -> PlaneTables:
-    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1), for beams of
-    ``group`` x ``group`` pixels by ``side`` x ``side`` blocks of lens samples."""
+    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1), for packets of
+    ``group_side``² pixels by ``side``² blocks of lens samples."""
     masks, which = distinct_masks(slab, planes)
     order = np.argsort(which, kind="stable")
     info = np.zeros(len(planes), PLANE)
     records, offset = [], 0
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
-        table = run_records(moves, group, side * BLOCK)
+        table = run_records(moves, group_side, side * BLOCK)
         info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1]
         records.append(table.reshape(-1).view(np.int32))
         offset += table.size * RUN_WORDS
@@ -156,28 +156,28 @@ def block_kinds(masks: np.ndarray) -> np.ndarray:
     return np.asarray(cells.any(axis=(2, 4)).astype(np.uint8) + cells.all(axis=(2, 4)))
 
 
-def beam_targets(moves: np.ndarray, group: int, span: int) -> np.ndarray:
-    """Targets relative to their group's first pixel: (groups, spans, ``group``, ``span``) int32, of
+def packet_targets(moves: np.ndarray, group_side: int, span: int) -> np.ndarray:
+    """Targets relative to their group's first pixel, (groups, spans, group_side, span) int32, of
     :func:`offsets`; what is beside the lens grid or the picture repeats the last."""
     positions, size = moves.shape
-    row = np.minimum(np.arange(-(-positions // group) * group), positions - 1)
+    row = np.minimum(np.arange(-(-positions // group_side) * group_side), positions - 1)
     column = np.minimum(np.arange(-(-size // span) * span), size - 1)
     padded = moves[row[:, None], column]
-    cells = padded.reshape(-1, group, len(column) // span, span).transpose(0, 2, 1, 3)
-    return cells + np.arange(group, dtype=np.int32)[:, None]
+    cells = padded.reshape(-1, group_side, len(column) // span, span).transpose(0, 2, 1, 3)
+    return cells + np.arange(group_side, dtype=np.int32)[:, None]
 
 
-def run_records(moves: np.ndarray, group: int, span: int) -> np.ndarray:
+def run_records(moves: np.ndarray, group_side: int, span: int) -> np.ndarray:
     """Runs of equal target: (groups of pixels, spans of lens samples) RUNS; column k * ``span`` + i
-    of a beam is lens sample i of pixel k of its ``group``."""
-    cells = beam_targets(moves, group, span)
-    shape, cells = cells.shape[:2], cells.reshape(-1, group * span)
+    of a packet is lens sample i of pixel k of its group."""
+    cells = packet_targets(moves, group_side, span)
+    shape, cells = cells.shape[:2], cells.reshape(-1, group_side * span)
     begins = np.ones(cells.shape, bool)
     begins[:, 1:] = cells[:, 1:] != cells[:, :-1]
     count = begins.sum(axis=1)
     row, start = np.nonzero(begins)
     last = np.append(row[1:] != row[:-1], True)
-    end = np.where(last, group * span, np.roll(start, -1))
+    end = np.where(last, group_side * span, np.roll(start, -1))
     target = cells[row, start]
     by_target = np.lexsort((start, target, row))
     slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)

@@ -19,7 +19,7 @@ from lfcore.refocus.strip_tables import RECORDS, STRIP, strip_tables, table_word
 from lfcore.storage.layout import Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
-from lfcore.tracing.chunks import slots_of, tile_corners
+from lfcore.tracing.chunks import placements_of, tile_corners
 from lfcore.tracing.header import header
 from lfcore.tracing.plane_buffers import PlaneBuffers
 
@@ -53,22 +53,22 @@ class PlaneFormer:
             self._words = table_words(slab.views) * (1 if layout.peak is None else 2)
         self._sums = PlaneBuffers(self.device, slab, planes, tables, layout.one)
         self._scratch = self.device.empty(4 * self._words * self._sums.workers)
-        self._slots = slots_of(tile, slab)
+        self._placements = placements_of(tile, slab)
         if views:
             left, top = layout.corner(slab)
-            self._slots["x"] += left
-            self._slots["y"] += top
+            self._placements["x"] += left
+            self._placements["y"] += top
         self._inner = () if views else (np.int32(slab.views),)
 
     def add(self, frames: np.ndarray, first: int) -> None:
         """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
         ``first``; returns when the device has done with them."""
         layout, device = self.tile.layout, self.device
-        start, stop = np.searchsorted(self._slots["frame"], [first, first + len(frames)])
+        start, stop = np.searchsorted(self._placements["frame"], [first, first + len(frames)])
         if start == stop:
             return
-        slots = self._slots[start:stop].copy()
-        slots["frame"] -= first
+        placements = self._placements[start:stop].copy()
+        placements["frame"] -= first
         self._kernel(
             device.queue,
             (self._sums.workers,),
@@ -76,8 +76,8 @@ class PlaneFormer:
             device.shown(np.ascontiguousarray(frames)),
             np.int32(layout.frame_width),
             np.int32(layout.frame_height),
-            device.buffer(slots),
-            np.int32(len(slots)),
+            device.buffer(placements),
+            np.int32(len(placements)),
             *self._inner,
             device.buffer(np.zeros(1, np.int32)),
             self._scratch,

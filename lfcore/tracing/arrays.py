@@ -269,7 +269,7 @@ class ArrayTracer:
         if count:
             zeros = np.zeros((2, 4), np.float32)
             row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
-            given = PacketJob(self._on_device, PacketShape(side=4, group=1), "GIVEN")
+            given = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
             fill_arrays(
                 given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
                 origins=self.device.buffer(origins), directions=self.device.buffer(directions),

@@ -1,4 +1,4 @@
-"""A tile's elements: their places on the grid and in frames, where they are cut into chunks, which
+"""A tile's elements: their placement on the grid and in frames, how they are cut into chunks, which
 are traced and handed on one after the other, and a chunk's memory."""
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from lfcore.opencl.device import PAGE, Device, cl, page_aligned
 from lfcore.optics.slab import Slab
-from lfcore.tracing.layouts import SLOT
+from lfcore.tracing.layouts import PLACEMENT
 from lfcore.tracing.packets import ranks
 
 if TYPE_CHECKING:
@@ -45,24 +45,24 @@ def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
     return left, top, left + tile.columns, top + tile.rows
 
 
-def slots_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
-    """(E,) SLOT of a tile's elements, frame after frame; without ``frames`` their places on the
-    slab's square grid alone."""
+def placements_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
+    """(E,) PLACEMENT of a tile's elements, frame after frame; without ``frames`` only columns and
+    rows on the slab's square grid."""
     elements = tile.elements()
-    slots = np.zeros(len(elements), SLOT)
+    placed = np.zeros(len(elements), PLACEMENT)
     if frames:
-        slots["frame"], slots["x"], slots["y"] = tile.placement(elements).T
-    slots["column"], slots["row"] = (elements + grid_corner(tile, slab)).T
-    return slots
+        placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
+    placed["column"], placed["row"] = (elements + grid_corner(tile, slab)).T
+    return placed
 
 
 def chunk_cuts(
-    layout: Any, elements: np.ndarray, frame_of: np.ndarray | None, group: int
+    layout: Any, elements: np.ndarray, frame_of: np.ndarray | None, group_side: int
 ) -> np.ndarray:
     """Where chunks of whole frames begin and end among ``elements`` (E, 2) of a tile.
 
-    ``frame_of`` (E,) has the elements' frames, if any are wanted.  Elements that share a packet of
-    ``group`` x ``group`` are not parted, where a chunk has room for all of them.
+    ``frame_of`` (E,) has the elements' frames, if any are wanted.  Groups of ``group_side``², which
+    share a packet, are not parted where a chunk has room for all of their elements.
     """
     total = len(elements)
     starts = np.arange(total + 1)
@@ -70,12 +70,12 @@ def chunk_cuts(
     if frame_of is not None:
         starts = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
         step = CHUNK_BYTES // layout.frame_bytes
-        if group == 1:  # else it would part groups, whose rays are then traced twice
+        if group_side == 1:  # else it would part groups, whose rays are then traced twice
             step = max(step - ENCODER_FRAMES, min(step, LEAST_FRAMES))
         step = max(1, step)
     if step >= len(starts) - 1:
         return np.array([0, total])
-    whole = starts[_parts_no_group(elements, group)[starts]]
+    whole = starts[_parts_no_group(elements, group_side)[starts]]
     if frame_of is not None:
         grouped = int(np.diff(np.searchsorted(starts, whole)).max())
         if grouped * layout.frame_bytes <= GROUPED_SHARE * CHUNK_BYTES:
@@ -89,14 +89,14 @@ def chunk_cuts(
     return np.array(cuts)
 
 
-def _parts_no_group(elements: np.ndarray, group: int) -> np.ndarray:
-    """(E + 1,) bool: whether a cut before element e leaves every group x group cell whole."""
-    cells = elements // group
-    cell = ranks(cells[:, 1].astype(np.int64) << 32 | cells[:, 0])[1]
-    last = np.zeros(cell.max() + 1, np.int64)
-    np.maximum.at(last, cell, np.arange(len(cell)))
-    open_until = np.maximum.accumulate(last[cell])
-    return np.append(True, open_until == np.arange(len(cell)))
+def _parts_no_group(elements: np.ndarray, group_side: int) -> np.ndarray:
+    """(E + 1,) bool: whether a cut before element e leaves every group whole."""
+    groups = elements // group_side
+    group = ranks(groups[:, 1].astype(np.int64) << 32 | groups[:, 0])[1]
+    last = np.zeros(group.max() + 1, np.int64)
+    np.maximum.at(last, group, np.arange(len(group)))
+    open_until = np.maximum.accumulate(last[group])
+    return np.append(True, open_until == np.arange(len(group)))
 
 
 @dataclass(frozen=True)
@@ -126,11 +126,11 @@ class FrameMemory:
     def blank(self, count: int) -> None:
         """Make padding and empty slots of the first frames black, whatever memory held."""
         layout = self.layout
-        with self.frames(count, write=True) as view:
-            planes = layout.format.views(view[:1], layout.frame_width, layout.frame_height)
-            for plane, code in zip(planes, layout.format.black, strict=True):
-                plane[...] = code
-            view[1:] = view[0]
+        with self.frames(count, write=True) as codes:
+            channels = layout.format.views(codes[:1], layout.frame_width, layout.frame_height)
+            for channel, code in zip(channels, layout.format.black, strict=True):
+                channel[...] = code
+            codes[1:] = codes[0]
 
     def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
         """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""

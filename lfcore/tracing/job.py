@@ -87,16 +87,16 @@ class PacketJob:
             outer=(lattice.origin, lattice.direction) if lattice else 0,
             columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
             end_row=bundles.first_row + bundles.traced_rows, packets=packets,
-            strip_height=groups.strip_height, pixel_tangent=bundles.pixel_pitch,
-            half_extent=shape.half_extent, group=shape.group, side=shape.side,
+            strip_height=groups.strip_height, pixel_pitch=bundles.pixel_pitch,
+            half_extent=shape.half_extent, group_side=shape.group_side, side=shape.side,
         )  # fmt: skip
         self.kernel(
             max(1, min(workers or device.threads, packets // groups.strip_height)),
             **self.scene.arguments,
-            elements=device.buffer(np.ascontiguousarray(groups.centre_rays)),
-            groups=device.buffer(groups.members),
+            centre_rays=device.buffer(np.ascontiguousarray(groups.centre_rays)),
+            members=device.buffer(groups.members),
             ray_numbers=numbers,
-            next=device.buffer(np.zeros(1, np.int32)),
+            next_strip=device.buffer(np.zeros(1, np.int32)),
             scratch=self.scratch,
             **sink,
         )

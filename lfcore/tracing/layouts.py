@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
-from lfcore.optics.plane_tables import BEAM_COLUMNS as PACKET_COLUMNS
-from lfcore.optics.plane_tables import BLOCK, PLANE, PLANE_ARGUMENTS, RUN, RUNS
+from lfcore.optics.plane_tables import BLOCK, PACKET_COLUMNS, PLANE, PLANE_ARGUMENTS, RUN, RUNS
 from lfcore.scene.needs import FLAT_NORMALS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.cut_outs import CUT_OUT
@@ -28,7 +27,7 @@ CONSTANTS: dict[str, int | float] = {
     "BLOCK": BLOCK,  # columns and rows of rays in a block
     "BLOCK_RAYS": BLOCK * BLOCK,
     "MOST_CELLS": CELLS,  # cells of 16 x 16 rays along a side of a packet
-    "PACKET_COLUMNS": PACKET_COLUMNS,
+    "PACKET_COLUMNS": PACKET_COLUMNS,  # columns of rays of a packet, of all its elements
     "NODE_WIDTH": NODE_WIDTH,  # children of a node, and triangles of a leaf
     "MOST_LEVELS": MOST_LEVELS,  # levels of a hierarchy that the kernels' stacks hold
     "MIP_LEVELS": MIP_LEVELS,
@@ -72,7 +71,7 @@ LIGHT = np.dtype([
 ])  # fmt: skip
 LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
-SLOT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
+PLACEMENT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
 """Where an element goes in frames, and its column and row on the outer grid."""
 BOXES = np.dtype([("low", FLOAT, (3, NODE_WIDTH)), ("high", FLOAT, (3, NODE_WIDTH))])
 """The boxes of a node's children: lowest and highest x, y and z."""
@@ -96,15 +95,15 @@ RAY_ARGUMENTS = np.dtype([
     ("end_row", INT),
     ("packets", INT),
     ("strip_height", INT),  # packets in a strip
-    ("pixel_tangent", FLOAT),  # between neighbouring pixels
+    ("pixel_pitch", FLOAT),  # tangent between neighbouring pixels
     ("half_extent", FLOAT),  # of a block, in columns
-    ("group", INT),  # elements along a side of a packet
+    ("group_side", INT),  # elements along a side of a packet
     ("side", INT),  # blocks along a side of one element's part of a packet
 ])  # fmt: skip
 FRAME_ARGUMENTS = np.dtype([
     ("width", INT),
     ("height", INT),
-    ("chroma", INT),  # 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
+    ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
     ("rgb", INT),
 ])  # fmt: skip
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
@@ -112,7 +111,7 @@ IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
 
 RECORDS = {
     "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "CutOut": CUT_OUT, "Level": LEVEL,
-    "Slot": SLOT, "Boxes": BOXES, "Leaf": LEAF, "ColourRow": COLOUR_ROW,
+    "Placement": PLACEMENT, "Boxes": BOXES, "Leaf": LEAF, "ColourRow": COLOUR_ROW,
     "SensorPlane": PLANE, "Run": RUN, "Runs": RUNS,
     "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
     "FrameArguments": FRAME_ARGUMENTS, "SensorPlaneArguments": PLANE_ARGUMENTS,
@@ -138,9 +137,9 @@ SURFACES = _read(
     lights="LightRecord", levels="Level", texels="uint", grids="int", light="uint", sky="float",
 ) | {"scene_numbers": "const SceneArguments "}  # fmt: skip
 RAYS = {
-    **_read(elements="float4", groups="int"),
+    **_read(centre_rays="float4", members="int"),
     "ray_numbers": "const RayArguments ",
-    **_write(next="int", scratch="uint"),
+    **_write(next_strip="int", scratch="uint"),
 }
 PLANES = {
     "plane_numbers": "const SensorPlaneArguments ",
@@ -151,7 +150,7 @@ SINKS = {
     "HITS": _write(triangle="int", depth="float"),
     "IMAGE": {"image": "const ImageArguments "} | _write(radiance="float", depth="float"),
     "FRAMES": {"frame_numbers": "const FrameArguments "}
-    | _read(slots="Slot") | _write(frames="sample") | PLANES,
+    | _read(placements="Placement") | _write(frames="sample") | PLANES,
     "GIVEN": _read(origins="float", directions="float")
     | _write(triangle="int", depth="float", weights="float"),
 }  # fmt: skip

@@ -16,16 +16,16 @@ PACKET_ROWS = MOST_SIDE * BLOCK
 
 @dataclass(frozen=True)
 class PacketShape:
-    """A packet: ``group`` x ``group`` outer elements times ``side`` x ``side`` blocks of 256 rays.
+    """A packet: a group of ``group_side``² outer elements times ``side``² blocks of 256 rays.
 
     A block is 16 x 16 rays of one element, or ``16 / outer`` along each axis of ``outer`` elements
-    (then ``group`` is ``outer``).  Its inner rays in use lie within ``half_extent`` steps of its
+    (then ``group_side`` is ``outer``).  Its inner rays lie within ``half_extent`` steps of its
     centre.  ``single_rays`` packets trace their rays one by one.  4096 rays amortise a walk through
     the hierarchy, and their depth buffers still fit the second-level cache.
     """
 
     side: int
-    group: int
+    group_side: int
     half_extent: float = (BLOCK - 1) / 2
     outer: int = 1
     single_rays: bool = False
@@ -40,15 +40,15 @@ class PacketShape:
 
     @property
     def elements(self) -> int:
-        return self.group**2
+        return self.group_side**2
 
     @property
     def blocks(self) -> int:
         return self.elements // self.outer**2 * self.side**2
 
     @property
-    def cells(self) -> int:
-        """Cells of 16 x 16 inner rays along a side of a packet."""
+    def cells_per_side(self) -> int:
+        """Cells of 16 x 16 inner rays along a side of one element's part of a packet."""
         return self.side // self.outer
 
     @property
@@ -58,7 +58,7 @@ class PacketShape:
 
     def packets_per_group(self, columns: int, rows: int) -> int:
         """Packets that one group of elements needs for its inner grid."""
-        span = self.cells * BLOCK
+        span = self.cells_per_side * BLOCK
         return -(-columns // span) * -(-rows // span)
 
 
@@ -66,7 +66,7 @@ class PacketShape:
 class Groups:
     """Elements by the packets that trace them.
 
-    ``members`` (B, group**2) int32: the numbers of elements, -1 where there is none.
+    ``members`` (B, group_side**2) int32: the numbers of elements, -1 where there is none.
     ``centre_rays`` (E, 4) or, for blocks of several elements, (B, 4) float32: offsets are relative
     to these rays.  ``strip_height`` consecutive groups lie one below the other.
     """
@@ -83,28 +83,28 @@ class Groups:
         coordinates: np.ndarray | None,
         strip_height: int = 1,
     ) -> Groups:
-        """Put ``bundles`` at distinct places ``coordinates`` (E, 2) into cells ``group`` wide.
+        """Put ``bundles`` at distinct ``coordinates`` (E, 2) into groups of ``shape.group_side``².
 
-        Cells lie at multiples of ``group``: which elements are there does not change where a
-        block's rays are.  ``strip_height`` cells one below the other follow each other, empty ones
-        too; such strips are sorted by row, then column.
+        Groups begin at multiples of their side: which elements are there does not change where a
+        block's rays are.  ``strip_height`` groups one below the other follow each other, empty
+        ones too; such strips are sorted by row, then column.
         """
-        group = shape.group
-        if coordinates is None or group == strip_height == 1:
+        side = shape.group_side
+        if coordinates is None or side == strip_height == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         u, v = np.asarray(coordinates, np.int64).T
-        (column, across), (row, down) = np.divmod(u, group), np.divmod(v, group * strip_height)
+        (column, x), (row, y) = np.divmod(u, side), np.divmod(v, side * strip_height)
         keys, strip = ranks((row - row.min()) << 32 | (column - column.min()))
-        members = np.full((len(keys), group**2 * strip_height), -1, np.int32)
-        members[strip, down * group + across] = np.arange(len(u), dtype=np.int32)
+        members = np.full((len(keys), side**2 * strip_height), -1, np.int32)
+        members[strip, y * side + x] = np.arange(len(u), dtype=np.int32)
         some = members.max(axis=1)  # an element of each strip
-        members = members.reshape(-1, group**2)
+        members = members.reshape(-1, side**2)
         if shape.outer == 1:
             return cls(members, bundles.elements, strip_height)
         assert bundles.lattice is not None  # without one no block spans elements
         rows = row[some, None] * strip_height + np.arange(strip_height)
-        cells = np.stack(np.broadcast_arrays(column[some, None], rows), 2).reshape(-1, 2)
-        centre_rays = bundles.lattice.centre_rays(cells * group + (group - 1) / 2)
+        groups = np.stack(np.broadcast_arrays(column[some, None], rows), 2).reshape(-1, 2)
+        centre_rays = bundles.lattice.centre_rays(groups * side + (side - 1) / 2)
         return cls(members, centre_rays, strip_height)
 
 

@@ -1,5 +1,5 @@
 """How the rays of a scene are cut into packets, from the leaves and triangles that sample blocks
-meet."""
+hit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def probed_elements(bundles: Bundles) -> np.ndarray:
 
 
 def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> float:
-    """The mean number of leaves per ray that a block of at most 256 rays meets.
+    """The mean number of leaves per ray that a block of at most 256 rays overlaps.
 
     ``leaf_boxes`` is (L, 6).  PROBED_BLOCKS blocks of ``outer`` x ``outer`` elements are counted,
     spread evenly over elements and inner grid, without occlusion, so that the same bundles always
@@ -43,16 +43,16 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
         among = (outer - 1) / 2 * np.abs(lattice.origin + depths * lattice.direction)
     chosen, count = probed_elements(bundles), 0
     for number, element in enumerate(chosen):
-        place = number % blocks[0], number // blocks[0] % blocks[1]
-        meets = hi[:, 2] > 0
+        block = number % blocks[0], number // blocks[0] % blocks[1]
+        overlaps = hi[:, 2] > 0
         for axis in (0, 1):
-            middle = np.float32(place[axis] * inner + half[axis] - (size[axis] - 1) / 2)
+            offset = np.float32(block[axis] * inner + half[axis] - (size[axis] - 1) / 2)
             step, tilt = bundles.step[axis], bundles.step[2 + axis]
-            centre = element[axis] + middle * step + depths * (element[2 + axis] + middle * tilt)
+            centre = element[axis] + offset * step + depths * (element[2 + axis] + offset * tilt)
             reach = half[axis] * np.abs(step + depths * tilt) + among
-            meets &= lo[:, axis] <= (centre + reach).max(0)
-            meets &= hi[:, axis] >= (centre - reach).min(0)
-        count += int(meets.sum())
+            overlaps &= lo[:, axis] <= (centre + reach).max(0)
+            overlaps &= hi[:, axis] >= (centre - reach).min(0)
+        count += int(overlaps.sum())
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
@@ -71,10 +71,10 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     assert bundles.lattice is not None
     inner, elements = BLOCK // outer, probed_elements(bundles)
     number = np.arange(len(elements) * PLACES)
-    down, across = -(-bundles.rows // inner), -(-bundles.columns // inner)
-    place = number * (down * across) // len(number)
-    first = np.stack([place % across, place // across], 1) * inner
-    middle = first - (np.array([bundles.columns, bundles.rows]) - 1) / 2
+    down, along = -(-bundles.rows // inner), -(-bundles.columns // inner)
+    block = number * (down * along) // len(number)
+    first = np.stack([block % along, block // along], 1) * inner
+    offset = first - (np.array([bundles.columns, bundles.rows]) - 1) / 2
     i, u = np.tile(np.arange(inner), outer), np.repeat(np.arange(outer) - (outer - 1) / 2, inner)
     rays = []
     for part, among in enumerate((bundles.lattice.origin, bundles.lattice.direction)):
@@ -82,7 +82,7 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
         out = np.full((len(number), BLOCK, BLOCK, 3), float(part))
         for axis in (0, 1):
             step = bundles.step[2 * part + axis]
-            line = (middle[:, axis, None] + i) * step + u * among + element[:, axis, None]
+            line = (offset[:, axis, None] + i) * step + u * among + element[:, axis, None]
             out[..., axis] = line[:, None, :] if axis == 0 else line[:, :, None]
         rays.append(out.reshape(len(number), -1, 3).astype(np.float32))
     return rays[0], rays[1]
@@ -95,8 +95,8 @@ def best_outer(
 ) -> int:
     """Elements along each axis that a block best spans, for a sink of SPANNING_COST.
 
-    Decided by how many triangles the rays of some blocks meet, of ``closest_hit``: what can be seen
-    decides, and not how it is sorted.
+    The number of triangles that the rays of some blocks hit, from ``closest_hit``, decides: it does
+    not depend on the hierarchy.
     """
     least, best = np.inf, 1
     for outer in OUTER:
@@ -118,16 +118,16 @@ def best_outer(
 def probe(slab: Slab, macro: bool = True) -> Bundles:
     """A few elements, macropixels or views, spread evenly: the same for all tiles of a slab."""
     left, top, width, height = slab.held.pixels if macro else (0, 0, slab.views, slab.views)
-    places = [
+    columns_rows = [
         first + (2 * np.arange(side := min(4, size)) + 1) * size // (2 * side)
         for first, size in ((left, width), (top, height))
     ]
-    grid = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*columns_rows), axis=-1).reshape(-1, 2)
     return macropixels(slab, grid) if macro else views(slab, grid)
 
 
 SINGLE_RAY_LEAVES = 2.5
-"""Leaves in the way of a block, a ray, above which single rays are faster: measured."""
+"""The leaves per ray that a block overlaps, above which single rays are faster: measured."""
 
 
 def _seen(bundles: Bundles) -> tuple:
@@ -142,8 +142,8 @@ class Plan:
     Parameters
     ----------
     leaf_boxes : (L, 6) of the scene's hierarchy.
-    closest_hit : what rays (R, 3) meet, of :meth:`Tracer.closest_hit`.
-    outer, single_rays : answers given before they are asked for.
+    closest_hit : the first hits of rays (R, 3), :meth:`Tracer.closest_hit`.
+    outer, single_rays : fixed answers; default what is faster.
 
     Raises
     ------
@@ -167,14 +167,14 @@ class Plan:
     def shape(self, bundles: Bundles, sink: str, *, grouped: bool = True) -> PacketShape:
         """How these rays are cut into packets.
 
-        ``grouped``: whether the elements' places are known.  Elements can then share packets and,
-        on a lattice, blocks.
+        ``grouped``: whether the elements' coordinates are known.  Elements can then share packets,
+        and on a lattice blocks.
         """
         outer = self.outer(bundles, sink) if grouped else 1
         single = self.single_rays(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
         shape = PacketShape.for_inner(inner, 1 if single else outer, single)
-        return shape if grouped else replace(shape, group=1)
+        return shape if grouped else replace(shape, group_side=1)
 
     def outer(self, bundles: Bundles, sink: str) -> int:
         """Elements along each axis that a block spans."""
@@ -188,7 +188,7 @@ class Plan:
         return self._known[key]
 
     def single_rays(self, bundles: Bundles, outer: int = 1) -> bool:
-        """Whether blocks of these rays have so much in their way that single rays are faster.
+        """Whether blocks of these rays overlap so many leaves that single rays are faster.
 
         Never for elements of one ray: such rays come from anywhere, and none must change how
         its neighbours are traced.

@@ -14,8 +14,8 @@ from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, offsets,
 from lfcore.optics.plane_tables import (
     PLANE_ARGUMENTS,
     PlaneTables,
-    beam_targets,
     lens_tables,
+    packet_targets,
     view_tables,
 )
 from lfcore.optics.planes import SensorPlane
@@ -127,8 +127,8 @@ class StripBuffers:
         packets = elements // shape.elements * per_group if planes else 0
         self.height = min(max(1, packets // (sums.workers * ITEMS_A_WORKER)), STRIP_PACKETS)
         self.height = min(self.height, 1 << max(SPARE_STOPS - stops, 0))
-        span = shape.cells * BLOCK
-        reached = strip_rows(sums.slab, sums.planes, self.height * shape.group, span)
+        span = shape.cells_per_side * BLOCK
+        reached = strip_rows(sums.slab, sums.planes, self.height * shape.group_side, span)
         self.ring = 1 << (min(reached, sums.slab.pixels) - 1).bit_length()
         row = planes, self.ring, 3, PACKET_COLUMNS
         self.workers = min(sums.workers, workers_that_fit(device, 4 * math.prod(row)))
@@ -149,7 +149,8 @@ def tile_strips(
     """Sums of ``planes`` over the rays of a tile."""
     macro = tile.layout.kind == "macropixels"
     if macro:
-        tables = lens_tables(slab, planes, tile_corners(tile, slab), shape.group, shape.cells)
+        corners, side = tile_corners(tile, slab), shape.cells_per_side
+        tables = lens_tables(slab, planes, corners, shape.group_side, side)
     else:
         tables = view_tables(slab, planes)
     sums = PlaneBuffers(scene.device, slab, list(planes), tables, one_of_sums(scene.stops))
@@ -166,6 +167,6 @@ def strip_rows(slab: Slab, planes: list[SensorPlane], pixels: int, span: int) ->
     """
     most = 1
     for plane in planes:
-        reached = beam_targets(offsets(slab, plane), pixels, span)
+        reached = packet_targets(offsets(slab, plane), pixels, span)
         most = max(most, int(np.ptp(reached, axis=(2, 3)).max()) + 1)
     return most

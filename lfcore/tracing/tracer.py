@@ -17,7 +17,7 @@ from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.timing import Stopwatch
 from lfcore.tracing.arrays import ArrayTracer
-from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, slots_of
+from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, placements_of
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import FRAME_ARGUMENTS, record
@@ -63,7 +63,7 @@ class TileJob:
         self.macro = layout.kind == "macropixels"
         self.elements = tile.elements() + grid_corner(tile, slab)
         self.shape = plan.shape(probe(slab, self.macro), "FRAMES")
-        # Without frames their format is not asked for: it must not make another program.
+        # Without frames their format must not make another program.
         defines = {
             "PLANES": 0 if not planes else 1 if self.macro else 2,
             "BITS": layout.format.bits if frames else 0,
@@ -74,44 +74,45 @@ class TileJob:
         self.strips = tile_strips(scene, self.shape, slab, tile, planes)
 
     def run(self, tracing: TileTracing, progress: Progress | None) -> Iterator[Chunk]:
-        slots = slots_of(self.tile, self.slab, frames=self.frames)
-        frame_of = slots["frame"].copy()
+        placements = placements_of(self.tile, self.slab, frames=self.frames)
+        frame_of = placements["frame"].copy()
         cuts = chunk_cuts(
-            self.layout, self.elements, frame_of if self.frames else None, self.shape.group
+            self.layout, self.elements, frame_of if self.frames else None, self.shape.group_side
         )
         ends = frame_of[cuts[1:] - 1] + 1 if self.frames else np.zeros(1, int)
-        hosts = FrameMemory(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
+        memory = FrameMemory(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
         watch = Stopwatch()
         for start, stop in itertools.pairwise(cuts):
             with watch.part("trace"):
                 first = int(frame_of[start])
                 count = int(frame_of[stop - 1]) + 1 - first if self.frames else 0
-                slots["frame"][start:stop] -= first
+                placements["frame"][start:stop] -= first
                 # The first chunk's memory is black already.
                 if start and stop - start < count * self.layout.elements_per_frame:
-                    hosts.blank(count)
-                self._launch(slice(start, stop), slots[start:stop], hosts.buffer)
+                    memory.blank(count)
+                self._launch(slice(start, stop), placements[start:stop], memory.buffer)
                 self.scene.device.queue.finish()
             tracing.seconds = watch.seconds["trace"]
             if progress:
                 progress(stop, len(self.elements))
             if self.frames:
-                with hosts.frames(count) as frames:
+                with memory.frames(count) as frames:
                     yield Chunk(frames, first)
         tracing.plane_sums = self.strips.sums.collect()
 
-    def _launch(self, part: slice, slots: np.ndarray, frames: cl.Buffer) -> None:
+    def _launch(self, part: slice, placements: np.ndarray, frames: cl.Buffer) -> None:
         layout = self.layout
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
         groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.height)
         numbers = record(
             FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
-            chroma=layout.format.subsampling, rgb=layout.format.rgb,
+            subsampling=layout.format.subsampling, rgb=layout.format.rgb,
         )  # fmt: skip
         self.job.launch(
             bundles, groups, self.strips.workers, frame_numbers=numbers,
-            slots=self.scene.device.buffer(slots), frames=frames, **self.strips.arguments(),
+            placements=self.scene.device.buffer(placements), frames=frames,
+            **self.strips.arguments(),
         )  # fmt: skip
 
 
@@ -120,7 +121,7 @@ class Tracer(ArrayTracer):
 
     Parameters
     ----------
-    scene, bvh : what is looked at, and its hierarchy.
+    scene, bvh : a scene, and its hierarchy.
     device : an open device; default :func:`lfcore.opencl.device.open_device`.
     needs : features to compile in; default those that the scene uses.
     mipmaps : whether textures are filtered over a pixel's footprint, or read at full size.

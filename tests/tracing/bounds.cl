@@ -22,7 +22,7 @@ kernel void edges(global const float *in, global const Leaf *leaf, global float 
     const vf error = edge_error(&r, p, q);
     Affine e = affine_of(&wide, 0);
     e.of[ONE] += FIRST(error);
-    const vf value = edge_row(e, (Row){in[11], in[12], in[13], in[14]});
+    const vf value = bilinear_row(e, (Row){in[11], in[12], in[13], in[14]});
     vstore2((float2)(FIRST(value), FIRST(error)), get_global_id(0), out);
 }
 
@@ -52,7 +52,7 @@ inline float edge_at(const Bundle *r, global const Leaf *leaf, float at, vf *pac
     shear_corners(r, v);
     const WideAffine wide = edge_function(r, v[0], v[1]);
     *packet = packet_error(r, v[0], v[1]);
-    const vf value = edge_row(affine_of(&wide, 0), (Row){at, at, 0, 0});
+    const vf value = bilinear_row(affine_of(&wide, 0), (Row){at, at, 0, 0});
     return FIRST(value);
 }
 
@@ -73,7 +73,7 @@ kernel void packets(global const float *in, global const Leaf *leaf, global floa
 inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
 {
     Triangles t;
-    place_extents(r, leaf, FAR, &t);
+    set_up_extents(r, leaf, FAR, &t);
     return t.x;
 }
 
@@ -117,7 +117,7 @@ kernel void sides(global const float *in, global const Leaf *leaf, global float 
 {
     in += CANDIDATE * get_global_id(0);
     const Affine f = {{in[0], in[1], in[2]}};
-    const vf value = edge_row(f, (Row){in[7], in[8], 0, 0});
+    const vf value = bilinear_row(f, (Row){in[7], in[8], 0, 0});
     const float least = least_over(f, (Rectangle){in[3], in[4], in[5], in[6]});
     vstore2((float2)(FIRST(value), least), get_global_id(0), out);
 }
@@ -142,21 +142,21 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
     if (t.keep & 1) {
         float inside = FAR;
         for (int k = 0; k < FUNCTIONS; ++k) {
-            const vf e = edge_row(affine_of(t.functions + k, 0), row);
+            const vf e = bilinear_row(affine_of(t.functions + k, 0), row);
             if (k != NUMERATOR) inside = min(inside, FIRST(e));
         }
         const Scene scene = {.corners = in, .material_ids = (global const int *)in};
-        global PlaneEquations *planes = (global PlaneEquations *)leaf;
+        global PlaneEquations *equations = (global PlaneEquations *)leaf;
         const float3 v[3] = {vload3(0, in), vload3(1, in), vload3(2, in)};
         const TriangleRow first = {1};
-        set_up_planes(&scene, &all, &first, planes);
+        set_up_equations(&scene, &all, &first, equations);
         const Rectangle over = rays_at(&all, v);
-        const Receiver receiver = make_receiver(&all, planes);
+        const Receiver receiver = make_receiver(&all, equations);
         const Box box = hits_at(&all, v, &receiver, over);
-        const int even = evenly_weighted(planes->denominator, over);
-        const float least = least_over(planes->denominator, over);
-        set_up_planes(&scene, &r, &first, planes);
-        const SampleRow s = interpolate(planes, row, 0);
+        const int even = evenly_weighted(equations->denominator, over);
+        const float least = least_over(equations->denominator, over);
+        set_up_equations(&scene, &r, &first, equations);
+        const SampleRow s = interpolate(equations, row, 0);
         const Vec d = direction_row(&r, row);
         const vf x = fma(s.depth, d.x, row_ox(&r, row));
         const vf y = fma(s.depth, d.y, (vf)(row_oy(&r, row)));
@@ -243,7 +243,7 @@ kernel void depths(global const float *in, global const Leaf *leaf, global float
     const Affine numerator = {{in[0], in[1], in[2]}}, denominator = {{in[3], in[4], in[5]}};
     const Row row = {in[6], in[7], 0, 0};
     const Rectangle grid = {0.0f, 0.0f, 7.5f, 7.5f};
-    const vf depth = edge_row(numerator, row) * reciprocal(edge_row(denominator, row));
+    const vf depth = bilinear_row(numerator, row) * reciprocal(bilinear_row(denominator, row));
     const float least = depth_range(numerator, denominator, grid).x;
     vstore2((float2)(FIRST(depth), least), get_global_id(0), out);
 }

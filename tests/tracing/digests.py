@@ -135,7 +135,7 @@ def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
     return run
 
 
-# (scene, name).  Few lens samples of many pixels make blocks that span pixels, others beams of a
+# (scene, name).  Few lens samples of many pixels make blocks that span pixels, others packets of a
 # pixel each; small triangles in few pixels make rays that are followed one by one.
 CASES: dict[tuple[str, str], Case] = {
     ("fine", "hits, N = 4"): hits("macropixels", 4, 96),

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.kernels
 LAMP = Light(POINT, (0.6, -1.5, 0.5), (0.9, 0.9, 0.9))
 NEAR = 4 * 2.0**-24
 """Of the depth: rays that lie so close to each other may differ by rounding."""
-# Its plane passes through the lens: some rays of a beam see it from above, where the lamp is, and
+# Its plane passes through the lens: some rays of a packet see it from above, where the lamp is, and
 # more from below.
 FLOOR = [[[-9, -0.00925, 0.5], [9, -0.00925, 0.5], [0, -0.015, 12]]]
 CANOPY = [[[0.19, -0.5, -1], [0.21, -0.5, 2.5], [2, -0.5, 0.8]]]
@@ -105,7 +105,7 @@ def test_shadows_are_the_oracles(device, name):
 
 @pytest.mark.parametrize("name", ["lamp", "sun", "edge-on", "many"])
 def test_shadows_are_those_of_single_rays(name):
-    """Of pixels whose rays fill many blocks: beams have screens, and triangles part of a beam."""
+    """Of pixels whose rays fill many blocks: packets have screens, triangles part of a packet."""
     here, slab = world(name), Slab(CAMERA, 72, 24)
     rays = macropixels(slab, all_pixels(slab)[::29])
     tracers = one_element(here), tracer_of(here, single_rays=True)

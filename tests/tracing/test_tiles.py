@@ -110,8 +110,8 @@ MANY_PLANES = [
     SensorPlane(5.0, 1.7, aperture="square", pixels=3, keep_magnification=True),
     SensorPlane(1.0, 1.0, pixels=1),
 ]
-# Beams of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
-# lit, which is slow to build, in beams of one block an element and of several.
+# Packets of 4 x 4, 2 x 2 and single pixels; lens grids that fill their blocks and that do not;
+# lit, which is slow to build, in packets of one block an element and of several.
 SIZES = [
     (3, 13, painted_soup), (16, 11, lit_soup), (16, 12, lit_soup), (20, 9, painted_soup),
     (40, 5, lit_soup), (70, 4, painted_soup),
@@ -140,17 +140,17 @@ def test_sums_are_every_ray_alone(views, pixels, make, monkeypatch):
     for plane, found in zip(MANY_PLANES, sums, strict=True):
         expected, side = scattered_sums(slab, plane, rays), plane.side(slab)
         np.testing.assert_array_equal(found[:, :side, :side], expected, str(plane))
-    # Tiles that begin and end amid a beam.
+    # Tiles that begin and end amid a packet.
     for most in (2, 2 * pixels):
         np.testing.assert_array_equal(formed(tracer, layout, max_rays=most * views**2), sums)
-    # Strips of several beams, even in a picture this small.
+    # Strips of several packets, even in a picture this small.
     monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
     np.testing.assert_array_equal(formed(tracer, layout), sums)
 
 
 @pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
 def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
-    """A beam of white rays on one pixel is 2^32."""
+    """A packet of white rays on one pixel is 2^32."""
     monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
     white_room = scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
     tracer = tracer_of(white_room, open_device(threads=1))

@@ -1,6 +1,6 @@
 // Algorithm 4: sensor planes from decoded frames that hold macropixels.  A summed-area table is made of
 // STRIP rows of lens samples, with those rows only at which a run of some plane ends; each plane takes one
-// sum a bin from it.  strip_tables.py says which lens samples make a bin.  As in planes.cl sums are
+// sum a bin from it.  strip_tables.py says which lens samples make a bin.  As in plane_sums.cl sums are
 // integers: exact, in whatever order they are added.
 //
 // BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.  LANES is
@@ -195,7 +195,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hi
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,
-                 global const Slot *restrict slots,   // (E,)
+                 global const Placement *restrict placements,  // (E,)
                  const int n_elements,
                  const int inner,                     // side N of a macropixel
                  global int *restrict next,
@@ -222,10 +222,10 @@ void form_planes(global const sample *restrict frames,
     for (int group = atomic_inc(next) * GROUP; group < n_elements; group = atomic_inc(next) * GROUP)
         for (int strip = 0; strip < strips.strips; ++strip)
             for (int element = group; element < min(group + GROUP, n_elements); ++element) {
-                const Slot slot = slots[element];
-                global const sample *frame = frames + slot.frame * (pixels + 2 * small);
+                const Placement placed = placements[element];
+                global const sample *frame = frames + placed.frame * (pixels + 2 * small);
                 const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small,
-                                               frame_width, slot.x, slot.y};
-                add_macropixel(&strips, &macropixel, strip, slot.column, slot.row, table);
+                                               frame_width, placed.x, placed.y};
+                add_macropixel(&strips, &macropixel, strip, placed.column, placed.row, table);
             }
 }

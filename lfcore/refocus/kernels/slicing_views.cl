@@ -40,7 +40,7 @@ kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hi
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,
-                 global const Slot *restrict slots,   // (E,)
+                 global const Placement *restrict placements,  // (E,)
                  const int n_elements,
                  global int *restrict next,
                  global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
@@ -58,13 +58,13 @@ void form_planes(global const sample *restrict frames,
     const ulong chroma = (ulong)(frame_width / CHROMA) * (frame_height / CHROMA);
     const ulong frame_samples = (ulong)frame_width * frame_height + 2 * chroma;
     for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
-        const Slot slot = slots[element];
-        global const sample *frame = frames + slot.frame * frame_samples;
+        const Placement placed = placements[element];
+        global const sample *frame = frames + placed.frame * frame_samples;
         for (int y = 0; y < numbers.rows; y += BLOCK)
             for (int x = 0; x < numbers.columns; x += BLOCK) {
-                load_block(frame, frame_width, frame_height, slot.x + x, slot.y + y, numbers.columns - x,
+                load_block(frame, frame_width, frame_height, placed.x + x, placed.y + y, numbers.columns - x,
                            numbers.rows - y, colours);
-                add_view(&planes, (int2)(slot.column, slot.row), (int2)(x, y), colours);
+                add_view(&planes, (int2)(placed.column, placed.row), (int2)(x, y), colours);
             }
     }
 }

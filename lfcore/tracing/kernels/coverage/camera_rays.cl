@@ -28,7 +28,7 @@ inline void take_nearest(const CutOuts *cut_outs, const Ray *r, const Sheared *s
 
 #define MISS ((Hit){INFINITY, -1, (float3)(NAN)})
 
-// The first triangle that a ray meets; `t` is the parameter of the ray as given.
+// The first triangle that a ray hits; `t` is the parameter of the ray as given.
 inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
     int exponent;
@@ -41,7 +41,7 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
             Sheared s;
             shear_leaf(&r, leaf_corners(tree, leaf, lane), &s);
-            take_nearest(&tree->cut_outs, &r, &s, leaf_numbers(tree, leaf, lane), &hit);
+            take_nearest(&tree->cut_outs, &r, &s, triangle_ids(tree, leaf, lane), &hit);
         }
     hit.t = ldexp(hit.t, -exponent);
     return hit.id < 0 ? MISS : hit;

@@ -1,5 +1,5 @@
 // Compaction: a packet of several blocks of one element keeps those triangles of the candidates
-// that the packet may hit, so that its blocks set up few others.
+// that the packet may hit: its blocks then set up few others.
 #pragma once
 #include "triangles.cl"
 
@@ -40,10 +40,10 @@ inline vi packet_overlaps(const Bundle *r, global const Leaf *leaf, float z_far)
 {
     Triangles t;
     vf error[3];
-    const vi keep = place_extents(r, leaf, z_far, &t);
+    const vi keep = set_up_extents(r, leaf, z_far, &t);
     if (!row_any(keep)) return keep;
     for (int k = 0; k < 3; ++k) error[k] = packet_error(r, t.v[(k + 1) % 3], t.v[(k + 2) % 3]);
-    return keep & place_edges(r, error, &t);
+    return keep & set_up_edges(r, error, &t);
 }
 
 // Append triangle `number`.  The first triangle of a leaf clears the leaf: all zero, which nothing
@@ -82,7 +82,7 @@ inline LeafList compact_triangles(const Tree *tree, const Packet *p, float z_far
     for (int k = 0; k < candidates->count; ++k)
         for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
             const int leaf = candidates->of->leaf[k];
-            global const int *ids = leaf_numbers(tree, leaf, lane);
+            global const int *ids = triangle_ids(tree, leaf, lane);
             uint bits = row_bits(packet_overlaps(&all, leaf_corners(tree, leaf, lane), z_far));
             for (; bits; bits &= bits - 1, ++number) {
                 const int k = lowest(bits);
@@ -99,7 +99,7 @@ typedef struct { Tree leaves; int pays; global CompactedLeaves *memory; } Compac
 
 inline Compaction start_compaction(const Tree *tree, const Packet *p, global CompactedLeaves *to)
 {
-    Compaction c = {*tree, p->rays->group == 1 && p->rays->blocks > 1, to};
+    Compaction c = {*tree, p->rays->group_side == 1 && p->rays->blocks > 1, to};
     c.leaves.leaves = to->leaves;
     c.leaves.leaf_ids = to->ids;
     return c;

@@ -5,7 +5,7 @@
 #include "cut_outs.cl"
 #include "triangles.cl"
 
-// Depths and triangles; infinity and -1 where nothing is met.
+// Depths and triangles; infinity and -1 where no triangle is hit.
 typedef struct { float z[BLOCK_RAYS]; int ids[BLOCK_RAYS]; } DepthBuffer;
 
 #define NOTHING -1   // no triangle yet, depth buffer not written
@@ -30,9 +30,9 @@ inline void use_buffer(Coverage *c)
     if (c->covering_triangle == BUFFERED) return;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, c->half_extent);
-        const vf depth = plane_row(c->numerator, row) * reciprocal(plane_row(c->denominator, row));
+        const vf z = affine_row(c->numerator, row) * reciprocal(affine_row(c->denominator, row));
         VSTORE((vi)(c->covering_triangle), c->ids + at);
-        VSTORE(c->covering_triangle == NOTHING ? (vf)(INFINITY) : depth, c->z + at);
+        VSTORE(c->covering_triangle == NOTHING ? (vf)(INFINITY) : z, c->z + at);
     }
     c->covering_triangle = BUFFERED;
 }
@@ -77,9 +77,9 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
     return LT(new, old) | (EQ(new, old) & LT((vi)(id), old_id));
 }
 
-// Which of a row of rays a triangle meets, and at what depth; `e` are its affine functions.  Those
-// of a triangle seen edge-on get their signs and errors here.
-inline vi overlap(const Triangles *t, uint lane, vf *e, vf *depth)
+// Mask of a row of rays that hit a triangle, and its depth; `e` are its affine functions.  Those of
+// a triangle seen edge-on get their signs and errors here.
+inline vi hit_rays(const Triangles *t, uint lane, vf *e, vf *depth)
 {
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
     if (t->edge_on >> lane & 1) {
@@ -90,49 +90,49 @@ inline vi overlap(const Triangles *t, uint lane, vf *e, vf *depth)
     return GE(min(e[0], min(e[1], e[2])), (vf)(-t->slack[lane])) & GT(e[DENOMINATOR], (vf)(0.0f));
 }
 
-// A triangle's functions along each of the block's rows: base + x along + u across.
+// A triangle's functions along each of the block's rows: base + x inner + u outer.
 typedef struct {
-    float base[FUNCTIONS][BLOCK], along[FUNCTIONS][BLOCK], across[FUNCTIONS][BLOCK];
+    float base[FUNCTIONS][BLOCK], inner[FUNCTIONS][BLOCK], outer[FUNCTIONS][BLOCK];
 } TriangleRows;
 
 inline void make_rows(const Triangles *t, uint lane, float half_extent, TriangleRows *f)
 {
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(t->rows[lane] >> first & ((1 << LANES) - 1))) continue;
-        // The places of rows along y are those of columns along x.
+        // Offsets of rows along y equal those of columns along x.
         const Row at = row_at(first, half_extent);
         for (int k = 0; k < FUNCTIONS; ++k) {
             const Affine g = affine_of(t->functions + k, lane);
             const vf base = AT_OFFSETS(at.x, at.u, g.of[ONE], g.of[Y], g.of[V]);
-            vf along = g.of[X], across = g.of[U];
+            vf inner = g.of[X], outer = g.of[U];
             if (OUTER > 1 && k < NUMERATOR) {
-                along = fma(-at.u, (vf)(g.of[BILINEAR]), along);
-                across = fma(at.x, (vf)(g.of[BILINEAR]), across);
+                inner = fma(-at.u, (vf)(g.of[BILINEAR]), inner);
+                outer = fma(at.x, (vf)(g.of[BILINEAR]), outer);
             }
             VSTORE(base, f->base[k] + first);
-            VSTORE(along, f->along[k] + first);
-            if (OUTER > 1) VSTORE(across, f->across[k] + first);
+            VSTORE(inner, f->inner[k] + first);
+            if (OUTER > 1) VSTORE(outer, f->outer[k] + first);
         }
     }
 }
 
 // Merge one of LANES triangles into the depth buffer; returns whether anything changed.
-inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *rays,
+inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *bundle,
                         const CutOuts *cut_outs, const Coverage *to)
 {
     const int holes = has_holes(cut_outs, id);
     TriangleRows f;
-    make_rows(t, lane, rays->half_extent, &f);
+    make_rows(t, lane, bundle->half_extent, &f);
     int changed = 0;
     for (uint rows = t->rows[lane]; rows; rows &= rows - 1) {
         const int row = lowest(rows);
         for (int column = 0; column < BLOCK; column += LANES) {
             if (!(t->columns[lane] >> column & ((1 << LANES) - 1))) continue;
-            const Row at = row_at(row * BLOCK + column, rays->half_extent);
+            const Row at = row_at(row * BLOCK + column, bundle->half_extent);
             vf e[FUNCTIONS], depth;
             for (int k = 0; k < FUNCTIONS; ++k)
-                e[k] = AT_OFFSETS(at.x, at.u, f.base[k][row], f.along[k][row], f.across[k][row]);
-            vi mask = overlap(t, lane, e, &depth);
+                e[k] = AT_OFFSETS(at.x, at.u, f.base[k][row], f.inner[k][row], f.outer[k][row]);
+            vi mask = hit_rays(t, lane, e, &depth);
             global float *z = to->z + row * BLOCK + column;
             global int *ids = to->ids + row * BLOCK + column;
             const vf old_z = VLOAD(z);
@@ -140,7 +140,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *ray
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
                 const uint bits = row_bits(mask);
-                mask = mask_of_bits(stopped_rays(cut_outs, id, rays, at, depth, bits));
+                mask = mask_of_bits(stopped_rays(cut_outs, id, bundle, at, depth, bits));
             }
             if (!row_any(mask)) continue;
             VSTORE(pick(old_z, depth, mask), z);

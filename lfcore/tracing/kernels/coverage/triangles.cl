@@ -1,10 +1,10 @@
-// Triangles against a block: edge functions and the planes of triangles, set up LANES at a time.
+// Triangles against a block: edge functions and depth, LANES triangles at a time.
 //
 // In the frame sheared to the block's centre ray, X = x - ox - z dx (Y alike), the edge function of
 // p -> q, D . ((p - O) x (q - O)), is affine over the block: the term in O x O vanishes, and so
 // does the bilinear one, for lens samples of one pixel as for pixels of one lens sample.  It is
 //     e = c_z + i (c_x tx + g_y sx) + j (c_y ty - g_x sy),   c = P x Q,  g = P - Q
-// and the code has twice that.  Blocks of several elements add (y u - x v) (sx b - a tx) g_z.
+// and the code has twice that.  Blocks of several elements add (j u - i v) (sx b - a tx) g_z.
 //
 // Source of edge functions: J. Pineda, "A Parallel Algorithm for Polygon Rasterization", SIGGRAPH
 // 1988.
@@ -16,13 +16,13 @@
 // it to the last bit.
 inline Vec edge_normals(Vec p, Vec q) { return cross3(plus3(p, q), minus3(q, p)); }
 
-// Corners of LANES triangles of a leaf, relative to a place.
-inline void load_corners(global const Leaf *leaf, float3 place, Vec *v)
+// Corners of LANES triangles of a leaf, relative to `origin`.
+inline void load_corners(global const Leaf *leaf, float3 origin, Vec *v)
 {
     for (int k = 0; k < 3; ++k) {
         const Vec p = {VLOAD(leaf->corner[k][0]), VLOAD(leaf->corner[k][1]),
                        VLOAD(leaf->corner[k][2])};
-        v[k] = minus3(p, spread3(place));
+        v[k] = minus3(p, spread3(origin));
     }
 }
 
@@ -76,23 +76,23 @@ inline vi beside_rays(const Axis *a)
 // sign over the triangle, which the mask says, the first and last column belong to corners.
 inline vi find_span(const Axis *a, float slack, int element, vf *lo, vf *hi)
 {
-    Triple step, inverse, sample;
+    Triple step, inverse, column;
     for (int k = 0; k < 3; ++k) {
         step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
         inverse.of[k] = reciprocal(step.of[k]);
         const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
         vf at = a->at.of[k];
         if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
-        sample.of[k] = at * inverse.of[k];
+        column.of[k] = at * inverse.of[k];
     }
     const vf beyond = slack * a->error * largest3(inverse);
-    *lo = least3(sample) - beyond + a->half_extent;
-    *hi = most3(sample) + beyond + a->half_extent;
+    *lo = least3(column) - beyond + a->half_extent;
+    *hi = most3(column) + beyond + a->half_extent;
     return GT(step.of[0] * step.of[1], (vf)(0.0f)) & GT(step.of[1] * step.of[2], (vf)(0.0f));
 }
 
 // The block's 16 columns that triangles can reach, a bit each.
-inline vi samples_reached(const Axis *a)
+inline vi reached_columns(const Axis *a)
 {
     vi reached = 0, one_sided = 0;
     for (int element = 0; element < OUTER; ++element) {
@@ -121,14 +121,14 @@ inline WideAffine edge_function(const Bundle *r, Vec p, Vec q)
     return e;
 }
 
-// A bound of its error at the rays of the block.
+// A bound of the edge function's error at the rays of the block.
 inline vf edge_error(const Bundle *r, Vec p, Vec q)
 {
     const Vec m = absolute3(plus3(p, q)), l = absolute3(minus3(q, p));
     const vf kx = fma(m.y, l.z, m.z * l.y), ky = fma(m.z, l.x, m.x * l.z);
-    const vf wide = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
-                    fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
-    vf most = fma((vf)(r->half_extent), wide, fma(m.x, l.y, m.y * l.x));
+    const vf inner = fma(kx, (vf)(fabs(r->tx)), 2.0f * l.y * fabs(r->sx)) +
+                     fma(ky, (vf)(fabs(r->ty)), 2.0f * l.x * fabs(r->sy));
+    vf most = fma((vf)(r->half_extent), inner, fma(m.x, l.y, m.y * l.x));
     if (OUTER > 1) {
         const vf outer = fma(kx + ky, (vf)(fabs(r->b)), 2.0f * (l.x + l.y) * fabs(r->a));
         const float steps = fabs(r->sx * r->b) + fabs(r->a * r->tx);
@@ -149,20 +149,20 @@ inline WideAffine edge_functions(const Bundle *r, const Vec *v, WideAffine *edge
     return sum;
 }
 
-// What an affine function varies by within a block of that half_extent, at most.
+// A bound of an affine function's change from the centre of a block of that half_extent.
 inline vf affine_spread(WideAffine e, float half_extent)
 {
-    vf wide = half_extent * (fabs(e.of[X]) + fabs(e.of[Y]));
+    vf spread = half_extent * (fabs(e.of[X]) + fabs(e.of[Y]));
     if (OUTER > 1)
-        wide += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
-                2.0f * half_extent * OUTER_HALF * fabs(e.of[BILINEAR]);
-    return wide;
+        spread += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
+                  2.0f * half_extent * OUTER_HALF * fabs(e.of[BILINEAR]);
+    return spread;
 }
 
 // Functions of a triangle: edges opposite p, q and r, and depth's.
 enum { NUMERATOR = 3, DENOMINATOR, FUNCTIONS };
 
-// LANES triangles of a leaf among the rays of a block, set up as far as they may be hit.
+// LANES triangles of a leaf against a block's rays; only those in `keep` are set up to the end.
 typedef struct {
     Vec v[3];                         // corners, sheared
     Axis x, y;
@@ -178,16 +178,16 @@ typedef struct {
 } Triangles;
 
 // Edges signed so that n . D > 0 unless the triangle is seen edge-on, and widened by their errors.
-// Returns the mask of triangles that some ray may meet.
-inline vi place_edges(const Bundle *r, const vf *error, Triangles *out)
+// Returns the mask of triangles that some ray may hit.
+inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
 {
     WideAffine *e = out->functions;
     const WideAffine sum = edge_functions(r, out->v, e);
-    const vf middle = sum.of[ONE], wide = affine_spread(sum, r->half_extent);
-    const vi flat = EQ(middle, (vf)(0.0f)) & EQ(wide, (vf)(0.0f));
-    const vi edge_on = LE(fabs(middle), wide * BOUND_SLACK);
+    const vf centre = sum.of[ONE], change = affine_spread(sum, r->half_extent);
+    const vi flat = EQ(centre, (vf)(0.0f)) & EQ(change, (vf)(0.0f));
+    const vi edge_on = LE(fabs(centre), change * BOUND_SLACK);
     vi outside = 0, covers = ~edge_on;
-    out->flip = LT(middle, (vf)(0.0f)) & ~edge_on & (vi)(0x80000000);
+    out->flip = LT(centre, (vf)(0.0f)) & ~edge_on & (vi)(0x80000000);
     for (int k = 0; k < 3; ++k) {
         for (int term = 0; term < AFFINE_TERMS; ++term)
             e[k].of[term] = flip_sign(e[k].of[term], out->flip);
@@ -202,7 +202,7 @@ inline vi place_edges(const Bundle *r, const vf *error, Triangles *out)
     return ~(flat | (outside & ~edge_on));
 }
 
-// The affine function one + x (change along the columns) + y (change along the rows).
+// The affine function one + x * step_x * column + y * step_y * row, and likewise of elements.
 inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
 {
     WideAffine f;
@@ -234,8 +234,8 @@ inline Affine affine_of(const WideAffine *f, uint lane)
     return one;
 }
 
-// Mask of those whose extents rays anywhere in the block may meet, between its samples, too.
-inline vi place_extents(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
+// Mask of triangles whose bounding boxes overlap the block, of which its rays are only samples.
+inline vi set_up_extents(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
 {
     Vec *v = out->v;
     load_corners(leaf, 0.0f, v);
@@ -253,12 +253,12 @@ inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, float z_f
     const Vec *v = out->v;
     vf error[3];
     out->keep = 0;
-    vi keep = place_extents(r, leaf, z_far, out);
+    vi keep = set_up_extents(r, leaf, z_far, out);
     if (!row_any(keep)) return;
     for (int k = 0; k < 3; ++k) error[k] = edge_error(r, v[(k + 1) % 3], v[(k + 2) % 3]);
-    keep &= place_edges(r, error, out);
+    keep &= set_up_edges(r, error, out);
     if (!row_any(keep)) return;
-    const vi columns = samples_reached(&out->x), rows = samples_reached(&out->y);
+    const vi columns = reached_columns(&out->x), rows = reached_columns(&out->y);
     out->keep = row_bits(keep & ~(EQ(columns, (vi)(0)) | EQ(rows, (vi)(0))));
     if (!out->keep) return;
     VSTORE(rows, out->rows);

@@ -1,4 +1,4 @@
-// Which triangle each ray of a packet meets first.
+// The first triangle that each ray of a packet hits.
 //
 // The packet walks the hierarchy as one, front to back, to the farthest visible depth, and lists
 // candidates; every block culls these by its own frustum, and triangles by their edge functions.
@@ -15,13 +15,13 @@ typedef struct {
 
 typedef struct { Coverage block[MOST_BLOCKS]; global VisibilityMemory *memory; } Visibility;
 
-// Test one block against a leaf: first triangles that cover the block and may need no depth buffer.
+// Test a block against a leaf, covering triangles first: these may need no depth buffer.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
 {
     Triangles t;
     int changed = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-        global const int *ids = leaf_numbers(tree, leaf, lane);
+        global const int *ids = triangle_ids(tree, leaf, lane);
         set_up_triangles(bundle, leaf_corners(tree, leaf, lane), c->z_far, &t);
         for (uint whole = t.keep & t.covers; whole; whole &= whole - 1) {
             const uint k = lowest(whole);
@@ -49,8 +49,8 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
         global const Boxes *boxes = boxes_from(list->of->boxes + base / NODE_WIDTH,
                                                base % NODE_WIDTH);
-        const vi meets = frustum_overlaps(&frustum, boxes, c->z_far);
-        for (uint bits = row_bits(meets) & listed; bits; bits &= bits - 1) {
+        const vi overlaps = frustum_overlaps(&frustum, boxes, c->z_far);
+        for (uint bits = row_bits(overlaps) & listed; bits; bits &= bits - 1) {
             const int k = lowest(bits);
             if (boxes->low[2][k] > c->z_far) continue;
             visit_leaf(tree, bundle, list->of->leaf[base + k], c);
@@ -73,12 +73,12 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     start_walk(&stack);
     Compaction compaction = start_compaction(tree, p, &v->memory->compacted);
     while (stack.size) {
-        float far = 0.0f;  // beyond which no block can hit anything
+        float z_far = 0.0f;  // beyond which no block can hit anything
         for (int block = 0; block < blocks; ++block)
-            if (has_block(p, block)) far = max(far, v->block[block].z_far);
+            if (has_block(p, block)) z_far = max(z_far, v->block[block].z_far);
         LeafList list = {&v->memory->candidates, 0};
-        gather_leaves(tree, &volume, far, &stack, &list);
-        const Tree *leaves = compact_candidates(tree, p, far, &compaction, &list);
+        gather_leaves(tree, &volume, z_far, &stack, &list);
+        const Tree *leaves = compact_candidates(tree, p, z_far, &compaction, &list);
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
@@ -87,7 +87,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     }
 }
 
-// A region is what one triangle has of a block.  Later stages know a block by its regions alone.
+// A region: the rays of a block that hit one triangle.  Later stages know blocks by regions alone.
 typedef struct {
     int triangle;
     int rows[BLOCK];  // a bit for each ray of a row
@@ -99,17 +99,17 @@ typedef struct {
 typedef struct {
     global Region *of;  // (BLOCK_RAYS,) in the order of their first rays
     int count;
-    uchar met[RAY_ROWS], in_row[RAY_ROWS][LANES];  // how many each row of LANES rays meets; which
+    uchar row_count[RAY_ROWS], row_regions[RAY_ROWS][LANES];  // those in each row of LANES rays
 } Regions;
 
 // Columns of a block's row that lie in the inner grid, and whether a row does.
-inline int open_columns(int2 inside)
+inline int columns_inside(int2 inside)
 {
-    int open = 0;
-    for (int k = 0; k < OUTER; ++k) open |= ((1 << inside.x) - 1) << (k * INNER);
-    return open;
+    int columns = 0;
+    for (int k = 0; k < OUTER; ++k) columns |= ((1 << inside.x) - 1) << (k * INNER);
+    return columns;
 }
-inline int open_row(int row, int2 inside) { return row % INNER < inside.y; }
+inline int row_inside(int row, int2 inside) { return row % INNER < inside.y; }
 
 inline global Region *add_region(Regions *regions, int triangle)
 {
@@ -139,7 +139,7 @@ inline int find_region(private int *table, int triangle, Regions *regions)
 }
 
 // Sort a depth buffer's rays by their triangles.
-inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
+inline void sort_rays(const Coverage *c, int columns, int2 inside, Regions *out)
 {
     private int table[TABLE];
     for (int k = 0; k < TABLE; k += LANES) VSTORE((vi)(-1), table + k);
@@ -147,36 +147,36 @@ inline void sort_rays(const Coverage *c, int open, int2 inside, Regions *out)
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const int row = at / BLOCK, column = at % BLOCK;
         const vi triangles = VLOAD(c->ids + at);
-        uint left = row_bits(GE(triangles, (vi)(0))) & (uint)open >> column;
-        out->met[at / LANES] = 0;
-        while (left && open_row(row, inside)) {
+        uint left = row_bits(GE(triangles, (vi)(0))) & (uint)columns >> column;
+        out->row_count[at / LANES] = 0;
+        while (left && row_inside(row, inside)) {
             const int triangle = c->ids[at + lowest(left)];
             const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
             left &= ~rays;
             if (triangle != last) k = find_region(table, last = triangle, out);
             add_rays(out->of + k, row, rays << column);
-            out->in_row[at / LANES][out->met[at / LANES]++] = k;
+            out->row_regions[at / LANES][out->row_count[at / LANES]++] = k;
         }
     }
 }
 
-// The regions of a block, of which only `inside` columns and rows of the inner grid count.
+// The regions of a block, whose `inside` columns and rows alone lie in the inner grid.
 inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 {
     out->count = 0;
     for (int row = 0; row < RAY_ROWS; ++row) {
-        out->met[row] = c->covering_triangle != NOTHING;
-        out->in_row[row][0] = 0;
+        out->row_count[row] = c->covering_triangle != NOTHING;
+        out->row_regions[row][0] = 0;
     }
     if (c->covering_triangle == NOTHING) return;
-    const int open = open_columns(inside);
+    const int columns = columns_inside(inside);
     if (c->covering_triangle == BUFFERED) {
-        sort_rays(c, open, inside, out);
+        sort_rays(c, columns, inside, out);
         return;
     }
     global Region *all = add_region(out, c->covering_triangle);
     for (int row = 0; row < BLOCK; ++row)
-        if (open_row(row, inside)) add_rays(all, row, open);
+        if (row_inside(row, inside)) add_rays(all, row, columns);
 }
 
 // Mask of a region's rays in the row of LANES that begins with ray `at`.

@@ -9,9 +9,9 @@
 #include "cubic.cl"
 #include "packet_sums.cl"
 
-// Cells: the colours of a packet, 16 x 16 inner rays of one element at a time.
+// The sink FRAMES: a packet's colours by cells, 16 x 16 inner rays of one element, and their use.
 typedef struct {
-    global float *colours;     // (cells, 3, BLOCK_RAYS), and of one block of several elements
+    global float *colours;     // (cells, 3, BLOCK_RAYS), then a block of several elements
     global ColourRow *prefix;  // (PACKET_COLUMNS + 1,)
     Frames frames;
     SensorPlanes planes;
@@ -25,22 +25,22 @@ inline void clamp_colours(global float *colours)
         VSTORE(clamp(VLOAD(colours + at), (vf)(0.0f), (vf)(BRIGHTEST)), colours + at);
 }
 
-// Hand on the cells of a packet that was coloured: to planes, and to frames, in which they end.
+// Add the cells of a packet to sensor planes, then write them to frames, which overwrites them.
 inline void finish_packet(const Packet *packet, Cells *c)
 {
     const int2 grid = (int2)(packet->rays->columns, packet->rays->rows);
-    const int group = packet->rays->group;
-    global const Slot *first = c->frames.slots + first_element(packet);
-    c->strip.u = first->column / group * group;
-    const int v = first->row / group * group;
+    const int side = packet->rays->group_side;
+    global const Placement *first = c->frames.placements + first_element(packet);
+    c->strip.u = first->column / side * side;
+    const int v = first->row / side * side;
     if (PLANES == 1) add_to_strip(&c->planes, packet, v, c->colours, c->prefix, &c->strip);
     for (int cell = 0; cell < packet->rays->cells; ++cell) {
         const int element = cell_element(packet, cell);
         if (element < 0) continue;
         const int2 where = cell_position(packet, cell), inside = min(grid - where, BLOCK);
-        global const Slot *slot = c->frames.slots + element;
+        global const Placement *placed = c->frames.placements + element;
         global float *colours = c->colours + cell * COLOURS;
-        if (PLANES == 2) add_view(&c->planes, (int2)(slot->column, slot->row), where, colours);
+        if (PLANES == 2) add_view(&c->planes, (int2)(placed->column, placed->row), where, colours);
         if (!BITS) continue;
         CubicEncoding e;
         const int even = all(inside == BLOCK) && make_cubic(colours, &e);
@@ -54,7 +54,7 @@ typedef struct {
     ColourRow prefix[PACKET_COLUMNS + 1];
     VisibilityMemory visibility;
     Region regions[BLOCK_RAYS];
-    PlaneEquations planes[BLOCK_RAYS];
+    PlaneEquations equations[BLOCK_RAYS];
     Samples samples;
     ShadowMemory shadows;
 } Memory;
@@ -64,7 +64,7 @@ typedef struct {
 
 typedef struct {
     const Scene *scene;
-    float pixel;  // tangent between neighbouring pixels
+    float pixel_pitch;  // tangent between neighbouring pixels
     global Memory *memory;
     Visibility visibility;
     Block block;
@@ -72,14 +72,14 @@ typedef struct {
     Shadows shadows;
 } Pipeline;
 
-// Linear colours, not clamped, of one block of a packet that was seen: (3, BLOCK_RAYS).
+// Linear colours, not clamped, of one block after find_visible: (3, BLOCK_RAYS).
 inline void colour_block(const Packet *packet, int number, Pipeline *p, global float *colours)
 {
     Block *b = &p->block;
     b->number = number;
-    b->rays = block_bundle(packet, number);
+    b->bundle = block_bundle(packet, number);
     find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
-    sample_block(p->scene, p->pixel, b);
+    sample_block(p->scene, p->pixel_pitch, b);
     if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.lifted);
     shade_background(p->scene, b, colours);
     private int keys[BLOCK_RAYS];
@@ -91,7 +91,7 @@ typedef struct { Arrays arrays; Cells cells; } Sink;
 
 inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink *sink)
 {
-    // Blocks of several elements have a place beyond the cells.
+    // A block of several elements is coloured behind the cells, then copied to them.
     const int cell = SINK != FRAMES ? 0 : OUTER > 1 ? packet->rays->cells : block;
     global float *colours = sink->cells.colours + cell * COLOURS;
     if (SINK != HITS) colour_block(packet, block, p, colours);
@@ -101,35 +101,35 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Sink 
     else clamp_colours(colours);
 }
 
-// For each worker `sums`: (planes, height, width), `windows`: (planes,) that are empty, `strips`:
-// (planes, ring) of 0.
+// `centre_rays` and `members`: see Rays.  `next_strip` counts from 0.  For each worker `sums`:
+// (planes, height, width), `windows`: (planes,) that are empty, `strips`: (planes, ring) of 0.
 KERNEL void trace_packets(PARAMETERS)
 {
     const Tree tree = {boxes, children, leaves, leaf_ids, {cut_out_of, cut_outs, alpha}};
     const Scene scene = {corners, attributes, material_ids, materials, lights, levels, texels,
                          grids, light, sky, &scene_numbers};
-    const Rays rays = make_rays(elements, groups, &ray_numbers);
+    const Rays rays = make_rays(centre_rays, members, &ray_numbers);
     const ulong worker = get_global_id(0), area = (ulong)plane_numbers.width * plane_numbers.height;
     const ulong strip_rows = (ulong)plane_numbers.ring * plane_numbers.planes;
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
     global Memory *memory = (global Memory *)(scratch + worker * words);
     global ShadowMemory *shadows = &memory->shadows;
     Pipeline pipeline = {
-        &scene, ray_numbers.pixel_tangent, memory,
+        &scene, ray_numbers.pixel_pitch, memory,
         .visibility = {.memory = &memory->visibility},
-        .block = {.regions = {memory->regions}, .planes = memory->planes,
+        .block = {.regions = {memory->regions}, .equations = memory->equations,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
         .cache = {.pool = shadows->pool},
         .shadows = {&tree, &scene, 0, shadows->active, shadows->seen, 0, &pipeline.cache,
-                    &shadows->element_planes}};
+                    &shadows->element_equations}};
     Sink sink = {
         {triangle, depth, &image, radiance},
-        {memory->cells, memory->prefix, {slots, frames, &frame_numbers},
+        {memory->cells, memory->prefix, {placements, frames, &frame_numbers},
          {&plane_numbers, plane_records, runs, masks, kinds,
           sums + worker * plane_numbers.planes * area},
          {windows + worker * plane_numbers.planes, strips + worker * strip_rows}}};
     const int height = ray_numbers.strip_height, end = ray_numbers.packets / height;
-    for (int strip; (strip = atomic_inc(next)) < end;) {
+    for (int strip; (strip = atomic_inc(next_strip)) < end;) {
         for (int step = 0; step < height; ++step) {
             Packet packet = make_packet(&rays, strip, height, step);
             if (SINK == GIVEN) {

@@ -36,10 +36,10 @@ inline Vec encode_row(Vec c, const CubicEncoding *e)
     return sum;
 }
 
-// Where inner grids go in planar frames.
+// Planar frames, and where each element's inner grid goes in them.
 typedef struct {
-    global const Slot *slots;  // (E,)
-    global sample *frames;     // (F, 3 channels)
+    global const Placement *placements;  // (E,)
+    global sample *frames;               // (F, 3 channels)
     const FrameArguments *numbers;
 } Frames;
 
@@ -47,18 +47,18 @@ typedef struct {
 #define WHITE ((1 << BITS) - 1)
 #define ROUNDER 12582912.0f  // 1.5 * 2^23
 
-// Write the first `wide` codes of such sums.
-inline void store_codes(uint16 sums, int wide, global sample *to)
+// Write the first `columns` codes of such sums.
+inline void store_codes(uint16 sums, int columns, global sample *to)
 {
     const SAMPLES(16) codes = JOIN(convert_, SAMPLES(16))(sums & (uint)WHITE);
-    if (wide == BLOCK) {
+    if (columns == BLOCK) {
         vstore16(codes, 0, to);
-    } else if (wide == BLOCK / 2) {
+    } else if (columns == BLOCK / 2) {
         vstore8(codes.lo, 0, to);
     } else {
         private sample row[BLOCK];
         vstore16(codes, 0, row);
-        for (int k = 0; k < wide; ++k) to[k] = row[k];
+        for (int k = 0; k < columns; ++k) to[k] = row[k];
     }
 }
 
@@ -67,57 +67,57 @@ inline Vec codes_of(Vec c, const FrameArguments *n)
 {
     if (n->rgb) return fma3((vf)(WHITE), (Vec){c.y, c.z, c.x}, spread3(ROUNDER));
     const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
-    const vf grey = 128.0f * CODES + (n->chroma > 1 ? 0.0f : ROUNDER);
+    const vf grey = 128.0f * CODES + (n->subsampling > 1 ? 0.0f : ROUNDER);
     return (Vec){fma(luma, (vf)(219.0f * CODES), (vf)(16.0f * CODES + ROUNDER)),
                  fma(c.z - luma, (vf)(224.0f / 1.8556f * CODES), grey),
                  fma(c.x - luma, (vf)(224.0f / 1.5748f * CODES), grey)};
 }
 
-// Write `wide` columns and `high` rows of a block to a frame.  Codes replace the colours in memory.
-inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int wide, int high,
+// Write columns and rows of a block to a frame.  Codes replace the colours in memory.
+inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int columns, int rows,
                        global float *colours, global sample *to)
 {
     const ulong pixels = (ulong)n->width * n->height;
-    for (int y = 0; y < high; ++y, colours += BLOCK, to += n->width) {
+    for (int y = 0; y < rows; ++y, colours += BLOCK, to += n->width) {
         for (int at = 0; at < BLOCK; at += LANES)
             store3(codes_of(encode_row(load3(colours, at), e), n), colours, at);
-        for (int channel = 0; channel < (n->chroma > 1 ? 1 : 3); ++channel)
-            store_codes(as_uint16(vload16(0, colours + channel * BLOCK_RAYS)), wide,
+        for (int channel = 0; channel < (n->subsampling > 1 ? 1 : 3); ++channel)
+            store_codes(as_uint16(vload16(0, colours + channel * BLOCK_RAYS)), columns,
                         to + channel * pixels);
     }
 }
 
 // Average chroma over 2 x 2 rays; an odd inner grid repeats its last column and row.
-inline void average_chroma(global float *chroma, int wide, int high, global sample *to, int pitch)
+inline void average_chroma(global float *chroma, int2 inside, global sample *to, int pitch)
 {
-    for (int y = 0; y < high; y += 2, to += pitch) {
-        global float *above = chroma + y * BLOCK, *below = y + 1 < high ? above + BLOCK : above;
-        if (wide & 1) {
-            above[wide] = above[wide - 1];
-            below[wide] = below[wide - 1];
+    for (int y = 0; y < inside.y; y += 2, to += pitch) {
+        global float *above = chroma + y * BLOCK, *below = y + 1 < inside.y ? above + BLOCK : above;
+        if (inside.x & 1) {
+            above[inside.x] = above[inside.x - 1];
+            below[inside.x] = below[inside.x - 1];
         }
         const float16 a = vload16(0, above), b = vload16(0, below);
         const uint8 sums = as_uint8(fma(a.even + a.odd + b.even + b.odd, 0.25f, ROUNDER));
-        store_codes((uint16)(sums, sums), (wide + 1) / 2, to);
+        store_codes((uint16)(sums, sums), (inside.x + 1) / 2, to);
     }
 }
 
-// Write a cell of linear colours (3, BLOCK_RAYS), which this changes.  Its first ray is at `at` of
-// its inner grid, and `inside` columns and rows lie within that: all of them if there is a cubic.
+// Write a cell of linear colours (3, BLOCK_RAYS), and overwrite them.  Its first ray is at `at` of
+// the inner grid, in which `inside` columns and rows lie: all of them if there is a cubic.
 inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
                          const CubicEncoding *e, global float *colours)
 {
     const FrameArguments *n = out->numbers;
-    global const Slot *slot = out->slots + element;
-    const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (n->chroma * n->chroma);
-    global sample *frame = out->frames + slot->frame * (pixels + 2 * chroma);
-    const int x0 = slot->x + at.x, y0 = slot->y + at.y;
+    global const Placement *placed = out->placements + element;
+    const int step = n->subsampling, pitch = n->width / 2;
+    const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (step * step);
+    global sample *frame = out->frames + placed->frame * (pixels + 2 * chroma);
+    const int x0 = placed->x + at.x, y0 = placed->y + at.y;
     global sample *to = frame + (ulong)y0 * n->width + x0;
     if (e) write_rows(e, n, BLOCK, BLOCK, colours, to);
     else write_rows(0, n, inside.x, inside.y, colours, to);
-    if (n->chroma == 1) return;
-    const int pitch = n->width / 2;
+    if (step == 1) return;
     for (int channel = 0; channel < 2; ++channel)
-        average_chroma(colours + (1 + channel) * BLOCK_RAYS, inside.x, inside.y,
+        average_chroma(colours + (1 + channel) * BLOCK_RAYS, inside,
                        frame + pixels + channel * chroma + (ulong)(y0 / 2) * pitch + x0 / 2, pitch);
 }

@@ -1,8 +1,8 @@
 // Sensor planes from packets of lens samples: rows first, then columns.
 //
-// The pixel a ray falls on is separable.  A packet is one square picture of its pixels
-// times their lens samples: every column of it, (u, i), falls on one column of a plane, and every
-// row, (v, j), on one row.  Prefix sums down the columns, made once a mask, give what a row of a
+// The pixel that a ray falls on is separable.  A packet is a square picture of its pixels times
+// their lens samples: each column of the picture, (u, i), falls on one column of a plane, and each
+// row, (v, j), on one row.  Prefix sums down the columns, made once per mask, give what a row of a
 // plane gets from each column of the packet, a vector at a time.  Packets of pixels one below the
 // other, through the same lens samples, have the same columns: these rows are kept until such a
 // strip of packets is done, and only then go to pixels.
@@ -43,13 +43,13 @@ inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
                        global const float *colours, global ColourRow *prefix)
 {
     const Rays *rays = packet->rays;
-    const int side = rays->packet_side / BLOCK, chunks = rays->group * side;
+    const int side = rays->packet_side / BLOCK, cells = rays->group_side * side;
     const int pitch = rays->packet_side * ((p->numbers->blocks + side - 1) / side);
     int any = 0;
-    for (int column = 0; column < chunks; ++column) {
+    for (int column = 0; column < cells; ++column) {
         uint16 sum[3] = {0, 0, 0};
-        for (int row = 0; row < chunks; ++row) {
-            const int element = row / side * rays->group + column / side;
+        for (int row = 0; row < cells; ++row) {
+            const int element = row / side * rays->group_side + column / side;
             const int cell = (element * side + row % side) * side + column % side;
             const int2 where = cell_position(packet, cell);
             const int kind = cell_element(packet, cell) >= 0 ? openness(p, mask, where) : 0;
@@ -71,7 +71,7 @@ inline int make_prefix(const SensorPlanes *p, const Packet *packet, int mask,
                 store_prefix(sum, column, to++);
             }
         }
-        store_prefix(sum, column, prefix + chunks * BLOCK);
+        store_prefix(sum, column, prefix + cells * BLOCK);
     }
     return any;
 }
@@ -106,12 +106,12 @@ inline void add_rows(global const Run *run, int count, global const ColourRow *p
     }
 }
 
-// Where the rays of a packet's rows, or columns, fall on a plane.
-inline global const Runs *runs_of(const SensorPlanes *p, int plane, int group, int pixel,
-                                  int square)
+// Where the rows, or columns, of packet `number` along an axis of the inner grid fall on a plane.
+inline global const Runs *runs_of(const SensorPlanes *p, int plane, int group_side, int pixel,
+                                  int number)
 {
     const SensorPlane info = p->plane[plane];
-    return (global const Runs *)(p->runs + info.runs) + pixel / group * info.stride + square;
+    return (global const Runs *)(p->runs + info.runs) + pixel / group_side * info.stride + number;
 }
 
 // The row of a strip that holds row y of a plane.
@@ -128,15 +128,15 @@ inline void add_to_strip(const SensorPlanes *p, const Packet *packet, int v,
 {
     const SensorPlaneArguments *n = p->numbers;
     const Rays *rays = packet->rays;
-    const int square = packet->at.y / rays->packet_side;
+    const int number = packet->at.y / rays->packet_side;
     int have = -1, any = 0;
     for (int plane = 0; plane < n->planes; ++plane) {
         const int mask = p->plane[plane].mask;
         if (mask != have) any = make_prefix(p, packet, mask, colours, prefix);
         have = mask;
         if (!any) continue;
-        global const Runs *down = runs_of(p, plane, rays->group, v, square);
-        global const Run *run = down->run, *end = run + down->count;
+        global const Runs *rows = runs_of(p, plane, rays->group_side, v, number);
+        global const Run *run = rows->run, *end = run + rows->count;
         int2 window = strip->window[plane];
         while (run < end) {
             global const Run *first = run;
@@ -185,16 +185,16 @@ inline void add_columns(global const Run *run, global const Run *end, const priv
     }
 }
 
-// Add a strip to the planes and empty it; `square` is its place on the lens.
-inline void finish_strip(const SensorPlanes *p, const Rays *rays, int square, const Strip *strip)
+// Add a strip to the planes and empty it; `number` is that of its packets along x on the lens.
+inline void finish_strip(const SensorPlanes *p, const Rays *rays, int number, const Strip *strip)
 {
     const SensorPlaneArguments *n = p->numbers;
     const int u = strip->u;
     private uint4 line[PACKET_COLUMNS];
     for (int plane = 0; plane < n->planes; ++plane) {
         const int2 window = strip->window[plane];
-        global const Runs *across = runs_of(p, plane, rays->group, u, square);
-        global const Run *run = across->run, *end = run + across->count;
+        global const Runs *columns = runs_of(p, plane, rays->group_side, u, number);
+        global const Run *run = columns->run, *end = run + columns->count;
         while (run < end && u + run->target < n->left) ++run;
         while (run < end && u + end[-1].target >= n->left + n->width) --end;
         for (int y = window.x; y < window.y; ++y) {

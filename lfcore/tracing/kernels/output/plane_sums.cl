@@ -40,15 +40,15 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
         const float part = COARSE ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
         const float4 half_unit = (float4)(part, part, part, 0.0f);
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
-        global const int *across = p->runs + info.runs + view.x * n->size + n->column + at.x;
-        global const int *down = p->runs + info.runs + view.y * n->size + n->row + at.y;
+        global const int *columns_to = p->runs + info.runs + view.x * n->size + n->column + at.x;
+        global const int *rows_to = p->runs + info.runs + view.y * n->size + n->row + at.y;
         for (int y = 0; y < rows; ++y) {
-            const int line_y = down[y] - n->top;
+            const int line_y = rows_to[y] - n->top;
             if (line_y < 0 || line_y >= n->height) continue;
             global ulong4 *line = sums_of(p, plane) + (ulong)line_y * n->width;
             global const float *c = colours + y * BLOCK;
             for (int x = 0; x < columns; ++x) {
-                const int line_x = across[x] - n->left;
+                const int line_x = columns_to[x] - n->left;
                 if (line_x < 0 || line_x >= n->width) continue;
                 const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x],
                                                0.0f);

@@ -43,11 +43,11 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
 {
     const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
     const Vec along = load3(samples->of[TANGENT], at);
-    const vf across = VLOAD(samples->of[TANGENT + 3] + at);
+    const vf handedness = VLOAD(samples->of[TANGENT + 3] + at);
     Vec t = fma3(-dot3(along, n), n, along);
     const vf square = dot3(t, t);
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
-    const Vec b = scale3(cross3(n, t), across);
+    const Vec b = scale3(cross3(n, t), handedness);
     const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
     const float scale = m->of.normal_scale;
     Vec turned = fma3(d.x * scale, t, fma3(d.y * scale, b, scale3(n, d.z)));

@@ -48,7 +48,7 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
 }
 
 // Ambient light, or what was baked in its place, and emission.
-inline Vec unlit_light(const Scene *scene, const Surface *s)
+inline Vec ambient_and_emission(const Scene *scene, const Surface *s)
 {
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
     const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->of.emission));
@@ -73,7 +73,7 @@ inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Materia
 inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int at)
 {
     const SceneArguments *n = scene->numbers;
-    Vec sum = unlit_light(scene, s);
+    Vec sum = ambient_and_emission(scene, s);
     for (int k = 0; k < n->unshadowed_lights; ++k)
         add_light(scene->lights + k, s, (vi)(-1), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
@@ -90,7 +90,7 @@ inline void shade_background(const Scene *scene, const Block *b, global float *c
     Vec background = spread3(vload3(0, scene->numbers->background));
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         if (!row_any(LT(VLOAD(b->samples->key + at), (vi)(0)))) continue;
-        if (SKY) background = sky_row(scene, &b->rays, row_at(at, b->rays.half_extent));
+        if (SKY) background = sky_row(scene, &b->bundle, row_at(at, b->bundle.half_extent));
         store3(background, colours, at);
     }
 }
@@ -100,7 +100,7 @@ inline int list_keys(const Block *b, private int *keys)
 {
     int count = 0;
     for (int k = 0; k < b->regions.count; ++k) {
-        const int key = b->planes[k].key;
+        const int key = b->equations[k].key;
         int at = 0;
         while (at < count && keys[at] != key) ++at;
         if (at == count) keys[count++] = key;
@@ -123,7 +123,7 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         s.point = load3(b->samples->point, at);
         s.normal = load3(b->samples->of[NORMAL], at);
         if (PHYSICAL || is_glossy(&material)) {
-            const Vec d = direction_row(&b->rays, row_at(at, b->rays.half_extent));
+            const Vec d = direction_row(&b->bundle, row_at(at, b->bundle.half_extent));
             s.to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
         }
         if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);

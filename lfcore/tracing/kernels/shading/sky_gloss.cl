@@ -33,11 +33,11 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     VSTORE(cosine, seen);
     VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
     for (int k = 0; k < LANES; ++k) {
-        const float3 open = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
-        const float3 open_part = clamp(ray_vector(&s->light, k) / max(open, 1e-20f), 0.0f, 1.0f);
+        const float3 whole = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
+        const float3 unhidden = clamp(ray_vector(&s->light, k) / max(whole, 1e-20f), 0.0f, 1.0f);
         const float4 ab = map_between(shares, GLOSS_SHARES, seen[k] * (GLOSS_SHARES - 1),
                                       rough[k] * (GLOSS_SHARES - 1));
-        set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&mirrored, k), rough[k]).xyz * open_part);
+        set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&mirrored, k), rough[k]).xyz * unhidden);
         share[0][k] = ab.x;
         share[1][k] = ab.y;
     }

@@ -106,8 +106,8 @@ inline void read_patch(const Scene *scene, const Block *b, int key, const Materi
     if (!TEXTURED || !base.height || OUTER > 1 || b->regions.count > PATCHED_REGIONS) return;
     float4 range = (float4)(FAR, FAR, -FAR, -FAR);
     for (int k = 0; k < b->regions.count; ++k) {
-        global const PlaneEquations *p = b->planes + k;
-        const Rectangle at = region_rectangle(b->regions.of + k, b->rays.half_extent);
+        global const PlaneEquations *p = b->equations + k;
+        const Rectangle at = region_rectangle(b->regions.of + k, b->bundle.half_extent);
         if (p->key != key) continue;
         if (!(least_over(p->denominator, at) > 0.0f)) return;
         const float2 u = quotient_range(p->slot[COORDINATES], p->weights, at);

@@ -13,11 +13,11 @@ typedef struct {
     int axes[3];             // kx, ky, kz
     float sign;              // of the distance along kz
     float slope_x, slope_y;  // of a direction, along kz
-    float middle[3], half_extent[3];  // of the hit points' box
+    float centre[3], half_extent[3];  // of the hit points' box
 } LightSpace;
 
 // A point light nearer than this share of half the hit points' box has no picture of them:
-// coordinates there, places over the distance, are thirty thousand at the most.
+// coordinates there, positions over the distance, are thirty thousand at the most.
 #define NEAREST_SHARE 1.0e-4f
 
 // The most, then the least, of u, v and d of each stripe, STRIPE rays; without rays crossed.
@@ -70,7 +70,7 @@ inline Vec project_row(const ShadowRays *r, const LightSpace *space, global cons
 inline void set_range(const Box *hits, LightSpace *space)
 {
     for (int k = 0; k < 3; ++k) {
-        space->middle[k] = 0.5f * (hits->lo[k] + hits->hi[k]);
+        space->centre[k] = 0.5f * (hits->lo[k] + hits->hi[k]);
         space->half_extent[k] = 0.5f * BOUND_SLACK * (hits->hi[k] - hits->lo[k]);
     }
 }
@@ -86,7 +86,7 @@ inline vf picture_error(const LightSpace *space, const vf *f, int terms)
 {
     vf most = fabs(f[TERM_C]);
     for (int k = 0; k < terms; ++k)
-        most = fma(fabs(f[k]), (vf)(fabs(space->middle[k]) + space->half_extent[k]), most);
+        most = fma(fabs(f[k]), (vf)(fabs(space->centre[k]) + space->half_extent[k]), most);
     return LIGHT_SPACE_ERROR * most;
 }
 
@@ -95,7 +95,7 @@ inline vf most_in_picture(const LightSpace *space, const vf *f, int terms)
 {
     vf most = f[MOST_C];
     for (int k = 0; k < terms; ++k)
-        most += fma(f[k], (vf)(space->middle[k]), fabs(f[k]) * space->half_extent[k]);
+        most += fma(f[k], (vf)(space->centre[k]), fabs(f[k]) * space->half_extent[k]);
     return most;
 }
 
@@ -188,7 +188,7 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
     load_corners(leaf, r->apex, o.v);
 #pragma unroll
     for (int k = 3; k >= 0 && row_any(may); --k) {
-        const Plane plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
+        const HalfSpace plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
         const vf a = component(plane.n, space->axes[0]), b = component(plane.n, space->axes[1]);
         const vf n = component(plane.n, space->axes[2]);
         const int terms = k == 3 ? 3 : 2;
@@ -249,7 +249,7 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
     return dark;
 }
 
-// Of a row of rays, those behind occluder `lane`, but for those on it, the triangle `id`.
+// Of a row of rays, those behind occluder `lane`, triangle `id`, and not on it.
 inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec seen, vi triangle)
 {
     vf function[4];
@@ -269,18 +269,18 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
 {
     vi lit = 0;
     for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
-        vi open = VLOAD(l->active + at);
+        vi active = VLOAD(l->active + at);
         const Vec seen = load3(l->seen, at);
         const vi triangle = VLOAD(l->triangle + at);
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
-            vi dark = open & behind_occluder(f, lane, ids[lane], seen, triangle);
+            vi dark = active & behind_occluder(f, lane, ids[lane], seen, triangle);
             if (has_holes(&s->tree->cut_outs, ids[lane]))
                 dark = mask_of_bits(behind_holes(s, l, ids[lane], at, row_bits(dark)));
-            open &= ~dark;
+            active &= ~dark;
         }
-        VSTORE(open, l->active + at);
-        lit |= open;
+        VSTORE(active, l->active + at);
+        lit |= active;
     }
     if (!row_any(lit)) l->lit ^= 1u << stripe;
 }
@@ -289,7 +289,7 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
 inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
-    global const int *ids = leaf_numbers(s->tree, leaf, lane);
+    global const int *ids = triangle_ids(s->tree, leaf, lane);
     PictureEdges edges;
     const vi may = sweep_overlaps_leaf(&l->rays.shaft, corners, l->rays.end) &
                    ~are_of_light(l->rays.light_triangles, ids);

@@ -2,9 +2,9 @@
 //
 // Blocks of a packet lie side by side, and most share their triangles with their neighbours.  What
 // may stand between a light and all that one element's part of the packet sees of a triangle is
-// gathered when the first block asks, and its affine functions over those rays are kept; often
+// listed when the first block needs it, and its affine functions over those rays are kept; often
 // there is nothing.  An entry depends on nothing but the packet, the triangle and the light: which
-// block asked first, and what else is traced, changes no bit of it.
+// block needs it first, and what else is traced, changes no bit of it.
 #pragma once
 #include "shadow_mask.cl"
 
@@ -29,7 +29,7 @@ typedef struct OccluderCache {
     global OccluderRow *pool;  // (POOL / LANES,)
     int used;            // rows of the pool
     int element;         // whose rays, of the packet's elements; -1: none
-    Bundle rays;         // of that element's part of the packet, as if they were one block
+    Bundle bundle;       // of that element's part of the packet, as if they were one block
 } OccluderCache;
 
 inline void clear_cache(OccluderCache *c)
@@ -38,24 +38,24 @@ inline void clear_cache(OccluderCache *c)
     c->used = 0;
 }
 
-// To be called before a block's shadows are asked for.
+// To be called before a block's entries are used.
 inline void enter_element(const Packet *p, int block, OccluderCache *c)
 {
     const int element = p->rays->block[block].element;
     if (c->element == element) return;
     c->element = element;
-    c->rays = element_bundle(p, block);
+    c->bundle = element_bundle(p, block);
     clear_cache(c);
 }
 
 // A hit point times the denominator of its depth, the weight, is affine over the rays of an element
-// that meet one triangle: rays of a pixel meet in its focus point, rays of a view in the lens
+// that hit one triangle: rays of a pixel meet in its focus point, rays of a view in the lens
 // sample, and either way the map to the triangle's plane is a homography.  So the affine functions
 // of occluders are affine over the rays, too, and are tested as triangles are.
 //
-// Hit points, relative to a place, times the weight, and the weight, which is positive over the
-// rectangle: of each the terms ONE, X and Y.
-typedef struct { float3 place[3]; Affine weight; } Receiver;
+// The receiver's hit points relative to the apex, times the weight, and the weight, which is
+// positive over the rectangle: of each the terms ONE, X and Y.
+typedef struct { float3 point[3]; Affine weight; } Receiver;
 
 inline Receiver make_receiver(const Bundle *r, global const PlaneEquations *p)
 {
@@ -64,25 +64,25 @@ inline Receiver make_receiver(const Bundle *r, global const PlaneEquations *p)
     const float3 sx = (float3)(r->sx, 0.0f, 0.0f), tx = (float3)(r->tx, 0.0f, 0.0f);
     const float3 sy = (float3)(0.0f, r->sy, 0.0f), ty = (float3)(0.0f, r->ty, 0.0f);
     Receiver f = {.weight = w};
-    f.place[ONE] = o * w.of[ONE] + z.of[ONE] * d;
-    f.place[X] = sx * w.of[ONE] + o * w.of[X] + z.of[X] * d + z.of[ONE] * tx;
-    f.place[Y] = sy * w.of[ONE] + o * w.of[Y] + z.of[Y] * d + z.of[ONE] * ty;
+    f.point[ONE] = o * w.of[ONE] + z.of[ONE] * d;
+    f.point[X] = sx * w.of[ONE] + o * w.of[X] + z.of[X] * d + z.of[ONE] * tx;
+    f.point[Y] = sy * w.of[ONE] + o * w.of[Y] + z.of[Y] * d + z.of[ONE] * ty;
     return f;
 }
 
-// An affine function of hit points relative to that place, times the weight.
-inline WideAffine project_plane(const Receiver *f, Plane p)
+// The affine function n . P + c of hit points P, times the weight.
+inline WideAffine project_half_space(const Receiver *f, HalfSpace p)
 {
     WideAffine e;
     for (int k = 0; k < 3; ++k) {
-        const float3 at = f->place[k];
+        const float3 at = f->point[k];
         const vf last = fma(p.n.z, (vf)(at.z), p.c * f->weight.of[k]);
         e.of[k] = fma(p.n.x, (vf)(at.x), fma(p.n.y, (vf)(at.y), last));
     }
     return e;
 }
 
-// Where along one axis rays may meet a triangle: the first and the last column from the middle.
+// The first and last column, from the centre, of rays that may hit a triangle; or rows, along y.
 inline float2 columns_at(Axis a)
 {
     const float most = a.half_extent;
@@ -91,15 +91,14 @@ inline float2 columns_at(Axis a)
     return clamp((float2)(row_min(lo), row_max(hi)) - most, -most, most);
 }
 
-// Around the rays of an element that may meet a triangle of corners v.
+// Around the rays of an element that may hit a triangle of corners v.
 inline Rectangle rays_at(const Bundle *r, const float3 *v)
 {
     Vec sheared[3] = {spread3(v[0]), spread3(v[1]), spread3(v[2])};
     shear_corners(r, sheared);
-    const float2 across = columns_at(make_axis(r, sheared, 0));
-    const float2 down = columns_at(make_axis(r, sheared, 1));
-    return (Rectangle){0.5f * (across.x + across.y), 0.5f * (down.x + down.y),
-                       0.5f * (across.y - across.x), 0.5f * (down.y - down.x)};
+    const float2 x = columns_at(make_axis(r, sheared, 0)), y = columns_at(make_axis(r, sheared, 1));
+    return (Rectangle){0.5f * (x.x + x.y), 0.5f * (y.x + y.y),
+                       0.5f * (x.y - x.x), 0.5f * (y.y - y.x)};
 }
 
 // A bound of the rounding errors of hit points on a triangle of corners v, whose n . D is `least`
@@ -117,15 +116,15 @@ inline float3 hit_slack(const Bundle *r, const float3 *v, float least)
     return HIT_SLACK * (float3)(most.xy + depth * slope, depth);
 }
 
-// Bounds of where they meet it: those of the triangle, and of what the rays see.
+// The box of these hit points: of the triangle, cut to what the rays `over` it see.
 inline Box hits_at(const Bundle *r, const float3 *v, const Receiver *receiver, Rectangle over)
 {
     const float3 low = min(v[0], min(v[1], v[2])), high = max(v[0], max(v[1], v[2]));
     const float3 slack = hit_slack(r, v, least_over(receiver->weight, over));
-    const float3 *place = receiver->place;
+    const float3 *point = receiver->point;
     Box box;
     for (int k = 0; k < 3; ++k) {
-        const Affine at = {{axis(place[ONE], k), axis(place[X], k), axis(place[Y], k)}};
+        const Affine at = {{axis(point[ONE], k), axis(point[X], k), axis(point[Y], k)}};
         const float2 seen = quotient_range(at, receiver->weight, over);
         // Rounding apart, both hold what is seen.
         const float lo = min(max(seen.x, axis(low, k)), axis(high, k));
@@ -148,7 +147,7 @@ typedef struct {
     CacheEntry *entry;
     ShadowRays rays;
     Receiver receiver;
-    Rectangle over;  // around all rays that may meet the triangle
+    Rectangle over;  // around all rays that may hit the triangle
 } NewEntry;
 
 // Keep occluder `lane` of those of affine functions `e`.
@@ -161,10 +160,10 @@ inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const WideAffine 
             to->of[k][term][at % LANES] = ((const float *)&e[k].of[term])[lane];
 }
 
-// Keep those of LANES triangles that can darken a ray; false once they are too many.
+// Keep those of LANES triangles that may occlude a ray; false once they are too many.
 inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lane)
 {
-    global const int *ids = leaf_numbers(s->tree, leaf, lane);
+    global const int *ids = triangle_ids(s->tree, leaf, lane);
     WideAffine e[4];
     Occluders o;
     load_corners(leaf_corners(s->tree, leaf, lane), n->rays.apex, o.v);
@@ -173,8 +172,8 @@ inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lan
     vi all = -1;
 #pragma unroll
     for (int k = 3; k >= 0 && row_any(may); --k) {
-        const Plane plane = k == 3 ? face_plane(&n->rays, &o, &may) : edge_plane(&n->rays, &o, k);
-        e[k] = project_plane(&n->receiver, plane);
+        const HalfSpace f = k == 3 ? face_plane(&n->rays, &o, &may) : edge_plane(&n->rays, &o, k);
+        e[k] = project_half_space(&n->receiver, f);
         classify_occluders(e[k], &n->over, &may, &all);
     }
     const uint keep = row_bits(may);
@@ -185,24 +184,24 @@ inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lan
     return 1;
 }
 
-// Gather what may stand between light `number` and all that the packet sees of a triangle.
+// List the triangles that may stand between light `number` and what the packet sees of a triangle.
 inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
 {
     OccluderCache *c = s->cache;
-    global PlaneEquations *planes = s->element_planes;
+    global PlaneEquations *equations = s->element_equations;
     if (c->used + MOST_OCCLUDERS / LANES > POOL / LANES) clear_cache(c);
     const TriangleRow one = {1, {triangle}};
-    set_up_planes(s->scene, &c->rays, &one, planes);
+    set_up_equations(s->scene, &c->bundle, &one, equations);
     const float3 v[3] = {corner(s->scene, triangle, 0), corner(s->scene, triangle, 1),
                          corner(s->scene, triangle, 2)};
-    const Rectangle over = rays_at(&c->rays, v);
-    const int even = evenly_weighted(planes->denominator, over);
+    const Rectangle over = rays_at(&c->bundle, v);
+    const int even = evenly_weighted(equations->denominator, over);
     *entry = (CacheEntry){triangle, number, c->used, even ? 0 : NOT_KEPT};
     if (!even) return;
-    Receiver receiver = make_receiver(&c->rays, planes);
-    const Box box = hits_at(&c->rays, v, &receiver, over);
+    Receiver receiver = make_receiver(&c->bundle, equations);
+    const Box box = hits_at(&c->bundle, v, &receiver, over);
     const ShadowRays rays = make_shadow_rays(shadow_light(s->scene, number), &box);
-    for (int k = 0; k < 3; ++k) receiver.place[k] -= rays.apex * receiver.weight.of[k];
+    for (int k = 0; k < 3; ++k) receiver.point[k] -= rays.apex * receiver.weight.of[k];
     const NewEntry n = {entry, rays, receiver, over};
     Stack stack;
     start_walk(&stack);
@@ -212,7 +211,7 @@ inline void make_entry(Shadows *s, int triangle, int number, CacheEntry *entry)
     c->used += (entry->count + LANES - 1) / LANES;
 }
 
-// Darken what lies behind an entry's occluders; false once no ray is lit.
+// Mask out the rays behind an entry's occluders; false once no ray is lit.
 inline int cast_entry(const OccluderCache *c, const CacheEntry *entry, ShadowMask *m)
 {
     for (int at = 0; at < entry->count; at += LANES) {

@@ -7,11 +7,11 @@
 #include "shadow_rays.cl"
 
 // An affine function n . P + c of the hit point relative to the apex.
-typedef struct { Vec n; vf c; } Plane;
+typedef struct { Vec n; vf c; } HalfSpace;
 
-inline Plane flip_plane(Plane f, vi sign)
+inline HalfSpace flip_half_space(HalfSpace f, vi sign)
 {
-    return (Plane){turn_vectors(f.n, sign), flip_sign(f.c, sign)};
+    return (HalfSpace){turn_vectors(f.n, sign), flip_sign(f.c, sign)};
 }
 
 // SHADOW_MARGIN of n . P, of the corner v and points P of magnitude `size`.
@@ -28,29 +28,29 @@ typedef struct { Vec v[3]; vi flip; } Occluders;
 
 // Beyond the triangles' own planes this function is positive.  `may` loses those that the light
 // sees edge-on, which cast no shadow.
-inline Plane face_plane(const ShadowRays *r, Occluders *o, vi *may)
+inline HalfSpace face_plane(const ShadowRays *r, Occluders *o, vi *may)
 {
     const Vec n = face_normal(o->v);
     const vf offset = dot3(n, o->v[0]);
     const vf side = r->is_point ? offset : dot3(n, spread3(r->towards));
     o->flip = AS_VI(side) & (vi)(0x80000000);
     *may &= ~EQ(side, (vf)(0.0f));
-    const Plane plane = {n, -offset};
-    Plane beyond = flip_plane(plane, r->is_point ? o->flip : o->flip ^ (vi)(0x80000000));
+    const HalfSpace plane = {n, -offset};
+    HalfSpace beyond = flip_half_space(plane, r->is_point ? o->flip : o->flip ^ (vi)(0x80000000));
     beyond.c -= shadow_margin(n, o->v[0], r->size);
     return beyond;
 }
 
 // Within edge `k` this function is not negative.
-inline Plane edge_plane(const ShadowRays *r, const Occluders *o, int k)
+inline HalfSpace edge_plane(const ShadowRays *r, const Occluders *o, int k)
 {
     const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], along = minus3(w, q);
     const Vec c = edge_normals(q, w);
-    Plane edge = {c, 0.0f};
+    HalfSpace edge = {c, 0.0f};
     if (!r->is_point) {
         const Vec to = spread3(r->towards);
         edge.n = cross3(to, plus3(along, along));
         edge.c = dot3(to, c);
     }
-    return flip_plane(edge, o->flip);
+    return flip_half_space(edge, o->flip);
 }

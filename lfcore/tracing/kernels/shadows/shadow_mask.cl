@@ -15,8 +15,8 @@ typedef struct {
     vi lit[ROW_GROUPS];
 } ShadowMask;
 
-// Of a region whose block, of that half_extent, lies `offset` from where affine functions are
-// counted.
+// The mask of a region before any occluder.  Its block, of that half_extent, lies `offset` from the
+// centre that affine functions count from.
 inline ShadowMask no_shadow(global const Region *r, float half_extent, float2 offset)
 {
     ShadowMask m;
@@ -47,7 +47,7 @@ inline void store_line(WideAffine e, float first, private float (*out)[LANES])
     VSTORE(pick(nothing, all, up), out[AFTER]);
 }
 
-// Darken what lies behind occluder `lane` of those whose four lines are given.
+// Mask out the rays behind occluder `lane` of those whose four lines are given.
 inline void mask_out(private float (*lines)[LINE_ROWS][LANES], uint lane, ShadowMask *m)
 {
     for (int k = 0; k < ROW_GROUPS; ++k) {
@@ -65,18 +65,18 @@ inline void mask_out(private float (*lines)[LINE_ROWS][LANES], uint lane, Shadow
     }
 }
 
-// Leave in `may` those of LANES occluders that one of their affine functions lets darken some ray
-// in a rectangle, and in `all` those that it lets darken every ray.
+// One affine function of each of LANES occluders: `may` keeps those that it lets occlude some ray
+// in a rectangle, `all` those that it lets occlude every ray.
 inline void classify_occluders(WideAffine e, const Rectangle *over, vi *may, vi *all)
 {
     const vf x = e.of[X], y = e.of[Y];
-    const vf middle = fma(x, (vf)(over->x), fma(y, (vf)(over->y), e.of[ONE]));
-    const vf wide = BOUND_SLACK * fma(fabs(x), (vf)(over->half_width), fabs(y) * over->half_height);
-    *may &= GE(middle, -wide);
-    *all &= GT(middle, wide);
+    const vf centre = fma(x, (vf)(over->x), fma(y, (vf)(over->y), e.of[ONE]));
+    const vf change = fma(fabs(x), (vf)(over->half_width), fabs(y) * over->half_height);
+    *may &= GE(centre, -(BOUND_SLACK * change));
+    *all &= GT(centre, BOUND_SLACK * change);
 }
 
-// Darken what lies behind those of LANES occluders, of four affine functions each, that `may`
+// Mask out the rays behind those of LANES occluders, of four affine functions each, that `may`
 // names; false once no ray is lit.
 inline int cast_occluders(const WideAffine *e, vi may, ShadowMask *m)
 {

@@ -3,7 +3,7 @@
 #include "shadow_origins.cl"
 #include "walk.cl"
 
-// What a worker's shadows are of, and its memory for them.
+// The scene, the packet and a worker's memory for shadows.
 typedef struct {
     const Tree *tree;
     const Scene *scene;
@@ -12,7 +12,7 @@ typedef struct {
     global float *seen;                     // scratch: (2, 3, BLOCK_RAYS)
     global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
     struct OccluderCache *cache;
-    global PlaneEquations *element_planes;  // scratch: of one triangle
+    global PlaneEquations *element_equations;  // scratch: of one triangle
 } Shadows;
 
 inline global const LightRecord *shadow_light(const Scene *s, int number)
@@ -20,23 +20,23 @@ inline global const LightRecord *shadow_light(const Scene *s, int number)
     return s->lights + s->numbers->unshadowed_lights + number;
 }
 
-// Mask of the rays that meet a side which faces the light, and before which the light shines, in
-// the row that begins with ray `at`.
+// Mask of the rays, in the row that begins with ray `at`, whose hit point faces the light and is on
+// the side to which the light emits.
 inline vi facing_row(global const Samples *s, global const LightRecord *light, int at)
 {
-    const vi met = GE(VLOAD(s->key + at), (vi)(0));
+    const vi hit = GE(VLOAD(s->key + at), (vi)(0));
     Vec towards = spread3(vload3(0, light->vector));
     if (light->is_point) towards = minus3(towards, load3(s->point, at));
-    const vi facing = met & GT(dot3(load3(s->of[NORMAL], at), towards), (vf)(0.0f));
+    const vi facing = hit & GT(dot3(load3(s->of[NORMAL], at), towards), (vf)(0.0f));
     const float3 forward = vload3(0, light->normal);
     if (!any(forward != 0.0f)) return facing;
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
 }
 
-// Mask of a light's triangles, which never shadow it: `own` are the first, and one past the last.
-inline vi are_of_light(int2 own, global const int *ids)
+// Mask of ids in [first, end), a light's triangles, which never shadow it.
+inline vi are_of_light(int2 triangles, global const int *ids)
 {
-    return GE(VLOAD(ids), (vi)(own.x)) & LT(VLOAD(ids), (vi)(own.y));
+    return GE(VLOAD(ids), (vi)(triangles.x)) & LT(VLOAD(ids), (vi)(triangles.y));
 }
 
 inline void clear_lit(global int *lit)
@@ -46,11 +46,11 @@ inline void clear_lit(global int *lit)
 
 typedef struct {
     int is_point;
-    float3 apex;                 // the light, or the middle of the hit points
+    float3 apex;                 // the light, or the centre of the hit points' box
     float3 towards;              // direction to a directional light
     float3 centre, half_extent;  // box of the hit points relative to the apex
     float3 size;                 // largest magnitudes that entered, for the margin
-    int2 light_triangles;        // triangles that never shadow the light
+    int2 light_triangles;        // first, end: they never shadow the light
     Sweep shaft;                 // around all of the rays
     float end;                   // when it reaches the light
 } ShadowRays;

@@ -26,7 +26,7 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
             make_entry(s, r->triangle, number, entry);
         }
         if (entry->count == NOT_KEPT) return 0;
-        ShadowMask m = no_shadow(r, b->rays.half_extent, block_offset(s->packet, b->number));
+        ShadowMask m = no_shadow(r, b->bundle.half_extent, block_offset(s->packet, b->number));
         if (!cast_entry(s->cache, entry, &m)) continue;
         for (int row = 0; row < BLOCK; row += LANES)
             VSTORE(VLOAD(lit + row) | m.lit[row / LANES], lit + row);
@@ -41,7 +41,7 @@ inline int light_regions(Shadows *s, const Block *b, int number, global int *lit
 // between.  A span starts at the nearest wanted hit point.  Returns false when no ray is wanted.
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
 {
-    const Bundle *r = &b->rays;
+    const Bundle *r = &b->bundle;
     global const float *z = s->origins + 2 * BLOCK_RAYS;
     vf nearest = FAR;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
@@ -84,7 +84,7 @@ typedef struct {
     int active[2 * BLOCK_RAYS];
     float seen[6 * BLOCK_RAYS];
     OccluderRow pool[POOL / LANES];
-    PlaneEquations element_planes;
+    PlaneEquations element_equations;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 

@@ -3,18 +3,18 @@
 #pragma once
 #include "occluders.cl"
 
-// Whether a leaf holds a triangle, other than `own` and the light's, between the ray's origin and
-// `far`. What lies within the margin of the ray's own surface is not in between.
-inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int own, int2 light)
+// Whether a triangle of a leaf, neither the receiver nor the light's, occludes the ray nearer than
+// `far`.  Triangles within the margin of the receiver do not count.
+inline int occludes(const Tree *tree, const Ray *r, int leaf, float far, int receiver, int2 light)
 {
     Hit hit = {far, -1};
     for (int lane = 0; lane < NODE_WIDTH && hit.id < 0; lane += LANES) {
         global const Leaf *at = leaf_corners(tree, leaf, lane);
-        global const int *ids = leaf_numbers(tree, leaf, lane);
+        global const int *ids = triangle_ids(tree, leaf, lane);
         Sheared s;
         shear_leaf(r, at, &s);
         if (!row_any(s.mask)) continue;
-        s.mask &= ~(EQ(VLOAD(ids), (vi)(own)) | are_of_light(light, ids));
+        s.mask &= ~(EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids));
         Vec v[3];
         load_corners(at, 0.0f, v);
         const Vec n = face_normal(v);
@@ -25,15 +25,15 @@ inline int leaf_blocks(const Tree *tree, const Ray *r, int leaf, float far, int 
     return hit.id >= 0;
 }
 
-// The leaf that blocks the ray nearer than `far`, or -1.
-inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int2 light)
+// The leaf that occludes the ray nearer than `far`, or -1.
+inline int occluding_leaf(const Tree *tree, const Ray *r, float far, int receiver, int2 light)
 {
     const Volume volume = {0, &r->path, 1};
     Stack stack;
     start_walk(&stack);
     int leaf;
     do leaf = next_leaf(tree, &volume, far, &stack);
-    while (leaf >= 0 && !leaf_blocks(tree, r, leaf, far, own, light));
+    while (leaf >= 0 && !occludes(tree, r, leaf, far, receiver, light));
     return leaf;
 }
 
@@ -41,18 +41,18 @@ inline int blocking_leaf(const Tree *tree, const Ray *r, float far, int own, int
 inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
 {
     global const float *point = s->origins;
-    const int2 own = vload2(0, light->triangles);
-    int last = -1;  // what darkened a neighbour is likely to darken the next
+    const int2 triangles = vload2(0, light->triangles);
+    int last = -1;  // a leaf that occludes a ray is likely to occlude the next
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!s->active[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
-        const int triangle = b->samples->triangle[at];
+        const int receiver = b->samples->triangle[at];
         int exponent;
         const Ray ray = scaled_ray(p, vload3(0, light->vector) - (light->is_point ? p : 0.0f),
                                    &exponent);
         const float far = light->is_point ? ldexp(1.0f, exponent) : FAR;
-        if (last < 0 || !leaf_blocks(s->tree, &ray, last, far, triangle, own))
-            last = blocking_leaf(s->tree, &ray, far, triangle, own);
+        if (last < 0 || !occludes(s->tree, &ray, last, far, receiver, triangles))
+            last = occluding_leaf(s->tree, &ray, far, receiver, triangles);
         if (last >= 0) s->active[at] = 0;
     }
 }

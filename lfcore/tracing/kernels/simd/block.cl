@@ -6,18 +6,18 @@
 // data camera (sx = 0).
 //
 // A block may span neighbouring elements: along each axis INNER rays of the inner grid times OUTER
-// elements.  u and v count the elements from their middle, and each adds a to the origin and b to
+// elements.  u and v count the elements from their centre, and each adds a to the origin and b to
 // the direction.  Where lens samples and pixels are both few, such a block is far narrower in space
-// than 16 x 16 of one kind, and hits far fewer triangles.
+// than 16 x 16 of either, and hits far fewer triangles.
 #pragma once
 #include "lanes.cl"
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
 
-// Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
 #define COLOURS (3 * BLOCK_RAYS)
 #define BRIGHTEST ((float)(1 << STOPS))  // colour that frames and planes store
+// Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
 inline Vec load3(global const float *from, int at)
 {
     from += at;
@@ -38,7 +38,7 @@ typedef struct {
     float half_extent;     // inner rays lie within so many steps of the centre
 } Bundle;
 
-// Places of a row of LANES rays: x, y on the inner grid, u, v among the elements.
+// Offsets of a row of LANES rays: x = i and y = j on the inner grid, u and v among the elements.
 typedef struct { vf x; float y; vf u; float v; } Row;
 
 // The row that begins with ray `at`, a multiple of LANES, of a bundle of that half_extent.
@@ -53,9 +53,9 @@ inline Row row_at(int at, float half_extent)
     return r;
 }
 
-// base + inner * along + outer * across, vectors or scalars; one element has no outer offsets.
-#define AT_OFFSETS(inner, outer, base, along, across) \
-    (OUTER > 1 ? fma(outer, across, fma(inner, along, base)) : fma(inner, along, base))
+// base + x * inner + u * outer, vectors or scalars; a block of one element has no u.
+#define AT_OFFSETS(x, u, base, inner, outer) \
+    (OUTER > 1 ? fma(u, outer, fma(x, inner, base)) : fma(x, inner, base))
 
 // Origins and directions of a row of rays.
 inline vf row_ox(const Bundle *r, Row at) { return AT_OFFSETS(at.x, at.u, r->ox, r->sx, r->a); }
@@ -78,13 +78,13 @@ typedef struct { float of[AFFINE_TERMS]; } Affine;
 typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
 
 // Values of an affine function without BILINEAR at a row of rays.
-inline vf plane_row(Affine f, Row at)
+inline vf affine_row(Affine f, Row at)
 {
     const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
     return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
 }
 
-// Rays between two columns and two rows of a block of one element, as a middle and half extents.
+// Rays between two columns and two rows of a block of one element, as a centre and half extents.
 typedef struct { float x, y, half_width, half_height; } Rectangle;
 
 // Values of an affine function at its four corners.

@@ -12,7 +12,7 @@
 #define JOIN(a, b) JOIN_(a, b)
 
 #if LANES == 1
-// The hint keeps compilers from vectorising over work-items, of which a group has one.
+// The hint keeps compilers from vectorising over work-items: a work-group has one.
 #define LANES_TYPE float4
 #define WIDE(name) name
 #define VLOAD(p) (*(p))
@@ -51,7 +51,7 @@ typedef WIDE(uint) vu;
 #endif
 #define SAMPLES(n) JOIN(SAMPLE, n)
 typedef SAMPLE sample;
-#define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // to one of 8 bits
+#define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // per code of 8 bits
 
 // a where the mask is unset, b where it is set
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }

@@ -33,20 +33,20 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
     return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, far));
 }
 
-// Put the light of a row in place of its places on grids.
+// Look up a row's baked light, which replaces the weights that locate it on grids.
 inline void look_up_light(const Scene *s, SampleRow *row)
 {
-    const vf *place = row->of + PLACE;
-    *vectors_at(row, BAKED_LIGHT) = baked_row(s, place[0], place[1], row->first, row->side);
+    const vf *at = row->of + WEIGHT;
+    *vectors_at(row, BAKED_LIGHT) = baked_row(s, at[0], at[1], row->first, row->side);
 }
 
 // Light that differs from an affine function by less than such a share is one.
 #define AFFINE_SHARE (1.0f / 64.0f)
 // Much less than what coarser levels hold where light is uneven.
 #define UNEVEN_LIGHT 1024.0f
-// Rays spread over a region, whose light says whether it is affine: 4 x 4 places from -1 to 1.
-#define PLACES -1.0f, -1.0f / 3.0f, 1.0f / 3.0f, 1.0f
-#define COLUMNS ((float16)(PLACES, PLACES, PLACES, PLACES))
+// Rays spread over a region, whose light says whether it is affine: 4 x 4 offsets from -1 to 1.
+#define OFFSETS -1.0f, -1.0f / 3.0f, 1.0f / 3.0f, 1.0f
+#define COLUMNS ((float16)(OFFSETS, OFFSETS, OFFSETS, OFFSETS))
 #define ROWS COLUMNS.s048c159d26ae37bf
 
 // Find their light, colour by colour, at a level where they are at most one cell apart; false if

@@ -1,6 +1,6 @@
 // What a region of a block of one element has within the rectangle around its rays.
 #pragma once
-#include "planes.cl"
+#include "equations.cl"
 
 // Around the region's rays, in a block of that half_extent.
 inline Rectangle region_rectangle(global const Region *r, float half_extent)

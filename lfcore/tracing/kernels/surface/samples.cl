@@ -3,10 +3,10 @@
 #include "baked.cl"
 
 typedef struct {
-    float point[3 * BLOCK_RAYS];  // where the ray meets the surface
+    float point[3 * BLOCK_RAYS];  // where the ray hits the surface
     float of[QUANTITIES][BLOCK_RAYS];
-    int key[BLOCK_RAYS];          // shading key; -1 where nothing is met
-    int triangle[BLOCK_RAYS];     // -1 where nothing is met
+    int key[BLOCK_RAYS];          // shading key; -1 where nothing is hit
+    int triangle[BLOCK_RAYS];     // -1 where nothing is hit
 } Samples;
 
 // A surface's material and one mip level of its textures (height 0: none; without PHYSICAL only the
@@ -24,17 +24,17 @@ typedef struct {
     Vec light;                      // BAKED alone: arrives from sky and surfaces
 } Surface;
 
-inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
-                          global PlaneEquations *out)
+inline void set_up_equations(const Scene *s, const Bundle *r, const TriangleRow *triangles,
+                             global PlaneEquations *out)
 {
-    WidePlanes wide;
+    WideEquations wide;
     WideAffine weights[3];
     set_up_lanes(s, r, triangles, weights, &wide);
     if (SMOOTH || SLOTS > COORDINATES) set_up_attributes(s, triangles, weights, &wide);
     for (int lane = 0; lane < triangles->count; ++lane, ++out) {
         const float *from = (const float *)&wide + lane;
         global float *to = (global float *)out;
-        for (int k = 0; k < sizeof(WidePlanes) / sizeof(vf); ++k) to[k] = from[k * LANES];
+        for (int k = 0; k < sizeof(WideEquations) / sizeof(vf); ++k) to[k] = from[k * LANES];
         out->key = s->material_ids[triangles->of[lane]] * MIP_LEVELS;
         if (BAKED) vstore3(vload3(triangles->of[lane], s->grids), 0, out->grid);
     }
@@ -43,8 +43,8 @@ inline void set_up_planes(const Scene *s, const Bundle *r, const TriangleRow *tr
 inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
 {
     SampleRow s;
-    const vf denominator = plane_row(p->denominator, at);
-    s.depth = plane_row(p->numerator, at) * reciprocal(denominator);
+    const vf denominator = affine_row(p->denominator, at);
+    s.depth = affine_row(p->numerator, at) * reciprocal(denominator);
     // Some rays of a block may see a flat triangle's other side.
     for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
         s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
@@ -56,9 +56,9 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
 // One block on its way from regions to colours.
 typedef struct {
     int number;                     // in its packet
-    Bundle rays;
+    Bundle bundle;
     Regions regions;
-    global PlaneEquations *planes;  // of each region
+    global PlaneEquations *equations;  // of each region
     int fitted;                     // whether baked light is affine in each of them
     global Samples *samples;
     global int *lit;                // (shadow lights, BLOCK) a bit for each ray that sees the light
@@ -68,12 +68,12 @@ typedef struct {
 inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
 {
     s->key = s->triangle = -1;
-    for (int n = 0; n < b->regions.met[at / LANES]; ++n) {
-        const int k = b->regions.in_row[at / LANES][n];
+    for (int n = 0; n < b->regions.row_count[at / LANES]; ++n) {
+        const int k = b->regions.row_regions[at / LANES][n];
         global const Region *r = b->regions.of + k;
         const vi mask = region_row(r, at);
-        const SampleRow one = interpolate(b->planes + k, row, b->fitted);
-        s->key = pick_int(s->key, (vi)(b->planes[k].key), mask);
+        const SampleRow one = interpolate(b->equations + k, row, b->fitted);
+        s->key = pick_int(s->key, (vi)(b->equations[k].key), mask);
         s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
         s->first = n ? pick_int(s->first, one.first, mask) : one.first;
         s->side = n ? pick_int(s->side, one.side, mask) : one.side;
@@ -83,29 +83,29 @@ inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
     }
 }
 
-// Set up the planes of a block's regions, LANES at a time.
-inline void set_up_regions(const Scene *scene, float pixel, const Block *b)
+// Set up the plane equations of a block's regions, LANES at a time.
+inline void set_up_regions(const Scene *scene, float pixel_pitch, const Block *b)
 {
     const int count = b->regions.count;
     global const Region *of = b->regions.of;
     for (int first = 0; first < count; first += LANES) {
         TriangleRow triangles = {min(LANES, count - first)};
         for (int k = 0; k < LANES; ++k) triangles.of[k] = of[min(first + k, count - 1)].triangle;
-        set_up_planes(scene, &b->rays, &triangles, b->planes + first);
+        set_up_equations(scene, &b->bundle, &triangles, b->equations + first);
     }
     for (int k = 0; k < count && (TEXTURED || PHYSICAL); ++k)
-        set_up_texture(scene, of[k].triangle, pixel, b->planes + k);
+        set_up_texture(scene, of[k].triangle, pixel_pitch, b->equations + k);
 }
 
-inline void sample_block(const Scene *scene, float pixel, Block *b)
+inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
 {
     global Samples *out = b->samples;
-    const Bundle *r = &b->rays;
+    const Bundle *r = &b->bundle;
     SampleRow s = {0};
-    set_up_regions(scene, pixel, b);
-    if (BAKED) b->fitted = fit_regions(scene, &b->regions, r->half_extent, b->planes);
+    set_up_regions(scene, pixel_pitch, b);
+    if (BAKED) b->fitted = fit_regions(scene, &b->regions, r->half_extent, b->equations);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at, b->rays.half_extent);
+        const Row row = row_at(at, b->bundle.half_extent);
         sample_row(b, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);

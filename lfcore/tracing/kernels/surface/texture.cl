@@ -5,7 +5,7 @@
 // A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
 // a channel to decode, and steps no coarser than those of 8-bit sRGB.
 #pragma once
-#include "planes.cl"
+#include "equations.cl"
 
 // Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
 // them.
@@ -38,9 +38,9 @@ inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int 
 }
 
 // Values of any affine function at a row of rays.
-inline vf edge_row(Affine f, Row at)
+inline vf bilinear_row(Affine f, Row at)
 {
-    if (OUTER == 1) return plane_row(f, at);
+    if (OUTER == 1) return affine_row(f, at);
     const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
     const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
     const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
@@ -49,37 +49,37 @@ inline vf edge_row(Affine f, Row at)
 
 // All slots of attributes.
 inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, const WideAffine *e,
-                              WidePlanes *out)
+                              WideEquations *out)
 {
-    for (int slot = FIRST_ATTRIBUTE; slot < PLACE; ++slot)
+    for (int slot = FIRST_ATTRIBUTE; slot < WEIGHT; ++slot)
         out->slot[slot] = set_up_slot(s, triangles, slot, e);
-    for (int slot = PLACE; slot < SLOTS; ++slot) out->slot[slot] = e[slot - PLACE + 1];
+    for (int slot = WEIGHT; slot < SLOTS; ++slot) out->slot[slot] = e[slot - WEIGHT + 1];
     for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
         out->first[k] = read_lanes(s->attributes + 3 * (TINT - FIRST_ATTRIBUTE) + k, triangles,
                                    ATTRIBUTES);
 }
 
-// A row of attributes, tangents and places on grids; `back` is the sign of n . D.
+// A row of attributes, tangents and weights; `back` is the sign of n . D.
 inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, int fitted,
                                    SampleRow *s)
 {
-    const vf weights = plane_row(p->weights, at);
-    for (int k = FIRST_ATTRIBUTE; k < PLACE; ++k) s->of[k] = edge_row(p->slot[k], at);
+    const vf weights = affine_row(p->weights, at);
+    for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->of[k] = bilinear_row(p->slot[k], at);
     // Seen from behind, a flat triangle's tangent turns as its normal does; smooth ones turn later.
     const vi behind = sign_of(SMOOTH ? weights : -weights);
     for (int k = 0; k < 4 && PHYSICAL; ++k)
         s->of[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
     if (SLOTS == COORDINATES) return;
     if (fitted) {
-        for (int k = 0; k < 3; ++k) s->of[BAKED_LIGHT + k] = plane_row(p->light[k], at);
-        if (PLACE == COORDINATES) return;
+        for (int k = 0; k < 3; ++k) s->of[BAKED_LIGHT + k] = affine_row(p->light[k], at);
+        if (WEIGHT == COORDINATES) return;
     }
     const vf inverse = reciprocal(weights);
     for (int k = COORDINATES; k < TINT; ++k) s->of[k] *= inverse;
-    for (int k = TINT; k < PLACE; ++k) s->of[k] = fma(inverse, s->of[k], (vf)(p->first[k - TINT]));
+    for (int k = TINT; k < WEIGHT; ++k) s->of[k] = fma(inverse, s->of[k], (vf)(p->first[k - TINT]));
     if (fitted) return;
-    for (int k = PLACE; k < SLOTS; ++k)
-        s->of[k] = edge_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
+    for (int k = WEIGHT; k < SLOTS; ++k)
+        s->of[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
     // The corners turn to the viewer where the weights are negative.
     s->first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
     s->side = p->grid[2];
@@ -165,9 +165,9 @@ inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
 }
 
-// What textures add to a triangle's plane equations: the mip level and, for PHYSICAL, the tangent;
-// `pixel` is the tangent between neighbouring pixels.
-inline void set_up_texture(const Scene *s, int triangle, float pixel, global PlaneEquations *p)
+// What textures add to a triangle's plane equations: mip level and, for PHYSICAL, the tangent.
+inline void set_up_texture(const Scene *s, int triangle, float pixel_pitch,
+                           global PlaneEquations *p)
 {
     const float3 at = corner(s, triangle, 0);
     const float3 a = corner(s, triangle, 1) - at, b = corner(s, triangle, 2) - at;
@@ -176,7 +176,7 @@ inline void set_up_texture(const Scene *s, int triangle, float pixel, global Pla
         vstore4(find_tangent(s, triangle, a, b, towards), 0, p->tangent);
     }
     const float depth = p->numerator.of[ONE] / p->denominator.of[ONE];
-    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.of[ONE], depth * pixel);
+    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.of[ONE], depth * pixel_pitch);
 }
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)

@@ -1,7 +1,7 @@
-// Cut-outs: triangles with holes.  Where a ray meets one, the alpha of its texture says whether it
+// Cut-outs: triangles with holes.  Where a ray hits one, the alpha of its texture says whether it
 // passes.
 //
-// Texture coordinates are affine in the place on a triangle's plane, so two affine functions of it
+// Texture coordinates are affine in the point on a triangle's plane, so two affine functions of it
 // give them to every kind of ray alike: camera rays of blocks and single ones, and rays to lights.
 #pragma once
 #include "block.cl"
@@ -37,27 +37,27 @@ inline float alpha_at(global const uchar *alphas, global const CutOut *image, fl
     return fma(fy, low - high, high);
 }
 
-// Whether a triangle stops a ray that meets it at `place`.
-inline int is_solid(const CutOuts *c, int triangle, float3 place)
+// Whether a triangle stops a ray that hits it at `point`.
+inline int is_solid(const CutOuts *c, int triangle, float3 point)
 {
     if (!has_holes(c, triangle)) return 1;
     global const CutOut *record = c->records + c->of[triangle];
     const float4 u = vload4(0, record->u), v = vload4(0, record->v);
-    const float at_u = fma(place.x, u.x, fma(place.y, u.y, fma(place.z, u.z, u.w)));
-    const float at_v = fma(place.x, v.x, fma(place.y, v.y, fma(place.z, v.z, v.w)));
+    const float at_u = fma(point.x, u.x, fma(point.y, u.y, fma(point.z, u.z, u.w)));
+    const float at_v = fma(point.x, v.x, fma(point.y, v.y, fma(point.z, v.z, v.w)));
     return alpha_at(c->alpha, record, at_u, at_v) >= record->least;
 }
 
-// Of a row of rays, `bits` of which meet a triangle at `depth`, those that it stops.
+// Of a row of rays, `bits` of which hit a triangle at `depth`, those that it stops.
 inline uint stopped_rays(const CutOuts *c, int triangle, const Bundle *r, Row row, vf depth,
                          uint bits)
 {
     const Vec d = direction_row(r, row), o = {row_ox(r, row), (vf)(row_oy(r, row)), (vf)(0.0f)};
-    const Vec place = fma3(depth, d, o);
+    const Vec point = fma3(depth, d, o);
     uint stopped = 0;
     for (uint left = bits; left; left &= left - 1) {
         const uint k = lowest(left);
-        stopped |= (uint)is_solid(c, triangle, ray_vector(&place, k)) << k;
+        stopped |= (uint)is_solid(c, triangle, ray_vector(&point, k)) << k;
     }
     return stopped;
 }

@@ -1,27 +1,27 @@
 // Packets of blocks: the unit of work that one worker takes at a time.
 //
 // A packet is a square of neighbouring elements (pixels, lens samples, data cameras) times a square
-// of blocks of the inner grid.  Blocks of one element are in the order of elements; those that span
-// several are of all elements of the packet.  Results leave it in cells: 16 x 16 inner rays of one
+// of blocks of the inner grid.  Blocks of one element are sorted by element; a block that spans
+// several spans all of the packet.  Results leave the packet in cells: 16 x 16 inner rays of one
 // element, element after element.
 #pragma once
 #include "walk.cl"
 
 #define MOST_BLOCKS 16  // of a packet, and most of its cells
 
-// A block or a cell in its packet: its element (the first of several), first column and row.
+// A block or cell in its packet: its (first) element's index in the group, first column and row.
 typedef struct { int element; int2 at; } BlockOffset;
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
 typedef struct {
-    global const float4 *elements;  // (E,) ox, oy, dx, dy, or (B,) for blocks of several elements
-    global const int *groups;       // (B, group, group) element or -1
+    global const float4 *centre_rays;  // (E,) ox, oy, dx, dy; where blocks span elements, (B,)
+    global const int *members;      // (B, group_side^2) the groups' elements, or -1
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
-    float2 outer;                   // a, b: per element of a group
+    float2 outer;                   // a, b: per element of a block
     int columns, rows, first_row, end_row;  // size of the inner grid, rows that are traced
     float half_extent;              // of a block, as in Bundle
     float element_half_extent;      // of one element's part of a packet
-    int group;                      // elements along a side of a packet
+    int group_side;                 // elements along a side of a packet
     int side, packet_side;          // blocks and rays along a side of one element's part
     int blocks, cells;              // numbers of these in a packet
     BlockOffset block[MOST_BLOCKS], cell[MOST_BLOCKS];
@@ -39,24 +39,24 @@ inline int make_offsets(int elements, int side, int size, BlockOffset *out)
     return count;
 }
 
-inline Rays make_rays(global const float4 *elements, global const int *groups,
+inline Rays make_rays(global const float4 *centre_rays, global const int *members,
                       const RayArguments *a)
 {
-    const int wide = a->side * INNER, all = a->group * a->group;
-    Rays r = {elements, groups, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
+    const int size = a->side * INNER, all = a->group_side * a->group_side;
+    Rays r = {centre_rays, members, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
               a->first_row, a->end_row, a->half_extent,
-              0.5f * (wide - INNER) + a->half_extent, a->group, a->side, wide};
+              0.5f * (size - INNER) + a->half_extent, a->group_side, a->side, size};
     r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
-    r.cells = make_offsets(all, wide / BLOCK, BLOCK, r.cell);
-    r.packets_in_x = (a->columns + wide - 1) / wide;
-    r.packets_per_group = r.packets_in_x * ((a->end_row - a->first_row + wide - 1) / wide);
+    r.cells = make_offsets(all, size / BLOCK, BLOCK, r.cell);
+    r.packets_in_x = (a->columns + size - 1) / size;
+    r.packets_per_group = r.packets_in_x * ((a->end_row - a->first_row + size - 1) / size);
     return r;
 }
 
 typedef struct {
     const Rays *rays;
-    int group;                  // which of the groups of elements
-    global const int *element;  // (group, group)
+    int group;                  // number of its group of elements
+    global const int *members;  // (group_side^2,) elements or -1
     int2 at;                    // first column and row of the inner grid
     uint blocks;                // a bit for each block with rays that are wanted
 } Packet;
@@ -78,31 +78,31 @@ inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1
 // The element of part `part` of a block's OUTER x OUTER, or -1.
 inline int block_element(const Packet *p, int block, int part)
 {
-    return p->element[OUTER > 1 ? part : p->rays->block[block].element];
+    return p->members[OUTER > 1 ? part : p->rays->block[block].element];
 }
 
 // The element of a cell, or -1 if it has no rays or none that are wanted.
 inline int cell_element(const Packet *p, int cell)
 {
-    const BlockOffset place = p->rays->cell[cell];
-    const int2 square = place.at / INNER;
-    const int block = OUTER > 1 ? square.y * p->rays->side + square.x : cell;
-    return has_block(p, block) ? p->element[place.element] : -1;
+    const BlockOffset offset = p->rays->cell[cell];
+    const int2 first = offset.at / INNER;
+    const int block = OUTER > 1 ? first.y * p->rays->side + first.x : cell;
+    return has_block(p, block) ? p->members[offset.element] : -1;
 }
 
 // The centre ray that a block's offsets are relative to.
 inline float4 centre_ray_of(const Packet *p, int block)
 {
-    return p->rays->elements[OUTER > 1 ? p->group : block_element(p, block, 0)];
+    return p->rays->centre_rays[OUTER > 1 ? p->group : block_element(p, block, 0)];
 }
 
-// The rays about a place of the inner grid, `half_extent` columns and rows beyond `at`.
-inline Bundle bundle_at(const Rays *rays, float4 middle, int2 at, float half_extent)
+// The inner rays from column and row `at` on, within that half_extent of their centre.
+inline Bundle bundle_at(const Rays *rays, float4 centre_ray, int2 at, float half_extent)
 {
     const float2 grid = (float2)(rays->columns - 1, rays->rows - 1);
     const float2 c = convert_float2(at) + half_extent - 0.5f * grid;
-    const float4 s = rays->step, first = fma(c.xyxy, s, middle);
-    return (Bundle){first.x, first.y, first.z, first.w,
+    const float4 s = rays->step, centre = fma(c.xyxy, s, centre_ray);
+    return (Bundle){centre.x, centre.y, centre.z, centre.w,
                     s.x, s.y, s.z, s.w, rays->outer.x, rays->outer.y, half_extent};
 }
 
@@ -115,20 +115,20 @@ inline Bundle block_bundle(const Packet *p, int block)
 // The first element of a packet; negative if it has none.
 inline int first_element(const Packet *p)
 {
-    for (int k = 0; k < p->rays->group * p->rays->group; ++k)
-        if (p->element[k] >= 0) return p->element[k];
+    for (int k = 0; k < p->rays->group_side * p->rays->group_side; ++k)
+        if (p->members[k] >= 0) return p->members[k];
     return -1;
 }
 
 // A strip is `height` packets below each other; this is packet `step` of one.
 inline Packet make_packet(const Rays *rays, int strip, int height, int step)
 {
-    const int square = strip % rays->packets_per_group;
+    const int number = strip % rays->packets_per_group;
     Packet p;
     p.rays = rays;
     p.group = strip / rays->packets_per_group * height + step;
-    p.element = rays->groups + p.group * rays->group * rays->group;
-    p.at = (int2)(square % rays->packets_in_x, square / rays->packets_in_x) * rays->packet_side;
+    p.members = rays->members + p.group * rays->group_side * rays->group_side;
+    p.at = (int2)(number % rays->packets_in_x, number / rays->packets_in_x) * rays->packet_side;
     p.at.y += rays->first_row;
     p.blocks = 0;
     const int first = first_element(&p);

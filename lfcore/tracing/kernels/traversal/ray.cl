@@ -50,7 +50,7 @@ typedef struct {
     vf time;
 } Sheared;
 
-// The ray is the origin of x and y: it misses a triangle whose extent does not hold the origin.
+// The ray is the origin of x and y: it misses a triangle whose bounding box does not hold that.
 inline vi hold_origin(Triple a)
 {
     return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));

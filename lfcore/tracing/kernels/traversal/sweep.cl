@@ -20,7 +20,7 @@ inline Sweep make_sweep(float3 lo, float3 hi, float3 rate_lo, float3 rate_hi)
     return (Sweep){lo, hi, inverse_rate(rate_lo), inverse_rate(rate_hi)};
 }
 
-// `light` is a place, reached at time 1, or the direction towards it.  The box has a margin, lest
+// `light` is a point, reached at time 1, or the direction towards it.  The box has a margin, lest
 // an occluder be left out that rounding puts before a hit point.
 inline Sweep make_shaft(float3 light, int is_point, const Box *box)
 {
@@ -31,15 +31,15 @@ inline Sweep make_shaft(float3 light, int is_point, const Box *box)
                       light - (is_point ? hi : 0.0f));
 }
 
-// Mask of LANES extents that the box meets until then; `near` receives when the box begins to.
-inline vi sweep_overlaps_extents(const Sweep *s, const Ranges *extents, float until, vf *near)
+// Mask of LANES ranges that the box overlaps before `until`; `near` receives when it begins to.
+inline vi sweep_overlaps_ranges(const Sweep *s, const Ranges *ranges, float until, vf *near)
 {
     vf from = 0.0f, to = until;
-    vi miss = GT(extents->low[0], extents->high[0]);  // of an empty place in a node
+    vi miss = GT(ranges->low[0], ranges->high[0]);  // of an empty child of a node
     for (int k = 0; k < 3; ++k) {
         const float rise = axis(s->inverse_hi, k), leave = axis(s->inverse_lo, k);
-        const vf above = extents->low[k] - axis(s->hi, k);
-        const vf below = extents->high[k] - axis(s->lo, k);
+        const vf above = ranges->low[k] - axis(s->hi, k);
+        const vf below = ranges->high[k] - axis(s->lo, k);
         if (rise > 0.0f) from = max(from, above * rise);
         else if (rise < 0.0f) to = min(to, above * rise * SWEEP_SLACK);
         else miss |= GT(above, (vf)(0.0f));
@@ -59,7 +59,7 @@ inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until,
         r.low[k] = VLOAD(boxes->low[k]);
         r.high[k] = VLOAD(boxes->high[k]);
     }
-    return sweep_overlaps_extents(s, &r, until, near);
+    return sweep_overlaps_ranges(s, &r, until, near);
 }
 inline vi sweep_overlaps_leaf(const Sweep *s, global const Leaf *leaf, float until)
 {
@@ -71,5 +71,5 @@ inline vi sweep_overlaps_leaf(const Sweep *s, global const Leaf *leaf, float unt
         r.low[k] = least3(x);
         r.high[k] = most3(x);
     }
-    return sweep_overlaps_extents(s, &r, until, &near);
+    return sweep_overlaps_ranges(s, &r, until, &near);
 }

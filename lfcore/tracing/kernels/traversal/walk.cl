@@ -1,6 +1,6 @@
 // The hierarchy, nodes of sixteen children and leaves of sixteen triangles, and walks through it.
 // Children are stored by their nearest depth, and camera rays look along +z, so packets walk front
-// to back without sorting; single rays sort the children that they meet.
+// to back without sorting; single rays sort the children that they hit.
 //
 // Source of packets that traverse by their bounds: A. Reshetov, A. Soupikov, J. Hurley, "Multi-
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
@@ -11,13 +11,13 @@
 
 typedef struct {
     global const Boxes *boxes;   // (K,) of the wide nodes' children
-    global const int *children;  // (K, 16) a node, or -1 less a leaf
+    global const int *children;  // (K, 16) a node, or -1 - a leaf
     global const Leaf *leaves;   // (L,)
     global const int *leaf_ids;  // (L, 16) triangles
-    CutOuts cut_outs;            // those of the triangles that have holes
+    CutOuts cut_outs;            // of the triangles that have holes
 } Tree;
 
-// Records of 16 boxes or triangles from `lane` on: element 0 of each array is that lane.
+// Records of 16 boxes or triangles from `lane` on: index 0 of each array is that lane.
 inline global const Boxes *boxes_from(global const Boxes *boxes, int lane)
 {
     return (global const Boxes *)(boxes->low[0] + lane);
@@ -26,7 +26,7 @@ inline global const Leaf *leaf_corners(const Tree *tree, int leaf, int lane)
 {
     return (global const Leaf *)(tree->leaves[leaf].corner[0][0] + lane);
 }
-inline global const int *leaf_numbers(const Tree *tree, int leaf, int lane)
+inline global const int *triangle_ids(const Tree *tree, int leaf, int lane)
 {
     return tree->leaf_ids + leaf * NODE_WIDTH + lane;
 }
@@ -38,8 +38,8 @@ typedef struct { global ListedLeaves *of; int count; } LeafList;
 
 // A frustum is, along x and along y, the interval that a set of rays reaches at depth z,
 //     [o_lo + z d_lo - |h + z g| - |hu + z gu|, o_hi + z d_hi + |h + z g| + |hu + z gu|]
-// of centre rays and of half extents of the inner grid and of a block's elements.  Its upper bound
-// is convex in z and its lower bound concave: the two ends of a box's depth range suffice.
+// of centre rays o + z d and half extents h + z g (inner grid), hu + z gu (a block's elements).
+// The upper bound is convex in z, the lower one concave: the ends of a box's depth range suffice.
 typedef struct { float o_lo, o_hi, d_lo, d_hi, h, g; } Interval;
 typedef struct { Interval x, y; float hu, gu; } Frustum;
 
@@ -54,7 +54,7 @@ inline Interval widened(Interval a, float hu, float gu)
     return a;
 }
 
-// What holds all rays between two bundles of the same steps and half_extent.
+// The frustum of all rays between two bundles of the same steps and half_extent.
 inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
 {
     const float half_extent = lo->half_extent;
@@ -81,7 +81,7 @@ inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf 
            LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
 }
 
-// Mask of LANES boxes that the rays may meet nearer than z_far.
+// Mask of LANES boxes that the frustum may overlap nearer than z_far.
 inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
 {
     const vf z_lo = VLOAD(b->low[2]), z1 = VLOAD(b->high[2]), z0 = max(z_lo, (vf)(0.0f));
@@ -93,8 +93,8 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
 // The volume that a walk is for is a frustum or a sweep; only single rays need leaves `sorted`.
 typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted; } Volume;
 
-// Children still to be looked at, by their places in the tree's arrays, and where each begins: all
-// but one of each node's children.
+// Children still to visit, by their index in the tree's arrays, and where each begins.  A level
+// leaves at most all but one of a node's children.
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
 typedef struct { int child[STACK]; float near[STACK]; int size; } Stack;
@@ -106,7 +106,7 @@ inline void start_walk(Stack *stack)
     stack->size = 1;
 }
 
-// Bits of the children of a node that the volume meets before `far`, and where each begins.
+// Bits of the children of a node that the volume overlaps before `far`, and where each begins.
 inline uint overlapping_children(const Tree *tree, const Volume *volume, int node, float far,
                           private float *near)
 {
@@ -114,10 +114,10 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vf begin = VLOAD(boxes->low[2]);
-        const vi meets = volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
+        const vi overlaps = volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
                                        : frustum_overlaps(volume->frustum, boxes, far);
         VSTORE(begin, near + lane);
-        bits |= row_bits(meets) << lane;
+        bits |= row_bits(overlaps) << lane;
     }
     return bits;
 }
@@ -140,7 +140,7 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
     }
 }
 
-// The next leaf that the volume meets before `far`, of the top of the stack; -1 once none is left.
+// The next leaf, from the stack, that the volume overlaps before `far`; -1 once none is left.
 inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *stack)
 {
     private float near[NODE_WIDTH];

@@ -27,8 +27,8 @@ enum {
     NORMAL = 0,
     COORDINATES = 3,
     TINT = COORDINATES + 2 * TEXTURED,
-    PLACE = TINT + 3 * VERTEX_COLOURS,  // weights of the second and the third corner
-    SLOTS = PLACE + 2 * BAKED,
+    WEIGHT = TINT + 3 * VERTEX_COLOURS,  // barycentric, of the second and the third corner
+    SLOTS = WEIGHT + 2 * BAKED,
     FIRST_ATTRIBUTE = SMOOTH ? NORMAL : COORDINATES
 };
 
@@ -43,19 +43,19 @@ typedef struct {
     Affine light[3];  // baked, of blocks where it fits
 } PlaneEquations;
 
-// The quantities of a hit: slots of its triangle, light that arrives from sky and surfaces in place
-// of its place on a grid, tangent and the sign beside it.
-enum { BAKED_LIGHT = PLACE, TANGENT = SLOTS + BAKED, QUANTITIES = TANGENT + 4 * PHYSICAL };
+// The quantities of a hit: slots, of which baked light replaces WEIGHT, and tangent with sign.
+enum { BAKED_LIGHT = WEIGHT, TANGENT = SLOTS + BAKED, QUANTITIES = TANGENT + 4 * PHYSICAL };
 
-// A row of rays that meet one triangle.
+// A row of rays that hit one triangle.
 typedef struct {
     vf depth, of[QUANTITIES];
     vi key, triangle;
     vi first, side;  // of the grid of baked light
 } SampleRow;
 
-// The first of these equations of LANES triangles, in the same order.
-typedef struct { WideAffine weights, numerator, denominator, slot[SLOTS]; vf first[3]; } WidePlanes;
+// PlaneEquations up to `first`, in the same order, of LANES triangles.
+typedef struct { WideAffine weights, numerator, denominator, slot[SLOTS]; vf first[3]; }
+    WideEquations;
 
 // Up to LANES triangles; those beyond `count` repeat one.
 typedef struct { int count, of[LANES]; } TriangleRow;
@@ -79,9 +79,9 @@ inline Vec directions_of(Vec a)
     return (Vec){a.x / length, a.y / length, a.z / length};
 }
 
-// All but attributes; `e` receives the weights of the corners.
+// Set up all but attributes; `e` receives the weights of the corners.
 inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
-                         WideAffine *e, WidePlanes *out)
+                         WideAffine *e, WideEquations *out)
 {
     Vec at[3], v[3];
     global const float *from = s->corners;
