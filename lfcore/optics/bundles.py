@@ -1,6 +1,6 @@
 """Rays as bundles: outer elements times an inner grid, affine in both.
 
-Ray (i, j) of element e, counted from the middle of the inner grid, is at depth z
+Ray (i, j) of element e, counted from the centre of the inner grid, is at depth z
 
     x(z) = (ox_e + i sx) + z (dx_e + i tx)        y(z) = (oy_e + j sy) + z (dy_e + j ty)
 
@@ -19,20 +19,20 @@ from lfcore.optics.slab import Slab
 
 @dataclass(frozen=True)
 class ElementLattice:
-    """A square grid of elements, ``count`` a side, centred on the axis: from one to the next the
-    centre ray's origin and direction change by these; ``aside`` is the direction in the middle."""
+    """A square grid of elements, ``count`` per side, centred on the axis: from one to the next the
+    centre ray's origin and direction change by these; ``off_axis`` is the direction at its
+    centre."""
 
     count: int
     origin: float
     direction: float
-    aside: tuple[float, float] = (0.0, 0.0)
+    off_axis: tuple[float, float] = (0.0, 0.0)
 
-    def centre_rays(self, places: np.ndarray) -> np.ndarray:
-        """(E, 4) float32 ox, oy, dx, dy at ``places`` (E, 2): columns and rows, or between them."""
-        offset = np.asarray(places) - (self.count - 1) / 2
-        return np.concatenate(
-            [offset * self.origin + 0.0, offset * self.direction + self.aside], 1, dtype=np.float32
-        )
+    def centre_rays(self, coordinates: np.ndarray) -> np.ndarray:
+        """(E, 4) float32 ox, oy, dx, dy at ``coordinates`` (E, 2), or between elements."""
+        offset = np.asarray(coordinates) - (self.count - 1) / 2
+        direction = offset * self.direction + self.off_axis
+        return np.concatenate([offset * self.origin + 0.0, direction], 1, dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Bundles:
 
 
 def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
-    """One element a pixel, (E, 2) integer (u, v); the inner grid is the lens."""
+    """One element per pixel, (E, 2) integer (u, v); the inner grid is the lens."""
     pitch = slab.lens_pitch_m
     lattice = ElementLattice(slab.pixels, 0.0, slab.pixel_pitch)
     shear = -slab.camera.delta * pitch
@@ -87,9 +87,9 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
 
 
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
-    """One element a lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
+    """One element per lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
     pitch = slab.lens_pitch_m
-    across, down = slab.off_axis().tolist()
-    lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (across, down))
+    x, y = slab.off_axis().tolist()
+    lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (x, y))
     step = np.array([0.0, 0.0, slab.pixel_pitch, slab.pixel_pitch], np.float32)
     return Bundles(lattice.centre_rays(samples), step, *slab.size, slab.pixel_pitch, lattice)

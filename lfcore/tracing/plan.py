@@ -59,18 +59,18 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
 SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6, "IMAGE": 1.6}
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
-PLACES = 4
+BLOCKS_EACH = 4
 
 
 def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]:
     """Origins and directions of the rays of some blocks of ``outer`` x ``outer`` elements.
 
-    (B, 256, 3) float32 each; PLACES blocks about each of :func:`probed_elements`, spread over the
+    (B, 256, 3) float32 each; BLOCKS_EACH blocks of each of :func:`probed_elements`, spread over the
     inner grid: the same for equal bundles.
     """
     assert bundles.lattice is not None
     inner, elements = BLOCK // outer, probed_elements(bundles)
-    number = np.arange(len(elements) * PLACES)
+    number = np.arange(len(elements) * BLOCKS_EACH)
     down, along = -(-bundles.rows // inner), -(-bundles.columns // inner)
     block = number * (down * along) // len(number)
     first = np.stack([block % along, block // along], 1) * inner
@@ -78,7 +78,7 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
     i, u = np.tile(np.arange(inner), outer), np.repeat(np.arange(outer) - (outer - 1) / 2, inner)
     rays = []
     for part, among in enumerate((bundles.lattice.origin, bundles.lattice.direction)):
-        element = np.repeat(elements[:, 2 * part : 2 * part + 2], PLACES, 0)
+        element = np.repeat(elements[:, 2 * part : 2 * part + 2], BLOCKS_EACH, 0)
         out = np.full((len(number), BLOCK, BLOCK, 3), float(part))
         for axis in (0, 1):
             step = bundles.step[2 * part + axis]

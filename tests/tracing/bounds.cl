@@ -73,7 +73,7 @@ kernel void packets(global const float *in, global const Leaf *leaf, global floa
 inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
 {
     Triangles t;
-    set_up_extents(r, leaf, FAR, &t);
+    set_up_axes(r, leaf, FAR, &t);
     return t.x;
 }
 

@@ -19,7 +19,7 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.header import header
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.plan import PLACES, PROBED_BLOCKS, best_outer, probed_blocks
+from lfcore.tracing.plan import BLOCKS_EACH, PROBED_BLOCKS, best_outer, probed_blocks
 
 SLAB = Slab(CAMERA, 8, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2)
@@ -159,7 +159,7 @@ def test_a_whole_picture_is_probed_by_a_few_rays():
     slab = Slab(CAMERA, 16, 512)
     v, u = np.mgrid[:512, :512]
     origins, _ = probed_blocks(macropixels(slab, np.stack([u.ravel(), v.ravel()], 1)), 1)
-    assert len(origins) == PROBED_BLOCKS * PLACES
+    assert len(origins) == PROBED_BLOCKS * BLOCKS_EACH
 
 
 def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():

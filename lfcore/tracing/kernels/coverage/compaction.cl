@@ -40,7 +40,7 @@ inline vi packet_overlaps(const Bundle *r, global const Leaf *leaf, float z_far)
 {
     Triangles t;
     vf error[3];
-    const vi keep = set_up_extents(r, leaf, z_far, &t);
+    const vi keep = set_up_axes(r, leaf, z_far, &t);
     if (!row_any(keep)) return keep;
     for (int k = 0; k < 3; ++k) error[k] = packet_error(r, t.v[(k + 1) % 3], t.v[(k + 2) % 3]);
     return keep & set_up_edges(r, error, &t);

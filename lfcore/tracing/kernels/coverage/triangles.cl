@@ -202,7 +202,7 @@ inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
     return ~(flat | (outside & ~edge_on));
 }
 
-// The affine function one + x * step_x * column + y * step_y * row, and likewise of elements.
+// The affine function one + x * step_x * column + y * step_y * row, and likewise over elements.
 inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
 {
     WideAffine f;
@@ -234,8 +234,8 @@ inline Affine affine_of(const WideAffine *f, uint lane)
     return one;
 }
 
-// Mask of triangles whose bounding boxes overlap the block, of which its rays are only samples.
-inline vi set_up_extents(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
+// Mask of triangles whose bounding boxes overlap the block, be it between its rays.
+inline vi set_up_axes(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
 {
     Vec *v = out->v;
     load_corners(leaf, 0.0f, v);
@@ -253,7 +253,7 @@ inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, float z_f
     const Vec *v = out->v;
     vf error[3];
     out->keep = 0;
-    vi keep = set_up_extents(r, leaf, z_far, out);
+    vi keep = set_up_axes(r, leaf, z_far, out);
     if (!row_any(keep)) return;
     for (int k = 0; k < 3; ++k) error[k] = edge_error(r, v[(k + 1) % 3], v[(k + 2) % 3]);
     keep &= set_up_edges(r, error, out);

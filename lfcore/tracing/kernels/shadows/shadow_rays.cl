@@ -33,7 +33,7 @@ inline vi facing_row(global const Samples *s, global const LightRecord *light, i
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
 }
 
-// Mask of ids in [first, end), a light's triangles, which never shadow it.
+// Mask of ids of a light's `triangles`, [first, end), which never shadow it.
 inline vi are_of_light(int2 triangles, global const int *ids)
 {
     return GE(VLOAD(ids), (vi)(triangles.x)) & LT(VLOAD(ids), (vi)(triangles.y));
