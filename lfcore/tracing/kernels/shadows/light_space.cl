@@ -209,6 +209,11 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
 {
     for (int first = 0; first < STRIPES; first += LANES) {
         if (!(lit >> first & ((1u << LANES) - 1u))) continue;
+        vf most[3], least[3];
+        for (int axis = 0; axis < 3; ++axis) {
+            most[axis] = VLOAD(stripes->of[0][axis] + first);
+            least[axis] = VLOAD(stripes->of[1][axis] + first);
+        }
         vi found = 0;
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
@@ -218,10 +223,12 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
                 private const float (*function)[LANES] = f->of[k];
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
-                    // Its sign selects, as no branch could foresee.
-                    const float x = function[axis][lane];
-                    largest = fma((vf)(x), VLOAD(stripes->of[as_uint(x) >> 31][axis] + first),
-                                  largest);
+                    // Its sign selects, as no branch could foresee; 16 lanes do so in memory.
+                    const vf x = function[axis][lane];
+                    const uint side = as_uint(function[axis][lane]) >> 31;
+                    const vf bound = LANES > 8 ? VLOAD(stripes->of[side][axis] + first)
+                                               : select(most[axis], least[axis], AS_VI(x) >> 31);
+                    largest = fma(x, bound, largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
             }
