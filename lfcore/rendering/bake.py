@@ -12,18 +12,19 @@ G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interre
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
+from lfcore.optics.bundles import Bundles
 from lfcore.progress import Progress
+from lfcore.rendering.bake_gather import Gatherer
 from lfcore.rendering.bake_guide import Guide
 from lfcore.rendering.bake_lamps import Lamps
 from lfcore.rendering.bake_points import Grids, Points, grid_point, lattice
-from lfcore.rendering.bake_rays import BATCH, Surroundings, samples
+from lfcore.rendering.bake_rays import BATCH, Surroundings, dot
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
@@ -95,27 +96,32 @@ def _seen_faces(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Faces that the camera sees, within twice its field, the mean barycentric weights (F, 3) of
     where it does, and each triangle's least distance; by ``count`` rays per side."""
-    camera = scene.camera
-    axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * camera.field_width
-    x, y = (grid.ravel() for grid in np.meshgrid(axis, axis))
-    distance = np.full(scene.triangle_count, np.inf)
-    hits = []
-    for number, at in enumerate(around.lens):
-        some = slice(None) if not number else slice(number - 1, None, 4)
-        towards = np.stack([x[some], y[some], np.ones_like(x[some])], -1).astype(np.float32)
+    camera, corners = scene.camera, scene.triangles.astype(np.float64)
+    step, distance = 2 * camera.field_width / count, np.full(len(corners), np.inf)
+    sums = np.zeros((4, 2 * len(corners)))
+    for number, (x, y) in enumerate(around.lens):
+        apart = 2 if number else 1
         # Every lens point sees what is in focus in the same direction.
-        origin = np.zeros_like(towards)
-        origin[:, :2] = at
-        if math.isfinite(camera.focus_m):
-            towards[:, :2] -= np.float32(at / camera.focus_m)
-        hit, weights, far = around.cast(origin, towards)
-        on = hit >= 0
-        hits.append((hit[on], weights[on]))
-        np.minimum.at(distance, hit[on] // 2, far[on])
-    hit, weights = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    faces, of = np.unique(hit, return_inverse=True)
-    sums = np.stack([np.bincount(of, column, len(faces)) for column in weights.T], -1)
-    return faces, sums / sums.sum(1, keepdims=True), distance
+        centre = [[x, y, -x / camera.focus_m, -y / camera.focus_m]]
+        given = np.array(centre, np.float32), apart * np.array([0, 0, step, step], np.float32)
+        rays = Bundles(*given, count // apart, count // apart, step)
+        hit, depth = (found[0].ravel() for found in around.tracer.bundle_hits(rays))
+        around.rays += len(hit)
+        on = np.flatnonzero(hit >= 0)
+        hit, depth = hit[on], depth[on].astype(np.float64)
+        np.minimum.at(distance, hit, depth)
+        behind = dot(around.unit, scene.triangles[:, 0] - np.array([x, y, 0], np.float32)) > 0
+        origins, towards = (ways.reshape(-1, 3)[on] for ways in rays.rays())
+        places = origins + depth[:, None] * towards
+        for total, of_rays in zip(sums, (*places.T, np.ones(len(on))), strict=True):
+            total += np.bincount(2 * hit + behind[hit], of_rays, len(total))
+    faces = np.flatnonzero(sums[3])
+    p, q, r = corners[faces // 2].swapaxes(0, 1)
+    across, at = np.cross(q - p, r - p), (sums[:3, faces] / sums[3, faces]).T - p
+    parts = np.stack([dot(np.cross(at, r - p), across), dot(np.cross(q - p, at), across)], -1)
+    parts = np.clip(parts / np.maximum(dot(across, across), 1e-300)[:, None], 0, 1)
+    weights = np.column_stack([np.maximum(1 - parts.sum(1), 0), parts])
+    return faces, weights / weights.sum(1, keepdims=True), distance
 
 
 def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
@@ -160,7 +166,7 @@ class Baker:
         fresh, count = self.grids.add(seen), _FEWEST
         hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
-        self.lamps = Lamps(self.around, self.grids.points)
+        self.gatherer = Gatherer(Lamps(self.around, self.grids.points), self.seen)
         points = max(fresh.stop, 1)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
         count = min(count, max(8, room // 8 * 8))  # halves have whole rays to lamps
@@ -205,23 +211,17 @@ class Baker:
         found, is_open = [], []
         for part in _batches(fresh, count):
             points, seeds = self.grids.points.of(part), np.arange(part.start, part.stop)
-            faces, weights, glow = self.lamps.look(points, *samples(seeds, 0, count))
-            aimed = self.lamps.aimed(points, seeds, 0, count).reshape(-1, 3)
-            self.sums[:, part] += _halves(glow + aimed, count)
+            sums, seeing, hits = self.gatherer.send(points, seeds, 0, count, -1)
+            self.sums[:, part] += sums
             self.counts[part] += count // 2
-            colour = self.around.albedo(faces, weights).astype(np.float16)
-            hits = faces.astype(np.int32), weights.astype(np.float16), colour
-            self._hits.append((part, count, glow.mean(1).astype(np.float16), *hits))
-            is_open.append(self._open(faces, count))
-            found.append(np.unique(faces[(faces >= 0) & np.repeat(is_open[-1], count)]))
+            self._hits.append((part, count, hits))
+            is_open.append(seeing)
+            faces = hits[1].reshape(-1, count)[seeing]
+            found.append(np.unique(faces[faces >= 0]))
         if not len(self.open):
             self.open = np.concatenate([self.open, *is_open])
         every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
         return every[self.grids.first[every] < 0]
-
-    def _open(self, faces: np.ndarray, count: int) -> np.ndarray:
-        """(P,) whether rays hit the sky or seen faces: points inside of things do not."""
-        return ((faces < 0) | self.seen[faces]).reshape(-1, count).any(1)
 
     def mean(self) -> np.ndarray:
         """(P, 3) light at the points."""
@@ -234,36 +234,20 @@ class Baker:
         self.direct = np.concatenate(
             [self.around.direct(grids.points) for grids in (self.grids, self.fine)]
         )
-        fixed, hits = self.sums.copy(), []
-        for part, count, glows, faces, weights, colour in self._hits:
-            near, lit = self._nearest(np.maximum(faces, 0), weights)
-            if self.options.bounces:
-                first = self.direct[lit] * colour
-                fixed[:, part] += _halves(first, count)
-                glows = (glows + first.mean(1)).astype(np.float16)
-            hits.append((part, count, glows, near, colour))
-        self._hits, self.source = [], np.zeros_like(self.mean())
+        self.gatherer.surfaces(self.grids, self.fine)
+        fixed, found = self.sums, [hits[0] for *_, hits in self._hits]
+        self.source = np.zeros_like(self.mean())
         for _ in range(self.options.bounces):
             self.source, self.sums = self.mean(), fixed.copy()
-            for part, count, _, points, colour in hits:
-                self.sums[:, part] += _halves(self.source[points] * colour, count)
-        seen = slice(0, self._seen_points)
-        self.guide = Guide(self.grids.points.of(seen), self._first, self._light_of(hits))
-
-    def _nearest(self, faces: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(R,) of hits, the places of their light in ``source`` and in ``direct``."""
-        near = self.grids.nearest(faces, weights)
-        lit, fine = near.copy(), np.flatnonzero(self.fine.first[faces] >= 0)
-        lit[fine] = len(self.grids.points) + self.fine.nearest(faces[fine], weights[fine])
-        return near, lit
-
-    def _light_of(self, hits: list) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
-        """Of hits of rays from seen points: the points, samples, and light (P, n)."""
-        for part, count, glows, points, colour in hits:
-            if part.start < self._seen_points:
-                light = glows + (self.source[points] * colour).mean(1)
-                a, b = samples(np.arange(part.start, part.stop), 0, count)
-                yield part, a, b, light.reshape(a.shape)
+            self.gatherer.light(self.source, self.direct)
+            for number, (part, count, hits) in enumerate(self._hits):
+                sums, found[number] = self.gatherer.reflect(part.stop - part.start, count, hits)
+                self.sums[:, part] += sums
+        looks = [(look[0], light) for look, light in zip(self._hits, found, strict=True)]
+        points = self.grids.points.of(slice(0, self._seen_points))
+        self.guide = Guide(points, self._first, looks)
+        self.gatherer.guided(self.guide)
+        self._hits = []
 
     def gather(
         self, points: Points, near: np.ndarray, seeds: np.ndarray, first: int, count: int
@@ -273,16 +257,8 @@ class Baker:
         made, is_open = np.zeros((2, len(points), 3), np.float32), np.zeros(len(points), bool)
         for part in _batches(slice(0, len(points)), count):
             some, table = points.of(part), self.guide.of[near[part]]
-            a, b, worth = self.guide.turn(table, *samples(seeds[part], first, count))
-            faces, weights, light = self.lamps.look(some, a, b)
-            if self.options.bounces:
-                on = np.flatnonzero(faces >= 0)
-                colour = self.around.albedo(faces[on], weights[on])
-                near_hits, lit = self._nearest(faces[on], weights[on])
-                light[on] += (self.source[near_hits] + self.direct[lit]) * colour
-            light *= worth.reshape(-1, 1)
-            light += self.lamps.aimed(some, seeds[part], first, count).reshape(-1, 3)
-            made[:, part], is_open[part] = _halves(light, count), self._open(faces, count)
+            sent = self.gatherer.send(some, seeds[part], first, count, table)
+            made[:, part], is_open[part], _ = sent
         return made, is_open
 
     def converge(self) -> None:
@@ -379,11 +355,6 @@ class Baker:
         normals = self.grids.points.normals
         alike = (normals[a] * normals[b]).sum(1) > _LIKE_NORMALS
         return a[alike], b[alike]
-
-
-def _halves(light: np.ndarray, count: int) -> np.ndarray:
-    """(2, P, 3) sums of the first and the second half of each point's rays: both spread evenly."""
-    return light.reshape(-1, 2, count // 2, 3).sum(2).swapaxes(0, 1)
 
 
 def _mean_of_table(values: np.ndarray, of: np.ndarray) -> np.ndarray:

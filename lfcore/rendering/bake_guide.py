@@ -11,11 +11,10 @@ light is from was H. Jensen, "Importance Driven Path Tracing using the Photon Ma
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from lfcore.rendering.bake_points import Points, hashed
+from lfcore.rendering.bake_rays import samples
 
 SIDE = 16
 _LEAST_RAYS, _PRIOR = 8 * SIDE * SIDE, 0.25
@@ -31,25 +30,24 @@ class Guide:
     Parameters
     ----------
     points : that sent rays, ``count`` each.
-    found : parts of them: points' numbers (P,), pairs of samples (P, n) and the light (P, n) there.
+    found : parts of them, then others: points' numbers, and the light of their rays (P n,).
 
     Attributes
     ----------
     of : (P,) the table of each point.
+    limits : where rows and columns of cells end, and what rays count there, table by table.
     brightest : the most light that was found.
     """
 
-    def __init__(
-        self,
-        points: Points,
-        count: int,
-        found: Iterable[tuple[slice, np.ndarray, np.ndarray, np.ndarray]],
-    ):
+    def __init__(self, points: Points, count: int, found: list[tuple[slice, np.ndarray]]):
         self.of = _shared(points, count)
         tables, cells = int(self.of.max(initial=0)) + 1, SIDE * SIDE
         sums, counts = np.zeros(tables * cells), np.zeros(tables * cells)
         self.brightest = 0.0
-        for which, a, b, light in found:
+        for which, light in found:
+            if which.start >= len(points):
+                break
+            a, b = samples(np.arange(which.start, which.stop), 0, count)
             self.brightest = max(self.brightest, float(light.max(initial=0)))
             cell = (a * SIDE).astype(np.int64) * SIDE + (b * SIDE).astype(np.int64)
             at = (self.of[which][:, None] * cells + cell).ravel()
@@ -61,20 +59,7 @@ class Guide:
         share = cells * size / np.maximum(_total(size), 1e-300)
         known = (mean > 0) & (4 * all_rays >= _LEAST_RAYS)
         share = np.where(known, _BLIND + (1 - _BLIND) * share, 1).reshape(tables, SIDE, SIDE)
-        self._worth = (1 / share).ravel().astype(np.float32)
-        self._rows = _limits(_total(share)[..., 0])
-        self._columns = _limits(share)
-
-    def turn(
-        self, tables: np.ndarray, a: np.ndarray, b: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Samples (P, n) as tables (P,) want them, and what each counts (P, n)."""
-        table = np.repeat(tables, a.shape[1])
-        row, y = _cell(self._rows, table, a.ravel())
-        column, x = _cell(self._columns, table * SIDE + row, b.ravel())
-        worth = self._worth[(table * SIDE + row) * SIDE + column]
-        y, x = ((row + y) / SIDE).reshape(a.shape), ((column + x) / SIDE).reshape(a.shape)
-        return y, x, worth.reshape(a.shape)
+        self.limits = _limits(_total(share)[..., 0]), _limits(share), (1 / share).ravel()
 
 
 def _total(values: np.ndarray) -> np.ndarray:
@@ -105,14 +90,3 @@ def _limits(shares: np.ndarray) -> np.ndarray:
     ends = np.cumsum(shares, -1) / _total(shares)
     ends[..., -1] = 1.0
     return np.concatenate([np.zeros_like(ends[..., :1]), ends], -1).ravel()
-
-
-def _cell(limits: np.ndarray, which: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The cell (R,) of limits ``which`` that x is in, and where in it, below 1."""
-    at, step = which * (SIDE + 1), SIDE // 2
-    first = at
-    while step:
-        at = at + np.where(limits[at + step] <= x, step, 0)
-        step //= 2
-    within = (x - limits[at]) / (limits[at + 1] - limits[at])
-    return at - first, np.minimum(within, 1 - 2.0**-20)

@@ -12,6 +12,8 @@ spots, among them those that stand for a pbrt file's emitters, are shaded by the
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lfcore.rendering.bake_points import Points
@@ -23,7 +25,6 @@ and elsewhere."""
 _TESTS, _RAYS, _PLACES = 1 << 12, 4, 16
 _BRIGHT = 2.0
 """Emission above so many times the mean light on points is a lamp's."""
-_LEAST = np.float32(1e-30)
 _OTHER = np.uint64(0x6A09E667F3BCC909)
 
 
@@ -39,10 +40,11 @@ class Lamps:
         double = np.sqrt(dot(normals, normals))
         self._area = double / 2
         self._unit = (normals / np.maximum(double, 1e-300)[:, None]).astype(np.float32)
-        self._density = np.zeros(2 * scene.triangle_count, np.float32)
+        self.density = np.zeros(2 * scene.triangle_count, np.float32)
         emitted = _emitted(around)
         level, of_glow = self._level(points)
         self._apart = _OFTEN if of_glow > _MAIN * level else _SELDOM
+        self.share = math.pi / self._apart
         emitted[emitted <= _BRIGHT * level] = 0
         power = np.repeat(emitted * self._area, 2)
         self._faces = np.flatnonzero(power > 0)
@@ -66,7 +68,7 @@ class Lamps:
     def _set(self, share: np.ndarray) -> None:
         """Spread rays over the faces by their ``share``."""
         self._ends = np.cumsum(share)
-        self._density[self._faces] = share / self._ends[-1] / self._area[self._faces // 2]
+        self.density[self._faces] = share / self._ends[-1] / self._area[self._faces // 2]
         self._ends /= self._ends[-1]
 
     def _use(self) -> np.ndarray:
@@ -92,33 +94,14 @@ class Lamps:
         corners = self.around.scene.triangles[self._faces[which] // 2]
         return which, sum(weights[:, k, None] * corners[:, k] for k in range(3))
 
-    def look(
-        self, points: Points, a: np.ndarray, b: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What rays of points in the directions of samples (P, n) see.
-
-        Returns
-        -------
-        tuple
-            Faces (R,) that the rays hit, -1 none, barycentric weights (R, 3), and light (R, 3) of
-            sky and emission that counts for them.
-        """
-        towards = directions(points, a, b)
-        faces, weights, distance = self.around.hits(points, towards)
-        towards = towards.reshape(-1, 3)
-        light = self.around.glow(faces, weights, towards)
-        if len(self._faces):
-            of = np.repeat(np.arange(len(points)), a.shape[1])
-            self._weight(light, points, of, towards, faces, distance)
-        return faces, weights, light
-
     def aimed(self, points: Points, seeds: np.ndarray, first: int, count: int) -> np.ndarray:
-        """(P, count, 3) light of rays to lamps that counts, a ray for each ``_apart`` samples."""
-        light = np.zeros((len(points), count, 3), np.float32)
+        """(2, P, 3) sums of halves of the light of rays to lamps that counts, a ray for each
+        ``_apart`` samples."""
+        number, each = len(points), count // self._apart
         if not len(self._faces):
-            return light
-        some = samples(seeds.astype(np.uint64) ^ _OTHER, first // self._apart, count // self._apart)
-        of = np.repeat(np.arange(len(points)), count // self._apart)
+            return np.zeros((2, number, 3), np.float32)
+        some = samples(seeds.astype(np.uint64) ^ _OTHER, first // self._apart, each)
+        of = np.repeat(np.arange(number), each)
         which, places = self._on_faces(*(of_points.ravel() for of_points in some))
         towards = places - points.places[of]
         towards = (towards / np.sqrt(dot(towards, towards))[:, None]).astype(np.float32)
@@ -127,31 +110,15 @@ class Lamps:
         starts = self.around.starts(points, of, towards)
         faces, weights, distance = self.around.cast(starts, towards)
         found = np.flatnonzero(faces == self._faces[which[sent]])
-        seen = self.around.glow(faces[found], weights[found], towards[found])
-        self._weight(seen, points, of[found], towards[found], faces[found], distance[found])
-        light.reshape(-1, 3)[self._apart * sent[found]] = seen
-        return light
-
-    def _weight(
-        self,
-        light: np.ndarray,
-        points: Points,
-        of: np.ndarray,
-        towards: np.ndarray,
-        faces: np.ndarray,
-        distance: np.ndarray,
-    ) -> None:
-        """Multiply light that arrives at points ``of`` by its ray's weight, in place."""
-        on = np.flatnonzero(light.any(1))
-        towards, faces = towards[on], faces[on]
-        density = np.zeros(len(on), np.float32)
-        hit = faces >= 0
-        some = faces[hit]
-        cosine = abs(dot(self._unit[some // 2], towards[hit]))
-        density[hit] = self._density[some] * distance[on][hit] ** 2 / np.maximum(cosine, 1e-9)
-        cosine = _cosines(points, of[on], towards)
-        both = cosine + np.pi * density / self._apart
-        light[on] *= (cosine / np.maximum(both, _LEAST))[:, None]  # a grazing ray has no weight
+        hit, of, towards = faces[found], of[found], towards[found]
+        seen = self.around.glow(hit, weights[found], towards)
+        slant = np.maximum(abs(dot(self._unit[hit // 2], towards)), 1e-9)
+        density = self.share * self.density[hit] * distance[found] ** 2 / slant
+        cosine = _cosines(points, of, towards)
+        seen *= (cosine / (cosine + density))[:, None]
+        at = of + number * (2 * (sent[found] % each) >= each)
+        sums = [np.bincount(at, column, 2 * number) for column in seen.T]
+        return np.stack(sums, -1).reshape(2, number, 3).astype(np.float32)
 
 
 def _cosines(points: Points, of: np.ndarray, towards: np.ndarray) -> np.ndarray:

@@ -16,24 +16,24 @@ from lfcore.tracing.tracer import Tracer
 
 BATCH = 1 << 19
 """Rays at a time."""
-_TURNS = 4096
+TURNS = 4096
 # Steps of the additive recurrence R2, of 2^32: M. Roberts, "The unreasonable effectiveness of
 # quasirandom sequences", 2018.
-_R2 = tuple(round(2**32 / 1.32471795724474602596**power) for power in (1, 2))
+R2 = tuple(round(2**32 / 1.32471795724474602596**power) for power in (1, 2))
 _TEXELS = 64
 """Side of the textures that reflected light is coloured by, at most."""
 _DIELECTRIC = 0.04
 _LENS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
-_ALONG = np.float32(1e-5)
+ALONG = np.float32(1e-5)
 _NEAR, _ASLANT = 1 / 512, 4.0
 """The distance that counts as nearby, as a share of the scene's size: across the surface; along a
 ray it is longer by the second number."""
 
 
 @cache
-def _circle() -> np.ndarray:
-    """(2, _TURNS) float32 cosines and sines, which every processor rounds alike."""
-    turns = np.arange(_TURNS) * (2 * math.pi / _TURNS)
+def circle() -> np.ndarray:
+    """(2, TURNS) float32 cosines and sines, which every processor rounds alike."""
+    turns = np.arange(TURNS) * (2 * math.pi / TURNS)
     return np.stack([np.cos(turns), np.sin(turns)]).astype(np.float32)
 
 
@@ -41,18 +41,24 @@ def samples(seeds: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.n
     """Two (P, count) float64 in ]0, 1[: a low-discrepancy sequence from ``first`` on, shifted for
     each point by its seed."""
     number = np.arange(first, first + count, dtype=np.uint64)
-    shift = _shuffled(seeds.astype(np.uint64))[:, None]
+    shift = shifts(seeds)
     a, b = (
-        (number * np.uint64(step) + (shift >> np.uint64(32 * k))) & np.uint64(0xFFFFFFFF)
-        for k, step in enumerate(_R2)
+        (number * np.uint64(step) + shift[:, k, None]) & np.uint64(0xFFFFFFFF)
+        for k, step in enumerate(R2)
     )
     return (a + 0.5) * 2.0**-32, (b + 0.5) * 2.0**-32
+
+
+def shifts(seeds: np.ndarray) -> np.ndarray:
+    """(P, 2) uint32 by which the samples of a point's two sequences are shifted, of 2^32."""
+    mixed = _shuffled(seeds.astype(np.uint64))
+    return np.stack([mixed, mixed >> np.uint64(32)], -1).astype(np.uint32)
 
 
 def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(P, n, 3) float32 directions, as dense as the cosine to the normal, of samples (P, n)."""
     share = a.astype(np.float32)
-    cosine, sine = _circle()[:, (b * _TURNS).astype(np.int64)]
+    cosine, sine = circle()[:, (b * TURNS).astype(np.int64)]
     radius, up = np.sqrt(share), np.sqrt(1 - share)
     n = points.normals[:, None]
     # The frame of T. Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
@@ -89,11 +95,11 @@ class Surroundings:
         self.scene, self.tracer = scene, tracer
         self.sky = suns(scene.sky)[0] if len(scene.sky) else None
         p, q, r = scene.triangles.swapaxes(0, 1)
-        self._flat = np.cross(q - p, r - p)
-        self._unit = self._flat / np.sqrt(dot(self._flat, self._flat))[:, None]
+        flat = np.cross(q - p, r - p)
+        self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
         self._near = _NEAR * np.ptp(scene.triangles.reshape(-1, 3), axis=0).max(initial=0)
         self._lift = np.float32(2e-6 * np.abs(scene.triangles).max(initial=0))
-        self._small = [_reduced(texture) for texture in scene.textures]
+        self.small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0
         self.lens = scene.camera.lens_radius_m * np.array(_LENS)
         # Their points are lights already.
@@ -101,26 +107,21 @@ class Surroundings:
         for light in scene.lights:
             self._lamps[light.own[0] : light.own[1]] = True
         self._materials()
-        glows = self._emission.max(1, initial=0) > 0
+        glows = self.emission.max(1, initial=0) > 0
         self.emits = glows[scene.material_ids] & ~self._lamps
 
     def _materials(self) -> None:
-        materials = self.scene.materials
-        self._diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
-        self._emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
+        materials, has = self.scene.materials, len(self.scene.uvs)
+        self.diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
+        self.emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
         metal = [
             max(m.metallic, 0.0)
-            * (self._small[m.metal_texture][..., 2].mean() if self._has(m.metal_texture) else 1.0)
+            * (self.small[m.metal_texture][..., 2].mean() if m.metal_texture >= 0 < has else 1.0)
             for m in materials
         ]
         # As the kernels reflect ambient light: diffuse, and specular as at normal incidence.
-        is_metal = np.array([m.is_metallic for m in materials], bool)
-        self._base = np.where(is_metal, _DIELECTRIC * (1 - np.array(metal)), 0).astype(np.float32)[
-            :, None
-        ]
-
-    def _has(self, texture: int) -> bool:
-        return texture >= 0 and len(self.scene.uvs) > 0
+        parts = zip(materials, metal, strict=True)
+        self.base = [_DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
 
     def hits(
         self, points: Points, towards: np.ndarray
@@ -133,14 +134,17 @@ class Surroundings:
     def starts(self, points: Points, of: np.ndarray | slice, towards: np.ndarray) -> np.ndarray:
         """(R, 3) float32 starts of rays of points ``of``: off the triangle, on the side to which
         the ray goes.  A bent normal lets rays go to the back, too."""
-        lift = np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))[of]
-        flat = points.flat[of]
-        lift = np.where(dot(flat, towards) < -_ALONG, -lift, lift)
+        lift, flat = self.lifts(points)[of], points.flat[of]
+        lift = np.where(dot(flat, towards) < -ALONG, -lift, lift)
         return points.places[of] + lift[:, None] * flat
+
+    def lifts(self, points: Points) -> np.ndarray:
+        """(P,) how far off its triangle a point's rays start, metres."""
+        return np.maximum(self._lift, np.float32(1e-4) * points.cells.astype(np.float32))
 
     def flat_of(self, faces: np.ndarray) -> np.ndarray:
         """(F, 3) unit normals of the triangles, on the side of faces."""
-        return self._unit[faces // 2] * np.array([1, -1], np.float32)[faces % 2, None]
+        return self.unit[faces // 2] * np.array([1, -1], np.float32)[faces % 2, None]
 
     def covered(self, points: Points) -> np.ndarray:
         """(P,) whether a surface nearby hides a point from the whole lens.  Such a point is behind
@@ -152,7 +156,7 @@ class Surroundings:
             length = np.sqrt(dot(towards, towards))
             faces, _, far = self.cast(self.starts(some, slice(None), towards), towards)
             far, limit = np.where(faces < 0, 0, far * length), within[hidden]
-            cosine = dot(self._unit[faces // 2], towards) / length
+            cosine = dot(self.unit[faces // 2], towards) / length
             near = (far < _ASLANT * limit) & (far * abs(cosine) < limit)
             hidden = hidden[(faces >= 0) & near]
         return np.isin(np.arange(len(points)), hidden)
@@ -163,7 +167,7 @@ class Surroundings:
         """Faces (R,) that rays (R, 3) hit, -1 none; barycentric weights (R, 3), distances (R,)."""
         triangle, distance, weights = self.tracer.closest_hit(origins, towards)
         self.rays += len(origins)
-        behind = dot(self._flat[triangle], towards) > 0
+        behind = dot(self.unit[triangle], towards) > 0
         faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
         return faces, np.where((triangle < 0)[:, None], 0, weights), distance
 
@@ -178,21 +182,9 @@ class Surroundings:
         on = np.flatnonzero((faces >= 0) & self.emits[triangle])
         if len(on):
             kinds = np.array([m.emission_texture for m in self.scene.materials])
-            light[on] = self._emission[material[on]]
+            light[on] = self.emission[material[on]]
             light[on] *= self._texels(kinds, triangle[on], weights[on])
         return light
-
-    def albedo(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """(R, 3) share of light that hits reflect, as the kernels have it of ambient light."""
-        triangle = np.maximum(faces, 0) // 2
-        material = self.scene.material_ids[triangle]
-        colour = self._diffuse[material]
-        kinds = np.array([m.texture for m in self.scene.materials])
-        colour = colour * self._texels(kinds, triangle, weights)
-        if len(self.scene.colours):
-            tints = self.scene.colours[triangle]
-            colour *= sum(weights[:, k, None] * tints[:, k] for k in range(3))
-        return np.where((faces < 0)[:, None], 0, np.minimum(colour + self._base[material], 1))
 
     def _texels(
         self, kinds: np.ndarray, triangle: np.ndarray, weights: np.ndarray
@@ -204,7 +196,7 @@ class Surroundings:
         found = np.ones((len(triangle), 3), np.float32)
         for texture in np.unique(number[number >= 0]).tolist():
             rows = np.flatnonzero(number == texture)
-            corners, small = self.scene.uvs[triangle[rows]], self._small[texture]
+            corners, small = self.scene.uvs[triangle[rows]], self.small[texture]
             uv = sum(weights[rows, k, None] * corners[:, k] for k in range(3))
             size = np.array(small.shape[1::-1])
             at = np.clip(((uv - np.floor(uv)) * size).astype(np.int64), 0, size - 1)

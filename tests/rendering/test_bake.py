@@ -11,6 +11,8 @@ import trimesh
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
 from lfcore.optics import bundles
+from lfcore.rendering import bake_rays
+from lfcore.rendering.bake_gather import Gatherer
 from lfcore.rendering.bake_lamps import Lamps
 from lfcore.rendering.bake_points import Points, lattice
 from lfcore.rendering.bake_rays import Surroundings
@@ -122,14 +124,35 @@ def test_what_glows_gives_what_its_form_factor_says(half, distance):
         assert abs(off.mean()) < 0.003 and np.sqrt((off**2).mean()) < 0.01
 
 
-def test_a_ray_along_the_surface_brings_no_light():
-    scene = replace(world(rectangle((-1, -1), (1, 1), 3)), bake=None)
-    tracer, up = open_tracer(replace(scene, sky=NO_SKY)), np.float32([[0, 0, -1]])
-    points = Points(np.float32([[0, 0, 3]]), up, up, np.zeros(1))
-    lamps = Lamps(Surroundings(scene, tracer), points)
-    light, along = np.ones((1, 3), np.float32), np.float32([[1, 0, 0]])
-    lamps._weight(light, points, np.zeros(1, int), along, np.full(1, -1), np.full(1, np.inf))
-    np.testing.assert_array_equal(light, 0)
+def test_kernels_send_the_rays_that_the_host_would():
+    """Of textured and tinted walls under a sky, ray by ray; but for texels' edges."""
+    random = np.random.default_rng(3)
+    walls = np.concatenate([plain_scenes.wall(1.5, 1.0), plain_scenes.wall(1.2, 0.3)])
+    scene = replace(
+        world(walls, sky=np.float32(1 + directions(16))),
+        materials=[Material("matt", (0.5, 0.6, 0.7), texture=0)],
+        textures=[random.integers(0, 255, (4, 8, 3), np.uint8)],
+        uvs=random.random((4, 3, 2), np.float32), colours=random.random((4, 3, 3), np.float32),
+    )  # fmt: skip
+    tracer = open_tracer(replace(scene, bake=None, sky=NO_SKY))
+    around, seeds, n = Surroundings(scene, tracer), np.arange(50), 32
+    places = np.float32([0.1, 0.1, 1.3]) + 0.1 * random.random((50, 3), np.float32)
+    up = np.tile(np.float32([0.6, 0, -0.8]), (50, 1)) * np.float32((-1) ** seeds)[:, None]
+    points = Points(places, up, up, np.zeros(50))
+    gatherer = Gatherer(Lamps(around, points), np.zeros(8, bool))
+    sums, is_open, (glows, faces, weights, colours) = gatherer.send(points, seeds, 0, n, -1)
+    towards = bake_rays.directions(points, *bake_rays.samples(seeds, 0, n))
+    hit, at, _ = around.hits(points, towards)
+    wanted = around.glow(hit, at, towards.reshape(-1, 3))
+    np.testing.assert_array_equal(faces, hit)
+    np.testing.assert_allclose(sums.sum(0), wanted.reshape(-1, n, 3).sum(1), rtol=2e-4, atol=1e-4)
+    np.testing.assert_array_equal(is_open, (hit < 0).reshape(-1, n).any(1))
+    np.testing.assert_allclose(weights, at, atol=1e-3)
+    tint = sum(at[:, k, None] * scene.colours[hit // 2][:, k] for k in range(3))
+    texels = around._texels(np.zeros(1, int), np.maximum(hit, 0) // 2, at)
+    share = np.where((hit < 0)[:, None], 0, np.float32([0.5, 0.6, 0.7]) * tint * texels)
+    assert (abs(colours - share).max(1) < 2e-3).mean() > 0.99
+    assert 0.2 < (hit < 0).mean() < 0.8 and abs(glows - wanted.mean(1)).max() < 2e-3
 
 
 def test_a_bright_part_of_the_sky_gives_its_share():
