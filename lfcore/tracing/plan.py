@@ -56,7 +56,7 @@ def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> fl
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6, "IMAGE": 1.6}
+SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6, "IMAGE": 6.5}
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
 BLOCKS_EACH = 4
