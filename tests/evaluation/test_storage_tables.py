@@ -83,7 +83,7 @@ def test_lossless_storage_costs_rounding_alone(sample, chart):
     assert stored["encode_seconds"] > 0 and stored["decode_seconds"] > 0
 
 
-def test_frames_are_compared_one_at_a_time_as_all_at_once(monkeypatch, sample):
+def test_frames_are_compared_a_few_at_a_time_as_all_at_once(monkeypatch, sample):
     frames = Frames(sample, FrameLayout("macropixels", 8, 16, "raster", 1, "yuv420p"))
     assert frames.rgb.shape == (256, 16, 16, 3) and frames.used.sum() == 8 * 8
     decoded = frames.codes.copy()
@@ -96,7 +96,7 @@ def test_frames_are_compared_one_at_a_time_as_all_at_once(monkeypatch, sample):
         "psnr_frames_db": psnr(found[:, frames.used], frames.rgb[:, frames.used], peak=1),
         "ssim_frames": np.mean([ssim(a, b, peak=1) for a, b in looked_at]),
     }
-    assert frame_quality(frames, decoded) == pytest.approx(expected, abs=1e-6)
+    assert frame_quality(frames, decoded) == pytest.approx(expected, abs=1e-5)
 
 
 @given(views=st.integers(4, 512), pixels=st.integers(16, 128))
