@@ -156,6 +156,7 @@ def _growth(axis: Axes, rows: pd.DataFrame, case: str) -> None:
     if (rows.bound > 0).any():
         axis.plot(rows.value, rows.bound.where(rows.bound > 0), ":", color="0.4", label="bound")
     axis.set(xscale="log", yscale="log", ylim=(floor, top))
+    axis.minorticks_off()  # over tens of decades, they take longer than the rest
     axis.set_title(case, fontsize=9)
     axis.set_xlabel(rows.parameter.iloc[0], fontsize=8)
     axis.tick_params(labelsize=7)

@@ -51,7 +51,7 @@ from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
-SSIM_PX = 1 << 18
+SSIM_PX = 1 << 17
 """The pixels for which SSIM is computed, in frames spread evenly over the segment."""
 COMPARED_PX = 1 << 16
 """The pixels that are compared at a time, in whole frames."""
