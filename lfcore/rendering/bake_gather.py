@@ -21,6 +21,7 @@ FACE = np.dtype([("first", INT), ("side", INT), ("density", FLOAT), ("emits", np
                  ("is_seen", np.uint16)])  # fmt: skip
 MATT = np.dtype([("diffuse", FLOAT, 3), ("emission", FLOAT, 3), ("base", FLOAT), ("texture", INT),
                  ("glow_texture", INT)])  # fmt: skip
+FILE = "rendering/kernels/bake.cl"
 TEXTURE = np.dtype([("first", INT), ("width", INT), ("height", INT)])
 
 
@@ -37,10 +38,9 @@ class Gatherer:
         values = {"GUIDE_SIDE": SIDE, "TURNS": TURNS, "ALONG": f"{ALONG:g}f",
                   "R2_A": f"{R2[0]}u", "R2_B": f"{R2[1]}u",
                   "TINTED": len(scene.colours) > 0}  # fmt: skip
-        files = ["rendering/kernels/bake.cl"]
-        program = build_program(self.device, files, values, header(**records))
+        source = build_program(self.device, [FILE], values, header(**records))
         names = "aim", "shade", "reflect"
-        self._aim, self._shade, self._reflect = (cl.Kernel(program, name) for name in names)
+        self._aim, self._shade, self._reflect = (cl.Kernel(source, name) for name in names)
         self._circle = self.device.buffer(np.ascontiguousarray(circle().T))
         sky, small, has_uvs = self.around.sky, self.around.small, len(scene.uvs) > 0
         firsts = np.cumsum([0, *(t.size // 3 for t in small)]).tolist()
@@ -97,9 +97,8 @@ class Gatherer:
         """Fill the arrays that are the last of the kernel's arguments; returns them there."""
         *arguments, made = rest
         targets = [self.device.target_buffer(array) for array in made]
-        workers = (min(self.device.threads, number),)
-        numbers = np.int32(number), np.int32(count)
-        kernel(self.device.queue, workers, (1,), *numbers, *arguments, *targets)
+        workers, numbers = min(self.device.threads, number), np.array([number, count], np.int32)
+        kernel(self.device.queue, (workers,), (1,), *numbers, *arguments, *targets)
         for target, array in zip(targets, made, strict=True):
             self.device.collect(target, array)
         return targets
