@@ -28,9 +28,11 @@ BANDS_PX = 1.0, 8.0
 """Diameters of blur that part the bands, in pixels."""
 STRAIGHT = 17
 """The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
-SHARE = np.array([0.053, 0.0231, 0.0051, 1.51])
+SHARE = np.array([0.053, 0.0231, 0.0051, 1.74])
 """The share of the differences that one view with one ray per pixel lacks: per band, and of
 straight edges in focus."""
+BLURRED_STRAIGHT = 3.0
+"""How much more such edges count where blur is in the middle band."""
 BY_VIEWS = np.array([2.17, 1.45, 1.45, 1.89])
 """The power of the views per side by which the share falls."""
 BY_SUBPIXELS = np.array([3.09, 1.86, 1.24, 1.96])
@@ -101,6 +103,7 @@ class FirstLook:
         parts = np.where(self.band[:, None] == bands, self.contrast, 0.0)
         straight = np.where(self.band == 0, self.straight, 0.0)
         parts[:, 0] -= straight
+        parts[:, 1] += np.where(self.band == 1, BLURRED_STRAIGHT * self.straight, 0.0)
         return np.concatenate([parts, straight[:, None]], axis=1)
 
     @cached_property
