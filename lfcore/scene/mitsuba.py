@@ -87,6 +87,11 @@ class Description:
         direction = [-c for c in light.vector]
         return {"type": "directional", "direction": direction, "irradiance": value}
 
+    def _glow(self, material: int) -> dict | None:
+        emission = np.array(self._scene.materials[material].emission)
+        ambient = np.array(self._scene.ambient)
+        return self._colour(material, ambient, emission) if self._glows else None
+
     def _mesh(self, material: int) -> Any:
         scene, mitsuba = self._scene, self.mitsuba
         which = np.flatnonzero(scene.material_ids == material)
@@ -94,9 +99,7 @@ class Description:
             return None
         props = mitsuba.Properties()
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        if self._glows:
-            emission = np.array(scene.materials[material].emission)
-            glow = self._colour(material, np.array(scene.ambient), emission)
+        if glow := self._glow(material):
             props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": glow})
         mesh = mitsuba.Mesh(
             f"material {material}",
