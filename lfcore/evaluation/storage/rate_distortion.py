@@ -2,9 +2,7 @@
 
 The sample has all N x N lens samples of a square window in the middle of the picture.  It is
 stored and read like any light field, as one segment.
-
 The storage table compares macropixels and views, their orders, several macropixels a frame.
-
 Rate and distortion: bits per ray against the error of frames and of refocused pictures.  A curve is
 one encoder setting at several constant rate factors.  Curves are compared by the Bjontegaard delta
 rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer bits a curve needs than the anchor at
@@ -53,8 +51,6 @@ from lfcore.tracing.tracer import Tracer
 
 SSIM_PX = 1 << 17
 """The pixels for which SSIM is computed, in frames spread evenly over the segment."""
-COMPARED_PX = 1 << 16
-"""The pixels that are compared at a time, in whole frames."""
 WINDOW_STEP = 8
 """The step of window sides, so that whole frames of 8 x 8 macropixels fill them."""
 LEAST_WINDOW = 16
@@ -183,22 +179,18 @@ def _quality(frames: Frames, decoded: np.ndarray, device: Device) -> dict[str, f
 
 def frame_quality(frames: Frames, decoded: np.ndarray) -> dict[str, float]:
     """The quality of decoded frames (F, frame_bytes)."""
-    layout, squares, similar = frames.layout, 0.0, []
-    size = layout.frame_width, layout.frame_height
+    squares, similar, size = 0.0, [], (frames.layout.frame_width, frames.layout.frame_height)
     every = max(1, len(decoded) * math.prod(size) // SSIM_PX)
-    few = max(1, COMPARED_PX // math.prod(size))
+    few = max(1, (1 << 16) // math.prod(size))  # compared at a time
     for first in range(0, len(decoded), few):
-        own = frames.rgb[first : first + few]
-        found = rgb_from_frames(decoded[first : first + few], layout.pixel_format, *size)
+        own, coded = (each[first : first + few] for each in (frames.rgb, decoded))
+        found = rgb_from_frames(coded, frames.layout.pixel_format, *size)
         apart = (found - own) * frames.used[..., None]
         squares += float(np.vdot(apart, apart))
         for number in range(-first % every, len(own), every):
             similar.append(ssim(PEAK * found[number], PEAK * own[number], peak=PEAK))
     error = squares / (3 * len(decoded) * frames.used.sum())
-    return {
-        "psnr_frames_db": decibels(error, peak=1),
-        "ssim_frames": float(np.mean(similar)),
-    }
+    return {"psnr_frames_db": decibels(error, peak=1), "ssim_frames": float(np.mean(similar))}
 
 
 LAYOUT_COLUMNS = [
