@@ -63,9 +63,8 @@ CONVERGED = 4096
 """Samples per pixel of Mitsuba's converged pictures."""
 PEER = "Mitsuba path + OIDN, 64 samples"
 DENOISED = Samples(64, "multijitter", "picture")
-LATTICE = Lattice(4, 2)
-PRICED = 512
-"""Pixels of the side of the picture whose rays are timed."""
+LATTICE, PRICED = Lattice(4, 2), 512
+"""Of planes' rays; pixels of the side of the picture whose rays are timed."""
 
 
 def scene_of(name: str, folder: Path) -> Scene:
@@ -170,9 +169,8 @@ def planes(
 def true_psnr(picture: np.ndarray, truths: list[np.ndarray]) -> float:
     """dB of a picture to what two noisy ones show: noise that is independent cancels in the mean
     product of its differences to them, (a + b - c) / 2 of mean squares."""
-    a, b, c = (
-        10 ** (-inner_psnr(*pair) / 10) for pair in itertools.combinations((picture, *truths), 2)
-    )
+    pairs = itertools.combinations((picture, *truths), 2)
+    a, b, c = (10 ** (-inner_psnr(*pair) / 10) for pair in pairs)
     return -10 * math.log10(max((a + b - c) / 2, 1e-9))
 
 

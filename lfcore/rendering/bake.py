@@ -91,9 +91,7 @@ def _check_albedo(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def _seen_faces(
-    scene: Scene, around: Surroundings, count: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, ...]:
     """Faces that the camera sees, within twice its field, the mean barycentric weights (F, 3) of
     where it does, and each triangle's least distance; by ``count`` rays per side."""
     camera, corners = scene.camera, scene.triangles.astype(np.float64)

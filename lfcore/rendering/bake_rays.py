@@ -123,9 +123,7 @@ class Surroundings:
         parts = zip(materials, metal, strict=True)
         self.base = [_DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
 
-    def hits(
-        self, points: Points, towards: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, ...]:
         """As :meth:`cast` of rays (P, n, 3) from points."""
         of = np.repeat(np.arange(len(points)), towards.shape[1])
         towards = towards.reshape(-1, 3)
@@ -161,9 +159,7 @@ class Surroundings:
             hidden = hidden[(faces >= 0) & near]
         return np.isin(np.arange(len(points)), hidden)
 
-    def cast(
-        self, origins: np.ndarray, towards: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cast(self, origins: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, ...]:
         """Faces (R,) that rays (R, 3) hit, -1 none; barycentric weights (R, 3), distances (R,)."""
         triangle, distance, weights = self.tracer.closest_hit(origins, towards)
         self.rays += len(origins)

@@ -168,9 +168,7 @@ class Refinement:
         all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
         return np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0)
 
-    def _judged(
-        self, sums: np.ndarray, rays: int, near: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _judged(self, sums: np.ndarray, rays: int, near: np.ndarray) -> tuple[np.ndarray, ...]:
         """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors."""
         halves = 2 * sums / rays
         return halves.mean(0), self.baker.pooled((halves[0] - halves[1]).mean(-1) / 2, near)

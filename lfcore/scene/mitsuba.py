@@ -88,9 +88,8 @@ class Description:
         return {"type": "directional", "direction": direction, "irradiance": value}
 
     def _glow(self, material: int) -> dict | None:
-        emission = np.array(self._scene.materials[material].emission)
-        ambient = np.array(self._scene.ambient)
-        return self._colour(material, ambient, emission) if self._glows else None
+        light = self._scene.ambient, self._scene.materials[material].emission
+        return self._colour(material, *map(np.array, light)) if self._glows else None
 
     def _mesh(self, material: int) -> Any:
         scene, mitsuba = self._scene, self.mitsuba
