@@ -99,8 +99,9 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
     sums = np.zeros((4, 2 * len(corners)))
     for number, (x, y) in enumerate(around.lens):
         apart = 2 if number else 1
-        # Every lens point sees what is in focus in the same direction.
-        centre = [[x, y, -x / camera.focus_m, -y / camera.focus_m]]
+        # Every lens point sees what is in focus in the same direction: each has its own.
+        u, v = step * (number % 2), step * (number // 2 % 2)
+        centre = [[x, y, u - x / camera.focus_m, v - y / camera.focus_m]]
         given = np.array(centre, np.float32), apart * np.array([0, 0, step, step], np.float32)
         rays = Bundles(*given, count // apart, count // apart, step)
         hit, depth = (found[0].ravel() for found in around.tracer.bundle_hits(rays))
