@@ -63,8 +63,9 @@ CONVERGED = 4096
 """Samples per pixel of Mitsuba's converged pictures."""
 PEER = "Mitsuba path + OIDN, 64 samples"
 DENOISED = Samples(64, "multijitter", "picture")
-LATTICE, PRICED = Lattice(4, 2), 512
-"""Of planes' rays; pixels of the side of the picture whose rays are timed."""
+LATTICE = Lattice(4, 2)
+PRICED = 512
+"""Pixels of the side of the picture whose rays are timed."""
 
 
 def scene_of(name: str, folder: Path) -> Scene:

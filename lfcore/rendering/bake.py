@@ -99,7 +99,7 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
     sums = np.zeros((4, 2 * len(corners)))
     for number, (x, y) in enumerate(around.lens):
         apart = 2 if number else 1
-        # Every lens point sees what is in focus in the same direction: each has its own.
+        # All lens points see what is in focus in the same direction: their rays interleave.
         u, v = step * (number % 2), step * (number // 2 % 2)
         centre = [[x, y, u - x / camera.focus_m, v - y / camera.focus_m]]
         given = np.array(centre, np.float32), apart * np.array([0, 0, step, step], np.float32)

@@ -2,7 +2,9 @@
 
 The sample has all N x N lens samples of a square window in the middle of the picture.  It is
 stored and read like any light field, as one segment.
+
 The storage table compares macropixels and views, their orders, several macropixels a frame.
+
 Rate and distortion: bits per ray against the error of frames and of refocused pictures.  A curve is
 one encoder setting at several constant rate factors.  Curves are compared by the Bjontegaard delta
 rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer bits a curve needs than the anchor at

@@ -99,7 +99,7 @@ inline void make_rows(const Triangles *t, uint lane, float half_extent, Triangle
 {
     for (int first = 0; first < BLOCK; first += LANES) {
         if (!(t->rows[lane] >> first & ((1 << LANES) - 1))) continue;
-        // Offsets of rows along y equal those of columns along x.
+        // The grid is square: x and u serve as offsets along y and v, too.
         const Row at = row_at(first, half_extent);
         for (int k = 0; k < FUNCTIONS; ++k) {
             const Affine g = affine_of(t->functions + k, lane);

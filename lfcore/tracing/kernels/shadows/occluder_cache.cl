@@ -160,7 +160,7 @@ inline void keep_occluder(OccluderCache *c, CacheEntry *entry, const WideAffine 
             to->of[k][term][at % LANES] = ((const float *)&e[k].of[term])[lane];
 }
 
-// Keep those of LANES triangles that may occlude a ray; false once they are too many.
+// Store which of LANES triangles may occlude a ray; false if they do not fit.
 inline int keep_occluders(const Shadows *s, const NewEntry *n, int leaf, int lane)
 {
     global const int *ids = triangle_ids(s->tree, leaf, lane);

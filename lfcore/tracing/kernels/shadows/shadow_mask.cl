@@ -76,8 +76,8 @@ inline void classify_occluders(WideAffine e, const Rectangle *over, vi *may, vi 
     *all &= GT(centre, BOUND_SLACK * change);
 }
 
-// Mask out the rays behind those of LANES occluders, of four affine functions each, that `may`
-// names; false once no ray is lit.
+// Mask out the rays that LANES occluders hide.  Each has four affine functions in `e`; `may` marks
+// the occluders to test.  Returns false once no ray is lit.
 inline int cast_occluders(const WideAffine *e, vi may, ShadowMask *m)
 {
     vi all = may;

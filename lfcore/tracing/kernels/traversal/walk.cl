@@ -115,7 +115,7 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vf begin = VLOAD(boxes->low[2]);
         const vi overlaps = volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
-                                       : frustum_overlaps(volume->frustum, boxes, far);
+                                          : frustum_overlaps(volume->frustum, boxes, far);
         VSTORE(begin, near + lane);
         bits |= row_bits(overlaps) << lane;
     }
