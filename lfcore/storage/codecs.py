@@ -41,7 +41,6 @@ unlike files of 10, now and then a poor one or an error; from 66 pixels on all f
 """
 RANGES = {
     "crf": (0, 63), "gop": (0, 1 << 20), "threads": (1, 64), "bframes": (0, 16), "refs": (1, 16),
-    "lookahead": (0, 250),
 }  # fmt: skip
 
 
@@ -71,8 +70,6 @@ class Encoding:
         Frames from one key frame to the next; 0 for one key frame per segment.
     bframes, refs : int, optional
         B-frames in a row and reference frames (H.264 and H.265).
-    lookahead : int, optional
-        Frames that H.264 looks ahead and holds in memory.
     threads : int
         Threads of one encoder.  With 1 (default) the stream is reproducible.
     extra : tuple of (str, str)
@@ -99,7 +96,6 @@ class Encoding:
     gop: int | None = None
     bframes: int | None = None
     refs: int | None = None
-    lookahead: int | None = None
     threads: int = 1
     extra: tuple[tuple[str, str], ...] = ()
     transfer: str | None = None
@@ -182,8 +178,7 @@ class Encoding:
             own["cutree" if is_x265 else "mbtree"] = "0"
         if is_x265 and self.threads == 1:
             own |= {"pools": "none", "frame-threads": "1", "wpp": "0"}
-        lookahead = None if is_x265 else self.lookahead
-        chosen = {"bframes": self.bframes, "ref": self.refs, "rc-lookahead": lookahead}
+        chosen = {"bframes": self.bframes, "ref": self.refs}
         own |= {key: str(value) for key, value in chosen.items() if value is not None}
         name = self.codec.removeprefix("lib")
         return self._named(tune=self.tune) | {f"{name}-params": _joined(own | dict(self.extra))}

@@ -3,10 +3,11 @@
 ``docs/notebook/store.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
 small N.  Where a view's side has fewer than 16 times the pixels of a macropixel's side, a block of
 a view sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
-bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  ``veryfast`` has
-what gives most of ``medium``'s quality back for 15% of its rate: trellis, frames looked ahead, and
-three references.  A key frame every 128 frames costs 3% of the bits at N = 32, and bounds what a
-macropixel costs to read: 64 frames on average.
+bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  A macropixel is
+its neighbour's shifted by less than a pixel: ``ultrafast``, which predicts each block from the
+frame before, with arithmetic coding and larger transforms has the error and the size of slower
+presets in a third of their time.  A key frame every 128 frames costs 3% of the bits at N = 32, and
+bounds what a macropixel costs to read: 64 frames on average.
 """
 
 from dataclasses import replace
@@ -18,20 +19,17 @@ from lfcore.storage.codecs import CODECS, Encoding
 from lfcore.storage.layout import FrameLayout
 
 QUICK: dict[str, Any] = {
-    "preset": "veryfast",
-    "bframes": 8,
-    "refs": 3,
-    "lookahead": 40,
-    "extra": (("trellis", "1"),),
+    "preset": "ultrafast",
+    "extra": (("cabac", "1"), ("8x8dct", "1"), ("partitions", "i8x8")),
 }
 """Settings of H.264 beyond N = 16."""
-_SETTINGS: tuple[tuple[int, dict[str, Any]], ...] = (
-    # views up to, and what is set
-    (16, {"crf": 30.0, "preset": "medium", "bframes": 8}),
-    (32, {"crf": 30.0} | QUICK),
-    (64, {"crf": 34.0} | QUICK),
-    (128, {"crf": 30.0} | QUICK),
-    (1 << 30, {"crf": 28.0} | QUICK | {"lookahead": 20}),
+_SETTINGS: tuple[tuple[int, float, dict[str, Any]], ...] = (
+    # views up to; the CRF of other codecs and presets; what is set
+    (16, 30.0, {"preset": "medium", "bframes": 8}),
+    (32, 30.0, {"crf": 31.0} | QUICK),
+    (64, 34.0, {"crf": 37.0} | QUICK),
+    (128, 30.0, {"crf": 38.0} | QUICK),
+    (1 << 30, 28.0, {"crf": 36.0} | QUICK),
 )
 FEW_VIEWS_CRF = 20.0
 """CRF of H.264 where pictures are sliced by depth from up to 16 lens samples a side.  Few frames
@@ -79,26 +77,25 @@ def chosen_encoding(
 
     H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the same
     quality, at presets of their own; chroma is whole where the codec can store it whole.
-    ``bframes``, ``refs`` and ``lookahead`` stay None where the preset decides.
+    ``bframes`` and ``refs`` stay None where the preset decides.
     """
     _check(views)
     given = encoding or Encoding()
-    best = next(dict(own) for limit, own in _SETTINGS if views <= limit)
+    crf, best = next((crf, own) for limit, crf, own in _SETTINGS if views <= limit)
     if by_depth and views <= 16:
-        best["crf"] = FEW_VIEWS_CRF
-    crf = best.pop("crf")
+        crf = FEW_VIEWS_CRF
     if given.codec != DEFAULT_CODEC:
         crf = min(63.0, crf * CRF_SCALE.get(given.codec, 1.0))
         best = {"preset": OTHER_PRESETS.get(given.codec)}
     elif given.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
     if width > WIDE and given.codec in ("libx264", "libx265"):
-        best |= {"bframes": 0, "refs": 1}
+        best = best | {"bframes": 0, "refs": 1}
     full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
     deep = given.transfer == "pq" or (by_depth and not given.lossless)
     if deep and f"{full}10le" in CODECS[given.codec]:
         full += "10le"
-    best |= {"pixel_format": full, "crf": crf, "gop": KEY_EVERY}
+    best = {"crf": crf} | best | {"pixel_format": full, "gop": KEY_EVERY}
     open_keys = [key for key in best if getattr(given, key) in (None, ())]
     chosen = replace(given, **{key: best[key] for key in open_keys})
     return replace(chosen, preset=None, tune=None) if chosen.lossless else chosen

@@ -126,7 +126,7 @@ def test_subsampled_colour_agrees_with_accurate_conversion(tmp_path):
     ({"pixel_format": "nv12"}, "unknown pixel format"),
     ({"crf": -1}, "crf"), ({"gop": -2}, "gop"), ({"threads": 0}, "threads"),
     ({"preset": 1.5}, "preset"),
-    ({"refs": 99}, "refs"), ({"bframes": 40}, "bframes"), ({"lookahead": -1}, "lookahead"),
+    ({"refs": 99}, "refs"), ({"bframes": 40}, "bframes"),
 ])  # fmt: skip
 def test_impossible_settings_are_refused(settings, words):
     refused(words, Encoding, **settings)

@@ -53,10 +53,10 @@ def test_what_is_said_goes_before_what_measured_best():
     assert (spec.crf, spec.pixel_format) == (12, "yuv444p")
     assert spec.preset == defaults.chosen_encoding(512).preset
     slow = cases.encoding(settings(encoding={"preset": "slow"}), 512)
-    assert (slow.preset, slow.bframes, slow.refs) == ("slow", None, None)
+    assert (slow.preset, slow.bframes, slow.extra) == ("slow", None, ())
+    assert slow.crf < defaults.chosen_encoding(512).crf  # which has no macroblock tree
     wide = defaults.chosen_encoding(4, Encoding(refs=2), width=defaults.WIDE + 1)
     assert (wide.bframes, wide.refs) == (0, 2)
-    assert slow.lookahead is None and spec.lookahead == defaults.chosen_encoding(512).lookahead
 
 
 @pytest.mark.parametrize(

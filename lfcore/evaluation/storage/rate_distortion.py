@@ -271,7 +271,7 @@ CURVES: Mapping[str, dict] = {
     "x264 veryfast 4:2:0": {"preset": "veryfast"},
     ANCHOR: {"preset": "medium"},
     "x264 veryfast 4:4:4": {"preset": "veryfast", "pixel_format": "yuv444p"},
-    "x264 veryfast 4:4:4, trellis": QUICK | {"pixel_format": "yuv444p"},
+    "x264 ultrafast 4:4:4, CABAC, 8 x 8": QUICK | {"pixel_format": "yuv444p"},
     "x264 medium 4:4:4": {"preset": "medium", "pixel_format": "yuv444p"},
     "x264 medium 4:4:4 10 bit": {"preset": "medium", "pixel_format": "yuv444p10le"},
     "x265 ultrafast 4:2:0": {"codec": "libx265", "preset": "ultrafast"},
