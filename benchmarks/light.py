@@ -1,14 +1,11 @@
-"""Baked light against Mitsuba's path tracer: python -m benchmarks.light --out light.csv
+"""Baked light against Mitsuba: python -m benchmarks.light --out light.csv --pictures light/
 
 The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
 picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
-beside Mitsuba with its denoiser: core seconds per plane, dB, and from which plane on ours, with the
-bake, take a tenth of Mitsuba's time; bakes to ever smaller errors, the last as good as Mitsuba.
+beside Mitsuba with its denoiser: core seconds per plane, dB of all five, and from which plane on
+ours, with the bake, take a tenth of Mitsuba's time; ever better ones, the last as good as Mitsuba.
 *price*: time of rays with baked light and sky over the time of the same rays with ambient light, in
-turn: all rays of pixels spread over a picture.  Rows of other scenes and parts in the result file
-stay.
-
-    python -m benchmarks.light --out light.csv --figure light.png --pictures light/
+turn: all rays of some pixels of PRICED x PRICED.  Rows of other scenes and parts stay.
 """
 
 from __future__ import annotations
@@ -33,12 +30,15 @@ from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import matt
 from benchmarks.peers.method import Samples
 from benchmarks.peers.mitsuba_path import MitsubaPath
+from benchmarks.peers.mitsuba_picture import denoised
 from benchmarks.publish import with_kept
 from docs.examples.sky import sky
 from lfcore.api import load_scene
+from lfcore.colour import srgb_encode
 from lfcore.evaluation.figures import contact_sheet, save_figure
-from lfcore.evaluation.true_picture import inner_psnr
+from lfcore.evaluation.true_picture import BORDER
 from lfcore.optics import bundles
+from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.pictures import write_picture
@@ -46,7 +46,7 @@ from lfcore.rendering.bake import bake_light
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened
-from lfcore.scene.baked import NO_SKY, BakedLight
+from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
 from lfcore.timing import measure_in_turn
 from lfcore.tracing.tracer import Tracer
@@ -56,16 +56,13 @@ PATHS = {
     "bike": "bike/sky.yaml",
     "bedroom": "bedroom/window.yaml",
 }
-ERRORS = (0.16, 0.08, 0.04, 0.02, 0.01)
-SHOWN = 0.02
+BAKES = "0.16:16", "0.16:32", "0.04:32", "0.02:32", "0.01:32"
+"""Errors that bakes are asked for, and cells over the width of the picture to begin with."""
 PINHOLE, SHARP = 1e4, Lattice(2, 16)
-CONVERGED = 4096
-"""Samples per pixel of Mitsuba's converged pictures."""
 PEER = "Mitsuba path + OIDN, 64 samples"
 DENOISED = Samples(64, "multijitter", "picture")
-LATTICE = Lattice(4, 2)
+LATTICES = Lattice(4, 2), Lattice(8, 1)
 PRICED = 512
-"""Pixels of the side of the picture whose rays are timed."""
 
 
 def scene_of(name: str, folder: Path) -> Scene:
@@ -77,22 +74,21 @@ def scene_of(name: str, folder: Path) -> Scene:
     return replace(matt(load_scene(path, light=light)), name=name, clip=False)
 
 
-def baked(scene: Scene, error: float, threads: int) -> tuple[BakedLight, float, float]:
+def baked(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
     """The light of a scene, core seconds and MiB, in a process of its own."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        return pool.submit(_bake, scene, error, threads).result()
+        return pool.submit(_bake, scene, how, threads).result()
 
 
-def _bake(scene: Scene, error: float, threads: int) -> tuple[BakedLight, float, float]:
+def _bake(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
     from lfcore.opencl.device import open_device
 
-    assert scene.bake is not None
     bvh, device = hierarchy_of(scene), open_device(threads=threads)
     small = load_scene(SCENES / PATHS["cornell"])
-    bake_light(small, hierarchy_of(small), device, replace(scene.bake, error=1.0))  # programs
+    bake_light(small, hierarchy_of(small), device, replace(how, error=1.0))  # programs
     Path("/proc/self/clear_refs").write_text("5")  # the peak counts anew
     before, begun = _peak_mib(), time.process_time()
-    light = bake_light(scene, bvh, device, replace(scene.bake, error=error))
+    light = bake_light(scene, bvh, device, how)
     return light, time.process_time() - begun, _peak_mib() - before
 
 
@@ -102,77 +98,78 @@ def _peak_mib() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def bakes(
-    scene: Scene, peer: MitsubaPath, options: argparse.Namespace, kept: dict[str, np.ndarray]
-) -> Iterator[tuple[dict, Scene]]:
-    """A row per error, and the scene with its light."""
+def bakes(scene: Scene, peer: MitsubaPath, options: argparse.Namespace) -> Iterator[tuple]:
+    """A row per bake, and the scene with its light."""
     camera = replace(scene.camera, f_number=PINHOLE)
-    halves = [
-        peer.picture(camera, options.pixels, Samples(options.converged), seed)[0] for seed in (1, 2)
-    ]
-    kept["Mitsuba, converged"] = truth = np.mean(halves, axis=0)
+    truth = np.array([truth_of(peer, camera, options, 1)])
     plane = SensorPlane(scene.camera.focus_m, PINHOLE)
-    for error in options.errors:
-        light, seconds, mib = baked(scene, error, options.threads)
+    for error, cells in (map(float, bake.split(":")) for bake in options.bakes):
+        how = replace(scene.bake or BakeOptions(), error=error, cells=int(cells))
+        light, seconds, mib = baked(scene, how, options.threads)
         lit = replace(scene, light=light)
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
-        picture = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)[0]
+        pictures = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)
         yield _said({
-            "scene": scene.name, "part": "bake", "setting": f"error {error}",
+            "scene": scene.name, "part": "bake", "setting": f"error {error:g}, {cells:.0f} cells",
             "core s": f"{seconds:.1f}", "MiB": f"{mib:.0f}", "expected": f"{light.error:.3f}",
             "points": len(light.values), "rays": light.rays,
-            "dB": f"{true_psnr(picture, halves):.1f}",
+            "dB": f"{true_psnr(pictures, truth):.1f}",
         }), lit  # fmt: skip
-        if error == SHOWN:
-            kept["lfcore, baked"] = picture
-            kept["difference x 8"] = 0.5 + 4 * (picture - truth)
 
 
 def planes(
-    scene: Scene, lights: list[tuple[dict, Scene]], peer: MitsubaPath, options: argparse.Namespace
+    scene: Scene, lights: list, peer: MitsubaPath, options: argparse.Namespace, kept: dict
 ) -> Iterator[dict]:
-    """Through the open lens: pictures of five planes, by bakes until one is as good as Mitsuba."""
+    """Through the open lens: pictures of five planes, ever better, until as good as Mitsuba's."""
     wanted = [SensorPlane(f, scene.camera.f_number) for f in scene.focus_distances_m]
     cameras = [focused_camera(scene.camera, plane) for plane in wanted]
-    seeds, converged = itertools.count(100), Samples(options.converged)
-    truths = [
-        [peer.picture(c, options.pixels, converged, next(seeds))[0] for _ in range(2)]
-        for c in cameras
-    ]
+    truths = np.array([truth_of(peer, c, options, 2 + n) for n, c in enumerate(cameras)])
 
-    def row(setting: str, pictures: list[np.ndarray], seconds: float) -> dict:
-        dB = [true_psnr(*pair) for pair in zip(pictures, truths, strict=True)]
+    def row(setting: str, pictures: np.ndarray, seconds: float) -> dict:
+        one, near = pictures[len(wanted) // 2], truths[len(wanted) // 2, 2]
+        who = setting.split(",")[0]
+        kept.update({"converged": near, who: one, f"{who}, off": 0.5 + 4 * (one - near)})
         return {
             "scene": scene.name, "part": "planes", "setting": setting,
-            "core s": f"{seconds:.3g}", "dB": f"{np.mean(dB):.1f}",
+            "core s": f"{seconds:.3g}", "dB": f"{true_psnr(pictures, truths):.1f}",
         }  # fmt: skip
 
-    peer.picture(cameras[0], options.pixels, DENOISED, next(seeds))  # compiles
-    found = [peer.picture(c, options.pixels, DENOISED, next(seeds)) for c in cameras]
-    seconds = float(np.mean([taken for _, taken in found]))
-    theirs = _said(row(PEER, [one for one, _ in found], seconds))
-    for bake, lit in lights:
+    peer.picture(cameras[0], 64, DENOISED)  # compiles
+    found = [peer.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
+    shown, taken = map(np.array, zip(*found, strict=True))
+    theirs = _said(row(PEER, shown, taken.mean()))
+    for (bake, lit), lattice in itertools.product(lights, LATTICES):
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
-        pictures_by_depth(tracer, scene.camera, wanted, 16, LATTICE)  # programs
+        pictures_by_depth(tracer, scene.camera, wanted, 16, lattice)  # programs
         begun = time.process_time()
-        made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, LATTICE)
+        made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, lattice)
         traced = (time.process_time() - begun) / len(wanted)
-        ours = row(f"baked, {bake['setting']}, {LATTICE}", list(made), traced)
+        ours = row(f"baked, {bake['setting']}, {lattice}", made, traced)
         per_plane = float(theirs["core s"]) / 10 - traced
-        ours["bake core s"] = bake["core s"]
         first = max(1, math.ceil(float(bake["core s"]) / per_plane)) if per_plane > 0 else ""
-        yield _said(ours | {"a tenth from plane": first})
+        yield _said(ours | {"bake core s": bake["core s"], "a tenth from plane": first})
         if float(ours["dB"]) >= float(theirs["dB"]):
             break
     yield theirs
 
 
-def true_psnr(picture: np.ndarray, truths: list[np.ndarray]) -> float:
-    """dB of a picture to what two noisy ones show: noise that is independent cancels in the mean
-    product of its differences to them, (a + b - c) / 2 of mean squares."""
-    pairs = itertools.combinations((picture, *truths), 2)
-    a, b, c = (10 ** (-inner_psnr(*pair) / 10) for pair in pairs)
-    return -10 * math.log10(max((a + b - c) / 2, 1e-9))
+def truth_of(peer: MitsubaPath, camera: Camera, options: argparse.Namespace, seed: int) -> list:
+    """Two converged pictures, of independent noise, and their mean, denoised."""
+    how = camera, options.pixels, Samples(options.converged)
+    pair = [peer.picture(*how, each)[0] for each in (2 * seed, 2 * seed + 1)]
+    return [*pair, peer.ask(denoised, np.mean(pair, axis=0))]
+
+
+def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
+    """dB of pictures, in sRGB, to what two noisy ones each show: independent noise cancels in the
+    product of the differences to them.  These are of linear light, times the slope of sRGB from the
+    picture to the denoised one, for sRGB values of noise have another mean."""
+    one, two, near = np.swapaxes(truths, 0, 1)
+    middle, half = (pictures + near) / 2, np.maximum(abs(pictures - near) / 2, 1e-4)
+    slope = (srgb_encode(middle + half) - srgb_encode(middle - half)) / (2 * half)
+    border = math.ceil(BORDER * pictures.shape[1])
+    errors = slope**2 * (pictures - one) * (pictures - two)
+    return -10 * math.log10(max(errors[:, border:-border, border:-border].mean(), 1e-9))
 
 
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
@@ -207,10 +204,9 @@ def figure(table: pd.DataFrame, path: Path) -> None:
         seconds, dB = rows["core s"].astype(float), rows["dB"].astype(float)
         axis.plot(seconds, dB, "o-", label=name)
         for x, y, setting in zip(seconds, dB, rows["setting"], strict=True):
-            axis.annotate(setting.removeprefix("error "), (x, y), (3, -9),
-                          textcoords="offset points", fontsize=7)  # fmt: skip
+            axis.annotate(setting[6:-6], (x, y), (3, -9), textcoords="offset points", fontsize=7)
     axis.axhline(40, color="0.6", lw=0.8, ls="--")
-    axis.set(xscale="log", xlabel="core seconds of the bake, for an error of",
+    axis.set(xscale="log", xlabel="core seconds of the bake, for an error, with cells",
              ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
     axis.xaxis.set_minor_formatter("")
     axis.set_xticks([1, 2, 5, 10, 20, 50, 100], "1 2 5 10 20 50 100".split())
@@ -223,8 +219,8 @@ def main() -> None:
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
     parser.add_argument("--parts", nargs="+", default=["planes", "price"], help="beside bakes")
-    parser.add_argument("--errors", nargs="+", type=float, default=ERRORS)
-    parser.add_argument("--converged", type=int, default=CONVERGED)
+    parser.add_argument("--bakes", nargs="+", default=BAKES)
+    parser.add_argument("--converged", type=int, default=128, help="samples of converged pictures")
     parser.add_argument("--repeats", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
@@ -233,12 +229,12 @@ def main() -> None:
         for name in options.scenes:
             scene = scene_of(name, Path(folder))
             kept: dict[str, np.ndarray] = {}
-            assert scene.bake is not None
-            peer = MitsubaPath(scene, scene.bake.bounces, options.threads)
-            lights = list(bakes(scene, peer, options, kept))
+            bounces = (scene.bake or BakeOptions()).bounces
+            peer = MitsubaPath(scene, bounces, options.threads)
+            lights = list(bakes(scene, peer, options))
             rows += [row for row, _ in lights]
             if "planes" in options.parts:
-                rows += planes(scene, lights, peer, options)
+                rows += planes(scene, lights, peer, options, kept)
             peer.close()
             if "price" in options.parts:
                 rows += price(lights[-1][1], options)
