@@ -59,22 +59,20 @@ typedef struct {
     Bundle bundle;
     Regions regions;
     global PlaneEquations *equations;  // of each region
-    int fitted;                     // whether baked light is affine in each of them
     global Samples *samples;
     global int *lit;                // (shadow lights, BLOCK) a bit for each ray that sees the light
 } Block;
 
 // Interpolate the row that begins with ray `at`, region by region.
-inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
+inline void sample_row(const Block *b, int at, Row row, int fitted, SampleRow *s)
 {
     s->key = s->triangle = -1;
     for (int n = 0; n < b->regions.row_count[at / LANES]; ++n) {
         const int k = b->regions.row_regions[at / LANES][n];
-        global const Region *r = b->regions.of + k;
-        const vi mask = region_row(r, at);
-        const SampleRow one = interpolate(b->equations + k, row, b->fitted);
+        const vi mask = region_row(b->regions.of + k, at);
+        const SampleRow one = interpolate(b->equations + k, row, fitted);
         s->key = pick_int(s->key, (vi)(b->equations[k].key), mask);
-        s->triangle = pick_int(s->triangle, (vi)(r->triangle), mask);
+        s->triangle = pick_int(s->triangle, (vi)(b->regions.of[k].triangle), mask);
         s->first = n ? pick_int(s->first, one.first, mask) : one.first;
         s->side = n ? pick_int(s->side, one.side, mask) : one.side;
         s->depth = n ? pick(s->depth, one.depth, mask) : one.depth;
@@ -97,16 +95,15 @@ inline void set_up_regions(const Scene *scene, float pixel_pitch, const Block *b
         set_up_texture(scene, of[k].triangle, pixel_pitch, b->equations + k);
 }
 
-inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
+// `fitted`: whether baked light is affine in each region; a constant, so that each way is a loop.
+inline void sample_rows(const Scene *scene, const Block *b, int fitted)
 {
     global Samples *out = b->samples;
     const Bundle *r = &b->bundle;
     SampleRow s = {0};
-    set_up_regions(scene, pixel_pitch, b);
-    if (BAKED) b->fitted = fit_regions(scene, &b->regions, r->half_extent, b->equations);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->bundle.half_extent);
-        sample_row(b, at, row, &s);
+        sample_row(b, at, row, fitted, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);
         if (!row_any(GE(s.key, (vi)(0)))) continue;
@@ -115,7 +112,15 @@ inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
                            fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
         if (SMOOTH) turn_to_viewer(direction, &s);
-        if (BAKED && !b->fitted) look_up_light(scene, &s);
+        if (BAKED && !fitted) look_up_light(scene, &s);
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
+}
+
+inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
+{
+    set_up_regions(scene, pixel_pitch, b);
+    const int fits = BAKED && fit_regions(scene, &b->regions, b->bundle.half_extent, b->equations);
+    if (fits) sample_rows(scene, b, 1);
+    else sample_rows(scene, b, 0);
 }
