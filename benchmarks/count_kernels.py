@@ -28,7 +28,7 @@ BESIDE = {
     "blocks of several elements": {"spread_colours"},
     "shadows": {"find_lit", "Shadows", "ShadowMemory", "OccluderCache"},
     "holes": {"has_holes", "is_solid", "stopped_rays", "CutOuts"},
-    "rays one by one": {"follow_packet", "sweep_overlaps", "Ray", "Sweep"},
+    "rays one by one": {"follow_packet", "ray_overlaps", "sweep_overlaps", "Ray", "Sweep"},
     "textures": {"read_maps", "set_up_texture", "map_row", "patch_row", "read_patch",
                  "TexelPatch"},
     "highlights": {"highlight"},

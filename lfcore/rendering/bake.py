@@ -207,7 +207,7 @@ class Baker:
     def _look(self, fresh: slice, count: int) -> np.ndarray:
         """Send the first rays of fresh points and keep their hits; returns faces without grids."""
         self._extend()
-        found, is_open = [], []
+        found, is_open = np.zeros(len(self.seen), bool), []
         for part in _batches(fresh, count):
             points, seeds = self.grids.points.of(part), np.arange(part.start, part.stop)
             sums, seeing, hits = self.gatherer.send(points, seeds, 0, count, -1)
@@ -216,11 +216,10 @@ class Baker:
             self._hits.append((part, count, hits))
             is_open.append(seeing)
             faces = hits[1].reshape(-1, count)[seeing]
-            found.append(np.unique(faces[faces >= 0]))
+            found[faces[faces >= 0]] = True
         if not len(self.open):
             self.open = np.concatenate([self.open, *is_open])
-        every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
-        return every[self.grids.first[every] < 0]
+        return np.flatnonzero(found & (self.grids.first < 0))
 
     def mean(self) -> np.ndarray:
         """(P, 3) light at the points."""

@@ -90,7 +90,8 @@ class Gatherer:
         """(2, P, 3) sums of halves of what surfaces send to ``count`` rays each, of which
         :meth:`send` found the ``hits``; and (R,) all light of each ray."""
         made = [page_aligned((2, number, 3)), page_aligned((number * count,))]
-        self._launch(self._reflect, number, count, *map(self._copy, hits), *self._light, made)
+        shown = map(self.device.shown, hits)
+        self._launch(self._reflect, number, count, *shown, *self._light, made)
         return made
 
     def _launch(self, kernel: cl.Kernel, number: int, count: int, *rest: Any) -> list[cl.Buffer]:
@@ -129,6 +130,6 @@ class Gatherer:
         sums, is_open = page_aligned((2, number, 3)), page_aligned((number,), np.uint8)
         kinds = (np.float16,), (np.int32,), (np.float16, 3), (np.float16, 3)
         hits = tuple(page_aligned((rays, *size), kind) for kind, *size in kinds)
-        surfaces = *map(self._copy, found), *self._surfaces, *self._light
+        surfaces = *map(self.device.shown, found), *self._surfaces, *self._light
         self._launch(self._shade, number, count, of, *sent, *surfaces, [sums, is_open, *hits])
         return sums + self.lamps.aimed(points, seeds, first, count), is_open.astype(bool), hits

@@ -272,7 +272,7 @@ class ArrayTracer:
             given = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
             fill_arrays(
                 given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
-                origins=self.device.buffer(origins), directions=self.device.buffer(directions),
+                origins=self.device.shown(origins), directions=self.device.shown(directions),
             )  # fmt: skip
         return triangle, depth, weights
 

@@ -5,24 +5,19 @@
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
-// Take the nearest of LANES sheared triangles into `hit` if it is nearer; of equal ones the lowest
-// number.
-inline void take_nearest(const CutOuts *cut_outs, const Ray *r, const Sheared *s,
-                         global const int *ids, Hit *hit)
+// Take the nearest of the triangles `bits` of a leaf into `hit` if it is nearer; of equal ones the
+// lowest number.
+inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, Hit *hit)
 {
-    uint bits = row_any(s->mask) ? row_bits(s->mask & LE(s->time, (vf)(hit->t))) : 0;
-    if (!bits) return;
-    private float times[LANES], first[LANES], second[LANES];
-    VSTORE(s->time, times);
-    VSTORE(TO_VF(s->e[0] / s->sum), first);
-    VSTORE(TO_VF(s->e[1] / s->sum), second);
     for (; bits; bits &= bits - 1) {
-        const uint k = lowest(bits);
-        if (!(times[k] < hit->t || (times[k] == hit->t && ids[k] < hit->id))) continue;
-        if (!is_solid(cut_outs, ids[k], r->origin + times[k] * r->direction)) continue;
-        hit->t = times[k];
-        hit->id = ids[k];
-        hit->weights = (float3)(first[k], second[k], 1.0f - first[k] - second[k]);
+        const int at = lowest(bits);
+        float time;
+        float3 weights;
+        if (!hits_triangle(r, tree->leaves + leaf, at, &time, &weights) || time > hit->t) continue;
+        const int id = triangle_ids(tree, leaf, at)[0];
+        if (time == hit->t && id >= hit->id) continue;
+        if (!is_solid(&tree->cut_outs, id, r->origin + time * r->direction)) continue;
+        *hit = (Hit){time, id, weights};
     }
 }
 
@@ -33,17 +28,15 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
     int exponent;
     const Ray r = scaled_ray(origin, direction, &exponent);
-    const Volume volume = {0, &r.path, 1};
+    const float3 inverse = r.path.inverse_lo;
+    const Volume volume = {0, &r.path, 1 + (inverse.x * inverse.y * inverse.z != 0.0f)};
     Hit hit = {FAR, -1};
     Stack stack;
     start_walk(&stack);
-    for (int leaf; (leaf = next_leaf(tree, &volume, hit.t * SWEEP_SLACK, &stack)) >= 0;)
-        for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-            Sheared s;
-            shear_leaf(&r, leaf_corners(tree, leaf, lane), &s);
-            take_nearest(&tree->cut_outs, &r, &s, triangle_ids(tree, leaf, lane), &hit);
-        }
-    hit.t = ldexp(hit.t, -exponent);
+    float far;
+    for (int leaf; far = hit.t * SWEEP_SLACK, (leaf = next_leaf(tree, &volume, far, &stack)) >= 0;)
+        take_nearest(tree, &r, leaf, may_hit(&r, tree->leaves + leaf, far), &hit);
+    hit.t = times_power((float3)(hit.t), -exponent).x;
     return hit.id < 0 ? MISS : hit;
 }
 

@@ -13,73 +13,95 @@
 #else
 #define WIDE_TYPE float
 #endif
-typedef WIDE(WIDE_TYPE) vd;
-#define TO_VD WIDE(JOIN(convert_, WIDE_TYPE))
-#define VD_MASK(m) TO_VI(MASK(m))
 
 typedef struct {
     float3 origin, direction;  // direction scaled to a largest component in [1, 2)
     Sweep path;                // of its origin
     int kx, ky, kz;            // axes, the last along the largest component of the direction
-    float sx, sy, sz;          // shear onto that axis
+    float ox, oy, oz;          // the origin along these
+    float sx, sy, sz;          // shear onto the last
 } Ray;
+
+// a 2^power, for powers from -252 to 254.
+inline float3 times_power(float3 a, int power)
+{
+    const int part = power / 2;
+    return a * as_float((127 + part) << 23) * as_float((127 + power - part) << 23);
+}
 
 // A ray of any length; its parameter is 2^exponent times that of the direction as given.
 inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 {
     Ray r;
     *exponent = ilogb(largest_component(direction));
-    direction = ldexp(direction, (int3)(-*exponent));
+    direction = times_power(direction, -*exponent);
+    const float o[3] = {origin.x, origin.y, origin.z};
+    const float d[3] = {direction.x, direction.y, direction.z};
     r.origin = origin;
     r.direction = direction;
     r.kz = largest_axis(direction);
     r.kx = (r.kz + 1) % 3;
     r.ky = (r.kz + 2) % 3;
-    r.sz = 1.0f / axis(direction, r.kz);
-    r.sx = axis(direction, r.kx) * r.sz;
-    r.sy = axis(direction, r.ky) * r.sz;
+    r.ox = o[r.kx];
+    r.oy = o[r.ky];
+    r.oz = o[r.kz];
+    r.sz = 1.0f / d[r.kz];
+    r.sx = d[r.kx] * r.sz;
+    r.sy = d[r.ky] * r.sz;
     r.path = make_sweep(origin, origin, direction, direction);
     return r;
 }
 
-// LANES triangles in a ray's frame: corners, edges and their sum, which are hit, and when.
-typedef struct {
-    Triple x, y, z;
-    vd e[3], sum;
-    vi mask;
-    vf time;
-} Sheared;
-
-// The ray is the origin of x and y: it misses a triangle whose bounding box does not hold that.
-inline vi hold_origin(Triple a)
+// Bits of the triangles of a leaf that a ray may hit before `far`, in float32: not those of which
+// two edge functions have opposite signs beyond their rounding errors.
+inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
 {
-    return LE(least3(a), (vf)(0.0f)) & GE(most3(a), (vf)(0.0f));
+    vi found = 0;
+    for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
+        Triple x, y, time, part, e;
+        for (int k = 0; k < 3; ++k) {
+            const vf z = VLOAD(leaf->corner[k][r->kz] + lane) - r->oz;
+            x.of[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx] + lane) - r->ox);
+            y.of[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky] + lane) - r->oy);
+            time.of[k] = z * r->sz;
+        }
+        for (int k = 0; k < 3; ++k) {
+            const int a = (k + 1) % 3, b = (k + 2) % 3;
+            part.of[k] = y.of[a] * x.of[b];
+            e.of[k] = fma(x.of[a], y.of[b], -part.of[k]);
+        }
+        const vf error = fma(largest3(part), (vf)(GAMMA(3.0f)), (vf)(NOTHING_LEFT));
+        const vi beside = LT(least3(e), -error) & GT(most3(e), error);
+        const vi may = LE(least3(x), (vf)(0.0f)) & GE(most3(x), (vf)(0.0f)) & ~beside &
+                       GE(most3(time), (vf)(0.0f)) & LE(least3(time), (vf)(far));
+        found |= may & (LANE_BITS << lane);
+    }
+    return row_any(found) ? (uint)row_or(found) : 0;
 }
 
-inline void shear_leaf(const Ray *r, global const Leaf *leaf, Sheared *s)
+// Whether a ray hits one of them, when, and at which weights of its corners.
+inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *time,
+                         float3 *weights)
 {
-    const float ox = axis(r->origin, r->kx), oy = axis(r->origin, r->ky);
-    const float oz = axis(r->origin, r->kz);
+    WIDE_TYPE x[3], y[3], z[3], e[3];
     for (int k = 0; k < 3; ++k) {
-        const vf z = VLOAD(leaf->corner[k][r->kz]) - oz;
-        s->x.of[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx]) - ox);
-        s->y.of[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky]) - oy);
-        s->z.of[k] = z;
+        const float depth = leaf->corner[k][r->kz][at] - r->oz;
+        x[k] = fma(-depth, r->sx, leaf->corner[k][r->kx][at] - r->ox);
+        y[k] = fma(-depth, r->sy, leaf->corner[k][r->ky][at] - r->oy);
+        z[k] = depth;
     }
-    s->mask = hold_origin(s->x) & hold_origin(s->y);
-    if (!row_any(s->mask)) return;
     for (int k = 0; k < 3; ++k) {
         const int a = (k + 1) % 3, b = (k + 2) % 3;
-        s->e[k] = TO_VD(s->x.of[a]) * TO_VD(s->y.of[b]) - TO_VD(s->y.of[a]) * TO_VD(s->x.of[b]);
+        e[k] = x[a] * y[b] - y[a] * x[b];
     }
-    s->sum = s->e[0] + s->e[1] + s->e[2];
-    const vd zero = 0;
-    s->mask &= VD_MASK(((s->e[0] >= zero) & (s->e[1] >= zero) & (s->e[2] >= zero)) |
-                       ((s->e[0] <= zero) & (s->e[1] <= zero) & (s->e[2] <= zero)));
-    s->mask &= VD_MASK(s->sum != zero);
-    if (!row_any(s->mask)) return;
-    vd depth = 0;
-    for (int k = 0; k < 3; ++k) depth += s->e[k] * TO_VD(s->z.of[k]);
-    s->time = TO_VF(depth / s->sum) * r->sz;
-    s->mask &= GT(s->time, (vf)(0.0f));
+    const WIDE_TYPE sum = e[0] + e[1] + e[2];
+    const int beside = min(e[0], min(e[1], e[2])) < 0 && max(e[0], max(e[1], e[2])) > 0;
+    if (beside || sum == 0) return 0;
+    // Without doubles edge functions of a triangle that is seen edge-on are noise.
+    if (sizeof(sum) == 4 && (min(y[0], min(y[1], y[2])) > 0 || max(y[0], max(y[1], y[2])) < 0))
+        return 0;
+    *time = (float)((e[0] * z[0] + e[1] * z[1] + e[2] * z[2]) / sum) * r->sz;
+    const float first = e[0] / sum, second = e[1] / sum;
+    *weights = (float3)(first, second, 1.0f - first - second);
+    return *time > 0.0f;
 }

@@ -51,6 +51,20 @@ inline vi sweep_overlaps_ranges(const Sweep *s, const Ranges *ranges, float unti
     return LE(from, to) & ~miss;
 }
 
+// Likewise of boxes and a ray that is parallel to no side of them.
+inline vi ray_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
+{
+    vf from = 0.0f, to = FAR;
+    for (int k = 0; k < 3; ++k) {
+        const float inverse = axis(s->inverse_lo, k), at = axis(s->lo, k);
+        const int back = inverse < 0.0f;
+        from = max(from, (VLOAD(boxes->low[k + 3 * back]) - at) * inverse);
+        to = min(to, (VLOAD(boxes->low[k + 3 * !back]) - at) * inverse);
+    }
+    *near = from;
+    return LE(from, min(to * SWEEP_SLACK, (vf)(until)));
+}
+
 // Likewise of boxes, and of the triangles of a leaf.
 inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
 {

@@ -90,19 +90,19 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume that a walk is for is a frustum or a sweep; only single rays need leaves `sorted`.
+// The volume that a walk is for is a frustum or a sweep; only single rays need leaves `sorted`:
+// 2 if they are parallel to no side of a box.
 typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted; } Volume;
 
-// Children still to visit, by their index in the tree's arrays, and where each begins.  A level
-// leaves at most all but one of a node's children.
+// Children still to visit: where each begins, bits that compare as floats do unless both are
+// negative, above its index in the tree's arrays.  A level leaves at most all but one of a node's.
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
-typedef struct { int child[STACK]; float near[STACK]; int size; } Stack;
+typedef struct { long of[STACK]; int size; } Stack;
 
 inline void start_walk(Stack *stack)
 {
-    stack->child[0] = ROOT;
-    stack->near[0] = 0.0f;
+    stack->of[0] = (uint)ROOT;
     stack->size = 1;
 }
 
@@ -110,16 +110,17 @@ inline void start_walk(Stack *stack)
 inline uint overlapping_children(const Tree *tree, const Volume *volume, int node, float far,
                           private float *near)
 {
-    uint bits = 0;
+    vi found = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
         vf begin = VLOAD(boxes->low[2]);
-        const vi overlaps = volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
-                                          : frustum_overlaps(volume->frustum, boxes, far);
+        const vi overlaps = volume->sorted > 1 ? ray_overlaps(volume->sweep, boxes, far, &begin)
+            : volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
+                            : frustum_overlaps(volume->frustum, boxes, far);
         VSTORE(begin, near + lane);
-        bits |= row_bits(overlaps) << lane;
+        found |= overlaps & (LANE_BITS << lane);
     }
-    return bits;
+    return row_or(found);
 }
 
 // Put children on the stack, the nearest on top.
@@ -130,13 +131,11 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
     while (bits) {
         const uint lane = 31 - clz(bits);
         bits ^= 1u << lane;
+        const long child = upsample(as_int(near[lane]), (uint)(node * NODE_WIDTH + lane));
         int at = stack->size++;
-        for (; volume->sorted && at > base && stack->near[at - 1] < near[lane]; --at) {
-            stack->near[at] = stack->near[at - 1];
-            stack->child[at] = stack->child[at - 1];
-        }
-        stack->near[at] = near[lane];
-        stack->child[at] = node * NODE_WIDTH + lane;
+        for (; volume->sorted && at > base && stack->of[at - 1] < child; --at)
+            stack->of[at] = stack->of[at - 1];
+        stack->of[at] = child;
     }
 }
 
@@ -145,9 +144,9 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
 {
     private float near[NODE_WIDTH];
     while (stack->size) {
-        const int child = stack->child[--stack->size];
-        if (stack->near[stack->size] > far) continue;
-        const int node = child == ROOT ? 0 : tree->children[child];
+        const long top = stack->of[--stack->size];
+        if ((int)(top >> 32) > as_int(far)) continue;
+        const int child = (int)top, node = child == ROOT ? 0 : tree->children[child];
         if (node < 0) return -1 - node;
         const uint bits = overlapping_children(tree, volume, node, far, near);
         push_children(volume, node, bits, near, stack);
@@ -160,7 +159,7 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
                           LeafList *list)
 {
     for (int leaf; list->count < LIST && (leaf = next_leaf(tree, volume, far, stack)) >= 0;) {
-        const int at = list->count++, child = stack->child[stack->size];
+        const int at = list->count++, child = (int)stack->of[stack->size];
         global const Boxes *from = boxes_from(tree->boxes + child / NODE_WIDTH, child % NODE_WIDTH);
         global Boxes *to = list->of->boxes + at / NODE_WIDTH;
         for (int k = 0; k < 3; ++k) {
