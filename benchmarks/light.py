@@ -204,7 +204,8 @@ def figure(table: pd.DataFrame, path: Path) -> None:
         seconds, dB = rows["core s"].astype(float), rows["dB"].astype(float)
         axis.plot(seconds, dB, "o-", label=name)
         for x, y, setting in zip(seconds, dB, rows["setting"], strict=True):
-            axis.annotate(setting[6:-6], (x, y), (3, -9), textcoords="offset points", fontsize=7)
+            label = setting.removeprefix("error ").removesuffix(" cells")
+            axis.annotate(label, (x, y), (3, -9), textcoords="offset points", fontsize=7)
     axis.axhline(40, color="0.6", lw=0.8, ls="--")
     axis.set(xscale="log", xlabel="core seconds of the bake, for an error, with cells",
              ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip

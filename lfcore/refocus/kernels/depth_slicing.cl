@@ -222,7 +222,8 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, y + half_y);
     const int16 wide = right - left, tall = bottom - top;
     const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, edge = s->width * STEPS;
-    const int16 falls = wanted & (bottom > first) & top < end & right > 0 & left < edge & wide > 0 & tall > 0 & share > 0.0f;
+    const int16 falls = wanted & bottom > first & top < end & right > 0 & left < edge & wide > 0 & tall > 0 &
+                        share > 0.0f;
     const int16 layer = layer_of(moves * p->pitch, bounds), outermost = layer == 0 | layer == LAYERS - 1;
     const int16 few = ((right - 1) >> 8) - (left >> 8) > 1 | ((bottom - 1) >> 8) - (top >> 8) > 1 | left < 0 |
                       top < first | left >= edge | top >= end;

@@ -52,8 +52,8 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// Bits of the triangles of a leaf that a ray may hit before `far`, in float32: not those of which
-// two edge functions have opposite signs beyond their rounding errors.
+// Bits of the triangles of a leaf that a ray may hit before `far`, in float32.  A triangle is missed
+// where two of its edge functions have opposite signs and exceed their rounding errors.
 inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
 {
     vi found = 0;
