@@ -100,6 +100,7 @@ class DepthSlicer:
         self._table = np.zeros(1, np.float32) if codes is None else codes.table
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]
+        self._records = self._cell_records()
         defines: dict[str, object] = {
             "N_BOUNDS": len(bounds_px),
             "FILL_FAR": int(fill_far),
@@ -119,8 +120,8 @@ class DepthSlicer:
         strips = STRIPS_A_THREAD * self.device.threads
         self._rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
         self._strips = -(-self.size.height // self._rows)
-        records = [[p.delta, self._scale(p), self._step(p), slab.lens_pitch_m] for p in planes]
-        self._planes = self.device.buffer(np.array(records, np.float32))
+        each = [[p.delta, self._scale(p), self._step(p), slab.lens_pitch_m] for p in planes]
+        self._planes = self.device.buffer(np.array(each, np.float32))
         size = self.sums_bytes(len(planes), self.size, stops, len(bounds_px), self._rows)
         self._sums = self.device.zeros(size, sparse=True)
 
@@ -165,17 +166,18 @@ class DepthSlicer:
         shift = views.positions * (plane.delta - views.slab.camera.delta)
         return moved * self._step(plane) + shift * self._scale(plane) + self._middle
 
-    def _cell_records(self, part: slice | np.ndarray) -> np.ndarray:
+    def _cell_records(self) -> np.ndarray:
         """(planes, views, 8) float32, as the kernel's Cell."""
-        records = np.zeros((len(self.planes), len(self.views.positions[part]), 8), np.float32)
+        views = self.views.positions
+        records = np.zeros((len(self.planes), len(views), 8), np.float32)
         for record, plane, cells, one in zip(
             records, self.planes, self._cells, self._ones, strict=True
         ):
-            record[:, 0:2] = self._first(plane)[part]
-            record[:, 2:4] = cells.middle[part] - self.views.positions[part]
-            record[:, 4:6] = cells.extent[part]
-            record[:, 6] = cells.share[part] * one
-            record[:, 7] = np.arange(len(self.views.positions))[part] * 0.6180340 % 1
+            record[:, 0:2] = self._first(plane)
+            record[:, 2:4] = cells.middle - views
+            record[:, 4:6] = cells.extent
+            record[:, 6] = cells.share * one
+            record[:, 7] = np.arange(len(views)) * 0.6180340 % 1
         return records
 
     def add(
@@ -218,7 +220,7 @@ class DepthSlicer:
             depth,
             device.buffer(self._table),
             device.buffer(ranges),
-            device.buffer(self._cell_records(part)),
+            device.buffer(np.ascontiguousarray(self._records[:, part])),
             self._planes,
             self._bounds,
             np.int32(views),

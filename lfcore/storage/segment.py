@@ -183,16 +183,16 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
         return info, context.extradata or b""
 
 
-def open_video(path: Path, most: int = 1, **options: str) -> av.container.InputContainer:
+def open_video(path: Path, most: int = 1) -> av.container.InputContainer:
     """``path`` opened by FFmpeg with one video stream, or up to ``most``."""
     try:
-        # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
         file: Any = str(path)
         size = 32768
         if isinstance(path, RemoteFile):
             file, size = path.open(), 4096  # it reads ahead by itself
-            # FFmpeg reads megabytes to guess a rate that nothing here needs; one frame will do.
-            options = {"probesize": "4096", "analyzeduration": "1", **options}
+        # FFmpeg decodes frames to guess a rate that nothing here needs; one will do.
+        options = {"probesize": "4096", "analyzeduration": "1"}
+        # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
         container = av.open(
             file, "r", options=options, metadata_errors="replace", buffer_size=size
         )  # fmt: skip
