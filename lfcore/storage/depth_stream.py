@@ -18,7 +18,7 @@ from lfcore.errors import StorageError, check_known
 from lfcore.optics.ray_cells import ViewSet, views_of
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import LOSSLESS, Encoding
-from lfcore.storage.defaults import KEY_EVERY, WIDE
+from lfcore.storage.defaults import KEY_EVERY, NO_LOOKAHEAD, WIDE
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
@@ -26,6 +26,8 @@ SWEEP_PX = 0.25
 LATTICES = ("plain", "crossed")
 """The names in files of views that are not displaced, and of those that are."""
 FINEST_CRF, COARSEST_CRF = 0.0, 40.0
+WIDE_DEPTH_CRF = 8.8
+"""As :data:`lfcore.storage.defaults.WIDE_CRF`, of depths."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +84,13 @@ class DepthCodes:
             return Encoding(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
         step = 2 * sweep_step(slab) / (self.near - self.far) * 255
         crf = min(max(4 + 6 * math.log2(step), FINEST_CRF), COARSEST_CRF)
+        own: dict[str, Any] = {"bframes": 8}
+        if slab.size.width > WIDE:
+            crf += WIDE_DEPTH_CRF
+            own = {"bframes": 0, "refs": 1, "extra": (*NO_LOOKAHEAD, ("trellis", "0"))}
         return Encoding(
-            pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY,
-            bframes=0 if slab.size.width > WIDE else 8,
-        )  # fmt: skip
+            pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY, **own
+        )
 
 
 def sweep_step(slab: Slab) -> float:
