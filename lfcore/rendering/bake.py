@@ -2,7 +2,7 @@
 
 Rays gather light at points of the surfaces that the camera sees, and at those that these rays hit,
 of which few are needed: each is averaged over many rays.  Bounces iterate over the stored hits.
-More rays follow where two halves of them disagree, and more points where neighbours do.
+In the picture, more rays follow where two halves of them disagree, more points where neighbours do.
 
 Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010, for the storage;
 G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interreflection", SIGGRAPH
@@ -75,7 +75,7 @@ def bake_light(
     report(2, 4)
     baker.converge()
     report(3, 4)
-    finished = Refinement(baker, seen, wanted).light()
+    finished = Refinement(baker, wanted).light()
     report(4, 4)
     return replace(finished, error=baker.error, rays=around.rays)
 
@@ -165,6 +165,7 @@ class Baker:
         fresh, count = self.grids.add(seen), _FEWEST
         hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
+        self.in_view = self.around.in_view(self.grids.points.places)
         self.gatherer = Gatherer(Lamps(self.around, self.grids.points), self.seen)
         points = max(fresh.stop, 1)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
@@ -303,7 +304,7 @@ class Baker:
         # One more ray may have found the brightest light.
         unseen = (self.guide.brightest / np.maximum(np.bincount(of, sent), 1))[of]
         uncertain = self.pooled(error) + unseen**2 > least**2
-        return np.flatnonzero(self.open & (sent < _MOST) & uncertain)
+        return np.flatnonzero(self.open & self.in_view & (sent < _MOST) & uncertain)
 
     def smoothed(self) -> np.ndarray:
         """(P, 3) light, averaged with that of neighbours on the surface as far as noise can be
@@ -327,7 +328,7 @@ class Baker:
                 mixed[:, column] += np.bincount(a, share * values[b, column], len(light))
                 mixed[:, column] += np.bincount(b, share * values[a, column], len(light))
             values, noise = mixed, self.pooled(mixed[:, 3])
-        square = (noise / np.maximum(self._level(light), 1e-30) ** 2)[self.open]
+        square = (noise / np.maximum(self._level(light), 1e-30) ** 2)[self.open & self.in_view]
         self.error = float(math.sqrt(square.mean())) if len(square) else 0.0
         every[: len(light)] = values[:, :3]
         return every

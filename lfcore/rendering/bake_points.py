@@ -21,6 +21,7 @@ _INSET = 0.02
 # Opposite normals are as unlike as places this share of the scene's size apart.
 _ALIKE = 0.1
 _BESIDE = 1 / 64
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 @cache
@@ -55,12 +56,7 @@ class Points:
 
     @classmethod
     def joined(cls, parts: list[Points]) -> Points:
-        return cls(
-            *(
-                np.concatenate(arrays)
-                for arrays in zip(*(vars(p).values() for p in parts), strict=True)
-            )
-        )
+        return cls(*map(np.concatenate, zip(*(vars(p).values() for p in parts), strict=True)))
 
 
 def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,11 +230,15 @@ def _mixed(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def hashed(keys: np.ndarray) -> np.ndarray:
-    """(P,) uint64 of integers (P, n), by the finaliser of splitmix64 (G. Steele et al., 2014)."""
+    """(P,) uint64 of integers (P, n)."""
     hashes = np.zeros(len(keys), np.uint64)
     for column in keys.T.astype(np.uint64):
-        hashes = (hashes ^ column) + np.uint64(0x9E3779B97F4A7C15)
-        hashes = (hashes ^ (hashes >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        hashes = (hashes ^ (hashes >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        hashes ^= hashes >> np.uint64(31)
+        hashes = shuffled((hashes ^ column) + GOLDEN)
     return hashes
+
+
+def shuffled(x: np.ndarray) -> np.ndarray:
+    """(P,) uint64, by the finaliser of splitmix64 (G. Steele et al., 2014)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))

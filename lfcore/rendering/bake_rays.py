@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.rendering.bake_points import Points
+from lfcore.rendering.bake_points import GOLDEN, Points, shuffled
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
@@ -28,6 +28,8 @@ ALONG = np.float32(1e-5)
 _NEAR, _ASLANT = 1 / 512, 4.0
 """The distance that counts as nearby, as a share of the scene's size: across the surface; along a
 ray it is longer by the second number."""
+_FIELD = 1.25
+"""The part of the camera's field where light is as good as is asked for."""
 
 
 @cache
@@ -51,7 +53,7 @@ def samples(seeds: np.ndarray, first: int, count: int) -> tuple[np.ndarray, np.n
 
 def shifts(seeds: np.ndarray) -> np.ndarray:
     """(P, 2) uint32 by which the samples of a point's two sequences are shifted, of 2^32."""
-    mixed = _shuffled(seeds.astype(np.uint64))
+    mixed = shuffled((seeds.astype(np.uint64) + np.uint64(1)) * GOLDEN)
     return np.stack([mixed, mixed >> np.uint64(32)], -1).astype(np.uint32)
 
 
@@ -79,13 +81,6 @@ def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Term by term: libraries add in other orders on other processors."""
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
-def _shuffled(x: np.ndarray) -> np.ndarray:
-    x = (x + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return x ^ (x >> np.uint64(31))
 
 
 class Surroundings:
@@ -158,6 +153,14 @@ class Surroundings:
             near = (far < _ASLANT * limit) & (far * abs(cosine) < limit)
             hidden = hidden[(faces >= 0) & near]
         return np.isin(np.arange(len(points)), hidden)
+
+    def in_view(self, places: np.ndarray) -> np.ndarray:
+        """(P,) whether places (P, 3) are in the camera's field or a little beside it, as seen from
+        some point of the lens."""
+        camera, (x, y, depth) = self.scene.camera, places.T
+        spread = camera.lens_radius_m * abs(1 - depth / camera.focus_m)
+        half = _FIELD * camera.field_width / 2 * depth + spread
+        return (depth > 0) & (abs(x) <= half) & (abs(y) <= half)
 
     def cast(self, origins: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, ...]:
         """Faces (R,) that rays (R, 3) hit, -1 none; barycentric weights (R, 3), distances (R,)."""

@@ -33,13 +33,12 @@ class Refinement:
     Parameters
     ----------
     baker : what gathers light, converged.
-    seen : faces that are refined.
     wanted : (T,) cells along an edge, in the mean, that the picture needs to begin with.
     """
 
-    def __init__(self, baker: Baker, seen: np.ndarray, wanted: np.ndarray):
+    def __init__(self, baker: Baker, wanted: np.ndarray):
         self.baker, self.grids = baker, baker.grids
-        self._seen, self._wanted = seen, wanted
+        self._wanted = wanted
         self._light = baker.smoothed().astype(np.float32)
         bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
@@ -53,15 +52,14 @@ class Refinement:
         """All grids, finished."""
         sides = self.grids.sides
         kept: list[tuple[int, np.ndarray, np.ndarray]] = []
-        is_seen = np.zeros(2 * len(sides), bool)
-        is_seen[self._seen] = True
-        hidden = np.flatnonzero(~is_seen.reshape(-1, 2).any(1))
+        seen = self.baker.seen.reshape(-1, 2).any(1)
+        hidden = np.flatnonzero(~seen)
         kept.append((1, hidden, self._constant(hidden)))
         for side in np.unique(sides).tolist():
-            triangles = np.flatnonzero(is_seen.reshape(-1, 2).any(1) & (sides == side))
+            triangles = np.flatnonzero(seen & (sides == side))
             values, covered = self._values(triangles, side)
             self._room -= values.size // 3
-            kept += self._halve(triangles, side, values, covered, is_seen)
+            kept += self._halve(triangles, side, values, covered)
         return self._assembled(kept)
 
     def _constant(self, triangles: np.ndarray) -> np.ndarray:
@@ -82,12 +80,7 @@ class Refinement:
         return self._light[points], self.grids.moved[at] & (first >= 0)
 
     def _halve(
-        self,
-        triangles: np.ndarray,
-        side: int,
-        values: np.ndarray,
-        covered: np.ndarray,
-        is_seen: np.ndarray,
+        self, triangles: np.ndarray, side: int, values: np.ndarray, covered: np.ndarray
     ) -> list[tuple[int, np.ndarray, np.ndarray]]:
         kept, begun = [], side
         while 2 * side <= _MOST_SIDE:
@@ -101,7 +94,11 @@ class Refinement:
                 large = self._wanted[triangles, None, None] > side / 2
                 rough |= (large | hidden) & _is_new(side)
             faces = 2 * triangles[:, None] + np.arange(2)
-            rough &= is_seen[faces][..., None]
+            rough &= self.baker.seen[faces][..., None]
+            at = np.nonzero(rough)
+            (u, v), corners = lattice(2 * side)[at[2]].T / (2 * side), self.grids.scene.triangles
+            p, q, r = corners[triangles[at[0]]].transpose(1, 2, 0)
+            rough[at] = self.baker.around.in_view((p + u * (q - p) + v * (r - p)).T)
             todo = rough.any((1, 2))
             cost = int(todo.sum()) * finer.shape[1] * finer.shape[2]
             if not todo.any() or cost > self._room:

@@ -39,12 +39,14 @@ def seen(scene, pixels=48):
 
 
 def on_grid(scene, triangle, behind):
-    """Places of a triangle's baked points (n, 3), and their light (n,)."""
+    """Places of a triangle's baked points (n, 3) that the camera sees, and their light (n,)."""
     light = scene.light
     first, side = light.grids[triangle, int(behind)], light.grids[triangle, 2]
     at = lattice(int(side))
     weights = np.column_stack([side - at.sum(1), at]) / side
-    return weights @ scene.triangles[triangle], light.values[first : first + len(at), 0]
+    places, found = weights @ scene.triangles[triangle], light.values[first : first + len(at), 0]
+    in_view = (2 * abs(places[:, :2]) < scene.camera.field_width * places[:, 2:]).all(1)
+    return places[in_view], found[in_view]
 
 
 def rectangle(low, high, z):
@@ -122,6 +124,16 @@ def test_what_glows_gives_what_its_form_factor_says(half, distance):
         wanted = 0.1 / half**2 * factor_to(places, low, high, distance)
         off = found / wanted - 1
         assert abs(off.mean()) < 0.003 and np.sqrt((off**2).mean()) < 0.01
+
+
+def test_rays_grow_with_surface_in_the_picture():
+    """Of a plate before a wall, of which the camera sees all, or a small part."""
+
+    def rays(half):
+        things = plain_scenes.wall(1.5, half), rectangle((-0.2, -0.2), (0.2, 0.2), 1.4)
+        return lfcore.bake(world(np.concatenate(things), bounces=1, error=0.03)).light.rays
+
+    assert rays(2.8) < 2.5 * rays(0.7)  # with all of the wall as good, 4
 
 
 def test_kernels_send_the_rays_that_the_host_would():
