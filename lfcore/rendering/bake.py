@@ -167,8 +167,7 @@ class Baker:
         hidden &= ~self.grids.move(seen, spots, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)
         self.gatherer = Gatherer(Lamps(self.around, self.grids.points), self.seen)
-        points = max(fresh.stop, 1)
-        room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * points)
+        room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * max(fresh.stop, 1))
         count = min(count, max(8, room // 8 * 8))  # halves have whole rays to lamps
         self._seen_points, self._first = fresh.stop, count
         for turn in range(_ROUNDS):

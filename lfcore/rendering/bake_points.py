@@ -139,11 +139,9 @@ class Grids:
         triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
         corners = self.scene.triangles[triangle].astype(np.float64)
         exact = _mixed(weights, corners) / side
-        normals = _mixed(weights, self._normals[triangle, faces % 2])
-        normals = _unit(normals)
+        normals = _unit(_mixed(weights, self._normals[triangle, faces % 2]))
         flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
-        share = _INSET / side
-        inset = exact + share * (corners.mean(1, keepdims=True) - exact)
+        inset = exact + _INSET / side * (corners.mean(1, keepdims=True) - exact)
         edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1) / side
         key = np.concatenate(
             [np.rint((exact - self._low) / (self._size * _PLACE) + 0.37),

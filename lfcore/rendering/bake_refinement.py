@@ -37,8 +37,7 @@ class Refinement:
     """
 
     def __init__(self, baker: Baker, wanted: np.ndarray):
-        self.baker, self.grids = baker, baker.grids
-        self._wanted = wanted
+        self.baker, self.grids, self._wanted = baker, baker.grids, wanted
         self._light = baker.smoothed().astype(np.float32)
         bright = self._light[: len(baker.open)][baker.open].mean(-1)
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
@@ -51,10 +50,9 @@ class Refinement:
     def light(self) -> BakedLight:
         """All grids, finished."""
         sides = self.grids.sides
-        kept: list[tuple[int, np.ndarray, np.ndarray]] = []
         seen = self.baker.seen.reshape(-1, 2).any(1)
         hidden = np.flatnonzero(~seen)
-        kept.append((1, hidden, self._constant(hidden)))
+        kept = [(1, hidden, self._constant(hidden))]
         for side in np.unique(sides).tolist():
             triangles = np.flatnonzero(seen & (sides == side))
             values, covered = self._values(triangles, side)
