@@ -208,7 +208,7 @@ def baked(triangles, seed=1):
     return scene(triangles, light=BakedLight(grids, values), sky=sky)
 
 
-@pytest.mark.parametrize("outer", [1, 4])
+@pytest.mark.parametrize("outer", [1, 2, 4])
 @pytest.mark.parametrize("wall", [True, False])
 def test_baked_light_is_the_oracles(device, outer, wall):
     triangles = np.concatenate([soup(40, 2, 0.5), WALL[: 2 * wall]])
