@@ -21,7 +21,7 @@ SCHEMA_PATH = Path(__file__).with_name("scene.schema.yaml")
 @functools.cache
 def schema() -> dict:
     """The JSON schema (2020-12) of scene.yaml."""
-    return yaml.safe_load(SCHEMA_PATH.read_text(encoding="utf-8"))
+    return yaml.load(SCHEMA_PATH.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
 def read_description(path: str | Path) -> dict:
