@@ -101,7 +101,7 @@ class WorkPrecision(Keys):
         "PSNR in dB to which Mitsuba 3 and POV-Ray are timed, where they are installed", [40, 45]
     )
     codec_lattice: LATTICE = key("lattice that is stored by every codec", [4, 2])
-    crfs: listed(number(0, 51), 0, 12) = key("constant rate factors per codec", [14, 20, 26, 32])
+    crfs: listed(number(0, 51), 0, 12) = key("constant rate factors per codec", [14, 22, 30])
     codecs: listed(Codec, 1, 5) = key(
         "encoders of stored light fields",
         [
@@ -129,7 +129,7 @@ class ChosenRays(Keys):
 class LeftOut(Keys):
     views: whole(2, 256) = key("lens samples per side", 64)
     pixels: whole(16, 512) = key("pixels per side", 32)
-    repeats: whole(1, 20) = key("timed runs per program", 5)
+    repeats: whole(1, 20) = key("timed runs per program", 3)
     features: Literal["all"] | several(
         str, 0
     ) = key("features that the scene lacks and that are compiled in to compare", "all")

@@ -29,7 +29,7 @@ rule truth:
         "logs/truth/{scene}/{lens}.log",
     wildcard_constraints:
         lens="|".join(TRUTHS),
-    priority: 10
+    priority: FIRST
     group:
         grouped("figures")
     conda:
@@ -55,6 +55,7 @@ rule work_precision_scene:
         "results/{scene}/analysis/work_precision.json",
     log:
         "logs/work_precision/{scene}.log",
+    priority: LONG
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -136,8 +137,7 @@ rule stability:
         error_growth="results/tables/figures/stability_error_growth.png",
     log:
         "logs/stability.log",
-    # One long job: it starts first, beside the tracing.
-    priority: 20
+    priority: LONG
     conda:
         "../envs/lfcore.yaml"
     params:
@@ -156,7 +156,7 @@ rule left_out_scene:
         "results/{scene}/analysis/left_out.json",
     log:
         "logs/left_out/{scene}.log",
-    priority: 5
+    priority: LONG
     conda:
         "../envs/lfcore.yaml"
     params:

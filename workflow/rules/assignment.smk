@@ -19,7 +19,7 @@ rule assignment_trace:
         "logs/assignment/trace/{scene}.log",
     wildcard_constraints:
         scene="|".join(map(re.escape, ASSIGNMENT_SCENES)),
-    priority: 10
+    priority: LONG
     conda:
         "../envs/lfcore.yaml"
     params:

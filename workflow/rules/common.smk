@@ -18,6 +18,8 @@ if library:
 # Jobs keep to their threads: those of BLAS would spin while they wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# The thesis's tables and pictures come first, then long studies, so that the cores finish together.
+FIRST, LONG = 20, 10
 CHART = "chart"  # the scene of the plenoptic photograph and of other renderers
 
 

@@ -18,6 +18,7 @@ rule evaluate:
         "results/{scene}/evaluation.json",
     log:
         "logs/evaluate/{scene}.log",
+    priority: FIRST
     group:
         grouped("figures")
     conda:
@@ -42,6 +43,7 @@ rule thesis_tables:
         ],
     log:
         "logs/thesis_tables.log",
+    priority: FIRST
     group:
         REPORT_GROUP
     conda:

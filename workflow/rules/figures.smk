@@ -25,6 +25,7 @@ if TRACED_STACKS:
             **TRACED_STACKS,
         log:
             "logs/trace_stacks/{scene}.log",
+        priority: FIRST
         group:
             grouped("figures")
         conda:
@@ -47,6 +48,7 @@ if TRACED_STACKS:
             **{name: figure(name, f"{name}_{{scene}}", "{scene}") for name in WANTED_SHEETS},
         log:
             "logs/contact_sheets/{scene}.log",
+        priority: FIRST
         group:
             grouped("figures")
         conda:

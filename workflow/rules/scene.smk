@@ -8,6 +8,7 @@ rule parse:
         "results/{scene}/scene.npz",
     log:
         "logs/parse/{scene}.log",
+    priority: FIRST
     group:
         grouped("prepare")
     conda:
@@ -25,6 +26,7 @@ rule build:
         "results/{scene}/bvh.npz",
     log:
         "logs/build/{scene}.log",
+    priority: FIRST
     group:
         grouped("prepare")
     conda:
@@ -44,6 +46,7 @@ rule bake:
         "results/{scene}/light.npz",
     log:
         "logs/bake/{scene}.log",
+    priority: FIRST
     group:
         grouped("prepare")
     conda:

@@ -13,7 +13,7 @@ for name in ("storage_layouts", "rate_distortion"):
             f"results/{{scene}}/storage/{name}.json",
         log:
             f"logs/{name}/{{scene}}.log",
-        priority: 5
+        priority: LONG
         conda:
             "../envs/lfcore.yaml"
         params:

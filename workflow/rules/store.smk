@@ -30,6 +30,7 @@ if STORE:
             seconds=f"{SLAB}/retrieve.json",
         log:
             "logs/retrieve/{scene}/N{n}.log",
+        priority: FIRST
         group:
             grouped("join_N{n}")
         conda:

@@ -16,8 +16,7 @@ rule trace:
         **TRACED,
     log:
         "logs/trace/{scene}/N{n}/{batch}.log",
-    # Long jobs first, so that the cores finish together.
-    priority: 10
+    priority: FIRST
     group:
         TRACE_GROUP
     conda:
@@ -53,6 +52,7 @@ rule join:
         **JOINED,
     log:
         "logs/join/{scene}/N{n}.log",
+    priority: FIRST
     group:
         grouped("join_N{n}")
     conda:

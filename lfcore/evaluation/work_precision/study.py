@@ -47,8 +47,7 @@ from lfcore.storage.codecs import Encoding
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
-NEAREST, BY_DEPTH = "nearest pixel", "by depth"
-ONE_BY_ONE, TO_QUALITY = "by depth, each plane traced at its focus", "by depth, to a quality"
+NEAREST, BY_DEPTH, TO_QUALITY = "nearest pixel", "by depth", "by depth, to a quality"
 
 
 def nearest_rows(tracer: Tracer, reference: Reference, views: Sequence[int]) -> Iterator[dict]:
@@ -65,21 +64,14 @@ def nearest_rows(tracer: Tracer, reference: Reference, views: Sequence[int]) -> 
 def by_depth_rows(
     tracer: Tracer, reference: Reference, lattices: Sequence[Lattice]
 ) -> Iterator[dict]:
-    """Few rays, each spread by its depth: traced once for all planes, and once per plane."""
+    """Few rays, each spread by its depth: traced once for all planes."""
     camera, planes, pixels = tracer.scene.camera, reference.planes, reference.size
-
-    def one_by_one(lattice: Lattice) -> np.ndarray:
-        made = [pictures_by_depth(tracer, camera, [plane], pixels, lattice) for plane in planes]
-        return np.concatenate(made)
-
     for lattice in lattices:
-        together = partial(pictures_by_depth, tracer, camera, planes, pixels, lattice)
-        alone = partial(one_by_one, lattice)
-        for method, work, times in ((BY_DEPTH, together, 1), (ONE_BY_ONE, alone, len(planes))):
-            yield timed_point(
-                reference, work, tracer.device, panel=ON_THE_FLY, method=method,
-                setting=str(lattice), rays=times * lattice.rays(pixels),
-            )  # fmt: skip
+        work = partial(pictures_by_depth, tracer, camera, planes, pixels, lattice)
+        yield timed_point(
+            reference, work, tracer.device, panel=ON_THE_FLY, method=BY_DEPTH,
+            setting=str(lattice), rays=lattice.rays(pixels),
+        )  # fmt: skip
 
 
 def quality_rows(
