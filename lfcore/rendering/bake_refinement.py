@@ -192,8 +192,8 @@ def _between(
     step = np.stack([odd[:, 0], np.where(odd[:, 0] == 1, -odd[:, 1], odd[:, 1])], 1)
     ends = [(places + sign * step) // 2 for sign in (-1, 1)]
     at = [grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64) for end in ends]
-    (a, b), (hidden, other) = ([of[:, :, k] for k in at] for of in (values, covered))
-    x, y = a.mean(-1), b.mean(-1)
+    of_ends = ([of[:, :, k] for k in at] for of in (values, covered, values.mean(-1)))
+    (a, b), (hidden, other), (x, y) = of_ends
     rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
     rough |= (hidden != other) & _is_new(side)
     a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
