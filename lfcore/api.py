@@ -192,7 +192,7 @@ def render(
         The side of square pictures, or width and height.  The camera's field is that of the shorter
         side.
     views : int or Lattice, optional
-        Lens samples per side, with 2 x 2 rays per pixel each, or the whole lattice.  Default: 8;
+        Lens samples per side, with 2 x 2 rays per pixel each, or the whole lattice.  Default: 4;
         with the filter ``nearest`` 16, with 1 ray per pixel each.
     filter : str
         ``depth`` spreads a ray over the part of the picture that its part of lens and pixel sweeps
@@ -260,7 +260,7 @@ def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
     """The lattice that :func:`render` traces."""
     check_known(OpticsError, "filter", filter, FILTERS)
     if filter == "depth":
-        return views if isinstance(views, Lattice) else Lattice(8 if views is None else views)
+        return views if isinstance(views, Lattice) else Lattice(4 if views is None else views)
     remedy = "Give a Lattice with displaced=False"
     return _plain(views, "the filter 'nearest' takes views that are not displaced", remedy)
 

@@ -95,7 +95,7 @@ def test_rays_of_a_pixel_by_default():
     assert lattice_to_store(None, plain) == (True, plain)
     assert lattice_to_store(False, plain) == (False, plain)
     assert lattice_to_store(False, None) == (False, Lattice(16, 1, displaced=False))
-    assert lattice_to_trace("depth", None) == Lattice(8, 2)
+    assert lattice_to_trace("depth", None) == Lattice(4, 2)
     assert lattice_to_trace("depth", plain) is plain
     assert lattice_to_trace("nearest", None) == Lattice(16, 1, displaced=False)
     refused(r"views: .*not displaced", lattice_to_trace, "nearest", Lattice(8))

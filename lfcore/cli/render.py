@@ -39,7 +39,7 @@ examples:
   lfcore render model.glb -o picture.png --from right --focus-at 0.5,0.4 --blur 4%
       from the right, focused on a place of the picture, with twice the usual blur
   lfcore render scenes/bike -o bike.png --pixels 512
-      8 x 8 lens samples by 2 x 2 rays per pixel, each spread by its depth
+      4 x 4 lens samples by 2 x 2 rays per pixel, each spread by its depth
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
   lfcore render scenes/bike -o bike.png --quality-db 45
       with as few rays as that takes
@@ -57,7 +57,7 @@ def options(command: argparse.ArgumentParser) -> None:
     add_output(command, "picture to write")
     add(
         command, "pixels",
-        views="N x N lens samples (8, or 16 with --filter nearest)",
+        views="N x N lens samples (4, or 16 with --filter nearest)",
         subpixels="Q x Q rays per pixel and lens sample (2, or 1 with --filter nearest)",
         quality_db="as few rays as every picture needs for this PSNR against the average over its "
         "pixels and the lens", most_rays="",
