@@ -12,6 +12,8 @@
 //
 // STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
 
+// The hint keeps compilers from vectorising over work-items: a work-group has one.
+#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(float16)))
 #define STEPS 256
 #define ALL ((float)(STEPS * STEPS))
 #define BRIGHTEST ((float)(1 << STOPS))
@@ -390,7 +392,7 @@ inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, flo
     return y + reach >= s->top && y - reach <= s->top + s->rows;
 }
 
-kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+KERNEL
 void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3); (views, 3, rows, columns) if STORED
               global const depth_t *restrict depth,  // (views, rows, columns), metres, or codes
               global const float *restrict table,    // metres of each code
@@ -440,7 +442,7 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
 }
 
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) void compose(global sum4 *restrict sums,
+KERNEL void compose(global sum4 *restrict sums,
                     global const float *restrict room,  // (height, width): weight of all rays that fall there, as sums
                     const int strip_rows,
                     const int width,

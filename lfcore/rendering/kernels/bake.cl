@@ -1,5 +1,7 @@
 // Rays that gather light at points, and what they bring: see lfcore/rendering/bake_gather.py.
 
+// As in lanes.cl, which has what the tracer needs.
+#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(float4)))
 #define CELL_LIMITS (GUIDE_SIDE + 1)
 
 // A sample in ]0, 1[ of 32 bits.
@@ -17,7 +19,7 @@ inline int find_cell(global const float *limits, float *x)
 
 // Rays of points, `count` each from the number `first` on: starts and unit directions, as dense as
 // the cosine and as the points' tables want, and what each counts.
-kernel void aim(const int number, const int count, global const Point *restrict points,
+KERNEL void aim(const int number, const int count, global const Point *restrict points,
                 const uint first, global const float *restrict rows,
                 global const float *restrict columns, global const float *restrict worths,
                 global const float2 *restrict circle, global float *restrict origins,
@@ -96,7 +98,7 @@ inline int nearest_of(global const Face *face, float3 w)
 
 // Add up what surfaces send back along rays that hit them: (2, number, 3) of halves; and of each
 // ray all its light.
-kernel void reflect(const int number, const int count, global const half *restrict glows,
+KERNEL void reflect(const int number, const int count, global const half *restrict glows,
                     global const int *restrict hits, global const half *restrict weights,
                     global const half *restrict colours, global const Face *restrict faces,
                     global const int *restrict index, global const float *restrict light,
@@ -123,7 +125,7 @@ kernel void reflect(const int number, const int count, global const half *restri
 // Add up what rays bring: (2, number, 3) of halves; whether a ray of a point hit the sky or a face
 // that is seen.  And what each ray's surface reflects, and sends of its own; `light` is 0 in
 // first looks.
-kernel void shade(const int number, const int count, global const Point *restrict points,
+KERNEL void shade(const int number, const int count, global const Point *restrict points,
                   global const float *restrict directions, global const float *restrict worth,
                   global const int *restrict triangles, global const float *restrict distances,
                   global const float *restrict weights, global const float *restrict flats,
