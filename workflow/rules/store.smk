@@ -35,7 +35,6 @@ if STORE:
             grouped("join_N{n}")
         conda:
             "../envs/lfcore.yaml"
-        threads: 2
         resources:
             mem_mb=sums_mib,
         params:
