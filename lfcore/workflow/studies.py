@@ -88,7 +88,7 @@ class WorkPrecision(Keys):
     )
     stops: above(0, 12) = key("stops by which the stopped-down lens is closed", 4)
     nearest_views: several(whole(2, 1024), 1, 8) = key(
-        "lens samples per side of the thesis's recipe through the stopped-down lens", [16, 64]
+        "lens samples per side of the thesis's recipe through the stopped-down lens", [64]
     )
     lattices: several(LATTICE, 1, 12) = key(
         "lattices that are sliced by depth, on the fly and from files",
@@ -113,10 +113,10 @@ class WorkPrecision(Keys):
         ],
     )  # fmt: skip
     memory_views: several(whole(2, 256), 1) = key(
-        "lens samples per side of light fields in memory", [8, 16, 32]
+        "lens samples per side of light fields in memory", [8, 32]
     )
     monte_carlo_samples: listed(whole(1, 16384), 1, 8) = key(
-        "samples per pixel of the Monte Carlo curve", [4, 16, 64, 256]
+        "samples per pixel of the Monte Carlo curve", [4, 16, 64]
     )
 
 
