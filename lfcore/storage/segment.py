@@ -186,12 +186,13 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
 def open_video(path: Path, most: int = 1) -> av.container.InputContainer:
     """``path`` opened by FFmpeg with one video stream, or up to ``most``."""
     try:
+        # FFmpeg decodes frames to guess a rate that nothing here needs; one of each stream will do,
+        # and of a remote file, of which that reads megabytes, the first.
         file: Any = str(path)
-        size = 32768
+        size, options = 32768, {"analyzeduration": "1"}
         if isinstance(path, RemoteFile):
             file, size = path.open(), 4096  # it reads ahead by itself
-        # FFmpeg decodes frames to guess a rate that nothing here needs; one will do.
-        options = {"probesize": "4096", "analyzeduration": "1"}
+            options["probesize"] = "4096"
         # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
         container = av.open(
             file, "r", options=options, metadata_errors="replace", buffer_size=size

@@ -426,7 +426,7 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
             streams = container.streams.video
             _compare(path, [("streams of video", len(said), len(streams))])
             for one, stream in zip(said, streams, strict=True):
-                _check_stream(path, one, stream, damaged=bool(structure.faults))
+                _check_stream(path, one, stream)
             return metadata
     except StorageError:
         if structure.faults:
@@ -436,18 +436,17 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
         raise
 
 
-def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream, *, damaged: bool) -> None:
+def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream) -> None:
     """Raise :class:`StorageError` when the metadata contradict the video stream."""
     context, layout = stream.codec_context, metadata.layout
-    name = stored_format(context.pix_fmt, grey=layout.format.grey)
     # FFmpeg learns the pixel format from the first frame, which a cut file may lack, and of which
     # stream it looks for it is not the last; frames are compared when decoded.
-    unknown = name is None and (damaged or layout.format.grey)
+    name = stored_format(context.pix_fmt, grey=layout.format.grey) or layout.pixel_format
     pairs = [
         ("codec", metadata.codec, context.codec.canonical_name),
         ("frame width", layout.frame_width, context.width),
         ("frame height", layout.frame_height, context.height),
-        ("pixel format", layout.pixel_format, layout.pixel_format if unknown else name),
+        ("pixel format", layout.pixel_format, name),
         ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
     ]
     _compare(path, pairs)
