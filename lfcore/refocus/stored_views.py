@@ -160,7 +160,6 @@ def add_frames(
     for tile, first, some in ahead((frame_planes if frames.in_rows else frame_chunks)(field)):
         add(some, tile, first)
         done += 1 if frames.in_rows else len(some)
-        del some  # or the decoder takes room for one frame more
         if progress:
             progress(done, total)
 

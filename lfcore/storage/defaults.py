@@ -42,8 +42,8 @@ WIDE = 2048
 63.6 dB, 0.5 to 1.1 dB less; at half the side 18% and 1 to 2 dB."""
 NO_LOOKAHEAD = (("mbtree", "0"), ("rc-lookahead", "0"))
 WIDE_CRF = 2.5
-"""H.264's macroblock tree looks at all frames of a segment first, which it holds.  Without it this
-much more CRF has the same bits and pictures, in 0.75 of the time."""
+"""The macroblock tree of H.264 holds all frames of a segment.  Without it, a CRF higher by this
+gives the same bits and pictures in 0.75 of the time."""
 DEFAULT_CODEC = Encoding().codec
 OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
 CRF_SCALE = {"libsvtav1": 1.5}

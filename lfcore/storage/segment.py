@@ -186,8 +186,8 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
 def open_video(path: Path, most: int = 1) -> av.container.InputContainer:
     """``path`` opened by FFmpeg with one video stream, or up to ``most``."""
     try:
-        # FFmpeg decodes frames to guess a rate that nothing here needs; one of each stream will do,
-        # and of a remote file, of which that reads megabytes, the first.
+        # FFmpeg decodes frames to guess a rate that nothing here needs: one of each stream is
+        # enough, and of a remote file the first of all, as more takes megabytes.
         file: Any = str(path)
         size, options = 32768, {"analyzeduration": "1"}
         if isinstance(path, RemoteFile):
