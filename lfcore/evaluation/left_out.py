@@ -229,10 +229,7 @@ def left_out(
     ) -> Program:
         return Program(Tracer(scene, bvh, device, needs), bvh, slab, planes, frames)
 
-    comparisons = itertools.chain(
-        lacking(scene, program, features),
-        unwanted(program),
-    )
+    comparisons = itertools.chain(lacking(scene, program, features), unwanted(program))
     return [{"scene": scene.name, **one.row(repeats)} for one in comparisons]
 
 
