@@ -7,7 +7,7 @@ from lfcore.workflow.keys import Keys, above, group, key, listed, number, severa
 
 
 class Plenoptic(Keys):
-    lenses: whole(32, 2048) = key("microlenses per side of the photograph of the scene chart", 512)
+    lenses: whole(32, 2048) = key("microlenses per side of the photograph of the scene chart", 384)
     samples: whole(8, 64) = key("pixels per side behind each microlens", 16)
 
 
@@ -34,7 +34,7 @@ class StorageLayouts(Keys):
         "lens samples per side of the light fields that are stored in every layout", [16, 32, 64]
     )
     rays: whole(4096, 268435456) = key(
-        "most rays of a sample: a window of pixels in the middle of the picture", 2359296
+        "most rays of a sample: a window of pixels in the middle of the picture", 1638400
     )
     packs: several(whole(1, 64), 0) = key(
         "macropixels per side of a frame, beside the default", [1, 2, 4, 8]
@@ -87,6 +87,7 @@ class WorkPrecision(Keys):
         [[10, 5], [8, 6]],
     )
     stops: above(0, 12) = key("stops by which the stopped-down lens is closed", 4)
+    truth_stopped: several(LATTICE, 2, 2) = key("`truth` through that lens", [[6, 6], [5, 7]])
     nearest_views: several(whole(2, 1024), 1, 8) = key(
         "lens samples per side of the thesis's recipe through the stopped-down lens", [64]
     )
@@ -128,7 +129,7 @@ class ChosenRays(Keys):
 
 class LeftOut(Keys):
     views: whole(2, 256) = key("lens samples per side", 64)
-    pixels: whole(16, 512) = key("pixels per side", 32)
+    pixels: whole(16, 512) = key("pixels per side", 24)
     repeats: whole(1, 20) = key("timed runs per program", 3)
     features: Literal["all"] | several(
         str, 0
@@ -184,7 +185,7 @@ class Assignment(Keys):
     )
     picture_px: whole(16, 4096) = key("pixels per side of pictures from the arrays", 200)
     camera_counts: several(whole(2, 128)) = key(
-        "data cameras per side in the table of reconstructions", [2, 4, 8, 16, 32, 64]
+        "data cameras per side in the table of reconstructions", [2, 4, 8, 16, 32]
     )
     monte_carlo_samples: several(whole(1, 65536), 2) = key(
         "rays per pixel of Monte Carlo in that table", [4, 16, 64, 256]
