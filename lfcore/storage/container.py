@@ -184,7 +184,7 @@ def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
     written = []
     for stream in streams:
-        with open_video(stream.files[0]) as template:
+        with open_video(stream.files[0], formats=True) as template:
             # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
             made = output.add_stream_from_template(template.streams.video[0], opaque=True)
         made.time_base = Fraction(1, 1000)

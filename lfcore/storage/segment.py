@@ -161,7 +161,7 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
     again = "Encode this tile again"
     if not _is_whole(path):
         raise StorageError("is cut short or no segment", file=path, remedy=again)
-    with open_video(path) as container:
+    with open_video(path, formats=True) as container:
         video = container.streams.video[0]
         context, ticks = video.codec_context, ticks_per_frame(video.time_base)
         if context.pix_fmt is None:
@@ -183,19 +183,21 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
         return info, context.extradata or b""
 
 
-def open_video(path: Path, most: int = 1) -> av.container.InputContainer:
-    """``path`` opened by FFmpeg with one video stream, or up to ``most``."""
+def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.container.InputContainer:
+    """``path`` opened by FFmpeg with one video stream, or up to ``most``; ``formats``: a frame of
+    each is decoded to learn its pixel format and colours."""
     try:
-        # FFmpeg decodes frames to guess a rate that nothing here needs: one of each stream is
-        # enough, and of a remote file the first of all, as more takes megabytes.
+        # More frames are for a rate that nothing here needs; of a remote file they take megabytes.
         file: Any = str(path)
+        own: Any = None if formats else [{"skip_frame": "all"}] * most
         size, options = 32768, {"analyzeduration": "1"}
         if isinstance(path, RemoteFile):
             file, size = path.open(), 4096  # it reads ahead by itself
             options["probesize"] = "4096"
         # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
         container = av.open(
-            file, "r", options=options, metadata_errors="replace", buffer_size=size
+            file, "r", options=options, stream_options=own, metadata_errors="replace",
+            buffer_size=size,
         )  # fmt: skip
     except FileNotFoundError:
         raise StorageError("no such file", file=path) from None

@@ -20,7 +20,6 @@ from lfcore.storage.decoding import (
     DecodeCount,
     FrameRun,
     frame_number,
-    stored_format,
     ticks_per_frame,
 )
 from lfcore.storage.ebml import Structure, scan
@@ -439,14 +438,10 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
 def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream) -> None:
     """Raise :class:`StorageError` when the metadata contradict the video stream."""
     context, layout = stream.codec_context, metadata.layout
-    # FFmpeg learns the pixel format from the first frame, which a cut file may lack, and of which
-    # stream it looks for it is not the last; frames are compared when decoded.
-    name = stored_format(context.pix_fmt, grey=layout.format.grey) or layout.pixel_format
-    pairs = [
+    pairs = [  # pixel formats are compared when frames are decoded
         ("codec", metadata.codec, context.codec.canonical_name),
         ("frame width", layout.frame_width, context.width),
         ("frame height", layout.frame_height, context.height),
-        ("pixel format", layout.pixel_format, name),
         ("global header check sum", metadata.header_crc32, zlib.crc32(context.extradata or b"")),
     ]
     _compare(path, pairs)
