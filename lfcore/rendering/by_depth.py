@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.optics.bundles import Bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
@@ -22,9 +21,8 @@ from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 21
-"""Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next."""
-BAND_RAYS = 1 << 22
-"""Most rays of a view that are sliced at a time: of more, some rows are."""
+"""Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next: some
+views, or some rows of one that has more."""
 FOOTPRINT = 2.0
 """The width that textures are filtered over, over the distance between the rays of all views
 together in focus: measured, docs/notebook/true-picture.md."""
@@ -112,14 +110,9 @@ def trace_by_depth(
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
         raise OpticsError(what, key="size", remedy=remedy)
     slicer = DepthSlicer(views, planes, pixels, device, stops=stops)
-    for part, bundles in _bundles(views, pixels, None):
-        rays = len(bundles.elements) * bundles.columns
-        # Whole packets, so that no ray's bits change.
-        step = max(1, BAND_RAYS // rays // PACKET_ROWS) * PACKET_ROWS
-        for first in range(0, bundles.rows, step):
-            band = first, min(step, bundles.rows - first)
-            slicer.add(part, *tracer.radiance_and_depth(replace(bundles, band=band)), first)
-        if progress:
+    for part, first, light, depth in traced_views(tracer, views, pixels, in_rows=True):
+        slicer.add(part, light, depth, first)
+        if progress and first + depth.shape[1] == views.slab.size.height:
             progress(part.stop, len(views.positions))
     return slicer.pictures()
 
@@ -131,17 +124,11 @@ def traced_views(
     footprint_px: float | None = None,
     *,
     order: np.ndarray | None = None,
-) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Yield part, light (K, rows, columns, 3) and depth of a few views at a time, for pictures
-    whose longer side has so many pixels; ``part`` is of ``order``, numbers of views."""
-    for part, bundles in _bundles(views, pixels, footprint_px, order):
-        yield part, *tracer.radiance_and_depth(bundles)
-
-
-def _bundles(
-    views: ViewSet, pixels: int, footprint_px: float | None, order: np.ndarray | None = None
-) -> Iterator[tuple[slice, Bundles]]:
-    """The parts of :func:`traced_views` and their rays."""
+    in_rows: bool = False,
+) -> Iterator[tuple[slice, int, np.ndarray, np.ndarray]]:
+    """Yield part, first row, light (K, rows, columns, 3) and depth of a few views at a time, for
+    pictures whose longer side has so many pixels; ``part`` is of ``order``, numbers of views.
+    ``in_rows``: large views come some rows at a time."""
     slab = views.slab
     pitch = slab.camera.field_width / pixels
     between = slab.camera.field_width / (slab.views * slab.pixels)
@@ -149,6 +136,12 @@ def _bundles(
     footprint = min(slab.pixel_pitch, footprint)
     order = np.arange(slab.views**2) if order is None else order
     count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))
+    rows = slab.size.height
+    if in_rows:  # of whole packets, so that no ray's bits change
+        rows = max(1, RAYS_AT_A_TIME // slab.size.width // PACKET_ROWS) * PACKET_ROWS
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
-        yield part, views.bundles(order[part], footprint=footprint)
+        bundles = views.bundles(order[part], footprint=footprint)
+        for first in range(0, bundles.rows, rows):
+            band = first, min(rows, bundles.rows - first)
+            yield part, first, *tracer.radiance_and_depth(replace(bundles, band=band))

@@ -67,7 +67,7 @@ class FirstLook:
         """Trace one view of ``camera``, whose lens all ``planes`` are within."""
         slab = Slab.of(camera, 1, pixels)
         views = plain_views(slab)
-        _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
+        _, _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
         inverse = 1.0 / depth[0].astype(float)
         band, narrower = [], []
         for plane in planes:

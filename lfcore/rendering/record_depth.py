@@ -13,6 +13,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
+from lfcore.opencl.device import Device, build_program, cl
 from lfcore.optics.camera import Camera
 from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
@@ -29,7 +30,9 @@ from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
-from lfcore.storage.ycbcr import bands, frames_from_rgb
+from lfcore.tracing.chunks import FrameMemory
+from lfcore.tracing.header import header
+from lfcore.tracing.layouts import BLOCK, PLACEMENT
 from lfcore.tracing.tracer import Tracer
 
 MACROPIXEL_RAYS = 1 << 26
@@ -148,68 +151,77 @@ def frames_by_depth(
     progress: Progress | None = None,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
-    layout = store.layout
-    grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
-    deep = replace(tile, layout=grey)
-    for elements, light, depth in _traced(tracer, slab, store, tile, progress):
-        shown = _in_frames(tile, elements, light)
-        coded = np.empty(depth.shape, codes.format.dtype)
-        for rows in bands(depth[:, 0].size, depth.shape[1]):
-            coded[:, rows] = codes.of_depth(depth[:, rows])
-        depths = _in_frames(deep, elements, coded)
-        yield (
-            frames_from_rgb(shown, layout.pixel_format, encode=layout.encoded),
-            depths.reshape(len(depths), -1).view(np.uint8),
-        )
-
-
-def _traced(
-    tracer: Tracer,
-    slab: Slab,
-    store: DepthStore,
-    tile: Tile,
-    progress: Progress | None,
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Elements (E, 2), linear light (E, rows, columns, 3) and depths of some whole frames of a tile
-    at a time, in their order."""
-    layout, views = tile.layout, views_of(slab, displaced=store.displaced)
-    elements, done = tile.elements(), 0
-    by_views = layout.kind == "views"
+    elements, before = tile.elements(), tile.row * slab.views
+    by_views = tile.layout.kind == "views"
     order = elements[:, 1] * slab.views + elements[:, 0] if by_views else None
+    views = views_of(slab, displaced=store.displaced)
+    rooms: list[_Frames] = []
     parts = []
-    for part, light, depth in traced_views(tracer, views, store.pixels, order=order):
-        done += len(light)
-        if progress:
-            progress(tile.row * slab.views + done, slab.views**2)
-        if by_views:
-            yield elements[part], light, depth
-        else:
+    traced = traced_views(tracer, views, store.pixels, order=order, in_rows=by_views)
+    for part, first, light, depth in traced:
+        ends = first + depth.shape[1] == slab.size.height
+        if progress and ends:
+            progress(before + part.stop, slab.views**2)
+        if not by_views:
             parts.append((light, depth))
-    if not by_views:
+            continue
+        if not first:  # frames take turns: those before the last are encoded by now
+            old = len(rooms) > 1 and rooms.pop(0)
+            rooms.append(old or _Frames(tracer.device, tile, codes, elements[part]))
+        rooms[-1].write(elements[part], first, light, depth)
+        if ends:
+            yield rooms[-1].read()
+    if parts:
         light, depth = (np.concatenate(both) for both in zip(*parts, strict=True))
         parts.clear()
         u, v = elements.T
         shape = (len(elements), slab.views, slab.views)
-        yield (
-            elements,
-            np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3),
-            depth[:, v, u].T.reshape(shape),
-        )
+        room = _Frames(tracer.device, tile, codes, elements)
+        rays = np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3)
+        room.write(elements, 0, rays, depth[:, v, u].T.reshape(shape))
+        yield room.read()
 
 
-def _in_frames(tile: Tile, elements: np.ndarray, pictures: np.ndarray) -> np.ndarray:
-    """(F, height, width, ...) of the frames whose elements these are; what none covers is 0, and an
-    element smaller than its slot repeats its last row and column."""
-    layout = tile.layout
-    at, x, y = tile.placement(elements).T[..., None, None]
-    first, (wide, high) = at.min(), layout.slot
-    shape = (at.max() + 1 - first, layout.frame_height, layout.frame_width, *pictures.shape[3:])
-    if pictures.shape == shape:
-        return pictures
-    around = np.subtract(layout.slot, layout.inner)[::-1]
-    fill = [(0, 0), *((0, more) for more in around), *[(0, 0)] * (pictures.ndim - 3)]
-    frames = np.zeros(shape, pictures.dtype)
-    frames[at - first, y + np.arange(high)[:, None], x + np.arange(wide)] = np.pad(
-        pictures, fill, mode="edge"
-    )
-    return frames
+class _Frames:
+    """Memory of the frames of some elements of a tile, in which a kernel writes their colours and
+    depths; what none covers is black."""
+
+    def __init__(self, device: Device, tile: Tile, codes: DepthCodes, elements: np.ndarray):
+        layout, self._device, self._codes = tile.layout, device, codes
+        grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
+        count = min(tile.frame_count, len(elements))
+        self._parts = [
+            (each, FrameMemory(device, each.layout, count))
+            for each in (tile, replace(tile, layout=grey))
+        ]
+        code = "uchar" if codes.format.bits == 8 else "ushort"
+        defines: dict[str, object] = {"OUTER": 1, "BITS": layout.format.bits, "CODE": code}
+        defines |= {"PEAK": layout.peak or 0, "LAST_CODE": codes.last}
+        program = build_program(device, ["rendering/kernels/encode.cl"], defines, header())
+        self._kernel = cl.Kernel(program, "encode_rows")
+
+    def write(
+        self, elements: np.ndarray, first_row: int, light: np.ndarray, depth: np.ndarray
+    ) -> None:
+        """Write rows of elements, of linear light and metres."""
+        device, codes, (count, rows, columns) = self._device, self._codes, depth.shape
+        strips, targets = -(-rows // BLOCK), list[Any]()
+        for tile, memory in self._parts:
+            placed = np.zeros(count, PLACEMENT)
+            placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
+            placed["frame"] -= placed["frame"].min()
+            targets += [memory.arguments, device.buffer(placed), memory.buffer]
+        light, depth = (np.ascontiguousarray(each) for each in (light, depth))
+        steps = codes.last / (codes.near - codes.far)
+        self._kernel(
+            device.queue, (strips, count), (1, 1), device.shown(light), device.shown(depth),
+            *map(np.int32, (columns, rows, first_row)), *targets,
+            np.float32(codes.far), np.float32(steps), device.empty(12 * BLOCK**2 * strips * count),
+        )  # fmt: skip
+        device.queue.finish()
+        self.count = placed["frame"].max() + 1
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """Colours and depths, (F, frame_bytes) uint8."""
+        colours, depths = (memory.held(self.count) for _, memory in self._parts)
+        return colours, depths

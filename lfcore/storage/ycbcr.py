@@ -6,8 +6,6 @@ range: for b bits, luma codes run from 16 to 235 and chroma codes from 16 to 240
 mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
 """
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 
 from lfcore.colour import floating
@@ -57,11 +55,9 @@ def frames_from_rgb(
     format_name: str,
     width: int | None = None,
     height: int | None = None,
-    *,
-    encode: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3), uint8 or floats
-    in [0, 1], or what ``encode`` makes so; larger frames repeat the last column and row."""
+    in [0, 1]; larger frames repeat the last column and row."""
     form = pixel_format(format_name)
     count, high, wide, _ = rgb.shape
     width, height = width or wide, height or high
@@ -69,23 +65,18 @@ def frames_from_rgb(
         rgb = np.pad(rgb, ((0, 0), (0, height - high), (0, width - wide), (0, 0)), mode="edge")
     out = np.empty((count, form.frame_bytes(width, height)), np.uint8)
     planes = form.views(out, width, height)
-    for rows in bands(count * width, height):
-        some = rgb[:, rows]
+    # Rows, an even number at a time: what is computed of so few fits a cache, and its memory is
+    # used again for the next.  Whole pictures take 1.3 to 1.5 times as long.
+    step = max(2, BAND_PIXELS // (count * width) // 2 * 2)
+    for top in range(0, height, step):
+        rows = slice(top, min(top + step, height))
         small = slice(rows.start // form.subsampling, rows.stop // form.subsampling)
         _fill(
             [plane[:, part] for plane, part in zip(planes, (rows, small, small), strict=True)],
-            encode(some) if encode else some,
+            rgb[:, rows],
             form,
         )
     return out
-
-
-def bands(width: int, height: int) -> Iterator[slice]:
-    """Rows of pictures, an even number at a time: what is computed of so few fits a cache, and its
-    memory is used again for the next.  Whole pictures take 1.3 to 1.5 times as long."""
-    step = max(2, BAND_PIXELS // width // 2 * 2)
-    for top in range(0, height, step):
-        yield slice(top, min(top + step, height))
 
 
 def _fill(planes: list[np.ndarray], rgb: np.ndarray, form: PixelFormat) -> None:

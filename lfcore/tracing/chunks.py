@@ -12,7 +12,7 @@ import numpy as np
 
 from lfcore.opencl.device import PAGE, Device, cl, page_aligned
 from lfcore.optics.slab import Slab
-from lfcore.tracing.layouts import PLACEMENT
+from lfcore.tracing.layouts import FRAME_ARGUMENTS, PLACEMENT, record
 from lfcore.tracing.packets import ranks
 
 if TYPE_CHECKING:
@@ -136,3 +136,17 @@ class FrameMemory:
         """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""
         shape = count, self.layout.frame_bytes
         return self.device.mapped(self.buffer, shape, np.uint8, write=write)
+
+    def held(self, count: int) -> np.ndarray:
+        """The same, which is valid until kernels write again."""
+        with self.frames(count):  # to map it is enough
+            return self.memory[: count * self.layout.frame_bytes].reshape(count, -1)
+
+    @property
+    def arguments(self) -> np.ndarray:
+        """What kernels are told of frames."""
+        layout = self.layout
+        return record(
+            FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
+            subsampling=layout.format.subsampling, rgb=layout.format.rgb,
+        )  # fmt: skip

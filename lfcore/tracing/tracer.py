@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.opencl.device import cl
 from lfcore.optics import bundles as rays
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
@@ -20,7 +19,6 @@ from lfcore.tracing.arrays import ArrayTracer
 from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, placements_of
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.layouts import FRAME_ARGUMENTS, record
 from lfcore.tracing.packets import Groups
 from lfcore.tracing.plan import Plan, probe
 from lfcore.tracing.plane_buffers import tile_strips
@@ -90,7 +88,7 @@ class TileJob:
                 # The first chunk's memory is black already.
                 if start and stop - start < count * self.layout.elements_per_frame:
                     memory.blank(count)
-                self._launch(slice(start, stop), placements[start:stop], memory.buffer)
+                self._launch(slice(start, stop), placements[start:stop], memory)
                 self.scene.device.queue.finish()
             tracing.seconds = watch.seconds["trace"]
             if progress:
@@ -100,18 +98,13 @@ class TileJob:
                     yield Chunk(frames, first)
         tracing.plane_sums = self.strips.sums.collect()
 
-    def _launch(self, part: slice, placements: np.ndarray, frames: cl.Buffer) -> None:
-        layout = self.layout
+    def _launch(self, part: slice, placements: np.ndarray, memory: FrameMemory) -> None:
         make = rays.macropixels if self.macro else rays.views
         bundles = make(self.slab, self.elements[part])
         groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.height)
-        numbers = record(
-            FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
-            subsampling=layout.format.subsampling, rgb=layout.format.rgb,
-        )  # fmt: skip
         self.job.launch(
-            bundles, groups, self.strips.workers, frame_numbers=numbers,
-            placements=self.scene.device.buffer(placements), frames=frames,
+            bundles, groups, self.strips.workers, frame_numbers=memory.arguments,
+            placements=self.scene.device.buffer(placements), frames=memory.buffer,
             **self.strips.arguments(),
         )  # fmt: skip
 

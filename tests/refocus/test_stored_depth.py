@@ -11,7 +11,7 @@ from stored_fields import LOSSLESS
 
 from lfcore import Camera, Encoding, LightField, SensorPlane, Slab
 from lfcore.cli import main
-from lfcore.colour import srgb_codes, srgb_encode
+from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
 from lfcore.exchange.pictures import read_pfm
 from lfcore.optics.bundles import Bundles
@@ -70,7 +70,7 @@ def stored(path, tracer, kind, displaced=True, spec=LOSSLESS, slab=SLAB, pack=1)
 
 def traced(tracer, displaced, slab=SLAB):
     parts = list(traced_views(tracer, views_of(slab, displaced=displaced), PIXELS))
-    return (np.concatenate([part[k] for part in parts]) for k in (1, 2))
+    return (np.concatenate([part[k] for part in parts]) for k in (2, 3))
 
 
 @pytest.mark.parametrize(("displaced", "slab"), [(True, SLAB), (False, SLAB), (True, TALL)])
@@ -84,7 +84,7 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(
         path = tmp_path / f"{kind}{pack}.mkv"
         field = stored(path, tracer, kind, displaced, slab=slab, pack=pack)
         there = field.views(0, 0, 3, 3, codes=True).reshape(light.shape)
-        np.testing.assert_array_equal(there, srgb_codes(light))
+        assert np.abs(there - 255 * srgb_encode(light)).max() < 0.502
         for rays in (1 << 22, 3 * slab.size.width):
             monkeypatch.setattr(stored_depth, "VIEWS_RAYS", rays)
             pictures.append(field.refocus_many(PLANES))
@@ -123,7 +123,7 @@ def test_rows_traced_at_a_time_give_the_picture_of_whole_views(tracer, monkeypat
     """To the last bit, in strips of another height, too."""
     views = views_of(Slab(CAMERA, 2, 150), displaced=True)
     whole = trace_by_depth(tracer, views, PLANES, 75)
-    monkeypatch.setattr(by_depth, "BAND_RAYS", 1)
+    monkeypatch.setattr(by_depth, "RAYS_AT_A_TIME", 1)
     monkeypatch.setattr(depth_slicing, "STRIP_ROWS", 9)
     np.testing.assert_array_equal(trace_by_depth(tracer, views, PLANES, 75), whole)
 

@@ -12,6 +12,8 @@
 //
 // STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
 
+#include "colours.cl"
+
 // The hint keeps compilers from vectorising over work-items: a work-group has one.
 #define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(float16)))
 #define STEPS 256
@@ -259,17 +261,8 @@ inline void read_rays(global const light_t *light, ulong channel, int pixel, glo
         *z = (float16)(EIGHT(0), EIGHT(8));
         for (int c = 0; c < 3; ++c) found[c] = convert_float16(vload16(0, light + c * channel)) / (float)(LIGHT_ONE);
 #else
-        const uint16 r = (uint16)(0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
-        const uint16 r2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29);
-        const uint16 g = (uint16)(1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0);
-        const uint16 g2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30);
-        const uint16 b = (uint16)(2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0);
-        const uint16 b2 = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31);
-        const float16 x = vload16(0, light), y = vload16(1, light), w = vload16(2, light);
         *z = vload16(0, depth);
-        found[0] = shuffle2(shuffle2(x, y, r), w, r2);
-        found[1] = shuffle2(shuffle2(x, y, g), w, g2);
-        found[2] = shuffle2(shuffle2(x, y, b), w, b2);
+        split_colours(light, found);
 #endif
         return;
     }
