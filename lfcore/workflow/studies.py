@@ -114,7 +114,7 @@ class WorkPrecision(Keys):
         ],
     )  # fmt: skip
     memory_views: several(whole(2, 256), 1) = key(
-        "lens samples per side of light fields in memory", [8, 32]
+        "lens samples per side of light fields in memory", [8, 24]
     )
     monte_carlo_samples: listed(whole(1, 16384), 1, 8) = key(
         "samples per pixel of the Monte Carlo curve", [4, 16, 64]
