@@ -29,10 +29,10 @@ def open_scene(files: Any) -> tuple[Scene, Bvh]:
     return scene, load_bvh(files.bvh)
 
 
-def open_tracer(job: Any) -> Tracer:
-    """A tracer of a job's scene and tree on its device."""
+def open_tracer(job: Any, **how: Any) -> Tracer:
+    """A tracer of a job's scene and tree on its device; ``how`` as :class:`Tracer` has it."""
     device = open_device(job.params.device or None, threads=job.threads)
-    return Tracer(*open_scene(job.input), device)
+    return Tracer(*open_scene(job.input), device, **how)
 
 
 def trace_batch(

@@ -8,7 +8,8 @@ from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
-    tracer = open_tracer(snakemake)
+    # Blocks of one element, whichever way rays are traced: each ray has one colour in all of them.
+    tracer = open_tracer(snakemake, outer=1)
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
     focus_m = sorted({min(focus), camera.focus_m, max(focus)})
