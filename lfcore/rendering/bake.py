@@ -24,7 +24,7 @@ from lfcore.rendering.bake_gather import Gatherer
 from lfcore.rendering.bake_guide import Guide
 from lfcore.rendering.bake_lamps import Lamps
 from lfcore.rendering.bake_points import Grids, Points, grid_point, lattice
-from lfcore.rendering.bake_rays import BATCH, Surroundings, dot
+from lfcore.rendering.bake_rays import BATCH, FIELD, Surroundings, dot
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
@@ -32,16 +32,17 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 
-_FEWEST, _MOST = 32, 1024
-"""Rays per point."""
+_FEWEST, _MOST, _FIRST = 32, 1024, 2**20
+"""Rays per point; and of all points at first, from which guides learn."""
 _OF_HIDDEN = 16
 _ROUNDS, _DARK = 4, 0.25
-_LARGEST_SIDE, _OF_DIRECT = 256, 4
-"""The most cells along an edge; the cells of direct light, whose edges are sharp, per cell."""
+_LARGEST_SIDE, _OF_DIRECT, _DIRECT_CELLS = 256, 4, 128
+"""The most cells along an edge; the cells of direct light, whose edges are sharp, per cell, and
+over the width of the picture, at most."""
 _HIT_BYTES = 18
 _INSIDE = 0.9
 """The share of the way to a corner that a surface must leave free."""
-_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 4, 25.0, 0.95
+_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 4, 7.5, 0.95
 """How much more noise rays may leave at first than is asked for; steps of averaging neighbours,
 where the square of what they differ by is not so many times their noise, take it."""
 
@@ -92,10 +93,10 @@ def _check_albedo(scene: Scene) -> None:
 
 
 def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, ...]:
-    """Faces that the camera sees, within twice its field, the mean barycentric weights (F, 3) of
-    where it does, and each triangle's least distance; by ``count`` rays per side."""
+    """Faces that the camera sees, in its field and a little beside it, the mean barycentric weights
+    (F, 3) of where it does, and each triangle's least distance; by ``count`` rays per side."""
     camera, corners = scene.camera, scene.triangles.astype(np.float64)
-    step, distance = 2 * camera.field_width / count, np.full(len(corners), np.inf)
+    step, distance = FIELD * camera.field_width / count, np.full(len(corners), np.inf)
     sums = np.zeros((4, 2 * len(corners)))
     for number, (x, y) in enumerate(around.lens):
         apart = 2 if number else 1
@@ -134,7 +135,8 @@ def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, 
     seen = np.isfinite(distance)
     cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
-    wanted = [np.log2(np.maximum(many * edge / cell, 1)) + 0.25 for many in (1, _OF_DIRECT)]
+    finer = min(_OF_DIRECT, max(1, _DIRECT_CELLS / cells))
+    wanted = [np.log2(np.maximum(many * edge / cell, 1)) + 0.25 for many in (1, finer)]
     sides, fine = (np.minimum(1 << power.astype(np.int64), _LARGEST_SIDE) for power in wanted)
     return sides, fine, np.where(seen, np.sqrt(2 * area) / cell, 0)
 
@@ -162,7 +164,8 @@ class Baker:
         """Gather at faces, seen at ``spots`` (F, 3), and at those that rays from there hit."""
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
-        fresh, count = self.grids.add(seen), _FEWEST
+        fresh = self.grids.add(seen)
+        count = max(_FEWEST, min(_MOST // 4, _FIRST // max(fresh.stop, 1) // 8 * 8))
         hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)

@@ -28,7 +28,7 @@ ALONG = np.float32(1e-5)
 _NEAR, _ASLANT = 1 / 512, 4.0
 """The distance that counts as nearby, as a share of the scene's size: across the surface; along a
 ray it is longer by the second number."""
-_FIELD = 1.25
+FIELD = 1.25
 """The part of the camera's field where light is as good as is asked for."""
 
 
@@ -159,7 +159,7 @@ class Surroundings:
         some point of the lens."""
         camera, (x, y, depth) = self.scene.camera, places.T
         spread = camera.lens_radius_m * abs(1 - depth / camera.focus_m)
-        half = _FIELD * camera.field_width / 2 * depth + spread
+        half = FIELD * camera.field_width / 2 * depth + spread
         return (depth > 0) & (abs(x) <= half) & (abs(y) <= half)
 
     def cast(self, origins: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 FINER, _FINE = 8, 0.06
 """Cells are halved until an edge has this many times the cells that the picture needs at first, for
 errors up to the other; an edge between lit and dark errs as the root of its cells."""
-_SURPRISE, _CONTRAST = 0.06, 2.0
+_SURPRISE, _CONTRAST = 0.06, 1.5
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
 more have a point between them."""
 _FEW, _RAYS, _NOISE = 32, 128, 0.1
 """Rays of such a point; of one that surprises, or whose noise is above a share of the square of
 its allowed difference; and this share."""
+_DOUBTED, _STEPS, _CUT = 0.6, 2, 7.5
+"""The share of the noise by which differences are lessened: with all of it, details are lost; and
+steps of averaging neighbours, as in a bake."""
 _MOST_SIDE = 1024
 _VALUE_BYTES = 64
 
@@ -133,15 +136,14 @@ class Refinement:
         sums = np.zeros((2, len(first), 3), np.float32)
         is_open = ~self.baker.around.covered(points)
         some = np.flatnonzero(is_open)
-        sums[:, some], is_open[some] = self.baker.gather(
-            points.of(some), near[some], seeds[some], 0, _FEW
-        )
+        given = points.of(some), near[some], seeds[some]
+        sums[:, some], is_open[some] = self.baker.gather(*given, 0, _FEW)
         covered[at] = ~is_open[inverse]
         found, noise = self._judged(sums, _FEW, near)
         most = self._allowed * np.maximum(found.mean(-1), self._floor)
         off = (found - before).mean(-1) ** 2
         share = self._share(off, noise, near)
-        unsure = (off > np.maximum(most**2, 4 * noise)) | (share**2 * noise > _NOISE * most**2)
+        unsure = (off > np.maximum(most**2, noise)) | (share**2 * noise > _NOISE * most**2)
         unsure = np.flatnonzero(is_open & unsure)
         if len(unsure):
             some = near[unsure]
@@ -152,7 +154,8 @@ class Refinement:
             share = self._share(off, noise, near)
         share = np.where(is_open, share, 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
-        large = is_open & (off > most**2 + 9 * noise)
+        _smooth(values, at, (share**2 * noise)[inverse], side)
+        large = is_open & (off > most**2 + 2 * noise)
         surprised = np.zeros(len(values), bool)
         surprised[at[0][large[inverse]]] = True
         return surprised
@@ -161,7 +164,7 @@ class Refinement:
         """(P,) of differences to the mean, the share that is kept: not noise of points nearby."""
         table = self.baker.guide.of[near]
         all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
-        return np.maximum(1 - noise / np.maximum(all_off, 1e-30), 0)
+        return np.maximum(1 - _DOUBTED * noise / np.maximum(all_off, 1e-30), 0)
 
     def _judged(self, sums: np.ndarray, rays: int, near: np.ndarray) -> tuple[np.ndarray, ...]:
         """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors."""
@@ -198,6 +201,25 @@ def _between(
     rough |= (hidden != other) & _is_new(side)
     a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
     return (a + b) / 2, hidden & other, rough
+
+
+def _smooth(values: np.ndarray, at: tuple, noise: np.ndarray, side: int) -> None:
+    """Average values (T, 2, n, 3) ``at`` points, of ``noise`` (P,), with those beside them on the
+    grid, on an edge with those on it, as far as noise can be what they differ by."""
+    places = lattice(side)
+    places = np.column_stack([places, side - places.sum(1)])[:, None]
+    to = places + np.array([[1, -1, 0], [-1, 1, 0], [1, 0, -1], [-1, 0, 1], [0, 1, -1], [0, -1, 1]])
+    inside = ((to >= 0) & ((places > 0) | (to == 0))).all(-1)
+    number = grid_point(to[..., 0], to[..., 1], np.int64(side))
+    beside = np.where(inside, number, np.arange(len(places))[:, None])[at[2]]
+    spread = np.zeros(values.shape[:3], np.float32)
+    spread[at] = noise
+    there = at[0][:, None], at[1][:, None], beside
+    most = _CUT * (spread[at][:, None] + spread[there]) + 1e-30
+    for _ in range(_STEPS):
+        off = values[there] - values[at][:, None]
+        share = np.maximum(1 - off.mean(-1) ** 2 / most, 0) * (noise > 0)[:, None]
+        values[at] += (share[..., None] * off).sum(1) / (1 + beside.shape[1])
 
 
 def _is_new(side: int) -> np.ndarray:
