@@ -2,8 +2,8 @@
 
 The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
 picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
-beside Mitsuba with its denoiser: core seconds per plane, dB of all five, and from which plane on
-ours, with the bake, take a tenth of Mitsuba's time; ever better ones, the last as good as Mitsuba.
+beside Mitsuba and Cycles with their denoisers: core seconds per plane, dB of all five, and from
+which plane on ours, with the bake, take a tenth of Mitsuba's time; the last as good as Mitsuba's.
 *price*: time of rays with baked light and sky over the time of the same rays with ambient light, in
 turn: all rays of some pixels of PRICED x PRICED.  Rows of other scenes and parts stay.
 """
@@ -27,8 +27,8 @@ import pandas as pd
 
 from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
-from benchmarks.peers.cycles_lens import matt
-from benchmarks.peers.method import Samples
+from benchmarks.peers.cycles_lens import CyclesLens, matt
+from benchmarks.peers.method import Renderer, Samples, SkippedError
 from benchmarks.peers.mitsuba_path import MitsubaPath
 from benchmarks.peers.mitsuba_picture import denoised
 from benchmarks.publish import with_kept
@@ -51,15 +51,11 @@ from lfcore.scene.model import Scene
 from lfcore.timing import measure_in_turn
 from lfcore.tracing.tracer import Tracer
 
-PATHS = {
-    "cornell": "cornell/scene.yaml",
-    "bike": "bike/sky.yaml",
-    "bedroom": "bedroom/window.yaml",
-}
+PATHS = {"cornell": "cornell/scene.yaml", "bike": "bike/sky.yaml", "bedroom": "bedroom/window.yaml"}
 BAKES = "0.16:16", "0.16:32", "0.04:32", "0.02:32", "0.01:32"
 """Errors that bakes are asked for, and cells over the width of the picture to begin with."""
 PINHOLE, SHARP = 1e4, Lattice(2, 16)
-PEER = "Mitsuba path + OIDN, 64 samples"
+PEER, CYCLES = (f"{name} + OIDN, 64 samples" for name in ("Mitsuba path", "Cycles"))
 DENOISED = Samples(64, "multijitter", "picture")
 LATTICES = Lattice(4, 2), Lattice(8, 1)
 PRICED = 512
@@ -72,6 +68,10 @@ def scene_of(name: str, folder: Path) -> Scene:
         write_picture(folder / "sky.exr", sky())
         light = {"sky": {"file": str(folder / "sky.exr")}}
     return replace(matt(load_scene(path, light=light)), name=name, clip=False)
+
+
+def bounces_of(scene: Scene) -> int:
+    return (scene.bake or BakeOptions()).bounces
 
 
 def baked(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
@@ -134,10 +134,20 @@ def planes(
             "core s": f"{seconds:.3g}", "dB": f"{true_psnr(pictures, truths):.1f}",
         }  # fmt: skip
 
-    peer.picture(cameras[0], 64, DENOISED)  # compiles
-    found = [peer.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
-    shown, taken = map(np.array, zip(*found, strict=True))
-    theirs = _said(row(PEER, shown, taken.mean()))
+    def theirs(name: str, other: Renderer) -> dict:
+        other.picture(cameras[0], 64, DENOISED)  # compiles
+        found = [other.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
+        shown, taken = map(np.array, zip(*found, strict=True))
+        return _said(row(name, shown, taken.mean()))
+
+    if "cycles" in options.parts:
+        try:
+            cycles = CyclesLens(scene, options.threads, bounces_of(scene))
+            yield theirs(CYCLES, cycles)
+            cycles.close()
+        except SkippedError as why:
+            say(f"{CYCLES}: left out, {why}")
+    mitsubas = theirs(PEER, peer)
     for (bake, lit), lattice in itertools.product(lights, LATTICES):
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
         pictures_by_depth(tracer, scene.camera, wanted, 16, lattice)  # programs
@@ -145,12 +155,12 @@ def planes(
         made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, lattice)
         traced = (time.process_time() - begun) / len(wanted)
         ours = row(f"baked, {bake['setting']}, {lattice}", made, traced)
-        per_plane = float(theirs["core s"]) / 10 - traced
+        per_plane = float(mitsubas["core s"]) / 10 - traced
         first = max(1, math.ceil(float(bake["core s"]) / per_plane)) if per_plane > 0 else ""
         yield _said(ours | {"bake core s": bake["core s"], "a tenth from plane": first})
-        if float(ours["dB"]) >= float(theirs["dB"]):
+        if float(ours["dB"]) >= float(mitsubas["dB"]):
             break
-    yield theirs
+    yield mitsubas
 
 
 def truth_of(peer: MitsubaPath, camera: Camera, options: argparse.Namespace, seed: int) -> list:
@@ -219,7 +229,9 @@ def main() -> None:
     parser = parser_of(__doc__ or "", scenes=tuple(PATHS), pixels=128)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
-    parser.add_argument("--parts", nargs="+", default=["planes", "price"], help="beside bakes")
+    parser.add_argument(
+        "--parts", nargs="+", default=["planes", "cycles", "price"], help="beside bakes"
+    )
     parser.add_argument("--bakes", nargs="+", default=BAKES)
     parser.add_argument("--converged", type=int, default=128, help="samples of converged pictures")
     parser.add_argument("--repeats", type=int, default=50)
@@ -230,8 +242,7 @@ def main() -> None:
         for name in options.scenes:
             scene = scene_of(name, Path(folder))
             kept: dict[str, np.ndarray] = {}
-            bounces = (scene.bake or BakeOptions()).bounces
-            peer = MitsubaPath(scene, bounces, options.threads)
+            peer = MitsubaPath(scene, bounces_of(scene), options.threads)
             lights = list(bakes(scene, peer, options))
             rows += [row for row, _ in lights]
             if "planes" in options.parts:

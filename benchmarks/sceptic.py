@@ -52,10 +52,7 @@ MITSUBA = {
     "Mitsuba random + OIDN": Samples(1, "independent", "picture"),
     "Mitsuba + OIDN, aux.": Samples(1, "multijitter", "auxiliary"),
 }
-CYCLES = {
-    "Cycles": Samples(1, ""),
-    "Cycles + OIDN": Samples(1, "", "picture"),
-}
+CYCLES = {"Cycles": Samples(1, ""), "Cycles + OIDN": Samples(1, "", "picture")}
 PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
     "mitsuba": (MITSUBA, MitsubaLens), "cycles": (CYCLES, CyclesLens),
 }  # fmt: skip

@@ -1,8 +1,9 @@
 """Blender's Cycles through a thin lens, with its own denoiser: the package ``bpy``.
 
 The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel; ambient light is
-emission of the surfaces.  Different: highlights are left out (the scene is made matt for both), and
-values are not cut to [0, 1] per ray; so each is judged by its own converged picture.
+emission of the surfaces, seen by the camera alone.  Different: highlights are left out (the scene
+is made matt for both), and values are not cut to [0, 1] per ray; so each is judged by its own
+converged picture.  With bounces, the sky and what glows light all surfaces.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from benchmarks.peers.method import Renderer, Samples, check_installed
 from benchmarks.peers.mitsuba_lens import check_plain
+from benchmarks.peers.mitsuba_path import panorama, without_suns
 from lfcore.exr import read_exr_picture
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
@@ -40,13 +42,14 @@ class CyclesLens(Renderer):
     Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
     """
 
-    def __init__(self, scene: Scene, threads: int):
+    def __init__(self, scene: Scene, threads: int, bounces: int = 0):
         check_installed("bpy")
         check_plain(scene)
-        super().__init__(_open, (scene, threads), _picture, "the package bpy")
+        scene = without_suns(scene) if bounces else scene
+        super().__init__(_open, (scene, threads, bounces), _picture, "the package bpy")
 
 
-def _open(scene: Scene, threads: int) -> None:
+def _open(scene: Scene, threads: int, bounces: int) -> None:
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -57,11 +60,12 @@ def _open(scene: Scene, threads: int) -> None:
     blender.render.image_settings.file_format = "OPEN_EXR"
     blender.render.image_settings.color_depth = "32"
     cycles = blender.cycles
-    cycles.max_bounces, cycles.use_adaptive_sampling = 0, False
+    cycles.max_bounces = cycles.diffuse_bounces = bounces
+    cycles.use_adaptive_sampling, cycles.sample_clamp_indirect = False, 0
     cycles.pixel_filter_type, cycles.denoiser = "BOX", "OPENIMAGEDENOISE"
     cycles.filter_width = 1.0
     _world(bpy, blender, scene)
-    _mesh(bpy, blender, scene)
+    _mesh(bpy, blender, scene, bounces > 0)
     for light in scene.lights:
         _light(bpy, blender, light)
     camera = bpy.data.cameras.new("camera")
@@ -71,15 +75,24 @@ def _open(scene: Scene, threads: int) -> None:
 
 
 def _world(bpy, blender, scene: Scene) -> None:
-    """The background is seen and gives no light."""
+    """The background is seen and gives no light; a sky does."""
     world = blender.world = bpy.data.worlds.new("world")
     world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs[0].default_value = (*scene.background, 1)
+    colour = world.node_tree.nodes["Background"].inputs[0]
+    colour.default_value = (*scene.background, 1)
+    if len(scene.sky):
+        light = panorama(scene.sky, -np.eye(3))[::-1]
+        image = bpy.data.images.new("sky", *light.shape[1::-1], float_buffer=True)
+        image.pixels.foreach_set(np.dstack([light, np.ones_like(light[..., :1])]).ravel())
+        texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+        texture.image = image
+        world.node_tree.links.new(texture.outputs["Color"], colour)
+        return
     world.cycles.sampling_method = "NONE"
     world.cycles_visibility.diffuse = False
 
 
-def _mesh(bpy, blender, scene: Scene) -> None:
+def _mesh(bpy, blender, scene: Scene, lights: bool) -> None:
     count, mesh = scene.triangle_count, bpy.data.meshes.new("triangles")
     flip = np.array([1, -1, -1], np.float32)  # Blender's cameras look along -z, y up
     mesh.vertices.add(3 * count)
@@ -92,18 +105,16 @@ def _mesh(bpy, blender, scene: Scene) -> None:
     if len(scene.uvs):
         mesh.uv_layers.new(name="uv").data.foreach_set("uv", scene.uvs.ravel())
     for index in range(len(scene.materials)):
-        mesh.materials.append(_material(bpy, scene, index))
+        mesh.materials.append(_material(bpy, scene, index, lights))
     mesh.update()
     if len(scene.normals):
         mesh.normals_split_custom_set((scene.normals * flip).reshape(-1, 3).tolist())
     blender.collection.objects.link(bpy.data.objects.new("triangles", mesh))
 
 
-def _material(bpy, scene: Scene, index: int):
-    """Diffuse, plus emission of ambient light times the same colour and of its own.
-
-    Emission is for the camera's rays alone: surfaces do not light each other.
-    """
+def _material(bpy, scene: Scene, index: int, lights: bool):
+    """Diffuse, plus emission of ambient light times the same colour, for the camera's rays alone,
+    and of its own, which ``lights`` other surfaces or not."""
     ours = scene.materials[index]
     material = bpy.data.materials.new(f"material {index}")
     material.use_nodes = True
@@ -130,15 +141,18 @@ def _material(bpy, scene: Scene, index: int):
     link(diffuse, surface.inputs["Color"])
     shader = surface.outputs[0]
     to_camera = nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"]
-    for colour in (product(diffuse, scene.ambient), product((1, 1, 1), ours.emission)):
+    ambient = (0.0, 0.0, 0.0) if len(scene.sky) else scene.ambient
+    for colour, all_round in ((product(diffuse, ambient), False),
+                              (product((1, 1, 1), ours.emission), lights)):  # fmt: skip
         glow, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
         link(colour, glow.inputs["Color"])
-        link(to_camera, glow.inputs["Strength"])
+        if not all_round:
+            link(to_camera, glow.inputs["Strength"])
         link(shader, both.inputs[0])
         link(glow.outputs[0], both.inputs[1])
         shader = both.outputs[0]
     link(shader, output.inputs["Surface"])
-    material.cycles.emission_sampling = "NONE"
+    material.cycles.emission_sampling = "FRONT_BACK" if lights and any(ours.emission) else "NONE"
     return material
 
 

@@ -40,10 +40,7 @@ class _Lit(Description):
     """A scene with its sky and what glows."""
 
     def __init__(self, mitsuba, scene: Scene):
-        towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
-        lights = [light for light in scene.lights if light.vector not in towards]
-        scene = _with_backs(replace(scene, lights=lights))
-        super().__init__(mitsuba, scene, leave_out_ambient=True)
+        super().__init__(mitsuba, _with_backs(without_suns(scene)), leave_out_ambient=True)
         self._glows = False
 
     def _glow(self, index: int) -> dict | None:
@@ -52,12 +49,26 @@ class _Lit(Description):
 
     def sky(self) -> dict:
         """Mitsuba's panorama begins at -z and turns to +x."""
-        across, down = (np.arange(4 * n) + 0.5 for n in (2 * SKY_HEIGHT, SKY_HEIGHT))
-        turn, polar = np.meshgrid(across / len(across) * 2 * np.pi, down / len(down) * np.pi)
-        d = [np.sin(turn) * np.sin(polar), np.cos(polar), -np.cos(turn) * np.sin(polar)]
-        light = radiance(self._scene.sky, np.stack(d, -1).reshape(-1, 3))
-        light = light.reshape(SKY_HEIGHT, 4, 2 * SKY_HEIGHT, 4, 3).mean((1, 3))
+        light = panorama(self._scene.sky, np.array([[0, 0, -1], [1, 0, 0], [0, 1, 0]]))
         return {"type": "envmap", "bitmap": self.mitsuba.Bitmap(light)}
+
+
+def without_suns(scene: Scene) -> Scene:
+    """The scene without lights that its sky has, too."""
+    towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
+    return replace(scene, lights=[x for x in scene.lights if x.vector not in towards])
+
+
+def panorama(sky: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """(SKY_HEIGHT, 2 SKY_HEIGHT, 3) float32 radiance, from above down.
+
+    ``axes`` (3, 3) are where it begins, where a quarter turn leads, and what is above.
+    """
+    across, down = (np.arange(4 * n) + 0.5 for n in (2 * SKY_HEIGHT, SKY_HEIGHT))
+    turn, polar = np.meshgrid(across / len(across) * 2 * np.pi, down / len(down) * np.pi)
+    d = [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    light = radiance(sky, np.stack(d, -1).reshape(-1, 3) @ axes)
+    return light.reshape(SKY_HEIGHT, 4, 2 * SKY_HEIGHT, 4, 3).mean((1, 3))
 
 
 def _with_backs(scene: Scene) -> Scene:

@@ -57,12 +57,7 @@ class Equivalence:
 
 
 def equivalence(
-    tracer: Tracer,
-    planes: Planes,
-    *,
-    views: int,
-    pixels: int,
-    reference_views: int = 64,
+    tracer: Tracer, planes: Planes, *, views: int, pixels: int, reference_views: int = 64
 ) -> Equivalence:
     """Make every picture every way, and compare; the reference's own rows are last.
 

@@ -46,11 +46,7 @@ class Sheet(NamedTuple):
 
 
 def contact_sheet(
-    path: str | Path,
-    cells: Sequence[Cell],
-    columns: int | None = None,
-    *,
-    panel_px: int = PANEL_PX,
+    path: str | Path, cells: Sequence[Cell], columns: int | None = None, *, panel_px: int = PANEL_PX
 ) -> None:
     """Write pictures (H, W, 3), linear light in [0, 1], each above its label, as one PNG.
 

@@ -56,11 +56,7 @@ class NotRenderedError(LfcoreError):
 
 
 def compare(
-    tracer: Tracer,
-    focus_m: Sequence[float],
-    *,
-    pixels: int,
-    views: int,
+    tracer: Tracer, focus_m: Sequence[float], *, pixels: int, views: int
 ) -> tuple[list[dict], list[list[Rendered]]]:
     """Rows of the table, and all pictures of each focus distance.
 

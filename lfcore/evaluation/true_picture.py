@@ -55,10 +55,7 @@ def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
 
 
 def true_pictures(
-    tracer: Tracer,
-    planes: Sequence[SensorPlane],
-    pixels: Pixels,
-    lattices: Sequence[Lattice],
+    tracer: Tracer, planes: Sequence[SensorPlane], pixels: Pixels, lattices: Sequence[Lattice]
 ) -> Reference:
     """Trace all planes from the same rays, by each of two lattices.
 

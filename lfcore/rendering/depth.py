@@ -119,9 +119,7 @@ def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
 
 
 def all_in_focus(
-    slab: Slab,
-    depth: np.ndarray,
-    views: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    slab: Slab, depth: np.ndarray, views: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]
 ) -> np.ndarray:
     """(H, W, 3) float32, linear light: the picture through the lens centre, every point averaged
     over all views that see it, else of the view nearest to the axis.

@@ -28,11 +28,7 @@ def finished(tracing: TileTracing) -> TileTracing:
 
 
 def trace_planes(
-    tracer: Tracer,
-    slab: Slab,
-    planes: Sequence[SensorPlane],
-    *,
-    progress: Progress | None = None,
+    tracer: Tracer, slab: Slab, planes: Sequence[SensorPlane], *, progress: Progress | None = None
 ) -> np.ndarray:
     """(P, height, width, 3) float32, linear light: ``planes`` formed while a slab is traced
     (Algorithm 1).  ``progress`` counts pixels."""

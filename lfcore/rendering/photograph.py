@@ -69,12 +69,7 @@ def photograph(
 
 
 def direct_thin_lens(
-    tracer: Tracer,
-    camera: VirtualCamera,
-    focus_z: float,
-    samples_per_pixel: int,
-    *,
-    first: int = 0,
+    tracer: Tracer, camera: VirtualCamera, focus_z: float, samples_per_pixel: int, *, first: int = 0
 ) -> np.ndarray:
     """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
 
@@ -198,11 +193,7 @@ def stratified_offsets(cameras: int, samples: int, seed: int) -> np.ndarray:
 
 
 def trace_array(
-    tracer: Tracer,
-    array: CameraArray,
-    samples_per_pixel: int = 1,
-    *,
-    seed: int = 0,
+    tracer: Tracer, array: CameraArray, samples_per_pixel: int = 1, *, seed: int = 0
 ) -> np.ndarray:
     """(Ny h, Nx w, 3) float32 linear radiance of all data cameras, not clamped, tiles as
     :class:`CameraArray` lays them out.

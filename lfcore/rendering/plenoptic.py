@@ -21,10 +21,7 @@ BLOCK_PX = 512
 
 
 def photograph(
-    tracer: Tracer,
-    camera: PlenopticCamera,
-    *,
-    progress: Progress | None = None,
+    tracer: Tracer, camera: PlenopticCamera, *, progress: Progress | None = None
 ) -> np.ndarray:
     """(M N, M N, 3) uint8 sRGB: what the photosensor records, upright.
 

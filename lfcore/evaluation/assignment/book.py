@@ -44,11 +44,7 @@ def measured_camera(size: int) -> VirtualCamera:
 
 
 def book(
-    device: Device,
-    *,
-    light_field: str | Path,
-    lens: str | Path,
-    picture_px: int,
+    device: Device, *, light_field: str | Path, lens: str | Path, picture_px: int
 ) -> tuple[list[Sheet], dict]:
     """Sheets of the three steps, and measurements of two.
 

@@ -119,10 +119,7 @@ def reconstructions(
 
 
 def convergence(
-    field: DeviceField,
-    camera: VirtualCamera,
-    focus_z: float,
-    counts: Sequence[int],
+    field: DeviceField, camera: VirtualCamera, focus_z: float, counts: Sequence[int]
 ) -> dict[str, dict]:
     """Monte Carlo against its limit, by sampler: ``counts``, ``rmse``, their log-log ``slope``.
 
@@ -275,11 +272,7 @@ def _compared(
 
 
 def time(
-    device: Device,
-    *,
-    files: Sequence[str | Path],
-    picture_px: int,
-    instants: int,
+    device: Device, *, files: Sequence[str | Path], picture_px: int, instants: int
 ) -> tuple[list[Sheet], dict]:
     """Step 6: an open shutter before moving objects, sampled at more and more instants.
 

@@ -222,12 +222,7 @@ def layouts(views: int, pixels: int, packs: Sequence[int]) -> Iterator[FrameLayo
 
 
 def layout_rows(
-    tracer: Tracer,
-    pixels: Pixels,
-    *,
-    views: Sequence[int],
-    rays: int,
-    packs: Sequence[int],
+    tracer: Tracer, pixels: Pixels, *, views: Sequence[int], rays: int, packs: Sequence[int]
 ) -> list[dict]:
     """Rows of one scene (columns :data:`LAYOUT_COLUMNS`), each N of ``views`` at its settings.
 

@@ -239,11 +239,7 @@ def _sampled(
 
 
 def scene_rows(
-    tracer: Tracer,
-    wide: Reference,
-    stopped: Reference,
-    grids: Iterable[dict],
-    study: Mapping,
+    tracer: Tracer, wide: Reference, stopped: Reference, grids: Iterable[dict], study: Mapping
 ) -> list[dict]:
     """The rows of a scene, with the columns of :mod:`~lfcore.evaluation.work_precision.points`.
 
