@@ -100,7 +100,7 @@ def test_a_scaled_model_gives_the_same_picture(tmp_path, ball, scale):
         first, second = (lfcore.render(scene, pixels=64, **settings) for scene in (unit, scaled))
         # Corners are rounded to float32 otherwise: single rays at silhouettes may differ.
         assert np.abs(first - second).max() < 0.02
-        assert np.abs(first - second).mean() < 5e-4
+        assert np.abs(first - second).mean() < 1e-3  # of baked light, other samples
 
 
 @pytest.mark.parametrize(
