@@ -122,7 +122,7 @@ def make_plane(
     merged: dict[str, Any] = {}
     for one in asked.values():
         merged |= one
-    if not isinstance(source, lfcore.LightField):
+    if isinstance(source, lfcore.Scene):
         _refuse_views(merged, key)
         merged["pixels"] = pixels or 1
     try:
