@@ -23,9 +23,9 @@ more have a point between them."""
 _FEW, _RAYS, _NOISE = 32, 128, 0.1
 """Rays of such a point; of one that surprises, or whose noise is above a share of the square of
 its allowed difference; and this share."""
-_DOUBTED, _STEPS, _CUT = 0.6, 2, 7.5
+_DOUBTED, _CUT = 0.6, 15.0
 """The share of the noise by which differences are lessened: with all of it, details are lost; and
-steps of averaging neighbours, as in a bake."""
+how many times their noise the square of what averaged neighbours differ by is at most."""
 _MOST_SIDE = 1024
 _VALUE_BYTES = 64
 
@@ -88,9 +88,7 @@ class Refinement:
             coarse = self._wanted[triangles] <= side / self._finer
             kept.append((side, triangles[coarse], values[coarse]))
             triangles, values, covered = triangles[~coarse], values[~coarse], covered[~coarse]
-            finer, hidden, rough = _between(
-                values, covered, side, self._floor, _CONTRAST * self._allowed
-            )
+            hidden, rough = _rough(values, covered, side, self._floor, _CONTRAST * self._allowed)
             if side == begun:
                 large = self._wanted[triangles, None, None] > side / 2
                 rough |= (large | hidden) & _is_new(side)
@@ -101,13 +99,13 @@ class Refinement:
             p, q, r = corners[triangles[at[0]]].transpose(1, 2, 0)
             rough[at] = self.baker.around.in_view((p + u * (q - p) + v * (r - p)).T)
             todo = rough.any((1, 2))
-            cost = int(todo.sum()) * finer.shape[1] * finer.shape[2]
+            cost = int(todo.sum()) * 2 * hidden.shape[2]
             if not todo.any() or cost > self._room:
                 break
             kept.append((side, triangles[~todo], values[~todo]))
             self._room -= cost
-            triangles, values, covered = triangles[todo], finer[todo], hidden[todo]
-            side *= 2
+            values = _between(values[todo], covered[todo], side)
+            triangles, covered, side = triangles[todo], hidden[todo], 2 * side
             surprised = self._gather(faces[todo], side, values, covered, rough[todo])
             kept.append((side, triangles[~surprised], values[~surprised]))
             triangles, values, covered = triangles[surprised], values[surprised], covered[surprised]
@@ -183,24 +181,33 @@ class Refinement:
         return BakedLight(grids, np.concatenate(chunks, dtype=np.float32))
 
 
-def _between(
+def _rough(
     values: np.ndarray, covered: np.ndarray, side: int, floor: float, most: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(T, 2, n, 3) values of grids of twice the cells, linear between points that are not covered;
-    (T, 2, n) whether a point is covered; and whether a new point is rough: its neighbours differ
-    by more than a share, or one of the two is covered."""
+) -> tuple[np.ndarray, ...]:
+    """Of points (T, 2, n) of grids of twice the cells: whether both neighbours are covered; and
+    whether the point is rough: they differ by more than a share, or one of the two is covered."""
+    light = values.mean(-1)
+    (x, y), (a, b) = ([of[:, :, k] for k in _ends(side)] for of in (light, covered))
+    rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
+    return a & b, rough | ((a != b) & _is_new(side))
+
+
+def _between(values: np.ndarray, covered: np.ndarray, side: int) -> np.ndarray:
+    """(T, 2, n, 3) values of grids of twice the cells, linear between points (T, 2, n) that are not
+    covered."""
+    (a, b), (hidden, other) = ([of[:, :, k] for k in _ends(side)] for of in (values, covered))
+    a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
+    return (a + b) / 2
+
+
+def _ends(side: int) -> list[np.ndarray]:
+    """The two neighbours (n,), of a side's grid, of each point of one of twice the cells."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.
     step = np.stack([odd[:, 0], np.where(odd[:, 0] == 1, -odd[:, 1], odd[:, 1])], 1)
     ends = [(places + sign * step) // 2 for sign in (-1, 1)]
-    at = [grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64) for end in ends]
-    of_ends = ([of[:, :, k] for k in at] for of in (values, covered, values.mean(-1)))
-    (a, b), (hidden, other), (x, y) = of_ends
-    rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
-    rough |= (hidden != other) & _is_new(side)
-    a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
-    return (a + b) / 2, hidden & other, rough
+    return [grid_point(end[:, 0], end[:, 1], np.int64(side)).astype(np.int64) for end in ends]
 
 
 def _smooth(values: np.ndarray, at: tuple, noise: np.ndarray, side: int) -> None:
@@ -212,14 +219,9 @@ def _smooth(values: np.ndarray, at: tuple, noise: np.ndarray, side: int) -> None
     inside = ((to >= 0) & ((places > 0) | (to == 0))).all(-1)
     number = grid_point(to[..., 0], to[..., 1], np.int64(side))
     beside = np.where(inside, number, np.arange(len(places))[:, None])[at[2]]
-    spread = np.zeros(values.shape[:3], np.float32)
-    spread[at] = noise
-    there = at[0][:, None], at[1][:, None], beside
-    most = _CUT * (spread[at][:, None] + spread[there]) + 1e-30
-    for _ in range(_STEPS):
-        off = values[there] - values[at][:, None]
-        share = np.maximum(1 - off.mean(-1) ** 2 / most, 0) * (noise > 0)[:, None]
-        values[at] += (share[..., None] * off).sum(1) / (1 + beside.shape[1])
+    off = values[at[0][:, None], at[1][:, None], beside] - values[at][:, None]
+    share = np.maximum(1 - off.mean(-1) ** 2 / (_CUT * noise + 1e-30)[:, None], 0)
+    values[at] += (share[..., None] * off).sum(1) / (1 + beside.shape[1])
 
 
 def _is_new(side: int) -> np.ndarray:
