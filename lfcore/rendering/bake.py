@@ -236,6 +236,7 @@ class Baker:
             [self.around.direct(grids.points) for grids in (self.grids, self.fine)]
         )
         self.gatherer.surfaces(self.grids, self.fine)
+        del self.fine  # its light is all that is needed
         fixed, found = self.sums, [hits[0] for *_, hits in self._hits]
         self.source = np.zeros_like(self.mean())
         for _ in range(self.options.bounces):
