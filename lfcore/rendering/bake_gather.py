@@ -84,7 +84,9 @@ class Gatherer:
 
     def light(self, source: np.ndarray, direct: np.ndarray) -> None:
         """Let points send on the light ``source`` of points of coarse grids, and ``direct``."""
-        self._light[2] = self._copy(direct + source.astype(np.float32)[self._near])
+        self._light[2] = None  # makes room
+        sent = source.astype(np.float32)[self._near]
+        self._light[2] = self._copy(np.add(sent, direct, out=sent))
 
     def reflect(self, number: int, count: int, hits: tuple) -> list[np.ndarray]:
         """(2, P, 3) sums of halves of what surfaces send to ``count`` rays each, of which
