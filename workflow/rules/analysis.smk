@@ -36,9 +36,7 @@ rule truth:
         "../envs/lfcore.yaml"
     params:
         version=version("report"),
-        lattices=lambda wildcards: STUDY[
-            "truth" if wildcards.lens == "wide" else "truth_stopped"
-        ],
+        lattices=lambda wildcards: STUDY["truth" if wildcards.lens == "wide" else "truth_stopped"],
         stops=lambda wildcards: STUDY["stops"] if wildcards.lens == "stopped" else 0,
         planes=config["planes"],
         pixels=PIXELS,
