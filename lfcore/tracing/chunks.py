@@ -144,7 +144,7 @@ class FrameMemory:
 
     @property
     def arguments(self) -> np.ndarray:
-        """What kernels are told of frames."""
+        """Size and format of the frames, for kernels."""
         layout = self.layout
         return record(
             FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
