@@ -14,13 +14,13 @@ from tracing_scenes import (
     crowd,
     flat,
     lit_soup,
+    mesh,
     scene,
     soup,
     traced,
     tracer_of,
 )
 
-from benchmarks.leaks import rough_wall
 from lfcore import FrameLayout, Material, SensorPlane, Slab
 from lfcore.evaluation.stability.measurement import mismatches
 from lfcore.evaluation.stability.shapes import random_rays, single
@@ -38,6 +38,15 @@ pytestmark = pytest.mark.kernels
 def spanning(world, spans, device=None):
     """A tracer that is told what its blocks span."""
     return tracer_of(world, device, outer=spans, single_rays=False)
+
+
+def rough_wall(slab, pixels, depths_m, rng):
+    """A wall without holes: one vertex on a ray of each of K x K pixels."""
+    s, t = rng.choice(slab.lens_positions(), (2, len(pixels), len(pixels)))
+    tangent = slab.pixel_tangents()[pixels]
+    z = rng.uniform(*depths_m, s.shape)
+    lens = np.stack([s, t], -1) * (1 - z * slab.camera.delta)[..., None]
+    return mesh(np.dstack([lens + z[..., None] * np.stack(np.meshgrid(tangent, tangent), -1), z]))
 
 
 @pytest.mark.parametrize("count, spans", [(16, 2), (16, 4), (8, 1), (4, 2), (2, 2), (2, 4)])
