@@ -17,7 +17,7 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from benchmarks.publish import ROOT, Result, head, markdown, wrapped
+from benchmarks.results import ROOT, Result, head, markdown, wrapped
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import (

@@ -31,7 +31,7 @@ from benchmarks.peers.cycles_lens import CyclesLens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
 from benchmarks.peers.mitsuba_path import MitsubaPath
 from benchmarks.peers.mitsuba_picture import denoised
-from benchmarks.publish import with_kept
+from benchmarks.results import with_kept
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.colour import srgb_encode

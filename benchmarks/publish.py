@@ -7,8 +7,7 @@
     python -m benchmarks.publish --take full --command "snakemake ..." results    # docs/results/
     python -m benchmarks.publish --take peers --command "python benchmarks/tracer.py ..." tracer.csv
 
-A result file, ``benchmarks/published/NAME.csv``, begins with lines ``# key: value``: the command
-that made it, commit, processor, date, and what else is to be known.  A document has a place for it,
+A document has a place for a result file,
 
     <!-- published: NAME -->
     ...
@@ -19,30 +18,32 @@ the rows of ``NAME where N in 64 512 and method in "by depth"``.
 """
 
 import argparse
-import datetime
-import io
 import re
 import shlex
-import subprocess
 import sys
-import textwrap
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
 
+from benchmarks import full_size
+from benchmarks.results import (
+    RESULTS,
+    ROOT,
+    PublishError,
+    Result,
+    markdown,
+    of_this_run,
+    read_result,
+    wrapped,
+)
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.work_precision.points import ON_THE_FLY
 from lfcore.evaluation.work_precision.study import BY_DEPTH, NEAREST, TO_QUALITY
 from lfcore.files import write_text
 from lfcore.scene.reading import read_yaml
-from lfcore.timing import machine
 from lfcore.workflow.keys import DEFAULT_SCENES
 from lfcore.workflow.settings import check_settings
 
-ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "benchmarks" / "published"
 DOCUMENTS = (
     "README.md",
     "docs/measured.md",
@@ -61,78 +62,6 @@ TRACED = {"seconds": "trace s", "psnr_db": "PSNR dB (7.1)",
 RETRIEVED = {"seconds": "retrieve s", "psnr_db": "PSNR dB (7.3)",
              "psnr_true_db": "true PSNR dB (7.3)", "ssim": "SSIM (7.3)"}  # fmt: skip
 HITS = "hits, Mrays per core-second"
-OF_RUN = ("command", "commit", "processor", "date")
-"""What is known of every result."""
-
-
-class PublishError(LfcoreError):
-    """Results that cannot be published."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """Measured rows, and the run that they are of."""
-
-    provenance: dict[str, str]
-    rows: pd.DataFrame = field(repr=False)
-
-    def write(self, path: Path) -> None:
-        """The rows as CSV, below lines that say what they are of."""
-        write_text(path, head(self.provenance) + self.rows.to_csv(index=False, lineterminator="\n"))
-
-    def source(self) -> str:
-        """A line that says what made it, where and when."""
-        known = self.provenance
-        more = "".join(f" {value}" for key, value in known.items() if key not in OF_RUN)
-        where = f"commit {known['commit']}, {known['date']}, {known['processor']}"
-        return f"Made by `{known['command']}`: {where}.{more}"
-
-
-def head(provenance: dict[str, str]) -> str:
-    """The lines above what a run made."""
-    return "".join(f"# {key}: {value}\n" for key, value in provenance.items())
-
-
-def read_result(path: Path) -> Result:
-    """A result file.  Raises :class:`PublishError` for one that does not say what it is of."""
-    text = path.read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line.startswith("# ")]
-    provenance = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
-    missing = [key for key in OF_RUN if not provenance.get(key)]
-    if missing:
-        raise PublishError(f"does not say its {', '.join(missing)}", file=path)
-    rows = pd.read_csv(io.StringIO(text), comment="#", dtype=str, keep_default_na=False)
-    return Result(provenance, rows)
-
-
-def of_this_run(command: str, **more: str) -> dict[str, str]:
-    """What is known of a run on this machine, at this commit."""
-
-    def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    # Results and the documents that they stand in are no part of what is measured.
-    edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
-    commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
-    here = machine()
-    processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
-    today = datetime.date.today().isoformat()
-    return dict(zip(OF_RUN, (command, commit, processor, today), strict=True)) | more
-
-
-def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
-    """Rows of a run that made some of a result, and those kept of others; each says its commit.
-
-    ``keys`` are the columns, of texts, that tell what a row is of.
-    """
-    found = found.assign(commit=of_this_run("")["commit"])
-    if file.exists():
-        old = read_result(file).rows.set_index(list(keys))
-        kept = old[~old.index.isin(found.set_index(list(keys)).index)]
-        found = pd.concat([found, kept.reset_index()])
-    return found.fillna("")
 
 
 def tables(folder: Path) -> pd.DataFrame:
@@ -217,17 +146,6 @@ def _known(rows: pd.DataFrame, column: str, result: str) -> pd.Series:
     return rows[column]
 
 
-def markdown(rows: pd.DataFrame) -> Iterator[str]:
-    yield f"| {' | '.join(rows.columns)} |"
-    yield "|" + "---|" * len(rows.columns)
-    for row in rows.itertuples(index=False):
-        yield f"| {' | '.join(map(str, row))} |"
-
-
-def wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 118, break_long_words=False, break_on_hyphens=False)
-
-
 def documents() -> dict[Path, str]:
     """Every document with published numbers, as it should read."""
     paths = [ROOT / name for name in DOCUMENTS]
@@ -250,10 +168,8 @@ def main(argv: list[str] | None = None) -> int:
             note = {"note": options.note} if options.note else {}
             provenance = of_this_run(options.command, **note)
         if options.take == "full":
-            from benchmarks.full_size import publish
-
             given = {"scenes": list(DEFAULT_SCENES)} | read_yaml(options.configfile)
-            publish(options.folder, provenance, check_settings(given))
+            full_size.publish(options.folder, provenance, check_settings(given))
         elif options.take:
             rows = TAKERS.get(options.take, tables)(options.folder)
             Result(provenance, rows).write(RESULTS / f"{options.take}.csv")

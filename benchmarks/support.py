@@ -7,7 +7,7 @@ import platform
 
 import pandas as pd
 
-from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
+from benchmarks.results import RESULTS, Result, of_this_run, with_kept
 
 KEY = ["system", "Python", "OpenCL drivers", "tests"]
 

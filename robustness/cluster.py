@@ -324,7 +324,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(error)
             return 1
     if options.publish:  # rows of runs that were not made stay
-        from benchmarks.publish import RESULTS, Result, of_this_run, with_kept
+        from benchmarks.results import RESULTS, Result, of_this_run, with_kept
 
         of_faults = f'FAULTS="{" ".join(options.faults)}" ' if options.faults else ""
         file = RESULTS / "cluster.csv"

@@ -13,6 +13,7 @@ import lfcore
 from benchmarks import against, publish, sceptic
 from benchmarks.peers.method import SkippedError
 from benchmarks.peers.mitsuba_lens import check_plain
+from benchmarks.results import with_kept
 from docs.site import command_line, extension
 from docs.site.extension import ELSEWHERE
 from docs.site.pages import PAGES, ROOT, Block, Page, PageError, run
@@ -172,7 +173,7 @@ def test_what_cannot_be_published(results):
 
 
 def test_a_part_of_a_result_is_made_anew(results):
-    found = publish.with_kept(pd.DataFrame({"N": ["3"], "s": ["9"]}), results / "some.csv", "N")
+    found = with_kept(pd.DataFrame({"N": ["3"], "s": ["9"]}), results / "some.csv", "N")
     assert found[["N", "s"]].values.tolist() == [["3", "9"], ["2", "1.50"], ["4", "inf"]]
     assert list(found.columns) == ["N", "s", "commit", "more"] and found["more"].iloc[0] == ""
 

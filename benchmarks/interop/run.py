@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.interop import data_sets
-from benchmarks.publish import Result, of_this_run, with_kept
+from benchmarks.results import Result, of_this_run, with_kept
 from lfcore.datasets.items import stored_items
 from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.publish import Result, of_this_run
+from benchmarks.results import Result, of_this_run
 
 
 def parser_of(
