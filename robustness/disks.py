@@ -87,7 +87,7 @@ def writers(home: Path) -> list[Writer]:
     ]
 
 
-def fill(writer: Writer, home: Path, tries: int = MOST_TRIES) -> list[tuple[int, Outcome]]:
+def fill(writer: Writer, home: Path) -> list[tuple[int, Outcome]]:
     """(pages of the disk, what came of it) for disks from empty to large enough.
 
     Raises :class:`OSError` where no small disk can be mounted.
@@ -100,7 +100,7 @@ def fill(writer: Writer, home: Path, tries: int = MOST_TRIES) -> list[tuple[int,
     if again.read_bytes() != whole:
         raise RuntimeError(f"{writer.name} is not written the same twice")
     need = -(-len(whole) // PAGE)
-    step = max(1, need // tries)
+    step = max(1, need // MOST_TRIES)
     # A page for the folder itself, and beyond the file room for the muxer's second thoughts.
     pages = [1, *range(2, need + 8, step), 4 * need + 64]
     mount = home / "disk"

@@ -113,7 +113,10 @@ def _rows(
 ) -> Iterator[dict]:
     for plane, picture, truth in zip(planes, made.pictures, reference, strict=True):
         ours, theirs = display_values(picture), display_values(truth)
-        inside, quality = _inside(slab, plane), picture_quality([picture], [truth])
+        quality = picture_quality([picture], [truth])
+        # Pixels to which every open view contributes in full.
+        inside = coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
+        inner = psnr(ours[inside], theirs[inside], peak=PEAK) if inside.any() else None
         trace, refocus = made.trace / len(planes), made.refocus / len(planes)
         yield {
             "scene": scene,
@@ -125,20 +128,13 @@ def _rows(
             "filter": made.filter,
             "rays_per_pixel": rays,
             "psnr_db": quality["psnr_db"],
-            "psnr_inside_db": psnr(ours[inside], theirs[inside], peak=PEAK)
-            if inside.any()
-            else None,
+            "psnr_inside_db": inner,
             "ssim": quality["ssim"],
             "error_at_edges": _error_at_edges(ours, theirs),
             "trace_seconds": trace,
             "refocus_seconds": refocus,
             "seconds": trace + refocus,
         }
-
-
-def _inside(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """(M, M) bool: pixels to which every open view contributes in full."""
-    return coverage(slab, plane, "bilinear") > plane.mask(slab).sum() * (1 - 1e-6)
 
 
 def _error_at_edges(ours: np.ndarray, theirs: np.ndarray) -> float | None:

@@ -110,10 +110,7 @@ def read_json(path: Path, options: ReadOptions) -> ViewGrid:
     data = load_json(file)
     with refused(f"is no description of {KIND}", file):
         columns, rows = int(data["columns"]), int(data["rows"])
-        if (
-            data["format"] != KIND
-            or not 1 <= min(columns, rows) <= max(columns, rows) <= MOST_VIEWS
-        ):
+        if data["format"] != KIND or min(columns, rows) < 1 or max(columns, rows) > MOST_VIEWS:
             raise ValueError
         known = {key: data["geometry"].get(key) for key in vars(Geometry())}
         geometry = Geometry(**{k: None if v is None else float(v) for k, v in known.items()})

@@ -41,10 +41,8 @@ def read_hci(path: Path, options: ReadOptions) -> ViewGrid:
         return value
 
     columns, rows = (int(number("extrinsics", f"num_cams_{axis}")) for axis in "xy")
-    width, height = size = (
-        int(number("intrinsics", "image_resolution_x_px")),
-        int(number("intrinsics", "image_resolution_y_px")),
-    )
+    width, height = (int(number("intrinsics", f"image_resolution_{axis}_px")) for axis in "xy")
+    size = width, height
     if min(columns, rows, *size) < 1:
         raise ExchangeError("has no views or no pixels", file=file)
     asked = f"{CONFIG} asks for {columns * rows} views"

@@ -99,12 +99,9 @@ def views(
     grid = on_a_plane(poses, described, [file.name for file in files])
     size = pictures.size_of(files[0])
     delta, notes = _delta(grid, centres[grid.index], size, focal)
-    placed, name = (
-        [[files[k] for k in line] for line in grid.index],
-        described.resolve().parent.name,
-    )
-    geometry = Geometry(grid.pitch, 1 / focal, delta)
-    return of_files(placed, name or "views", geometry=geometry, notes=notes)
+    placed = [[files[k] for k in line] for line in grid.index]
+    name = described.resolve().parent.name or "views"
+    return of_files(placed, name, geometry=Geometry(grid.pitch, 1 / focal, delta), notes=notes)
 
 
 def _delta(

@@ -13,9 +13,9 @@
 // STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
 
 #include "colours.cl"
+#include "kernel.cl"
 
-// The hint keeps compilers from vectorising over work-items: a work-group has one.
-#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(float16)))
+#define KERNEL KERNEL_OF(float16)
 #define STEPS 256
 #define ALL ((float)(STEPS * STEPS))
 #define BRIGHTEST ((float)(1 << STOPS))

@@ -102,7 +102,7 @@ inline void add_row(global SUM *sums, vu values, int count)
 }
 
 // Add a group of at most 4095 views, 63 of PQ, (or a rectangle of them) to one row of one plane.
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+KERNEL
 void add_views(global const uint *restrict views,    // (K, 3, height, width)
                const int4 region,                    // first column and row, width, height
                const int4 output,                    // rectangle of the planes: left, top, right, bottom

@@ -191,7 +191,7 @@ inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int 
     }
 }
 
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+KERNEL
 void form_planes(global const sample *restrict frames,
                  const int frame_width,
                  const int frame_height,

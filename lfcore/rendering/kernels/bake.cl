@@ -1,7 +1,8 @@
 // Rays that gather light at points, and what they bring: see lfcore/rendering/bake_gather.py.
 
-// The hint keeps compilers from vectorising over work-items: a work-group has one.
-#define KERNEL kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(float4)))
+#include "kernel.cl"
+
+#define KERNEL KERNEL_OF(float4)
 #define CELL_LIMITS (GUIDE_SIDE + 1)
 
 // A sample in ]0, 1[ of 32 bits.

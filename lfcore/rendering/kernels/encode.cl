@@ -7,7 +7,7 @@
 #define CODES_OF(n, z) JOIN(convert_, JOIN(CODE, n))(rint(clamp((1.0f / (z) - far) * steps, 0.0f, (float)(LAST_CODE))))
 
 // BLOCK rows of an element, a block after the other, by each work-item.
-kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+KERNEL
 void encode_rows(global const float *restrict light,  // (E, rows, columns, 3)
                  global const float *restrict depth,  // (E, rows, columns), metres
                  const int columns,

@@ -6,13 +6,13 @@
 // an edge must have edge functions that are each other's negative to the last bit.
 #pragma once
 #pragma OPENCL FP_CONTRACT OFF
+#include "kernel.cl"
 #include "numerics.cl"
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 
 #if LANES == 1
-// The hint keeps compilers from vectorising over work-items: a work-group has one.
 #define LANES_TYPE float4
 #define WIDE(name) name
 #define VLOAD(p) (*(p))
@@ -25,8 +25,7 @@
 #define VSTORE(x, p) WIDE(vstore)(x, 0, p)
 #define MASK(m) (m)
 #endif
-#define KERNEL \
-    kernel __attribute__((reqd_work_group_size(1, 1, 1))) __attribute__((vec_type_hint(LANES_TYPE)))
+#define KERNEL KERNEL_OF(LANES_TYPE)
 typedef WIDE(float) vf;
 typedef WIDE(int) vi;
 typedef WIDE(uint) vu;
