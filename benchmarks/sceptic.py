@@ -10,8 +10,6 @@ dB are against our converged picture, for Cycles against its own; the note says 
     python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 256 --most-rays 64 --out s.csv
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import time

@@ -6,8 +6,6 @@ every N has about as many rays; squares of four pixels or more begin at multiple
 do.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

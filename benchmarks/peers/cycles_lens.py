@@ -6,8 +6,6 @@ is made matt for both), and values are not cut to [0, 1] per ray; so each is jud
 converged picture.  With bounces, the sky and what glows light all surfaces.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 import time

@@ -5,8 +5,6 @@ cut to [0, 1] per ray.  Different: rays are random samples of pixel and lens, an
 filtered by a footprint.  Shading is that of `lfcore.oracle.shading`, as a small integrator.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

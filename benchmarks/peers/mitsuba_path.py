@@ -5,8 +5,6 @@ whole panorama, whose suns are no lights of their own: their shadows are as soft
 What glows does so on both sides, by a second sheet behind it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

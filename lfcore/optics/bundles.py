@@ -8,8 +8,6 @@ The lens samples of one pixel, the pixels of one lens sample or data camera, and
 rays all have this form, so one kernel traces them all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ A focus is a distance in metres, or a word on the depths that a picture shows: `
 width.  Both are the same when a scene is scaled.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from numbers import Real

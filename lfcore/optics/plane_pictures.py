@@ -1,7 +1,5 @@
 """Pictures of sensor planes on disk: named by their planes, or stacked with them in one file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables from which kernels form sensor planes: where rays fall and which of them count."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

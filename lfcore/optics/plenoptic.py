@@ -13,8 +13,6 @@ lies beyond the hyperfocal distance of the microlenses; :class:`PlenopticCamera`
 Diffraction is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ are displaced against one another share out the places within a pixel, so that w
 is sampled by all of them together and not at the same places by each.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

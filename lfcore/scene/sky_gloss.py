@@ -10,8 +10,6 @@ Source: B. Karis, "Real Shading in Unreal Engine 4", SIGGRAPH 2013 course; D. La
 Physical in Call of Duty: Black Ops II", SIGGRAPH 2013 course, for the dimming.
 """
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Callable
 

@@ -6,8 +6,6 @@ because a room has walls and a ground of its own.  A camera that is not above th
 nothing but its underside, so there is none.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
