@@ -97,7 +97,8 @@ class DepthSlicer:
         self.views, self.planes, self.pixels = views, list(planes), pixels
         self.device = device or open_device()
         self.least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
-        self._table = np.zeros(1, np.float32) if codes is None else codes.table
+        self._table = np.ones(1, np.float32) if codes is None else codes.table
+        self._codes = np.zeros((0, 0, 0), self._table.dtype)
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]
         self._records = self._cell_records()
@@ -203,8 +204,10 @@ class DepthSlicer:
         ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
-        shown = self.device.shown(np.ascontiguousarray(codes))
-        self.add_held(part, light, shown, self._table[ends], first_row)
+        if self._codes.shape != codes.shape:  # kept: drivers are slow with what begins no page
+            self._codes = page_aligned(codes.shape, codes.dtype.type)
+        self._codes[:] = codes
+        self.add_held(part, light, self.device.shown(self._codes), self._table[ends], first_row)
 
     def add_held(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
@@ -218,7 +221,7 @@ class DepthSlicer:
             (1, 1),
             light,
             depth,
-            device.buffer(self._table),
+            device.buffer(1 / self._table),
             device.buffer(ranges),
             device.buffer(np.ascontiguousarray(self._records[:, part])),
             self._planes,
@@ -274,6 +277,10 @@ class DepthSlicer:
             reach = np.minimum(low + step * rays, left + 1) - np.maximum(low, left)
             reached.append(np.clip(reach, 0, 1))
         across, down = reached
+        # Most rows are within all views, and alike.
+        rows, row_of = np.unique(
+            down * (cells.share[:, None] / step**2), axis=1, return_inverse=True
+        )
         # Without BLAS, whose threads spin, and which sums in another order on each processor.
-        weight = np.einsum("kv,ku->vu", down * (cells.share[:, None] / step**2), across)
-        return weight.astype(np.float32)
+        weight = np.einsum("kv,ku->vu", rows, across).astype(np.float32)
+        return weight[row_of.ravel()]

@@ -26,13 +26,7 @@ from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import crop, normalise
-from lfcore.refocus.shift_sum import (
-    GROUP_BYTES,
-    MOST_VIEWS,
-    add_views,
-    launch_add,
-    read_sums,
-)
+from lfcore.refocus.shift_sum import GROUP_BYTES, MOST_VIEWS, add_views, launch_add, read_sums
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile

@@ -136,10 +136,9 @@ class _Taker:
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         top, rows = region[1] - self._field.extent.pixels[1], region[3]
         if not top:  # both streams have the same elements in the same order
-            found = [next(self._codes) for _ in samples]
-            if [place for place, _ in found] != [tuple(sample) for sample in samples.tolist()]:
+            places, codes = zip(*[next(self._codes) for _ in samples], strict=True)
+            if list(places) != [tuple(sample) for sample in samples.tolist()]:
                 raise AssertionError("the streams of colours and depths are in unlike order")
-            codes = [codes for _, codes in found]
             self._shown = np.stack(codes) if len(codes) > 1 else codes[0][None]
         index = samples[:, 1] * self._field.layout.views + samples[:, 0]
         self._slicer.add_stored(index, views, self._shown[:, top : top + rows], top)

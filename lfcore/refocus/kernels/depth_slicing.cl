@@ -29,21 +29,27 @@
 #if STORED
 typedef uint light_t;
 typedef CODE depth_t;
-#define METRES(code) table[code]
+#define DIOPTRES(code) table[code]
 #else
 typedef float light_t, depth_t;
 #define LIGHT_ONE 1.0f
-#define METRES(depth) (depth)
+#define DIOPTRES(depth) (1.0f / (depth))
 #endif
 
 // Sums are modulo 2^32, or 2^64 where light above white needs more bits.  What a ray adds to a pixel is rounded up or
 // down by the ray's own share of a unit, so that what many rays round away is nothing.
 #if STOPS
+typedef ulong sum;
 typedef ulong4 sum4;
-#define TO_SUM(x) as_ulong4(convert_long4(x))
+typedef ulong8 sum8;
+typedef ulong16 sum16;
+#define TO_SUM(n, x) as_ulong##n(convert_long##n(x))
 #else
+typedef uint sum;
 typedef uint4 sum4;
-#define TO_SUM(x) as_uint4(convert_int4(x))
+typedef uint8 sum8;
+typedef uint16 sum16;
+#define TO_SUM(n, x) as_uint##n(convert_int##n(x))
 #endif
 
 typedef struct {
@@ -92,58 +98,53 @@ enum { OUTSIDE, FOUR, FEW, EDGES };
 typedef struct {
     int kind[ABREAST], layer[ABREAST];
     int box[4][ABREAST];       // left, top, right and bottom edge, in 1 / STEPS
-    int x[4][ABREAST];         // columns: the first and one behind it, the last and one behind it
-    int y[4][ABREAST];         // rows likewise, as offsets
-    // Products of what rows and columns have of a box, see parts_along, and STEPS times each of these.
-    float part[8][ABREAST];
+    int x[2][ABREAST];         // the first column and the last; the one behind each is next to it
+    int y[2][ABREAST];         // rows likewise, as offsets
+    float along[2][ABREAST];   // what columns have of a box, see parts_along
+    float down[2][ABREAST];    // rows likewise
     float colour[ABREAST][4], unit[ABREAST];
 } Boxes;
 
-inline sum4 part_of(float4 colour, float part, float unit) { return TO_SUM(fma(colour, part, unit)); }
+// Add to two pixels of a row.
+inline void add_two(global sum4 *at, sum8 light)
+{
+    global sum *to = (global sum *)at;
+    vstore8(vload8(0, to) + light, 0, to);
+}
 
 // A box of at most two pixels along each axis, inside the strip.
-inline void add_four(const Boxes *b, int k, global sum4 *to, float4 colour)
+inline void add_four(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
 {
-    const int x0 = b->x[0][k], x1 = b->x[1][k];
-    global sum4 *row = to + b->y[0][k], *next = to + b->y[1][k];
-    row[x0] += part_of(colour, b->part[0][k], b->unit[k]);
-    row[x1] += part_of(colour, b->part[1][k], b->unit[k]);
-    next[x0] += part_of(colour, b->part[2][k], b->unit[k]);
-    next[x1] += part_of(colour, b->part[3][k], b->unit[k]);
+    const float8 along = (float8)((float4)(b->along[0][k]), (float4)(b->along[1][k])), light = (float8)(colour, colour);
+    global sum4 *row = to + b->y[0][k] + b->x[0][k];
+    add_two(row, TO_SUM(8, fma(light, along * b->down[0][k], b->unit[k])));
+    add_two(row + (s->width + 1), TO_SUM(8, fma(light, along * b->down[1][k], b->unit[k])));
+}
+
+// Differences along x of the head, a whole pixel and the tail.
+inline sum16 edges_of(float16 light, float16 part, float unit)
+{
+    const sum16 sums = TO_SUM(16, fma(light, part, unit));
+    return sums - (sum16)((sum4)(0), sums.lo, sums.s89ab);
 }
 
 // Differences of a box along both axes.  Along x they are the head in the first column, STEPS less the head behind it,
 // the tail less STEPS in the last column, and minus the tail behind it; rows alike.  Nine products are rounded, and
 // the sixteen are their differences: they cancel behind the box.
-inline void add_edges(const Boxes *b, int k, global sum4 *to, float4 colour)
+inline void add_edges(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
 {
-    sum4 part[8];
-    for (int j = 0; j < 8; ++j) part[j] = part_of(colour, b->part[j][k], b->unit[k]);
-    const sum4 whole = part_of(colour, ALL, b->unit[k]);
-    const int x0 = b->x[0][k], x1 = b->x[1][k], x2 = b->x[2][k], x3 = b->x[3][k];
-    const sum4 rest = whole - part[6], back = part[7] - whole;
-    const sum4 top_rest = part[4] - part[0], top_back = part[1] - part[4];
-    global sum4 *row = to + b->y[0][k];
-    row[x0] += part[0];
-    row[x1] += top_rest;
-    row[x2] += top_back;
-    row[x3] -= part[1];
-    row = to + b->y[1][k];
-    row[x0] += part[6] - part[0];
-    row[x1] += rest - top_rest;
-    row[x2] += back - top_back;
-    row[x3] += part[1] - part[7];
-    const sum4 low_rest = part[5] - part[2], low_back = part[3] - part[5];
-    row = to + b->y[2][k];
-    row[x0] += part[2] - part[6];
-    row[x1] += low_rest - rest;
-    row[x2] += low_back - back;
-    row[x3] += part[7] - part[3];
-    row = to + b->y[3][k];
-    row[x0] -= part[2];
-    row[x1] -= low_rest;
-    row[x2] -= low_back;
-    row[x3] += part[3];
+    const float16 light = (float16)(colour, colour, colour, colour);
+    const float16 along =
+        (float16)((float4)(b->along[0][k]), (float4)(STEPS), (float4)(b->along[1][k]), (float4)(0.0f));
+    const sum16 top = edges_of(light, along * b->down[0][k], b->unit[k]);
+    const sum16 whole = edges_of(light, along * STEPS, b->unit[k]);
+    const sum16 low = edges_of(light, along * b->down[1][k], b->unit[k]);
+    const sum16 rows[4] = {top, whole - top, low - whole, -low};
+    for (int j = 0; j < 4; ++j) {
+        global sum4 *row = to + b->y[j / 2][k] + j % 2 * (s->width + 1);
+        add_two(row + b->x[0][k], rows[j].lo);
+        add_two(row + b->x[1][k], rows[j].hi);
+    }
 }
 
 inline void add_few(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
@@ -155,14 +156,15 @@ inline void add_few(const Strip *s, const Boxes *b, int k, global sum4 *to, floa
         const int down = overlap(box.y, box.w, y);
         global sum4 *at = to + (ulong)(y - s->top) * (s->width + 1);
         for (int x = x0; x <= x1; ++x)
-            at[x] += part_of(colour, (float)(down * overlap(box.x, box.z, x)), b->unit[k]);
+            at[x] += TO_SUM(4, fma(colour, (float)(down * overlap(box.x, box.z, x)), b->unit[k]));
     }
 }
 
 inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
 {
     int list[ABREAST], count = 0;
-    for (int k = 0; k < ABREAST; ++k) {
+    for (int n = 0; n < ABREAST; ++n) {
+        const int k = n * 4 % ABREAST + n / 4;  // not neighbours one after another: they share pixels
         list[count] = k;
         count += b->kind[k] == kind;
     }
@@ -171,8 +173,8 @@ inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
         global sum4 *to = s->sums + b->layer[k] * layer_size;
         const float4 colour = vload4(0, b->colour[k]);
         if (kind == FEW) add_few(s, b, k, to, colour);
-        else if (kind == FOUR) add_four(b, k, to, colour);
-        else add_edges(b, k, to, colour);
+        else if (kind == FOUR) add_four(s, b, k, to, colour);
+        else add_edges(s, b, k, to, colour);
     }
 }
 
@@ -190,18 +192,17 @@ inline int16 to_steps(const Strip *s, float16 place)
     return convert_int16(rint(clamp(place, -s->far, s->far + s->far) * (float)STEPS));
 }
 
-// One axis of boxes: their first pixel and the one behind it, the last and the one behind it, counted from `first`;
-// and what a box has of the first and of the last, or of the first two where it is not added by `differences`.
-inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[4], int16 part[2])
+// One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
+// last, or of the first two where it is not added by `differences`.  Differences of a box that reaches beyond an end
+// are those of one that ends there.
+inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[2], int16 part[2])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
     const int16 head = STEPS - (low & (STEPS - 1)), left = min(head, high - low);
-    at[0] = clamp(a, 0, count);
-    at[1] = clamp(a + 1, 0, count);
-    at[2] = clamp(b, 0, count);
-    at[3] = clamp(b + 1, 0, count);
-    part[0] = select(left, head, differences);
-    part[1] = select(high - low - left, high - (first + b) * STEPS, differences);
+    at[0] = max(a, 0);
+    at[1] = min(b, count - 1);
+    part[0] = select(left, select(head, STEPS, a < 0), differences);
+    part[1] = select(high - low - left, select(high - (first + b) * STEPS, STEPS, b >= count), differences);
 }
 
 // The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
@@ -237,41 +238,41 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     vstore16(top, 0, b->box[1]);
     vstore16(right, 0, b->box[2]);
     vstore16(bottom, 0, b->box[3]);
-    int16 at_x[4], at_y[4], along[2], down[2];
+    int16 at_x[2], at_y[2], along[2], down[2];
     parts_along(left, right, 0, s->width, outermost, at_x, along);
     parts_along(top, bottom, s->top, s->rows, outermost, at_y, down);
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < 2; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
         vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
-        vstore16(convert_float16(down[k / 2] * along[k % 2]), 0, b->part[k]);
-        vstore16(convert_float16((k < 2 ? down[k] : along[k - 2]) * STEPS), 0, b->part[4 + k]);
+        vstore16(convert_float16(along[k]), 0, b->along[k]);
+        vstore16(convert_float16(down[k]), 0, b->down[k]);
     }
     return select((float16)(0.0f), share / (convert_float16(wide) * convert_float16(tall)), falls);
 }
 
-// Depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
+// Inverse depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
 inline void read_rays(global const light_t *light, ulong channel, int pixel, global const depth_t *depth,
-                      global const float *table, int rays, float16 *z, float16 found[3])
+                      global const float *table, int rays, float16 *dioptres, float16 found[3])
 {
-    float metres[ABREAST], of[3][ABREAST];
+    float inverse[ABREAST], of[3][ABREAST];
     if (rays == ABREAST) {
 #if STORED
-#define TWO(k) METRES(depth[k]), METRES(depth[k + 1])
+#define TWO(k) DIOPTRES(depth[k]), DIOPTRES(depth[k + 1])
 #define EIGHT(k) TWO(k), TWO(k + 2), TWO(k + 4), TWO(k + 6)
-        *z = (float16)(EIGHT(0), EIGHT(8));
+        *dioptres = (float16)(EIGHT(0), EIGHT(8));
         for (int c = 0; c < 3; ++c) found[c] = convert_float16(vload16(0, light + c * channel)) / (float)(LIGHT_ONE);
 #else
-        *z = vload16(0, depth);
+        *dioptres = DIOPTRES(vload16(0, depth));
         split_colours(light, found);
 #endif
         return;
     }
     for (int k = 0; k < ABREAST; ++k) {
         const int at = min(k, rays - 1);
-        metres[k] = METRES(depth[at]);
+        inverse[k] = DIOPTRES(depth[at]);
         for (int c = 0; c < 3; ++c) of[c][k] = light[at * pixel + c * channel] / (float)(LIGHT_ONE);
     }
-    *z = vload16(0, metres);
+    *dioptres = vload16(0, inverse);
     for (int c = 0; c < 3; ++c) found[c] = vload16(0, of[c]);
 }
 
@@ -332,12 +333,12 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 // How many pixels a metre of the lens moves the light of rays, and their colours, from column `start` of row `v` on.
 inline float16 read_moves(const Adding *a, const View *of, int v, int start, float16 light[3])
 {
-    float16 z;
+    float16 dioptres;
     const ulong at = (ulong)v * of->row + start * of->pixel;
     read_rays(of->light + at, of->channel, of->pixel, of->depth + (ulong)v * of->columns + start, of->table,
-              min(ABREAST, of->columns - start), &z, light);
+              min(ABREAST, of->columns - start), &dioptres, light);
     for (int c = 0; c < 3; ++c) light[c] = clamp(light[c], 0.0f, BRIGHTEST) * LIGHT;
-    return (a->plane.delta - 1.0f / z) * a->plane.scale;
+    return (a->plane.delta - dioptres) * a->plane.scale;
 }
 
 #define ALONG (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
@@ -388,7 +389,7 @@ inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, flo
 KERNEL
 void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3); (views, 3, rows, columns) if STORED
               global const depth_t *restrict depth,  // (views, rows, columns), metres, or codes
-              global const float *restrict table,    // metres of each code
+              global const float *restrict table,    // dioptres of each code
               global const float2 *restrict ranges,  // (views, rows) least and most depth of a row
               global const Cell *restrict cells,     // (planes, views)
               global const Plane *restrict planes,
