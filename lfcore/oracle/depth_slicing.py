@@ -10,17 +10,11 @@ they overlap evenly: each ray has two, of the numbers below and above its side, 
 which the mean is its side.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells
-
-if TYPE_CHECKING:
-    from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Slab
 
 
 def slice_by_depth(

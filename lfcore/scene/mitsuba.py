@@ -6,23 +6,18 @@ ambient light and no lights without shadows (left out); it draws lens points of 
 random.  A scene without lights is ambient light alone, which is exact: surfaces glow.
 """
 
-from __future__ import annotations
-
 import math
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import POINT
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import check_exportable
-
-if TYPE_CHECKING:
-    from lfcore.scene.appearance import Light
 
 
 def film(width: int, height: int) -> dict:

@@ -1,7 +1,5 @@
 """Directives of a pbrt scene file, included files in place."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -53,6 +51,23 @@ class Directive:
 def read_directives(path: Path, notebook: Notebook) -> Iterator[Directive]:
     """Every directive of the scene, in order, ``Include`` and ``Import`` followed."""
     yield from _Parser(path, notebook).file(path, [], None)
+
+
+class _Cursor:
+    """A token stream with one token of look-ahead."""
+
+    def __init__(self, tokens: Iterator[Token]):
+        self._tokens = tokens
+        self.peek = next(tokens)
+
+    def take(self, kind: str = "", directive: str = "") -> Token:
+        """The next token, of a ``kind`` that the directive wants, if it wants one."""
+        token = self.peek
+        if token.kind != lexer.END:
+            self.peek = next(self._tokens)
+        if kind and token.kind != kind:
+            raise token.place.error(f"{directive} wants a {kind} here, not {token.text}")
+        return token
 
 
 class _Parser:
@@ -115,23 +130,6 @@ class _Parser:
                 raise head.place.error(f'"{name}" is given twice', "Remove one of them")
             values = _values(tokens, kind, head)
             into.items[name] = Parameter(kind, name, values, head.place)
-
-
-class _Cursor:
-    """A token stream with one token of look-ahead."""
-
-    def __init__(self, tokens: Iterator[Token]):
-        self._tokens = tokens
-        self.peek = next(tokens)
-
-    def take(self, kind: str = "", directive: str = "") -> Token:
-        """The next token, of a ``kind`` that the directive wants, if it wants one."""
-        token = self.peek
-        if token.kind != lexer.END:
-            self.peek = next(self._tokens)
-        if kind and token.kind != kind:
-            raise token.place.error(f"{directive} wants a {kind} here, not {token.text}")
-        return token
 
 
 def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
