@@ -42,6 +42,12 @@ def octahedron(places: np.ndarray) -> np.ndarray:
     return d / np.sqrt((d * d).sum(-1, keepdims=True))
 
 
+def texel_directions(side: int) -> np.ndarray:
+    """(S, S, 3) unit directions of the middles of a map's texels."""
+    axis = (np.arange(side) + 0.5) / side * 2 - 1
+    return octahedron(np.stack(np.meshgrid(axis, axis), -1))
+
+
 def radiance(sky: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """(R, 3) float32 that a sky gives from ``directions`` (R, 3), bilinearly."""
     d, side = np.asarray(directions, np.float32), len(sky)

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lfcore.scene.sky import octahedron, radiance, solid_angles, suns
+from lfcore.scene.sky import octahedron, radiance, solid_angles, suns, texel_directions
 
 LEVELS, SIDE, SHARES = 6, 128, 32
 """Maps of roughness 0, 1/5, ... 1, then one of light over pi; their side; the side of A and B."""
@@ -61,8 +61,7 @@ def _corners(side: int) -> np.ndarray:
 def _source(sky: np.ndarray, side: int) -> Source:
     """The texels of a map as fine as needed, of ``side`` texels a side at most."""
     side = min(side, max(len(sky), 32))
-    axis = (np.arange(side) + 0.5) / side * 2 - 1
-    towards = octahedron(np.stack(np.meshgrid(axis, axis), -1)).reshape(-1, 3)
+    towards = texel_directions(side).reshape(-1, 3)
     return towards, _reduced(sky, side, towards), solid_angles(side).ravel()
 
 

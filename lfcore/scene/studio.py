@@ -19,7 +19,7 @@ from lfcore.scene.baked import BakeOptions
 from lfcore.scene.framing import Bounds, default_lights
 from lfcore.scene.model import Scene
 from lfcore.scene.notes import ASSUMED, Note
-from lfcore.scene.sky import octahedron
+from lfcore.scene.sky import texel_directions
 from lfcore.scene.surface_mesh import DEFAULTS, Surface, SurfaceMesh, triple
 
 ZENITH, HORIZON = (0.62, 0.65, 0.70), (0.42, 0.42, 0.42)
@@ -37,8 +37,7 @@ GAP = 1e-3
 
 def sky(to_camera: np.ndarray) -> np.ndarray:
     """A map as :mod:`lfcore.scene.sky` has it, linear in the sine of the elevation."""
-    axis = (np.arange(SKY_SIDE) + 0.5) / SKY_SIDE * 2 - 1
-    up = octahedron(np.stack(np.meshgrid(axis, axis), -1)) @ to_camera[:3, 1]
+    up = texel_directions(SKY_SIDE) @ to_camera[:3, 1]
     zenith, horizon = np.array(ZENITH), np.array(HORIZON)
     return (horizon + np.maximum(up, 0)[..., None] * (zenith - horizon)).astype(np.float32)
 

@@ -18,7 +18,14 @@ from lfcore.rendering.bake_points import Points, lattice
 from lfcore.rendering.bake_rays import Surroundings
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.baked import NO_SKY
-from lfcore.scene.sky import octahedral, octahedron, panorama_places, radiance, solid_angles, suns
+from lfcore.scene.sky import (
+    octahedral,
+    panorama_places,
+    radiance,
+    solid_angles,
+    suns,
+    texel_directions,
+)
 
 pytestmark = pytest.mark.kernels
 WHITE = np.ones((2, 2, 3), np.float32)
@@ -69,12 +76,6 @@ def factor_to(places, low, high, distance):
     return total
 
 
-def directions(side):
-    """(side, side, 3): where each pixel of a sky is."""
-    place = 2 * (np.arange(side) + 0.5) / side - 1
-    return octahedron(np.stack(np.meshgrid(place, place), -1))
-
-
 def solid(kind, at, **size):
     mesh = getattr(trimesh.creation, kind)(**size)
     return mesh.apply_translation(at).triangles
@@ -94,7 +95,7 @@ def test_a_furnace_shows_nothing(size):
 
 def test_a_sphere_in_half_a_sky():
     """A place whose normal is at an angle a to the bright half gets (1 + cos a) / 2."""
-    towards = directions(64)
+    towards = texel_directions(64)
     sky = np.repeat(np.float32(towards[..., 1:2] < 0), 3, axis=-1)
     ball = solid("icosphere", (0, 0, 2), subdivisions=4, radius=0.3)
     normals = (ball - (0, 0, 2)) / 0.3
@@ -141,7 +142,7 @@ def test_kernels_send_the_rays_that_the_host_would():
     random = np.random.default_rng(3)
     walls = np.concatenate([plain_scenes.wall(1.5, 1.0), plain_scenes.wall(1.2, 0.3)])
     scene = replace(
-        world(walls, sky=np.float32(1 + directions(16))),
+        world(walls, sky=np.float32(1 + texel_directions(16))),
         materials=[Material("matt", (0.5, 0.6, 0.7), texture=0)],
         textures=[random.integers(0, 255, (4, 8, 3), np.uint8)],
         uvs=random.random((4, 3, 2), np.float32), colours=random.random((4, 3, 3), np.float32),
@@ -169,7 +170,7 @@ def test_kernels_send_the_rays_that_the_host_would():
 
 def test_a_bright_part_of_the_sky_gives_its_share():
     """10^4 times as bright as the rest, and too wide for a sun."""
-    towards = directions(128)
+    towards = texel_directions(128)
     bright = towards @ np.array([0.6, 0.0, -0.8]) > np.cos(0.12)
     sky = np.repeat(np.where(bright, 1e4, 1.0)[..., None], 3, -1).astype(np.float32)
     assert suns(sky)[1] == []

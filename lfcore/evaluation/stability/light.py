@@ -24,7 +24,7 @@ from lfcore.oracle.slab import all_pixels, slab_hits, slab_rays, trace
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.model import Scene
-from lfcore.scene.sky import octahedron, radiance, solid_angles, under
+from lfcore.scene.sky import radiance, solid_angles, texel_directions, under
 
 CONVEX = Bound(0, "share of pixels", "a convex body does not shade itself")
 WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
@@ -155,8 +155,7 @@ def bright_texel(tracer: TracerUnderTest, contrast: float) -> Measurement:
     sky = np.full((64, 64, 3), 1 / contrast, np.float32)
     sky[4, 12] = 1.0  # behind the camera, up and to the left
     fine = 512
-    axis = (np.arange(fine) + 0.5) / fine * 2 - 1
-    towards = octahedron(np.stack(np.meshgrid(axis, axis), -1)).reshape(-1, 3)
+    towards = texel_directions(fine).reshape(-1, 3)
     cosine = np.maximum(-towards[:, 2], 0) * solid_angles(fine).ravel() / math.pi
     right = float(radiance(sky, towards)[:, 0].astype(np.float64) @ cosine)
     wall = grid(1, 1, [-HALF, -HALF, DEPTH], [2 * HALF, 0, 0], [0, 2 * HALF, 0])
