@@ -18,7 +18,6 @@ from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import DeviceError, OpticsError
 from lfcore.pictures import write_pictures
-from lfcore.scene.emitters import POINTS
 from lfcore.storage.codecs import CODECS
 
 Options = argparse._ActionsContainer
@@ -26,8 +25,8 @@ Options = argparse._ActionsContainer
 KINDS: dict[str, dict[str, Any]] = {
     "salvage": {"action": "store_true", "help": "leave out damaged segments instead of refusing"},
     "device": {"metavar": "NAME", "help": "part of an OpenCL device's name; see 'lfcore devices'"},
-    "light_points": {"type": values.count(), "default": POINTS, "metavar": "P",
-                     "help": f"points per area light of a pbrt scene ({POINTS})"},
+    "light_points": {"type": values.count(), "metavar": "P",
+                     "help": "points per area light of a pbrt scene (12)"},
     "up": {"choices": ("y", "z"), "help": "axis of a mesh that points up (y)"},
     "view_from": {"dest": "view_from", "metavar": "SIDE",
                   "help": "see a mesh from front, back, left, right, top, or azimuth,elevation in "
@@ -184,11 +183,8 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
-    scene = lfcore.load_scene(
-        arguments.scene, light_points=arguments.light_points, up=arguments.up,
-        view_from=arguments.view_from, zoom=arguments.zoom, light=arguments.sky,
-        bare=arguments.bare,
-    )  # fmt: skip
+    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare")
+    scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     if scene.notes:
         say(scene.summary())
     seen = scene.depth_range

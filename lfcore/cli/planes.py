@@ -97,8 +97,9 @@ def read_planes(
             asked += [(row, f"plane {k}", Path(text)) for k, row in enumerate(rows, 1)]
     check_count(len(asked))
     default = settings(arguments)
+    pixels = None if "lightfield" in arguments else arguments.pixels or 1
     return [
-        make_plane(source, default | _read(row, key, file), key, file, arguments.pixels)
+        make_plane(source, default | _read(row, key, file), key, file, pixels)
         for row, key, file in asked or [({}, None, None)]
     ]
 
@@ -117,14 +118,14 @@ def make_plane(
     file: Path | None = None,
     pixels: Pixels | None = None,
 ) -> SensorPlane:
-    """A plane of these settings, of a scene for pictures of so many pixels; errors name the flag,
-    or the file and its row."""
+    """A plane of these settings, with ``pixels`` of a scene; errors name the flag, or the file and
+    its row."""
     merged: dict[str, Any] = {}
     for one in asked.values():
         merged |= one
-    if isinstance(source, lfcore.Scene):
+    if pixels is not None:
         _refuse_views(merged, key)
-        merged["pixels"] = pixels or 1
+        merged["pixels"] = pixels
     try:
         return source.plane(**merged)
     except OpticsError as error:

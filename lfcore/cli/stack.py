@@ -10,15 +10,7 @@ import numpy as np
 import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli import values
-from lfcore.cli.command import (
-    Command,
-    add,
-    add_lightfield,
-    add_output,
-    form,
-    open_field,
-    refuse,
-)
+from lfcore.cli.command import Command, add, add_lightfield, add_output, form, open_field, refuse
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
