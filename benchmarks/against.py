@@ -57,8 +57,7 @@ class Program:
     def ask(self, case: dict[str, Any]) -> float:
         """Seconds of the processor that one run of a case took."""
         assert self._process.stdin and self._process.stdout  # pipes, above
-        self._process.stdin.write(json.dumps(case) + "\n")
-        self._process.stdin.flush()
+        print(json.dumps(case), file=self._process.stdin, flush=True)
         answer = self._process.stdout.readline()
         if not answer:
             raise LfcoreError(f"the program under test ended at {case}")

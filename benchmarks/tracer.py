@@ -7,7 +7,6 @@ Visibility, the closest triangle and depth of every ray, is ours and Embree's in
 sampled rays.  See benchmarks/README.md for the columns and the rules.
 """
 
-import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
@@ -97,19 +96,14 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
         }  # fmt: skip
 
 
-def parse(arguments: list[str] | None = None) -> argparse.Namespace:
+def main() -> None:
     parser = parser_of(__doc__, pixels=512)
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays to sample")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")
-    return options
-
-
-def main() -> None:
-    options = parse()
     report(options.out, "python benchmarks/tracer.py", all_rows(options))
 
 
