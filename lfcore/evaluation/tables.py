@@ -6,7 +6,6 @@ scene and N; other scenes have empty cells.
 
 import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -85,42 +84,33 @@ def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
     return dict(zip(SIZES, found, strict=True))
 
 
-@dataclass(frozen=True)
-class Resolution:
-    """The files of one N: pictures (.npz), measurements (.json); None where nothing is stored."""
-
-    views: int
-    on_the_fly: str | Path
-    trace: str | Path
-    from_video: str | Path | None = None
-    store: str | Path | None = None
-    retrieve: str | Path | None = None
-
-
 def scene_records(
-    scene: str, pixels: int | str, files: Sequence[Resolution], truth: str | Path
+    scene: str, pixels: int | str, files: Mapping[int, Sequence[str | Path]], truth: str | Path
 ) -> list[dict]:
     """Rows of tables 7.1, 7.2 and 7.3, each with the name of its ``table``.
 
-    The last of ``files`` is the thesis's own reference of table 7.1; ``truth`` is a file of true
+    ``files`` are, by N: pictures formed on the fly (.npz), measurements of tracing (.json) and,
+    where the light field is stored, pictures from the video, measurements of storing and of
+    retrieving.  The last N is the thesis's own reference of table 7.1; ``truth`` is a file of true
     pictures of the same planes.
     """
-    rows = []
-    best, true = load_stack(files[-1].on_the_fly)[0], load_reference(truth)
-    for one in files:
-        traced, pictures = read_json(one.trace), load_stack(one.on_the_fly)[0]
-        context = {"scene": scene, "N": one.views, "M": pixels, "triangles": traced["triangles"]}
+    rows, true = [], load_reference(truth)
+    best, _ = load_stack([*files.values()][-1][0])
+    for views, (on_the_fly, trace, *of_video) in files.items():
+        traced, pictures = read_json(trace), load_stack(on_the_fly)[0]
+        context = {"scene": scene, "N": views, "M": pixels, "triangles": traced["triangles"]}
         made = context | {key: traced[key] for key in ("device", "threads", "seconds")}
-        rows.append({"table": "table_7_1"} | made | _quality(one.on_the_fly, best, true))
-        if one.from_video is None or one.store is None or one.retrieve is None:
+        rows.append({"table": "table_7_1"} | made | _quality(on_the_fly, best, true))
+        if not of_video:
             continue
-        stored, retrieved = read_json(one.store), read_json(one.retrieve)
+        from_video, *records = of_video
+        stored, retrieved = map(read_json, records)
         made = context | {key: stored[key] for key in ("device", "threads")}
         made["seconds"] = stored["encode_seconds"] + stored["join_seconds"]
         size = sizes(rays=traced["rays"], video_bytes=stored["video_bytes"])
         rows.append({"table": "table_7_2"} | made | size)
         made = context | {key: retrieved[key] for key in ("device", "threads", "seconds")}
-        rows.append({"table": "table_7_3"} | made | _quality(one.from_video, pictures, true))
+        rows.append({"table": "table_7_3"} | made | _quality(from_video, pictures, true))
     return rows
 
 

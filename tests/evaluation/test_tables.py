@@ -27,7 +27,7 @@ from lfcore.evaluation.stability.report import (
     summary,
 )
 from lfcore.evaluation.table_files import human_bytes, readable, write_csv, write_markdown
-from lfcore.evaluation.tables import Resolution, make_table, scene_records, sizes, thesis_figures
+from lfcore.evaluation.tables import make_table, scene_records, sizes, thesis_figures
 from lfcore.evaluation.true_picture import Reference, save_reference
 from lfcore.files import write_json
 from lfcore.optics.plane_pictures import save_stack
@@ -145,13 +145,13 @@ def test_pictures_are_judged_by_the_largest_n_and_by_the_truth(tmp_path):
     true = np.full((2, 32, 32, 3), 0.25, np.float32)
     traced = {"seconds": 1.5, "rays": 32**2, "triangles": 9, "device": "none", "threads": 1}
     write_json(tmp_path / "trace.json", traced)
-    files = []
+    files = {}
     for views, off in ((16, 0.02), (32, 0.01)):
         # Off by so much in sRGB but at the border, which does not count.
         stack = srgb_decode(srgb_encode(true) + off).astype(np.float32)
         stack[:, :2] = 0
         save_stack(tmp_path / f"{views}.npz", stack, planes)
-        files.append(Resolution(views, tmp_path / f"{views}.npz", tmp_path / "trace.json"))
+        files[views] = tmp_path / f"{views}.npz", tmp_path / "trace.json"
     truth = Reference(planes, true, np.full(2, 60.0))
     save_reference(tmp_path / "truth.npz", truth)
     rows = scene_records("bike", 32, files, tmp_path / "truth.npz")
