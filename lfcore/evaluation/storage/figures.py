@@ -154,11 +154,6 @@ def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[fl
         sheet.append((np.ones_like(truth), f"errors x {ERROR_GAIN}:"))
         for _, error in errors:
             rms = np.sqrt(np.square(error[k]).mean())
-            sheet.append((_error_picture(error[k]), f"{rms:.2f} codes rms"))
+            shown = srgb_decode(np.clip(error[k] * ERROR_GAIN / 255, 0, 1))
+            sheet.append((np.repeat(shown[..., None], 3, axis=-1), f"{rms:.2f} codes rms"))
     contact_sheet(path, sheet, 1 + len(errors))
-
-
-def _error_picture(error: np.ndarray) -> np.ndarray:
-    """(M, M, 3) linear light that is shown as ERROR_GAIN times the error, in codes."""
-    shown = srgb_decode(np.clip(error * ERROR_GAIN / 255, 0, 1))
-    return np.repeat(shown[..., None], 3, axis=-1)
