@@ -91,11 +91,7 @@ class Run:
 
 
 def run(
-    slurm: LocalSlurm,
-    folder: Path,
-    name: str,
-    words: tuple[str, ...],
-    beside: Callable[[], None],
+    slurm: LocalSlurm, folder: Path, name: str, words: tuple[str, ...], beside: Callable[[], None]
 ) -> Run:
     """A run of the workflow through SLURM; ``beside`` is called now and then meanwhile."""
     folder.mkdir(exist_ok=True)
