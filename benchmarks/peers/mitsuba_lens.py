@@ -14,7 +14,7 @@ from benchmarks.peers.mitsuba_picture import NEEDS, chosen_llvm, render, start
 from lfcore.colour import srgb_decode
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
-from lfcore.scene.mitsuba import thin_lens
+from lfcore.scene.mitsuba import mesh_of, thin_lens
 from lfcore.scene.model import Scene
 
 LEAST_ROUGHNESS = 0.05
@@ -52,25 +52,8 @@ def check_plain(scene: Scene) -> None:
 def _open(scene: Scene, threads: int, llvm: str | None) -> None:
     mitsuba = start(threads, llvm)
     mitsuba.register_integrator("shading", lambda properties: _integrator(scene)(properties))
-    _here.update(mitsuba=mitsuba, geometry=_geometry(mitsuba, scene), loaded={})
-
-
-def _geometry(mitsuba, scene: Scene):
-    """One mesh of all triangles, in their order."""
-    count = scene.triangle_count
-    mesh = mitsuba.Mesh(
-        "triangles", 3 * count, count,
-        has_vertex_normals=len(scene.normals) > 0, has_vertex_texcoords=len(scene.uvs) > 0,
-    )  # fmt: skip
-    values = mitsuba.traverse(mesh)
-    values["vertex_positions"] = scene.triangles.ravel()
-    values["faces"] = np.arange(3 * count, dtype=np.uint32)
-    if len(scene.normals):
-        values["vertex_normals"] = scene.normals.ravel()
-    if len(scene.uvs):
-        values["vertex_texcoords"] = scene.uvs.ravel()
-    values.update()
-    return mesh
+    mesh = mesh_of(mitsuba, "triangles", scene.triangles, scene.normals, scene.uvs)
+    _here.update(mitsuba=mitsuba, geometry=mesh, loaded={})
 
 
 def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):

@@ -28,12 +28,11 @@ def slice_by_depth(
     bounds_px: tuple[float, ...],
     coarse_px: float = np.inf,
     edge_steps: int | None = None,
-    brightest: float = 1.0,
 ) -> np.ndarray:
     """One picture (H, W, 3) float64, linear light; ``pixels`` are those of its longer side.
 
-    Rays have radiance ``light`` (K, rows, columns, 3), at most ``brightest``, and ``depth`` (K,
-    rows, columns), infinity for a miss.  Their boxes have sides of ``least_px`` at least; edges are
+    Rays have radiance ``light`` (K, rows, columns, 3), at most 1, and ``depth`` (K, rows,
+    columns), infinity for a miss.  Their boxes have sides of ``least_px`` at least; edges are
     rounded to a part of a pixel if ``edge_steps`` are given.  ``bounds_px`` are sweeps that part
     the layers, rising: what is swept by less than the first is in focus; what lies before and
     behind it has a layer for every further bound.
@@ -59,7 +58,7 @@ def slice_by_depth(
         step = np.diff(across)[0]
         sides = [np.maximum(np.abs(moves) * extent, least_px) for extent in cells.extent[k]]
         colour = np.ones((layer.size, 4))
-        colour[:, :3] = np.minimum(light[k].reshape(-1, 3), brightest)
+        colour[:, :3] = np.minimum(light[k].reshape(-1, 3), 1)
         for grown, weight in _even(np.maximum(*sides) / step, step > coarse_px):
             boxes = []
             for axis, place in enumerate((across[None, :-1], down[:-1, None])):

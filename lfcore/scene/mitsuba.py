@@ -42,6 +42,27 @@ def thin_lens(mitsuba: ModuleType, camera: Camera, pixels: int) -> dict:
     }
 
 
+def mesh_of(
+    mitsuba: ModuleType, name: str, corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray,
+    props: Any = None,
+) -> Any:  # fmt: skip
+    """A mesh of triangles in their order, without normals or texture coordinates where these are
+    empty; arrays are those of a :class:`Scene`."""
+    mesh = mitsuba.Mesh(
+        name, 3 * len(corners), len(corners), has_vertex_normals=len(normals) > 0,
+        has_vertex_texcoords=len(uvs) > 0, props=props or mitsuba.Properties(),
+    )  # fmt: skip
+    values = mitsuba.traverse(mesh)
+    values["vertex_positions"] = corners.ravel()
+    values["faces"] = np.arange(3 * len(corners), dtype=np.uint32)
+    if len(normals):
+        values["vertex_normals"] = normals.ravel()
+    if len(uvs):
+        values["vertex_texcoords"] = uvs.ravel()
+    values.update()
+    return mesh
+
+
 class Description:
     """Turns a scene and a camera into Mitsuba's dictionary.
 
@@ -95,25 +116,10 @@ class Description:
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
         if glow := self._glow(material):
             props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": glow})
-        mesh = mitsuba.Mesh(
-            f"material {material}",
-            3 * len(which),
-            len(which),
-            has_vertex_normals=len(scene.normals) > 0,
-            has_vertex_texcoords=len(scene.uvs) > 0,
-            props=props,
-        )
-        values = mitsuba.traverse(mesh)
-        values["vertex_positions"] = scene.triangles[which].ravel()
-        values["faces"] = np.arange(3 * len(which), dtype=np.uint32)
-        if len(scene.normals):
-            values["vertex_normals"] = scene.normals[which].ravel()
-        if len(scene.uvs):
-            uvs = scene.uvs[which].copy()
-            uvs[..., 1] = 1 - uvs[..., 1]
-            values["vertex_texcoords"] = uvs.ravel()
-        values.update()
-        return mesh
+        normals, uvs = (a[which] if len(a) else a for a in (scene.normals, scene.uvs))
+        uvs = np.stack([uvs[..., 0], 1 - uvs[..., 1]], -1)
+        name = f"material {material}"
+        return mesh_of(mitsuba, name, scene.triangles[which], normals, uvs, props)
 
     def _colour(self, index: int, light: np.ndarray, more: np.ndarray) -> dict:
         """Diffuse colour times ``light``, plus ``more`` where there is no texture."""
