@@ -60,8 +60,7 @@ def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
     mitsuba, loaded = _here["mitsuba"], _here["loaded"]
     key = camera, pixels, samples.sampler, samples.denoise == "auxiliary"
     if key not in loaded:
-        sensor = thin_lens(mitsuba, camera, pixels)
-        sensor["sampler"] = {"type": samples.sampler}
+        sensor = thin_lens(mitsuba, camera, pixels, samples.sampler)
         integrator = {"type": "shading", "auxiliary": key[3]}
         loaded[key] = mitsuba.load_dict(
             {"type": "scene", "sensor": sensor, "integrator": integrator, "all": _here["geometry"]}

@@ -102,6 +102,5 @@ def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:
 
 def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
     mitsuba = _here["mitsuba"]
-    sensor = thin_lens(mitsuba, camera, pixels)
-    sensor["sampler"] = {"type": samples.sampler}
+    sensor = thin_lens(mitsuba, camera, pixels, samples.sampler)
     return render(mitsuba, _here["scene"], pixels, samples, seed, sensor=mitsuba.load_dict(sensor))

@@ -20,13 +20,9 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import check_exportable
 
 
-def film(width: int, height: int) -> dict:
-    """A film without a filter."""
-    size = {"width": width, "height": height}
-    return {"type": "hdrfilm", **size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
-
-
-def thin_lens(mitsuba: ModuleType, camera: Camera, pixels: int) -> dict:
+def thin_lens(
+    mitsuba: ModuleType, camera: Camera, pixels: int, sampler: str = "independent"
+) -> dict:
     """The lens, focused, and pictures of ``pixels`` a side."""
     transform = mitsuba.ScalarTransform4f()
     return {
@@ -37,9 +33,12 @@ def thin_lens(mitsuba: ModuleType, camera: Camera, pixels: int) -> dict:
         "focus_distance": camera.focus_m,
         "near_clip": 0.001,
         "far_clip": 1.0e5,
-        "sampler": {"type": "independent"},
-        "film": film(pixels, pixels),
-    }
+        "sampler": {"type": sampler},
+        "film": {
+            "type": "hdrfilm", "width": pixels, "height": pixels, "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+        },
+    }  # fmt: skip
 
 
 def mesh_of(
