@@ -20,9 +20,7 @@ from lfcore.rendering.first_look import FirstLook
 from lfcore.tracing.tracer import Tracer
 
 VIEWS, SUBPIXELS = range(1, 65), [k / 8 for k in range(6, 65)]
-"""The lattices to choose from, but for those with more rays per side than MOST_OF_VIEWS allows."""
-MOST_OF_VIEWS = 0.75
-"""A view's rays per side as a share of the views per side, at most: beyond, nothing is fitted."""
+"""The lattices to choose from: views, and a view's rays per pixel, at most as many, per side."""
 OF_A_VIEW = 2.5
 """What a view costs beside its rays, in rays per pixel (bike, bedroom and a mesh, M = 128)."""
 MOST_RAYS = 4096
@@ -133,8 +131,8 @@ class QualitySearch:
         """
         wanted, budget = self.quality.quality_db + spare_db, self.quality.most_rays
         views, subpixels = (each.ravel() for each in np.meshgrid(VIEWS, SUBPIXELS))
-        known = subpixels <= MOST_OF_VIEWS * views
-        views, subpixels = views[known], subpixels[known]
+        fewer = subpixels <= views
+        views, subpixels = views[fewer], subpixels[fewer]
         db = self.look.expected_db(views, subpixels).min(axis=0)
         rays = (views * subpixels) ** 2
         fits = np.flatnonzero((db >= wanted) & (rays <= budget))

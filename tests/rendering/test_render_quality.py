@@ -13,7 +13,7 @@ from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
 from lfcore.rendering.first_look import BLURRED_STRAIGHT, BORDER, SURE_DB, FirstLook
 from lfcore.rendering.prepared import open_tracer
-from lfcore.rendering.quality import MOST_OF_VIEWS, OF_A_VIEW, QualitySearch, planes_between
+from lfcore.rendering.quality import OF_A_VIEW, QualitySearch, planes_between
 
 
 def worst_db(pictures, truths):
@@ -62,7 +62,7 @@ def test_the_cheapest_lattice_that_reaches_the_quality_is_chosen(target):
     for views in range(1, 30):
         for subpixels in np.arange(6, 64) / 8:
             cheaper = (
-                subpixels <= MOST_OF_VIEWS * views
+                subpixels <= views
                 and cost(views, subpixels) < cost(lattice.views, lattice.subpixels) - 1e-9
             )
             assert not (cheaper and of.expected_db(views, subpixels).min() >= target)
