@@ -77,7 +77,7 @@ def load_scene(
         Above 1, a narrower field of view from the same place.
     light : mapping, optional
         Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
-        ``bake_mib``.  A file is relative to the scene's.
+        ``bake_cells``, ``bake_mib``.  A file is relative to the scene's.
     bare : bool
         Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
         where it has lights of its own or the camera is within it.
@@ -107,6 +107,7 @@ def bake(
     sky: Mapping[str, Any] | None = None,
     bounces: int | None = None,
     error: float | None = None,
+    cells: int | None = None,
     mib: int | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
@@ -127,6 +128,9 @@ def bake(
     error : float, optional
         The root mean square error, a share of the light, where the camera sees it.
         Default: the scene's, or 0.02.
+    cells : int, optional
+        Cells over the width of the picture on which light is kept to begin with; small shadows
+        need more.  Default: the scene's, or 32.
     mib : int, optional
         Memory that this may use, MiB.  Default: the scene's, or 1024.
     device, progress : optional
@@ -149,7 +153,9 @@ def bake(
     Source: docs/notebook/true-picture.md.
     """
     _check_scene(scene)
-    asked: dict[str, Any] = {"bounces": bounces, "bake_error": error, "bake_mib": mib, "sky": sky}
+    asked: dict[str, Any] = {
+        "bounces": bounces, "bake_error": error, "bake_cells": cells, "bake_mib": mib, "sky": sky,
+    }  # fmt: skip
     given = {name: value for name, value in asked.items() if value is not None}
     check({"objects": [{"file": "-"}], **given}, file=scene.name)
     options = {key.removeprefix("bake_"): value for key, value in given.items() if key != "sky"}

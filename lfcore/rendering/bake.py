@@ -24,7 +24,7 @@ from lfcore.rendering.bake_gather import Gatherer
 from lfcore.rendering.bake_guide import Guide
 from lfcore.rendering.bake_lamps import Lamps
 from lfcore.rendering.bake_points import Grids, Points, grid_point, lattice
-from lfcore.rendering.bake_rays import BATCH, FIELD, Surroundings, dot
+from lfcore.rendering.bake_rays import BATCH, FIELD, Surroundings, dot, mean_colour
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
@@ -286,7 +286,7 @@ class Baker:
         """(S,) light at seen points, and half of what their halves differ by: its error; 0 at
         those that are not open."""
         seen = slice(0, self._seen_points)
-        half = self.sums[:, seen].mean(-1) / np.maximum(self.counts[seen], 1) * self.open
+        half = mean_colour(self.sums[:, seen]) / np.maximum(self.counts[seen], 1) * self.open
         return half.mean(0), (half[0] - half[1]) / 2
 
     def pooled(self, error: np.ndarray, near: np.ndarray | slice = slice(None)) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfcore.rendering.bake_points import grid_point, lattice
+from lfcore.rendering.bake_rays import mean_colour
 from lfcore.scene.baked import BakedLight
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ _SURPRISE, _CONTRAST = 0.06, 1.5
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
 more have a point between them."""
-_FEW, _RAYS, _NOISE = 32, 128, 0.1
+_FEW, _RAYS, _NOISE = 24, 128, 0.2
 """Rays of such a point; of one that surprises, or whose noise is above a share of the square of
 its allowed difference; and this share."""
 _DOUBTED, _CUT = 0.6, 15.0
@@ -138,8 +139,8 @@ class Refinement:
         sums[:, some], is_open[some] = self.baker.gather(*given, 0, _FEW)
         covered[at] = ~is_open[inverse]
         found, noise = self._judged(sums, _FEW, near)
-        most = self._allowed * np.maximum(found.mean(-1), self._floor)
-        off = (found - before).mean(-1) ** 2
+        most = self._allowed * np.maximum(mean_colour(found), self._floor)
+        off = mean_colour(found - before) ** 2
         share = self._share(off, noise, near)
         unsure = (off > np.maximum(most**2, noise)) | (share**2 * noise > _NOISE * most**2)
         unsure = np.flatnonzero(is_open & unsure)
@@ -148,7 +149,7 @@ class Refinement:
             more = points.of(unsure), some, seeds[unsure]
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
-            off = (found - before).mean(-1) ** 2
+            off = mean_colour(found - before) ** 2
             share = self._share(off, noise, near)
         share = np.where(is_open, share, 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
@@ -167,7 +168,7 @@ class Refinement:
     def _judged(self, sums: np.ndarray, rays: int, near: np.ndarray) -> tuple[np.ndarray, ...]:
         """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors."""
         halves = 2 * sums / rays
-        return halves.mean(0), self.baker.pooled((halves[0] - halves[1]).mean(-1) / 2, near)
+        return halves.mean(0), self.baker.pooled(mean_colour(halves[0] - halves[1]) / 2, near)
 
     def _assembled(self, kept: list[tuple[int, np.ndarray, np.ndarray]]) -> BakedLight:
         grids = np.zeros((len(self.grids.sides), 3), np.int32)
@@ -186,8 +187,8 @@ def _rough(
 ) -> tuple[np.ndarray, ...]:
     """Of points (T, 2, n) of grids of twice the cells: whether both neighbours are covered; and
     whether the point is rough: they differ by more than a share, or one of the two is covered."""
-    light = values.mean(-1)
-    (x, y), (a, b) = ([of[:, :, k] for k in _ends(side)] for of in (light, covered))
+    light = mean_colour(values)
+    (x, y), (a, b) = ([of.take(k, 2) for k in _ends(side)] for of in (light, covered))
     rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
     return a & b, rough | ((a != b) & _is_new(side))
 
@@ -195,7 +196,7 @@ def _rough(
 def _between(values: np.ndarray, covered: np.ndarray, side: int) -> np.ndarray:
     """(T, 2, n, 3) values of grids of twice the cells, linear between points (T, 2, n) that are not
     covered."""
-    (a, b), (hidden, other) = ([of[:, :, k] for k in _ends(side)] for of in (values, covered))
+    (a, b), (hidden, other) = ([of.take(k, 2) for k in _ends(side)] for of in (values, covered))
     a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
     return (a + b) / 2
 
@@ -213,14 +214,14 @@ def _ends(side: int) -> list[np.ndarray]:
 def _smooth(values: np.ndarray, at: tuple, noise: np.ndarray, side: int) -> None:
     """Average values (T, 2, n, 3) ``at`` points, of ``noise`` (P,), with those beside them on the
     grid, on an edge with those on it, as far as noise can be what they differ by."""
-    places = lattice(side)
+    places = lattice(side)[at[2]]
     places = np.column_stack([places, side - places.sum(1)])[:, None]
     to = places + np.array([[1, -1, 0], [-1, 1, 0], [1, 0, -1], [-1, 0, 1], [0, 1, -1], [0, -1, 1]])
     inside = ((to >= 0) & ((places > 0) | (to == 0))).all(-1)
     number = grid_point(to[..., 0], to[..., 1], np.int64(side))
-    beside = np.where(inside, number, np.arange(len(places))[:, None])[at[2]]
+    beside = np.where(inside, number, at[2][:, None])
     off = values[at[0][:, None], at[1][:, None], beside] - values[at][:, None]
-    share = np.maximum(1 - off.mean(-1) ** 2 / (_CUT * noise + 1e-30)[:, None], 0)
+    share = np.maximum(1 - mean_colour(off) ** 2 / (_CUT * noise + 1e-30)[:, None], 0)
     values[at] += (share[..., None] * off).sum(1) / (1 + beside.shape[1])
 
 

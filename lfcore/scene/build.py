@@ -152,8 +152,10 @@ def build(
         except OpticsError as error:
             here = where["focus_distances_m"][index]
             raise here.error(error.problem, error.remedy) from None
-    keys = {"bounces": "bounces", "bake_error": "error", "bake_mib": "mib"}
-    baking = {name: description[key] for key, name in keys.items() if key in description}
+    names = "bounces", "bake_error", "bake_cells", "bake_mib"
+    baking = {
+        name.removeprefix("bake_"): description[name] for name in names if name in description
+    }
     scene = Scene(
         name=name,
         camera=camera,
