@@ -140,30 +140,29 @@ class Refinement:
         covered[at] = ~is_open[inverse]
         found, noise = self._judged(sums, _FEW, near)
         most = self._allowed * np.maximum(mean_colour(found), self._floor)
-        off = mean_colour(found - before) ** 2
+        off = mean_colour(found - before)
         share = self._share(off, noise, near)
-        unsure = (off > np.maximum(most**2, noise)) | (share**2 * noise > _NOISE * most**2)
+        unsure = (off**2 > np.maximum(most**2, noise)) | (share**2 * noise > _NOISE * most**2)
         unsure = np.flatnonzero(is_open & unsure)
         if len(unsure):
             some = near[unsure]
             more = points.of(unsure), some, seeds[unsure]
             sums[:, unsure] += self.baker.gather(*more, _FEW, _RAYS - _FEW)[0]
             found[unsure], noise[unsure] = self._judged(sums[:, unsure], _RAYS, some)
-            off = mean_colour(found - before) ** 2
+            off = mean_colour(found - before)
             share = self._share(off, noise, near)
         share = np.where(is_open, share, 0)
         values[at] = (before + share[:, None] * (found - before))[inverse]
         _smooth(values, at, (share**2 * noise)[inverse], side)
-        large = is_open & (off > most**2 + 2 * noise)
+        large = is_open & (off**2 > most**2 + 2 * noise)
         surprised = np.zeros(len(values), bool)
         surprised[at[0][large[inverse]]] = True
         return surprised
 
     def _share(self, off: np.ndarray, noise: np.ndarray, near: np.ndarray) -> np.ndarray:
         """(P,) of differences to the mean, the share that is kept: not noise of points nearby."""
-        table = self.baker.guide.of[near]
-        all_off = np.bincount(table, off)[table] / np.bincount(table)[table]
-        return np.maximum(1 - _DOUBTED * noise / np.maximum(all_off, 1e-30), 0)
+        every = np.maximum(self.baker.pooled(off, near), 1e-30)
+        return np.maximum(1 - _DOUBTED * noise / every, 0)
 
     def _judged(self, sums: np.ndarray, rays: int, near: np.ndarray) -> tuple[np.ndarray, ...]:
         """(P, 3) light of sums (2, P, 3), and (P,) the expected squares of its errors."""

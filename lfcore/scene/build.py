@@ -152,10 +152,8 @@ def build(
         except OpticsError as error:
             here = where["focus_distances_m"][index]
             raise here.error(error.problem, error.remedy) from None
-    names = "bounces", "bake_error", "bake_cells", "bake_mib"
-    baking = {
-        name.removeprefix("bake_"): description[name] for name in names if name in description
-    }
+    keys = "bounces", "bake_error", "bake_cells", "bake_mib"
+    baking = {key.removeprefix("bake_"): description[key] for key in keys if key in description}
     scene = Scene(
         name=name,
         camera=camera,

@@ -156,7 +156,7 @@ kernel void hits(global const float *in, global Leaf *leaf, global float *out)
         const int even = evenly_weighted(equations->denominator, over);
         const float least = least_over(equations->denominator, over);
         set_up_equations(&scene, &r, &first, equations);
-        const SampleRow s = interpolate(equations, row, 0);
+        const SampleRow s = interpolate(equations, row);
         const Vec d = direction_row(&r, row);
         const vf x = fma(s.depth, d.x, row_ox(&r, row));
         const vf y = fma(s.depth, d.y, (vf)(row_oy(&r, row)));

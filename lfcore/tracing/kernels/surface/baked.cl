@@ -83,39 +83,28 @@ inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rect
 
 // Find the light of a region as an affine function of its rays, by least squares; whether it is
 // one.
-inline int fit_light(const Scene *s, Rectangle r, global PlaneEquations *p)
+inline int fit_light(const Scene *s, Rectangle r, global const PlaneEquations *p, Affine *light)
 {
-    private float lights[3][16];
-    if (!(least_over(p->denominator, r) > 0.0f) || !light_of_lattice(s, p, r, lights)) return 0;
+    private float found[3][16];
+    if (!(least_over(p->denominator, r) > 0.0f) || !light_of_lattice(s, p, r, found)) return 0;
     float16 off = 0.0f;
     float sum = 0.0f, largest = 0.0f;
     for (int k = 0; k < 3; ++k) {
-        const float16 light = vload16(0, lights[k]);
-        const float4 c = light.s0123 + light.s4567 + light.s89ab + light.scdef;
-        const float4 d = light.s048c + light.s159d + light.s26ae + light.s37bf;
+        const float16 all = vload16(0, found[k]);
+        const float4 c = all.s0123 + all.s4567 + all.s89ab + all.scdef;
+        const float4 d = all.s048c + all.s159d + all.s26ae + all.s37bf;
         const float mean = (c.x + c.y + c.z + c.w) / 16.0f;
         const float along = 0.0375f * fma(3.0f, c.w - c.x, c.z - c.y);
         const float down = 0.0375f * fma(3.0f, d.w - d.x, d.z - d.y);
-        off = max(off, fabs(light - fma(COLUMNS, along, fma(ROWS, down, mean))));
+        off = max(off, fabs(all - fma(COLUMNS, along, fma(ROWS, down, mean))));
         sum += mean;
         largest = max(largest, mean + fabs(along) + fabs(down));
         const float right = along / max(r.half_width, 0.5f);
         const float below = down / max(r.half_height, 0.5f);
-        p->light[k] = (Affine){{mean - r.x * right - r.y * below, right, below}};
+        light[k] = (Affine){{mean - r.x * right - r.y * below, right, below}};
     }
     const float8 most = max(off.lo, off.hi);
     return most_of(max(most.lo, most.hi)) <= AFFINE_SHARE / 3.0f * sum && largest < UNEVEN_LIGHT;
-}
-
-// Whether that is so of all regions of a block; of many it is not worth trying.
-#define FITTED_REGIONS 4
-inline int fit_regions(const Scene *s, const Regions *regions, float half_extent,
-                       global PlaneEquations *p)
-{
-    int fits = OUTER == 1 && regions->count <= FITTED_REGIONS;
-    for (int k = 0; k < regions->count && fits; ++k)
-        fits = fit_light(s, region_rectangle(regions->of + k, half_extent), p + k);
-    return fits;
 }
 
 // A map (side, side, 4) between texels.

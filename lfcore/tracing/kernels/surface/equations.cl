@@ -40,7 +40,6 @@ typedef struct {
     int key;                        // shading key
     float tangent[PHYSICAL ? 4 : 1];  // direction of u, sign of v's beside it for a viewer
     int grid[3];  // of baked light: first point in front and behind, and cells along an edge
-    Affine light[3];  // baked, of blocks where it fits
 } PlaneEquations;
 
 // The quantities of a hit: slots, of which baked light replaces WEIGHT, and tangent with sign.

@@ -40,7 +40,7 @@ inline void set_up_equations(const Scene *s, const Bundle *r, const TriangleRow 
     }
 }
 
-inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
+inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 {
     SampleRow s;
     const vf denominator = affine_row(p->denominator, at);
@@ -49,7 +49,7 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at, int fitted)
     for (int k = NORMAL; k < FIRST_ATTRIBUTE; ++k)
         s.of[k] = flip_sign(p->slot[k].of[ONE], sign_of(denominator));
     if (SMOOTH || QUANTITIES > COORDINATES)
-        interpolate_attributes(p, at, sign_of(denominator), fitted, &s);
+        interpolate_attributes(p, at, sign_of(denominator), &s);
     return s;
 }
 
@@ -64,13 +64,13 @@ typedef struct {
 } Block;
 
 // Interpolate the row that begins with ray `at`, region by region.
-inline void sample_row(const Block *b, int at, Row row, int fitted, SampleRow *s)
+inline void sample_row(const Block *b, int at, Row row, SampleRow *s)
 {
     s->key = s->triangle = -1;
     for (int n = 0; n < b->regions.row_count[at / LANES]; ++n) {
         const int k = b->regions.row_regions[at / LANES][n];
         const vi mask = region_row(b->regions.of + k, at);
-        const SampleRow one = interpolate(b->equations + k, row, fitted);
+        const SampleRow one = interpolate(b->equations + k, row);
         s->key = pick_int(s->key, (vi)(b->equations[k].key), mask);
         s->triangle = pick_int(s->triangle, (vi)(b->regions.of[k].triangle), mask);
         s->first = n ? pick_int(s->first, one.first, mask) : one.first;
@@ -95,15 +95,15 @@ inline void set_up_regions(const Scene *scene, float pixel_pitch, const Block *b
         set_up_texture(scene, of[k].triangle, pixel_pitch, b->equations + k);
 }
 
-// `fitted`: whether baked light is affine in each region; a constant, so that each way is a loop.
-inline void sample_rows(const Scene *scene, const Block *b, int fitted)
+// `light`: baked, an affine function of the block's rays; 0 where it is looked up.
+inline void sample_rows(const Scene *scene, const Block *b, const Affine *light)
 {
     global Samples *out = b->samples;
     const Bundle *r = &b->bundle;
     SampleRow s = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Row row = row_at(at, b->bundle.half_extent);
-        sample_row(b, at, row, fitted, &s);
+        sample_row(b, at, row, &s);
         VSTORE(s.key, out->key + at);
         VSTORE(s.triangle, out->triangle + at);
         if (!row_any(GE(s.key, (vi)(0)))) continue;
@@ -112,7 +112,8 @@ inline void sample_rows(const Scene *scene, const Block *b, int fitted)
                            fma(s.depth, direction.y, (vf)(row_oy(r, row))), s.depth};
         store3(point, out->point, at);
         if (SMOOTH) turn_to_viewer(direction, &s);
-        if (BAKED && !fitted) look_up_light(scene, &s);
+        if (BAKED && !light) look_up_light(scene, &s);
+        for (int k = 0; light && k < 3; ++k) s.of[BAKED_LIGHT + k] = affine_row(light[k], row);
         for (int k = 0; k < QUANTITIES; ++k) VSTORE(s.of[k], out->of[k] + at);
     }
 }
@@ -120,7 +121,12 @@ inline void sample_rows(const Scene *scene, const Block *b, int fitted)
 inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
 {
     set_up_regions(scene, pixel_pitch, b);
-    const int fits = BAKED && fit_regions(scene, &b->regions, b->bundle.half_extent, b->equations);
-    if (fits) sample_rows(scene, b, 1);
+    Affine light[3];
+    // Of several regions it is not worth trying.
+    const int fits = BAKED && OUTER == 1 && b->regions.count == 1 &&
+        fit_light(scene, region_rectangle(b->regions.of, b->bundle.half_extent), b->equations,
+                  light);
+    // A constant, so that each way is a loop.
+    if (fits) sample_rows(scene, b, light);
     else sample_rows(scene, b, 0);
 }

@@ -60,8 +60,7 @@ inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, cons
 }
 
 // A row of attributes, tangents and weights; `back` is the sign of n . D.
-inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, int fitted,
-                                   SampleRow *s)
+inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, SampleRow *s)
 {
     const vf weights = affine_row(p->weights, at);
     for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->of[k] = bilinear_row(p->slot[k], at);
@@ -70,14 +69,9 @@ inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi ba
     for (int k = 0; k < 4 && PHYSICAL; ++k)
         s->of[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
     if (SLOTS == COORDINATES) return;
-    if (fitted) {
-        for (int k = 0; k < 3; ++k) s->of[BAKED_LIGHT + k] = affine_row(p->light[k], at);
-        if (WEIGHT == COORDINATES) return;
-    }
     const vf inverse = reciprocal(weights);
     for (int k = COORDINATES; k < TINT; ++k) s->of[k] *= inverse;
     for (int k = TINT; k < WEIGHT; ++k) s->of[k] = fma(inverse, s->of[k], (vf)(p->first[k - TINT]));
-    if (fitted) return;
     for (int k = WEIGHT; k < SLOTS; ++k)
         s->of[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
     // The corners turn to the viewer where the weights are negative.
