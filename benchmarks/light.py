@@ -8,8 +8,6 @@ which plane on ours, with the bake, take a tenth of Mitsuba's time; the last as 
 turn: all rays of some pixels of PRICED x PRICED.  Rows of other scenes and parts stay.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Sensor planes from options: ``--focus``, ``--f-number``, ``--aperture`` and ``--plane``."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 from collections.abc import Mapping

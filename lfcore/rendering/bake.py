@@ -9,8 +9,6 @@ G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interre
 1988, for irradiance as what is kept.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 """Rays that gather light at points, and what they bring, on the device: kernels beside the
 tracer's: arrays of the host took two thirds of a bake's time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

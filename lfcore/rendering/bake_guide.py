@@ -9,8 +9,6 @@ Source: J. Guo et al., "Primary Sample Space Path Guiding", EGSR 2018; the first
 light is from was H. Jensen, "Importance Driven Path Tracing using the Photon Map", EGWR 1995.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfcore.rendering.bake_points import Points, hashed

@@ -10,8 +10,6 @@ spots, among them those that stand for a pbrt file's emitters, are shaded by the
 :meth:`Surroundings.direct` adds what they give to bounces, and their emitters are no lamps here.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rays that gather light at points: their directions, and what they see."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

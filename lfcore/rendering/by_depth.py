@@ -1,7 +1,5 @@
 """Pictures traced with few rays, sliced by depth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

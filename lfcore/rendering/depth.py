@@ -4,8 +4,6 @@ The parameter of a slab's ray is depth, so the tracer knows it for every ray: pl
 through the middle of a pixel, never a mixture of two surfaces.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

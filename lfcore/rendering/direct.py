@@ -1,7 +1,5 @@
 """Pictures traced directly from a scene, without storing the light field (thesis section 6.3.2)."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

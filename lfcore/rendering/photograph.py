@@ -6,8 +6,6 @@ middle of each; the mean is the exposure.  Of an array every camera is one eleme
 pixels are the inner grid.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The photograph of a plenoptic camera, and refocusing it (thesis Algorithm 2, section 6.2)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tracers of scenes: hierarchies are built once for a scene, devices opened by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 

@@ -1,7 +1,5 @@
 """Pictures of a requested quality: one view predicts the cheapest lattice that reaches it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

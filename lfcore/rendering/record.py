@@ -1,7 +1,5 @@
 """From a tracer to a light field file, in one process (Algorithm 3)."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Iterator, Sequence

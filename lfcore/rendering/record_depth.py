@@ -1,7 +1,5 @@
 """From a tracer to a light field file that holds depth beside the rays, for slicing by depth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack

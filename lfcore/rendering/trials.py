@@ -5,8 +5,6 @@ lossless trial is the codec's error.  In dB it is about linear in the rate facto
 predict it, and a third measures the factor that is chosen.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

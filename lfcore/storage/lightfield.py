@@ -3,8 +3,6 @@
 The file alone is enough: geometry, layout and an index of segments are in its metadata.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Iterator
 from functools import partial

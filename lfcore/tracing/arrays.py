@@ -3,8 +3,6 @@
 What comes from outside is checked here, before a kernel sees it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -11,8 +11,6 @@ n triangles ceil(n / 16) tests.  See ``bvh_split`` (cuts), ``bvh_binary`` (the b
 tree) and ``bvh_wide`` (the collapse to 16 children).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ All nodes of a level are cut together, so that the cost per level is a handful o
 numpy over the triangles and not a Python step per node.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -15,8 +15,6 @@ Source: H. Ylitie, T. Karras, S. Laine, "Efficient incoherent ray traversal on G
 compressed wide BVHs", 2017, section 3.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

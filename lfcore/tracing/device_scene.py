@@ -1,7 +1,5 @@
 """A scene on a device: buffers, made once, that all jobs share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

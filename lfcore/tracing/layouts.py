@@ -5,8 +5,6 @@ twice.  Every field is 4 bytes wide, or two of 2 bytes side by side, so that C a
 test compares the offset of every field with what the device's compiler has.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

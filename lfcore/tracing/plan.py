@@ -1,8 +1,6 @@
 """How the rays of a scene are cut into packets, from the leaves and triangles that sample blocks
 hit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A scene packed for the kernels: attributes, materials, lights, mipmapped textures."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
