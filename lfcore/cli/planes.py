@@ -1,5 +1,7 @@
 """Sensor planes from options: ``--focus``, ``--f-number``, ``--aperture`` and ``--plane``."""
 
+from __future__ import annotations
+
 import argparse
 import csv
 from collections.abc import Mapping

@@ -1,5 +1,7 @@
 """``lfcore render``: pictures straight from a scene; ``lfcore record``: a light field file."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
