@@ -81,7 +81,8 @@ def test_equal_to_the_reference(pixels, size, seed, plane):
             edge_steps=256, least_px=least, bounds_px=BOUNDS_PX, coarse_px=COARSE_PX,
         )  # fmt: skip
         # An edge within float32's rounding of the middle between two steps may go either way.
-        one_edge = 1 / (256 * least) / (9 * (size / pixels) ** 2)
+        open_views = max(1, 9 * (CAMERA.f_number / plane.f_number) ** 2)
+        one_edge = 1 / (256 * least) / (open_views * (size / pixels) ** 2)
         assert np.abs(picture - expected).max() < 2 * one_edge
         assert np.median(np.abs(picture - expected)) < 1e-6
 
