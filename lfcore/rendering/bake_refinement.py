@@ -89,7 +89,8 @@ class Refinement:
             coarse = self._wanted[triangles] <= side / self._finer
             kept.append((side, triangles[coarse], values[coarse]))
             triangles, values, covered = triangles[~coarse], values[~coarse], covered[~coarse]
-            hidden, rough = _rough(values, covered, side, self._floor, _CONTRAST * self._allowed)
+            ends, most = _ends(side), _CONTRAST * self._allowed
+            hidden, rough = _rough(values, covered, side, ends, self._floor, most)
             if side == begun:
                 large = self._wanted[triangles, None, None] > side / 2
                 rough |= (large | hidden) & _is_new(side)
@@ -105,7 +106,7 @@ class Refinement:
                 break
             kept.append((side, triangles[~todo], values[~todo]))
             self._room -= cost
-            values = _between(values[todo], covered[todo], side)
+            values = _between(values[todo], covered[todo], ends)
             triangles, covered, side = triangles[todo], hidden[todo], 2 * side
             surprised = self._gather(faces[todo], side, values, covered, rough[todo])
             kept.append((side, triangles[~surprised], values[~surprised]))
@@ -182,20 +183,25 @@ class Refinement:
 
 
 def _rough(
-    values: np.ndarray, covered: np.ndarray, side: int, floor: float, most: float
+    values: np.ndarray,
+    covered: np.ndarray,
+    side: int,
+    ends: list[np.ndarray],
+    floor: float,
+    most: float,
 ) -> tuple[np.ndarray, ...]:
     """Of points (T, 2, n) of grids of twice the cells: whether both neighbours are covered; and
     whether the point is rough: they differ by more than a share, or one of the two is covered."""
     light = mean_colour(values)
-    (x, y), (a, b) = ([of.take(k, 2) for k in _ends(side)] for of in (light, covered))
+    (x, y), (a, b) = ([of.take(k, 2) for k in ends] for of in (light, covered))
     rough = abs(x - y) > most * np.maximum(np.maximum(x, y), floor)
     return a & b, rough | ((a != b) & _is_new(side))
 
 
-def _between(values: np.ndarray, covered: np.ndarray, side: int) -> np.ndarray:
+def _between(values: np.ndarray, covered: np.ndarray, ends: list[np.ndarray]) -> np.ndarray:
     """(T, 2, n, 3) values of grids of twice the cells, linear between points (T, 2, n) that are not
     covered."""
-    (a, b), (hidden, other) = ([of.take(k, 2) for k in _ends(side)] for of in (values, covered))
+    (a, b), (hidden, other) = ([of.take(k, 2) for k in ends] for of in (values, covered))
     a, b = np.where(hidden[..., None], b, a), np.where(other[..., None], a, b)
     return (a + b) / 2
 
