@@ -68,7 +68,7 @@ def of_this_run(command: str, **more: str) -> dict[str, str]:
             ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
         ).stdout.strip()
 
-    # Results and the documents that they stand in are no part of what is measured.
+    # Edits of results and documents change nothing that is measured.
     edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
     commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
     here = machine()

@@ -45,8 +45,8 @@ def mesh_of(
     mitsuba: ModuleType, name: str, corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray,
     props: Any = None,
 ) -> Any:  # fmt: skip
-    """A mesh of triangles in their order, without normals or texture coordinates where these are
-    empty; arrays are those of a :class:`Scene`."""
+    """A mesh of ``corners``, ``normals`` (T, 3, 3) and ``uvs`` (T, 3, 2) as a :class:`Scene` has
+    them, the latter two empty for a mesh without."""
     mesh = mitsuba.Mesh(
         name, 3 * len(corners), len(corners), has_vertex_normals=len(normals) > 0,
         has_vertex_texcoords=len(uvs) > 0, props=props or mitsuba.Properties(),

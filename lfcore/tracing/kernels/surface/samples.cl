@@ -122,11 +122,11 @@ inline void sample_block(const Scene *scene, float pixel_pitch, Block *b)
 {
     set_up_regions(scene, pixel_pitch, b);
     Affine light[3];
-    // Of several regions it is not worth trying.
+    // With several regions a fit takes as long as it saves.
     const int fits = BAKED && OUTER == 1 && b->regions.count == 1 &&
         fit_light(scene, region_rectangle(b->regions.of, b->bundle.half_extent), b->equations,
                   light);
-    // A constant, so that each way is a loop.
+    // Two calls, so that each way has a loop of its own.
     if (fits) sample_rows(scene, b, light);
     else sample_rows(scene, b, 0);
 }
