@@ -98,7 +98,7 @@ def _judged(surrounding: Surrounding, status: int, said: str, picture: Path, rig
 
 def _render(surrounding: Surrounding, folder: Path) -> subprocess.CompletedProcess:
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | surrounding.environment
-    command = [sys.executable, "-m", "lfcore.cli", "render", str(ROOT / "scenes/sphere")]
+    command = [sys.executable, "-m", "lfcore", "render", str(ROOT / "scenes/sphere")]
     command += ["-o", surrounding.output, *SIZE]
     if surrounding.redirect:
         command = ["sh", "-c", f'exec "$@" {surrounding.redirect}', "sh", *command]

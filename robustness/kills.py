@@ -224,7 +224,7 @@ def make_run(arguments: str, directory: str = ".") -> tuple[str, ...]:
 
 def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
-    lfcore = (sys.executable, "-m", "lfcore.cli")
+    lfcore = (sys.executable, "-m", "lfcore")
     size = ("--pixels", "96", "--views", "32")  # some seconds of tracing
     made = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
     commands = ("KILL", "TERM", "INT group")

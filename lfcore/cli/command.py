@@ -16,7 +16,7 @@ import numpy as np
 import lfcore
 from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
-from lfcore.errors import DeviceError, OpticsError
+from lfcore.errors import LfcoreError, OpticsError
 from lfcore.pictures import write_pictures
 from lfcore.storage.codecs import CODECS
 
@@ -156,18 +156,19 @@ class Command:
 
 def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
     """Run a command; with ``--json``, print the record as one line when all is done."""
-    # First of all: a device that is not there is an error also where it has nothing to do.
-    if getattr(arguments, "device", None) is not None:
-        try:
+    try:
+        # First of all: a device that is not there is an error also where it has nothing to do.
+        if getattr(arguments, "device", None) is not None:
             arguments.device = lfcore.open_device(arguments.device)
-        except DeviceError as error:
-            key = "--device" if error.key == "device" else error.key
-            raise error.named(DeviceError, key=key) from None
-    if not arguments.json:
-        run(arguments)
-        return
-    with recorded(arguments.command) as record:
-        run(arguments)
+        if not arguments.json:
+            run(arguments)
+            return
+        with recorded(arguments.command) as record:
+            run(arguments)
+    except LfcoreError as error:
+        if error.key in KINDS and flags(arguments, error.key):  # the name in Python
+            raise error.named(type(error), key=flag(error.key)) from None
+        raise
     # JSON lacks infinity: "inf" is in its place.
     finite = json.loads(json.dumps(record), parse_constant=lambda name: str(float(name)))
     print(json.dumps(finite))

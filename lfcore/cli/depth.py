@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
         rays = len(samples) * math.prod(slab.size)
-        with progress(f"depth of {len(samples)} views", rays=rays) as report:
+        with progress("tracing depth", rays=rays) as report:
             depth = of_samples(samples=samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)

@@ -145,10 +145,10 @@ class QualitySearch:
         within = db[rays <= most].max(initial=-np.inf)
         ask = f"for at most {within:.1f} dB, " if math.isfinite(within) else ""
         return OpticsError(
-            f"{self.quality.quality_db:g} dB takes {takes} rays per pixel, and the budget is "
+            f"{self.quality.quality_db:g} dB takes {takes} rays per pixel, and most_rays is "
             f"{most:,.0f}",
             key="quality_db",
-            remedy=f"Ask {ask}for fewer planes, or give a larger budget",
+            remedy=f"Ask {ask}for fewer planes, or allow more rays (most_rays)",
         )
 
 

@@ -96,7 +96,7 @@ def _check_up(up: str | None, path: Path) -> None:
     scene = path.name.lower().endswith(PBRT) or path.suffix.lower() in DESCRIPTIONS
     if up == "z" and (scene or path.suffix.lower() in SUFFIXES):
         remedy = "Leave the option out; a scene.yaml may turn an object by its transform"
-        raise where.error("says by itself where up is", remedy)
+        raise where.error("the file says by itself where up is", remedy)
 
 
 def _pbrt(path: Path, light_points: int) -> Scene:
@@ -133,6 +133,9 @@ def build(
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
         notebook.add(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
     lamps, found = staging_of(description, file, notebook)
+    if found and file.suffix.lower() in SUFFIXES and "view_from" not in description["camera"]:
+        what = 'its own camera; --from front (view_from="front") frames all of it'
+        notebook.add(ASSUMED, file, what)
     extent = framing.bounds(every, file=file)
     camera, to_camera = framing.place_camera(description["camera"], extent, where, found)
     geometry = assemble(every, to_camera)

@@ -263,7 +263,7 @@ class Document:
         """Note what the file as a whole loses; materials note their own."""
         for key, kind in (("animations", "animation"), ("skins", "skin")):
             for index, entry in enumerate(self.objects(key)):
-                what = f"{kind} {entry.get('name', index)!r}: the pose in the file"
+                what = f"{kind} {entry.get('name', index)!r}; the file's pose is shown"
                 notebook.add(LEFT_OUT, self.path, what)
         for mesh in self.objects("meshes"):
             name = mesh.get("name", "without name")
@@ -271,7 +271,7 @@ class Document:
                 if primitive.get("mode") not in _TRIANGLES:
                     notebook.add(LEFT_OUT, self.path, f"points, lines or fans of mesh {name!r}")
                 if primitive.get("targets"):
-                    what = f"morph targets of mesh {name!r}: its rest shape"
+                    what = f"morph targets of mesh {name!r}; its rest shape is shown"
                     notebook.add(LEFT_OUT, self.path, what)
         for name in sorted(self.extensions("Used") - set(KNOWN)):
             notebook.add(LEFT_OUT, self.path, f"extension {name}")

@@ -22,6 +22,8 @@ from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
 STRIP_NAMES = ("vertex_indices", "vertex_index")
+NOT_MESHES = {"stl_ascii", "xyz"}
+"""Among trimesh's mesh formats: no suffix of a file, and points."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
@@ -104,8 +106,8 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
                 data = super().get(name)
             except (OSError, ValueError):
                 if kind == "obj" and not is_picture:
-                    what = f"material library {name.strip()!r}, not found: the default material"
-                    notebook.add(LEFT_OUT, path, what)
+                    what = f"material library {name.strip()!r}, not found"
+                    notebook.add(LEFT_OUT, path, f"{what}; the default material is used")
                 else:
                     lacks(f"{'texture' if is_picture else 'file'} {name!r} not found")
                 raise
@@ -140,8 +142,9 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
         raise _error(path, "mesh file not found", "Check the path")
     kind = path.suffix[1:].lower()
     if kind not in trimesh.available_formats():
-        known = ", ".join(sorted(trimesh.exchange.load.mesh_formats()))
-        raise _error(path, f"no reader for mesh files named *{path.suffix}", f"Use one of {known}")
+        known = ", ".join(sorted(trimesh.exchange.load.mesh_formats() - NOT_MESHES))
+        problem = f"no reader for mesh files named *{path.suffix}"
+        raise _error(path, problem, f"Export the mesh as one of {known}")
     trouble: list[SceneError] = []
     resolver = Resolver(str(path), allow_anywhere=True)
     glossy = document is not None and any(has(m, GLOSSY) for m in document.objects("materials"))

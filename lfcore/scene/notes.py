@@ -20,7 +20,7 @@ class Note:
 
     ``kind`` is :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (mapped to the
     nearest thing there is), :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler) or
-    :data:`ASSUMED` (the file does not say).
+    :data:`ASSUMED` (another choice is possible, and named).
     ``line`` counts from 1; 0 is the whole file.
     """
 

@@ -179,10 +179,10 @@ def _read_panorama(path: Path, where: Where) -> np.ndarray:
     def refuse(problem: str, remedy: str) -> SceneError:
         return where.error(f"{str(path)!r} {problem}", remedy)
 
-    data = read_bytes(path, LARGEST_FILE, "sky")
     kind = path.suffix.lower()
     if kind not in (".hdr", ".exr"):
-        raise refuse("is no sky", "Give a Radiance HDR or an EXR file")
+        raise refuse("is no sky", "Give a Radiance HDR or an EXR file, or a colour such as #80a0c0")
+    data = read_bytes(path, LARGEST_FILE, "sky")
     try:
         width, height = _exr_size(path) if kind == ".exr" else _hdr_size(data)
         if width * height > MOST_TEXELS:

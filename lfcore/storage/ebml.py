@@ -116,7 +116,7 @@ def _head(file: BinaryIO, path: Path, found: Structure) -> int:
     foreign = StorageError(
         "is not a Matroska file",
         file=path,
-        remedy="Give a lightfield.mkv, as the join of segments writes it",
+        remedy="Give a light field file (.mkv), as 'lfcore record' writes it",
     )
     identity, start, stop = _header(file, 0) or (0, 0, 0)
     if identity != HEAD or stop > found.file_bytes or stop > 4096:

@@ -79,7 +79,7 @@ def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
     path = tmp_path / "caf\N{LATIN SMALL LETTER E WITH ACUTE}.mkv"
     path.write_bytes(recorded.read_bytes())
     done = subprocess.run(
-        [sys.executable, "-m", "lfcore.cli", "info", path], capture_output=True, timeout=60,
+        [sys.executable, "-m", "lfcore", "info", path], capture_output=True, timeout=60,
         env=os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C.UTF-8"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -57,7 +57,7 @@ def end(process, number):
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_trace_ends_at_once_and_leaves_nothing(tmp_path, number, status):
     words = ("record", SCENES / "chart", "-o", "out.mkv", "--pixels", 1024, "--views", 64)
-    with start(tmp_path, "-m", "lfcore.cli", *words) as process:
+    with start(tmp_path, "-m", "lfcore", *words) as process:
         wait_for(lambda: list(tmp_path.glob(".out.mkv.*/*")), process)
         time.sleep(0.3)  # into the first tile
         found, said = end(process, number)

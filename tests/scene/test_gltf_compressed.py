@@ -185,7 +185,8 @@ def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
 
 
 SAID = {
-    "left out: animation 'bounce': the pose in the file",
+    'assumed: its own camera; --from front (view_from="front") frames all of it',
+    "left out: animation 'bounce'; the file's pose is shown",
     "left out: extension KHR_materials_clearcoat",
     "left out: material 'lamp': KHR_materials_clearcoat",
     "left out: material 'bumps': baked shadows",

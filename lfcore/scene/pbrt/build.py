@@ -42,7 +42,8 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     moves = motions(geometry, static, moving)
     for motion, (part, _), item in zip(moves, moving, emitters, strict=True):
         if item is not None:
-            notebook.add(APPROXIMATED, item.place, "light of what moves: from shutter open's pose")
+            what = "light of a moving shape; it shines from its pose when the shutter opens"
+            notebook.add(APPROXIMATED, item.place, what)
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     rig, view = interpreter.rig, interpreter.view
@@ -85,7 +86,8 @@ def _parts(
         if not is_surface:
             notebook.add(LEFT_OUT, item.place, "a shape whose material is no surface")
         elif not rests:
-            notebook.add(LEFT_OUT, item.place, "motion that is not rigid: shutter open's pose")
+            what = "motion that is not rigid; the pose when the shutter opens is shown"
+            notebook.add(LEFT_OUT, item.place, what)
         count = 0
         if is_surface:
             (lamps if glows else others).append(part)

@@ -190,7 +190,7 @@ class Interpreter:
     def _do_camera(self, directive: Directive) -> None:
         start, end = self.now.matrices
         if not np.array_equal(start, end):
-            what = "motion of the camera: shutter open's pose"
+            what = "motion of the camera; its pose when the shutter opens is used"
             self.notebook.add(LEFT_OUT, directive.place, what)
         self._camera = (directive.strings[0], directive.parameters)
         self.world_to_camera = TO_OURS @ start
@@ -223,7 +223,8 @@ class Interpreter:
     def _do_light_source(self, directive: Directive) -> None:
         start, end = self.now.matrices
         if not np.array_equal(start, end):
-            self.notebook.add(LEFT_OUT, directive.place, "motion of a light: shutter open's pose")
+            what = "motion of a light; its pose when the shutter opens is used"
+            self.notebook.add(LEFT_OUT, directive.place, what)
         to_camera = self.world_to_camera @ start
         self.rig.add(directive.strings[0], directive.parameters, to_camera)
 

@@ -1,4 +1,4 @@
-"""``python -m lfcore.cli``, the same as ``lfcore``."""
+"""``python -m lfcore``, the same as ``lfcore``."""
 
 import sys
 
