@@ -282,9 +282,7 @@ def _choose(name: str | None, key: str) -> cl.Device:
     if fault:
         raise DeviceError(fault, remedy=UPDATE)
     known = ", ".join(map(name_of, all_devices()))
-    raise DeviceError(
-        f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {known}"
-    )
+    raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {known}")
 
 
 def build_program(
