@@ -211,12 +211,13 @@ def figure(table: pd.DataFrame, path: Path) -> None:
     for name, rows in table[table.part == "bake"].groupby("scene", sort=False):
         seconds, dB = rows["core s"].astype(float), rows["dB"].astype(float)
         axis.plot(seconds, dB, "o-", label=name)
-        for x, y, setting in zip(seconds, dB, rows["setting"], strict=True):
+        for k, (x, y, setting) in enumerate(zip(seconds, dB, rows["setting"], strict=True)):
             label = setting.removeprefix("error ").removesuffix(" cells")
-            axis.annotate(label, (x, y), (3, -9), textcoords="offset points", fontsize=7)
+            offset, side = ((-4, 4), "right") if k % 2 else ((3, -9), "left")
+            axis.annotate(label, (x, y), offset, textcoords="offset points", ha=side, fontsize=7)
     axis.axhline(40, color="0.6", lw=0.8, ls="--")
     axis.set(xscale="log", xlabel="core seconds of the bake, for an error, with cells",
-             ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
+             xlim=(0.9, 140), ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
     axis.xaxis.set_minor_formatter("")
     axis.set_xticks([1, 2, 5, 10, 20, 50, 100], "1 2 5 10 20 50 100".split())
     axis.legend()

@@ -35,11 +35,11 @@ KINDS: dict[str, dict[str, Any]] = {
     "sky": {"type": values.sky, "metavar": "SKY[,KEY=VALUE...]",
             "help": "light from all around: an .hdr or .exr panorama, or #rrggbb; keys: bounces, "
             "rotation_deg, strength (the scene's)"},
-    "bare": {"action": "store_true", "help": "leave a mesh without lights without sky and floor"},
+    "bare": {"action": "store_true", "help": "no sky and no floor for a mesh that has no lights"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
     "subpixels": {"type": values.positive, "metavar": "Q"},
-    "focus": {"type": values.distance, "metavar": "M"},
+    "focus": {"type": values.distance, "metavar": "FOCUS"},
     "quality_db": {"type": values.positive, "metavar": "DB"},
     "most_rays": {"type": values.positive, "metavar": "R",
                   "help": "rays per pixel that --quality-db may use (4096)"},

@@ -59,7 +59,7 @@ def add_focus(group: Options, *, of_file: bool) -> None:
     px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
     focus, aperture = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     focus.add_argument(
-        "--focus", type=values.focus, metavar="M",
+        "--focus", type=values.focus, metavar="FOCUS",
         help=f"metres, inf, near, middle, far, 40%% of the depth that is seen{px}",
     )  # fmt: skip
     focus.add_argument(
@@ -71,8 +71,7 @@ def add_focus(group: Options, *, of_file: bool) -> None:
     )
     aperture.add_argument(
         "--blur", type=values.blur, metavar="SHARE", dest="f_number",
-        help="blur at the far end, of the picture's shorter side: 3%% (at the near end, where the "
-        "focus is nearer to the far end)",
+        help="blur at the near or far end, whichever has more, of the picture's shorter side: 3%%",
     )  # fmt: skip
 
 
@@ -85,9 +84,11 @@ def settings(arguments: argparse.Namespace, *names: str) -> dict[str, dict[str, 
 
 
 def read_planes(
-    arguments: argparse.Namespace, source: lfcore.LightField | lfcore.Scene
+    arguments: argparse.Namespace,
+    source: lfcore.LightField | lfcore.Scene,
+    pixels: Pixels | None = None,
 ) -> list[SensorPlane]:
-    """The planes of the options, of a light field or of a scene."""
+    """The planes of the options, of a light field or with ``pixels`` of a scene."""
     asked: list[tuple[dict[str, Any], str | None, Path | None]] = []
     for text in arguments.plane:
         if "=" in text:
@@ -97,7 +98,6 @@ def read_planes(
             asked += [(row, f"plane {k}", Path(text)) for k, row in enumerate(rows, 1)]
     check_count(len(asked))
     default = settings(arguments)
-    pixels = None if "lightfield" in arguments else arguments.pixels or 1
     return [
         make_plane(source, default | _read(row, key, file), key, file, pixels)
         for row, key, file in asked or [({}, None, None)]

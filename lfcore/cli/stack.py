@@ -136,7 +136,7 @@ def options(command: argparse.ArgumentParser) -> None:
     add_output(command, "picture or .mp4 (the file's name and _stack.png)", required=False)
     what = command.add_argument_group("the stack")
     what.add_argument(
-        "--focus", nargs="+", type=focus, metavar="M", default=[],
+        "--focus", nargs="+", type=focus, metavar="FOCUS", default=[],
         help="metres, 'inf', pixels of disparity (1.5px), or a range NEAR:FAR:COUNT, evenly in "
         f"dioptres (near:far:{STEPS}, with --sheet near:far:{SHEET_STEPS})",
     )  # fmt: skip

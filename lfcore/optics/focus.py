@@ -120,13 +120,13 @@ def check_place(place: Sequence[float | str]) -> tuple[float, float]:
 
 
 def blur_share(blur: float | str) -> float:
-    """A blur such as ``"3%"`` or 0.03 as a share of the picture's width."""
+    """A blur such as ``"3%"`` or 0.03 as a share of the picture's shorter side."""
     try:
         share = _percent(blur) if isinstance(blur, str) and "%" in blur else float(blur)
     except (TypeError, ValueError):
         share = None
     if share is None or not 0 < share <= WIDEST_BLUR:
-        problem = f"must be above 0 and at most 100% of the picture's width, not {blur}"
+        problem = f"must be above 0 and at most 100% of the picture's shorter side, not {blur}"
         raise OpticsError(problem, key="blur", remedy="Give a share such as 3%")
     return share
 
@@ -134,7 +134,7 @@ def blur_share(blur: float | str) -> float:
 def f_number_of_blur(
     blur: float | str, focal_m: float, focus_m: float, width: float, seen: DepthRange | None
 ) -> float:
-    """The f-number of the aperture that blurs by a share of the picture's width.
+    """The f-number of the aperture that blurs by a share of the picture's shorter side.
 
     A lens of diameter A images a point at depth z as a disc of the tangent A |1/z - 1/focus|.
     Here z is the nearest or the farthest visible depth, whichever is more out of focus.

@@ -51,7 +51,8 @@ class Geometry:
     def refuse_none(self, where: Where, remedy: str | None = None) -> None:
         """Raise :class:`SceneError` where no triangle is left."""
         if not len(self.triangles):
-            problem = f"the scene is empty: every triangle was dropped ({self.dropped})"
+            why = ", ".join(self.dropped) or "there is none"
+            problem = f"the scene is empty: every triangle was dropped ({why})"
             raise where.error(problem, remedy)
 
 

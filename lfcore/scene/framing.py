@@ -24,10 +24,10 @@ from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 FIELD_WIDTH = 0.7
 """The tangent extent of a fitted lens's field: 39 degrees."""
 FILLED = 0.9
-"""The share of the picture's width that a framed scene fills."""
+"""The share of the picture's shorter side that a framed scene fills."""
 BLUR = 0.02
 """The blur at the far end of what is seen, through a fitted lens that is focused in the middle:
-its diameter as a share of the picture's width."""
+its diameter as a share of the picture's shorter side."""
 F_NUMBER = 2.0
 """The f-number of a fitted lens whose focal length is fitted as well."""
 WIDEST = 1 / 8

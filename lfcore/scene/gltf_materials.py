@@ -55,12 +55,14 @@ class GltfSurfaces:
         changes = [_extension(info, "KHR_texture_transform") or {} for info in infos]
         for info, change in zip(infos, changes, strict=True):
             if change.get("texCoord", info.get("texCoord", 0)) != 0:
-                self._note(APPROXIMATED, name, "texture coordinates beside the first: these")
+                self._note(
+                    APPROXIMATED, name, "other texture coordinates; the first are used"
+                )
             if {**change, "texCoord": 0} != {**changes[0], "texCoord": 0}:
-                self._note(APPROXIMATED, name, "textures moved one by one: as the first is")
+                self._note(APPROXIMATED, name, "textures moved one by one; all as the first")
         moved = self._moved(uvs, changes[0]) if changes and changes[0] else uvs
         if any(map(self._ends, infos)) and (moved.min(initial=0) < 0 or moved.max(initial=1) > 1):
-            self._note(APPROXIMATED, name, "a texture that ends or turns round: it repeats")
+            self._note(APPROXIMATED, name, "a texture that is clamped or mirrored; it repeats")
         return moved
 
     def _ends(self, info: dict) -> bool:
@@ -138,7 +140,7 @@ class GltfSurfaces:
         if mode == "MASK" and material.alphaCutoff is not None:
             cutoff = float(material.alphaCutoff)
         elif mode == "BLEND" and alpha * least < _SOLID:
-            self._note(APPROXIMATED, name, "transparency: cut out where it lets through most")
+            self._note(APPROXIMATED, name, "transparency; cut out where most light passes")
         if alpha * most / 255 < cutoff:
             self._note(LEFT_OUT, name, "cut out wholly")
             return None

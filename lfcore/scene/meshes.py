@@ -116,7 +116,7 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
             return data
 
     def lacks(problem: str) -> None:
-        remedy = f"Put a sound one within the mesh or beside it in {path.parent}, or edit the mesh"
+        remedy = f"Put a sound file within the mesh or in {path.parent}, or edit the mesh"
         trouble.append(_error(path, problem, remedy))
 
     @extensions.register_handler(DRACO, "primitive_preprocess")

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 LEAST_PINHOLE = 1000.0
 """The least f-number of a pinhole."""
 PINHOLE_BLUR = 1e-5
-"""The blur of the nearest point through a pinhole, at most: a share of the picture's width."""
+"""The most blur of the nearest point through a pinhole: a share of the picture's shorter side."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,7 +77,7 @@ class Plane(Keys):
     )
     blur: Share | None = key(
         "instead of f_number, the diameter of the blur at the focus distance that is more out of "
-        "focus, a share of the picture's width such as 3%",
+        "focus, a share of the picture's shorter side such as 3%",
         None,
     )
     aperture: Literal["circle", "square", "diamond", "polygon"] = key("its outline", "circle")

@@ -197,7 +197,7 @@ def test_what_one_set_of_coordinates_cannot_say_is_noted(made):
     pictures = {"normalTexture": picture(), "emissiveTexture": picture(colour=(1, 2, 3))}
     _, notes = made(change, emissiveFactor=[1.0, 1, 1], **pictures)
     assert [note.split("'m': ")[1] for note in notes] == [
-        "texture coordinates beside the first: these", "textures moved one by one: as the first is",
+        "other texture coordinates; the first are used", "textures moved one by one; all as the first",
     ]  # fmt: skip
 
 
@@ -230,7 +230,7 @@ def test_a_description_may_ask_for_metal_or_for_none(write, write_scene):
         ("MASK", 255, None),
         ("BLEND", 255, None),
         ("BLEND", 100, "cut out wholly"),
-        ("BLEND", 200, "transparency: cut out where it lets through most"),
+        ("BLEND", 200, "transparency; cut out where most light passes"),
         ("OPAQUE", 0, None),
     ],
 )

@@ -190,7 +190,7 @@ SAID = {
     "left out: extension KHR_materials_clearcoat",
     "left out: material 'lamp': KHR_materials_clearcoat",
     "left out: material 'bumps': baked shadows",
-    "approximated: material 'veil': transparency: cut out where it lets through most",
+    "approximated: material 'veil': transparency; cut out where most light passes",
 }
 
 
