@@ -9,7 +9,7 @@ best quarter of the rounds.  Columns ``N = ...`` are speeds: seconds of the othe
 of this tree.  ``--devices intel pocl`` runs the other on one OpenCL device and this tree on a
 second: with HEAD, driver against driver.  ``--work``: ``hits`` or ``radiance`` of 64 squares,
 ``frames`` with five planes of 16 tiles, spread over the picture, or whole ``views`` with depth.
-``--held-to core-avx2`` adds rows of Intel's runtime held to that instruction set.
+``CL_CONFIG_CPU_TARGET_ARCH=core-avx2`` holds Intel's runtime to that instruction set.
 """
 
 import argparse
@@ -34,17 +34,15 @@ WORK = ("frames", "hits", "radiance", "views")
 
 
 class Program:
-    """The tracer of a checkout, in a process bound to ``core`` and held to an instruction set.
+    """The tracer of a checkout, in a process bound to ``core``.
 
     Programs are kept in ``cache``: old commits took those of one instruction set for another's.
     """
 
-    def __init__(self, root: Path, core: int, cache: Path, held_to: str = "", device: str = ""):
+    def __init__(self, root: Path, core: int, cache: Path, device: str = ""):
         environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
         if device:
             environment["LFCORE_DEVICE"] = device
-        if held_to:
-            environment["CL_CONFIG_CPU_TARGET_ARCH"] = held_to
         self._process = subprocess.Popen(
             [sys.executable, str(WORKER), str(root)],
             stdin=subprocess.PIPE,
@@ -80,12 +78,10 @@ def in_turn(programs: Sequence[Program], case: dict[str, Any], rounds: int) -> l
     return [float(np.mean(sorted(one)[: max(1, rounds // 4)])) for one in taken]
 
 
-def rows(
-    programs: Sequence[Program], held_to: str, options: argparse.Namespace
-) -> Iterator[dict[str, Any]]:
+def rows(programs: Sequence[Program], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for work in options.work:
         for scene in options.scenes:
-            row: dict[str, Any] = {"work": work, "held to": held_to or "nothing", "scene": scene}
+            row: dict[str, Any] = {"work": work, "scene": scene}
             for views in options.views:
                 case = {"work": work, "scene": scene, "views": views, "pixels": options.pixels,
                         "mrays": options.mrays}  # fmt: skip
@@ -120,7 +116,6 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--mrays", type=float, default=16.0, help="million rays of a case")
-    parser.add_argument("--held-to", nargs="+", default=[], metavar="SET", help="e.g. core-avx2")
     parser.add_argument("--devices", nargs=2, default=["", ""], metavar="NAME",
                         help="of the other and of this tree")  # fmt: skip
     parser.add_argument("--core", type=int, default=max(os.sched_getaffinity(0)))
@@ -132,20 +127,18 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 def main() -> None:
     options = parse()
-    found: list[dict[str, Any]] = []
     with checkout(options.revision) as other:
-        for held_to in ("", *options.held_to):
-            cache = other.parent / f"cache-{held_to}"
-            cache.mkdir()
-            programs = [
-                Program(root, options.core, cache, held_to, device)
-                for root, device in zip((other, ROOT), options.devices, strict=True)
-            ]
-            try:
-                found += rows(programs, held_to, options)
-            finally:
-                for program in programs:
-                    program.end()
+        cache = other.parent / "cache"
+        cache.mkdir()
+        programs = [
+            Program(root, options.core, cache, device)
+            for root, device in zip((other, ROOT), options.devices, strict=True)
+        ]
+        try:
+            found = list(rows(programs, options))
+        finally:
+            for program in programs:
+                program.end()
     report(options.out, "python -m benchmarks.against", found)
 
 

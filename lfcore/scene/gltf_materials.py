@@ -55,11 +55,9 @@ class GltfSurfaces:
         changes = [_extension(info, "KHR_texture_transform") or {} for info in infos]
         for info, change in zip(infos, changes, strict=True):
             if change.get("texCoord", info.get("texCoord", 0)) != 0:
-                self._note(
-                    APPROXIMATED, name, "other texture coordinates; the first are used"
-                )
+                self._note(APPROXIMATED, name, "other texture coordinates; the first are used")
             if {**change, "texCoord": 0} != {**changes[0], "texCoord": 0}:
-                self._note(APPROXIMATED, name, "textures moved one by one; all as the first")
+                self._note(APPROXIMATED, name, "textures moved one by one; all as one")
         moved = self._moved(uvs, changes[0]) if changes and changes[0] else uvs
         if any(map(self._ends, infos)) and (moved.min(initial=0) < 0 or moved.max(initial=1) > 1):
             self._note(APPROXIMATED, name, "a texture that is clamped or mirrored; it repeats")

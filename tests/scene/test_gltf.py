@@ -197,7 +197,7 @@ def test_what_one_set_of_coordinates_cannot_say_is_noted(made):
     pictures = {"normalTexture": picture(), "emissiveTexture": picture(colour=(1, 2, 3))}
     _, notes = made(change, emissiveFactor=[1.0, 1, 1], **pictures)
     assert [note.split("'m': ")[1] for note in notes] == [
-        "other texture coordinates; the first are used", "textures moved one by one; all as the first",
+        "other texture coordinates; the first are used", "textures moved one by one; all as one",
     ]  # fmt: skip
 
 
