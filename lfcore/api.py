@@ -246,7 +246,7 @@ def render(
         return found[0] if planes is None else found
     lattice = lattice_to_trace(filter, views)
     wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
-    tracer = open_tracer(scene, device)
+    tracer = open_tracer(scene, device, progress)
     coarse = [replace(plane, pixels=size.longer) for plane in wanted]
     if filter == "depth":
         made = pictures_by_depth(tracer, camera, wanted, size, lattice, progress=progress)
@@ -330,7 +330,7 @@ def render_to_quality(
         raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
     wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
-    tracer = open_tracer(scene, device)
+    tracer = open_tracer(scene, device, progress)
     return QualitySearch(tracer, camera, wanted, size, quality).pictures(progress)
 
 
@@ -437,7 +437,7 @@ def record(
     size = Size.of(pixels)
     scene, camera, content = recorded_lens(scene, size, focus_m, f_number, **more)
     encoding = encoding or Encoding()
-    tracer = open_tracer(scene, device)
+    tracer = open_tracer(scene, device, progress)
     peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
     encoding = replace(encoding, transfer="pq" if peak else "srgb")
     if quality is not None:

@@ -68,7 +68,6 @@ def run(arguments: argparse.Namespace) -> None:
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:
         plane.check(camera.slab())
-    tracer = open_tracer(scene, arguments.device)
     side = camera.photograph_side
     say(
         f"{camera.lenses} x {camera.lenses} microlenses of {1e6 * camera.pitch_m:.4g} um, focal "
@@ -77,6 +76,7 @@ def run(arguments: argparse.Namespace) -> None:
         f"{1e3 * lens.image_distance_m:.4g} mm"
     )
     with progress(f"tracing a photograph of {side} x {side}", "microlenses") as report:
+        tracer = open_tracer(scene, arguments.device, report)
         picture = photograph(tracer, camera, progress=report)
     named = [(arguments.output, picture)]
     for i, j, path in views:

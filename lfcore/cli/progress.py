@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lfcore.opencl.program_cache import watching
-from lfcore.progress import Progress
+from lfcore.progress import BUILDING, Progress, watching
 
 SHORTEST_S = 0.05
 """The shortest time for which a rate is reported."""
@@ -24,44 +23,46 @@ _records: list[dict[str, Any]] = []
 def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
     """Yield ``report(done, total)``, which draws a bar on a terminal; ends with a line of seconds.
 
-    The line has the rate of ``rays``, where given, without the seconds of OpenCL builds.
+    The line has the rate of ``rays``, where given, without the seconds of stages.
     """
-    begun, builds = time.perf_counter(), _Builds()
-    with _bar(what, unit, builds) as report, watching(builds):
+    begun, stages = time.perf_counter(), _Stages()
+    with _bar(what, unit, stages) as report, watching(stages):
         yield report
     seconds = time.perf_counter() - begun
-    traced = seconds - builds.seconds
+    traced = seconds - sum(stages.seconds.values())
     rate = rays / traced if traced > SHORTEST_S else 0.0
     if _records:
         step: dict[str, Any] = {"what": what, "seconds": round(seconds, 3)}
-        step["building_kernels_seconds"] = round(builds.seconds, 3)
+        for name, of_it in stages.seconds.items():
+            step[f"{name.replace(' ', '_')}_seconds"] = round(of_it, 3)
         step |= {"rays": rays} if rays else {}
         _records[-1]["steps"].append(step | ({"rays_per_second": round(rate)} if rate else {}))
         return
     line = f"{what}: {seconds:.1f} s"
-    line += f", {builds.seconds:.1f} s of them building kernels" if builds.seconds >= 0.1 else ""
+    for name, of_it in stages.seconds.items():
+        line += f", {of_it:.1f} s of them {name}" if of_it >= 0.1 else ""
     say(line + (f", {rate / 1e6:.3g} million rays per second" if rate else ""))
 
 
-class _Builds:
-    """The seconds in which at least one thread builds a program."""
+class _Stages:
+    """The seconds of each stage; those of several at a time are of the one begun last."""
 
     def __init__(self) -> None:
-        self.seconds, self.changed = 0.0, lambda building: None
-        self._threads, self._since, self._lock = 0, 0.0, threading.Lock()
+        self.seconds, self.changed = {BUILDING: 0.0}, lambda name: None
+        self._running, self._since, self._lock = list[str](), 0.0, threading.Lock()
 
-    def __call__(self, begins: bool) -> None:
+    def __call__(self, name: str, begins: bool) -> None:
         with self._lock:
-            self._threads += 1 if begins else -1
-            if begins and self._threads == 1:
-                self._since = time.perf_counter()
-            elif not self._threads:
-                self.seconds += time.perf_counter() - self._since
-            self.changed(self._threads > 0)
+            before, self._since = self._since, time.perf_counter()
+            if self._running:
+                last = self._running[-1]
+                self.seconds[last] = self.seconds.get(last, 0.0) + self._since - before
+            (self._running.append if begins else self._running.remove)(name)
+            self.changed(self._running[-1] if self._running else None)
 
 
 @contextmanager
-def _bar(what: str, unit: str, builds: _Builds) -> Iterator[Progress]:
+def _bar(what: str, unit: str, stages: _Stages) -> Iterator[Progress]:
     """A bar that is there while the block runs; none where standard error is no terminal."""
     if _records or not sys.stderr.isatty():
         yield lambda done, total: None
@@ -75,9 +76,7 @@ def _bar(what: str, unit: str, builds: _Builds) -> Iterator[Progress]:
         *columns, bars.TimeRemainingColumn(), console=console, transient=True
     ) as shown:
         task = shown.add_task(what, total=None)
-        builds.changed = lambda building: shown.update(
-            task, description="building kernels" if building else what
-        )
+        stages.changed = lambda name: shown.update(task, description=name or what)
         yield lambda done, total: shown.update(task, completed=done, total=total)
 
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from lfcore.errors import StorageError
 from lfcore.files import whole_file
+from lfcore.progress import BUILDING, stage
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -116,45 +117,17 @@ def cached(
     """
     path = folder()
     if path is None:
-        with _telling():
+        with stage(BUILDING):
             return build()[0]
     entry = path / f"{name}.bin"
     program = _read(entry, load)
     if program is None:
-        with _telling(), _alone(path / f"{name[:2]}.lock"):
+        with stage(BUILDING), _alone(path / f"{name[:2]}.lock"):
             program = _read(entry, load)  # of a process that was waited for
             if program is None:
                 program, binary = build()
                 _write(entry, binary)
     return program
-
-
-@contextlib.contextmanager
-def watching(tell: Callable[[bool], None]) -> Iterator[None]:
-    """Call ``tell(True)`` before a program is built, or waited for, and ``tell(False)`` after.
-
-    Any thread may build, several at a time.
-    """
-    _watchers.append(tell)
-    try:
-        yield
-    finally:
-        _watchers.remove(tell)
-
-
-_watchers: list[Callable[[bool], None]] = []
-
-
-@contextlib.contextmanager
-def _telling() -> Iterator[None]:
-    told = list(_watchers)
-    for tell in told:
-        tell(True)
-    try:
-        yield
-    finally:
-        for tell in told:
-            tell(False)
 
 
 def _read(entry: Path, load: Callable[[bytes], Program | None]) -> Program | None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from lfcore.opencl.device import Device, open_device
-from lfcore.progress import Progress
+from lfcore.progress import BAKING, Progress, stage
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
@@ -35,16 +35,19 @@ def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene
         from lfcore.rendering.bake import bake_light  # seldom needed
 
         bvh = hierarchy_of(scene)
-        light = bake_light(scene, bvh, device, scene.bake, progress=progress)
+        with stage(BAKING):
+            light = bake_light(scene, bvh, device, scene.bake, progress=progress)
         _lit[scene] = replace(scene, light=light)
         _built[_lit[scene]] = bvh
     return _lit[scene]
 
 
-def open_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:
+def open_tracer(
+    scene: Scene, device: Device | str | None = None, progress: Progress | None = None
+) -> Tracer:
     """A tracer of the scene on all of a device; light is baked where the scene asks for that."""
     whole = opened(device)
-    scene = lit(scene, whole)
+    scene = lit(scene, whole, progress)
     return Tracer(scene, hierarchy_of(scene), whole)
 
 

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from lfcore.cli import progress as lines
-from lfcore.opencl import program_cache
+from lfcore.progress import BAKING, BUILDING, stage
 
 
 class Terminal(io.StringIO):
@@ -29,7 +29,7 @@ def clock(monkeypatch):
 
 
 def build(clock, seconds):
-    with program_cache._telling():
+    with stage(BUILDING):
         clock.now += seconds
 
 
@@ -45,7 +45,7 @@ def test_a_terminal_sees_a_bar_and_that_kernels_are_built(monkeypatch):
         assert text in terminal.getvalue()
 
     with lines.progress("tracing", "parts") as report:
-        with program_cache._telling():
+        with stage(BUILDING):
             wait_for("building kernels")
         report(8, 16)
         wait_for("8/16")
@@ -58,10 +58,11 @@ def test_the_last_line_has_seconds_and_a_rate_without_those_of_building(clock, c
         report(1, 2)
     assert capsys.readouterr().err == "tracing: 1.0 s\n"
     with lines.progress("tracing"):
-        with program_cache._telling():
+        with stage(BAKING):
             build(clock, 2.0)
             clock.now += 1.0
-    assert capsys.readouterr().err == "tracing: 3.0 s, 3.0 s of them building kernels\n"
+    said = "tracing: 3.0 s, 2.0 s of them building kernels, 1.0 s of them baking light\n"
+    assert capsys.readouterr().err == said
     with lines.progress("tracing", rays=8_000_000):
         build(clock, 3.0)
         clock.now += 4.0

@@ -13,6 +13,7 @@ from lfcore import DeviceError
 from lfcore.opencl import device as devices
 from lfcore.opencl import drivers, program_cache
 from lfcore.opencl.device import build_program, cl, open_device
+from lfcore.progress import watching
 
 IMPORTS = """
 import importlib, os, pkgutil, signal, sys
@@ -186,7 +187,7 @@ def test_damaged_entries_are_built_again(device, cache, damage):
         entry.write_bytes(DAMAGE[damage](entry.read_bytes()))
     else:
         program_cache._write(entry, b"no program of any driver's")
-    with program_cache.watching(told.append):
+    with watching(lambda name, begins: told.append(begins)):
         assert twice(device) == 42
         assert twice(device) == 42
     twice(device, SOURCE + " // another")
