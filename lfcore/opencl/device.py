@@ -307,7 +307,9 @@ def build_program(
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
-    source = f"#pragma OPENCL FP_CONTRACT OFF\n{header}{source}\n"
+    # A plain "inline" is compiled by itself as well: 0.3 s of each program of the tracer.
+    static = "#define inline static inline\n"
+    source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{header}{source}\n"
     try:
         return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:
