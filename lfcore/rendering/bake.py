@@ -21,8 +21,17 @@ from lfcore.progress import Progress
 from lfcore.rendering.bake_gather import Gatherer
 from lfcore.rendering.bake_guide import Guide
 from lfcore.rendering.bake_lamps import Lamps
-from lfcore.rendering.bake_points import Grids, Points, grid_point, lattice
-from lfcore.rendering.bake_rays import BATCH, FIELD, Surroundings, dot, mean_colour
+from lfcore.rendering.bake_points import (
+    Grids,
+    Points,
+    corner_normals,
+    dot,
+    extent,
+    grid_point,
+    lattice,
+    longest_edge,
+)
+from lfcore.rendering.bake_rays import BATCH, FIELD, Surroundings, mean_colour
 from lfcore.rendering.bake_refinement import Refinement
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
@@ -65,7 +74,8 @@ def bake_light(
     around = Surroundings(scene, Tracer(bare, bvh, device))
     seen, spots, distance = _seen_faces(scene, around, 32 * options.cells)
     sides, fine, wanted = _sides(scene, distance, options.cells)
-    grids, lit = (Grids(scene, each, around.lens) for each in (sides, fine))
+    normals = corner_normals(scene, around.lens)
+    grids, lit = (Grids(scene, each, *normals) for each in (sides, fine))
     baker = Baker(grids, lit, around, options)
     report = progress or (lambda done, of: None)
     baker.find(seen, spots)
@@ -126,10 +136,9 @@ def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, 
     """(T,) cells along an edge: powers of 2, as many as the picture needs to begin with and as
     many as direct light needs; and as many as it needs in the mean, of triangles that it shows."""
     corners = scene.triangles.astype(np.float64)
-    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-    edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1)
+    edge, size = longest_edge(corners), extent(scene.triangles)[1]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.sqrt((across**2).sum(-1)) / 2
+    area = np.sqrt(dot(across, across)) / 2
     seen = np.isfinite(distance)
     cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
     cell = np.clip(cell, size / 1024, size / 24)
@@ -163,13 +172,14 @@ class Baker:
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
         fresh = self.grids.add(seen)
-        count = max(_FEWEST, min(_MOST // 4, _FIRST // max(fresh.stop, 1) // 8 * 8))
+        share = self.options.fineness / 8  # halves have whole rays to lamps
+        count = max(_FEWEST, 8 * int(share * min(_MOST // 4, _FIRST / max(fresh.stop, 1))))
         hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)
         self.gatherer = Gatherer(Lamps(self.around, self.grids.points), self.seen)
         room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * max(fresh.stop, 1))
-        count = min(count, max(8, room // 8 * 8))  # halves have whole rays to lamps
+        count = min(count, max(8, room // 8 * 8))
         self._seen_points, self._first = fresh.stop, count
         for turn in range(_ROUNDS):
             found = self._look(fresh, count)

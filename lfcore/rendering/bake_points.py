@@ -20,7 +20,7 @@ _PLACE, _NORMAL = 2.0**-22, 2.0**-8
 _INSET = 0.02
 # Opposite normals are as unlike as places this share of the scene's size apart.
 _ALIKE = 0.1
-_BESIDE = 1 / 64
+_BESIDE, _CUBES = 1 / 64, 256
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
@@ -68,21 +68,21 @@ def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarr
     front = np.repeat(flat[:, None], 3, axis=1)
     if len(scene.normals):
         front = scene.normals.astype(np.float64)
-        away = ((front * flat[:, None]).sum(-1) < 0).all(1)
+        away = (dot(front, flat[:, None]) < 0).all(1)
         front = np.where(away[:, None, None], -front, front)
     both = np.stack([front, -front], 1)
     towards, away = np.zeros((len(flat), 2), bool), np.ones((len(flat), 2), bool)
     for at in lens:
         ways = scene.triangles - np.append(at, 0)
-        up = (flat * ways[:, 0]).sum(-1) < 0
+        up = dot(flat, ways[:, 0]) < 0
         towards |= np.stack([up, ~up], 1)
-        off = (front * ways).sum(-1)
+        off = dot(front, ways)
         away &= np.stack([(off > 0).all(1), (off < 0).all(1)], 1)
     return np.where((towards & away)[..., None, None], -both, both), flat
 
 
 class Grids:
-    """Points of the grids of faces, each place once.
+    """Points of the grids of faces, each place once; normals are :func:`corner_normals`.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Grids:
     points : the points.
     """
 
-    def __init__(self, scene: Scene, sides: np.ndarray, lens: np.ndarray):
+    def __init__(self, scene: Scene, sides: np.ndarray, normals: np.ndarray, flat: np.ndarray):
         self.scene, self.sides = scene, sides
         self.first = np.full(2 * len(sides), -1, np.int64)
         self.instead = np.zeros(2 * len(sides), np.int64)
@@ -101,10 +101,8 @@ class Grids:
         self._hashes = np.zeros(0, np.uint64)
         empty = np.zeros((0, 3), np.float32)
         self.points = Points(empty, empty, empty, np.zeros(0))
-        self._normals, self._flat = corner_normals(scene, lens)
-        corners = scene.triangles.reshape(-1, 3).astype(np.float64)
-        self._low = corners.min(0)
-        self._size = float(np.ptp(corners, axis=0).max())
+        self._normals, self._flat = normals, flat
+        self._low, self._size = extent(scene.triangles)
 
     def add(self, faces: np.ndarray) -> slice:
         """Grids of faces that have none; returns their new points."""
@@ -142,7 +140,7 @@ class Grids:
         normals = _unit(_mixed(weights, self._normals[triangle, faces % 2]))
         flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
         inset = exact + _INSET / side * (corners.mean(1, keepdims=True) - exact)
-        edge = np.sqrt(((corners - np.roll(corners, 1, axis=1)) ** 2).sum(-1)).max(1) / side
+        edge = longest_edge(corners) / side
         key = np.concatenate(
             [np.rint((exact - self._low) / (self._size * _PLACE) + 0.37),
              np.rint(normals / _NORMAL + 0.37)], -1
@@ -187,7 +185,13 @@ class Grids:
     def stand_in(self) -> None:
         """Find points for faces without grids: the nearest that look alike."""
         lacking, used = np.flatnonzero(self.first < 0), np.unique(self.index)
-        self.instead[lacking] = used[self._alike(self.points.of(used), *self._middles(lacking))]
+        places, normals = self._middles(lacking)
+        # One for all faces of a small cube that look about the same way.
+        cube = (places - self._low) * (_CUBES / self._size)
+        keys = hashed(np.rint(np.concatenate([cube, 1.5 * normals], 1)).astype(np.int64))
+        _, first, of = np.unique(keys, return_index=True, return_inverse=True)
+        found = self._alike(self.points.of(used), places[first], normals[first])
+        self.instead[lacking] = used[found][of]
 
     def beside(self, faces: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Points (F, n) of faces: of ``which`` where one is next to a face, else of ``points``."""
@@ -200,8 +204,9 @@ class Grids:
     def _middles(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(F, 3) places and shading normals."""
         triangle = faces // 2
-        normals = self._normals[triangle, faces % 2].mean(1)
-        return self.scene.triangles[triangle].mean(1), normals
+        of = self.scene.triangles[triangle], self._normals[triangle, faces % 2]
+        places, normals = ((at[:, 0] + at[:, 1] + at[:, 2]) / 3 for at in of)
+        return places, normals
 
     def _alike(
         self, points: Points, places: np.ndarray, normals: np.ndarray, within: float = np.inf
@@ -216,8 +221,27 @@ class Grids:
         return tree.query(sought, distance_upper_bound=within)[1]
 
 
+def extent(triangles: np.ndarray) -> tuple[np.ndarray, float]:
+    """The low corner (3,), float64, of the box around triangles (T, 3, 3), and its longest side."""
+    axes = triangles.reshape(-1, 3).T  # one by one: numpy takes ten times as long for all three
+    low, high = (np.array([float(of(axis)) for axis in axes]) for of in (np.min, np.max))
+    return low, float((high - low).max())
+
+
+def longest_edge(corners: np.ndarray) -> np.ndarray:
+    """(T,) of triangles (T, 3, 3)."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    a, b, c = np.sqrt(dot(edges, edges)).T
+    return np.maximum(np.maximum(a, b), c)
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Term by term: libraries add in other orders on other processors, and numpy takes longer."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.sqrt((vectors * vectors).sum(-1, keepdims=True))
+    return vectors / np.sqrt(dot(vectors, vectors))[..., None]
 
 
 def _mixed(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.rendering.bake_points import GOLDEN, Points, shuffled
+from lfcore.rendering.bake_points import GOLDEN, Points, dot, extent, shuffled
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
@@ -76,11 +76,6 @@ def directions(points: Points, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     )
 
 
-def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Term by term: libraries add in other orders on other processors."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
 def mean_colour(a: np.ndarray) -> np.ndarray:
     """The mean of red, green and blue (..., 3); numpy's own takes several times as long."""
     return (a[..., 0] + a[..., 1] + a[..., 2]) / 3
@@ -95,7 +90,7 @@ class Surroundings:
         p, q, r = scene.triangles.swapaxes(0, 1)
         flat = np.cross(q - p, r - p)
         self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
-        self._near = _NEAR * np.ptp(scene.triangles.reshape(-1, 3), axis=0).max(initial=0)
+        self._near = _NEAR * extent(scene.triangles)[1]
         self._lift = np.float32(2e-6 * np.abs(scene.triangles).max(initial=0))
         self.small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +13,9 @@ from lfcore.scene.baked import BakedLight
 if TYPE_CHECKING:
     from lfcore.rendering.bake import Baker
 
-FINER, _FINE = 8, 0.06
-"""Cells are halved until an edge has this many times the cells that the picture needs at first, for
-errors up to the other; an edge between lit and dark errs as the root of its cells."""
+FINER = 8
+"""Cells are halved until an edge has this many times the cells that the picture needs at first, but
+for coarse light; an edge between lit and dark errs as the root of its cells."""
 _SURPRISE, _CONTRAST = 0.06, 1.5
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times
@@ -47,7 +46,7 @@ class Refinement:
         self._floor = 0.25 * float(bright.mean()) if len(bright) else 0.0
         error = baker.options.error
         self._allowed = max(_SURPRISE, error)
-        self._finer = FINER * min(1.0, math.sqrt(_FINE / error))
+        self._finer = FINER * baker.options.fineness
         self._room = baker.options.mib * 2**20 // 2 // _VALUE_BYTES
         self._next_seed = len(self._light)
 

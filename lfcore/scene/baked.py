@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,11 @@ class BakeOptions:
     error: float = 0.02
     mib: int = 1024
     cells: int = 32
+
+    @property
+    def fineness(self) -> float:
+        """Below 1 for errors above 0.06, which need fewer rays at first, and fewer cells."""
+        return min(1.0, math.sqrt(0.06 / self.error))
 
 
 @dataclass(frozen=True, eq=False)
