@@ -62,7 +62,7 @@ def build_scene(
         entry: dict = {"file": path.name}
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
-        description = complete(check({"objects": [entry]}, file=path))
+        description = complete({"objects": [entry]})
         name = path.stem
     else:
         description = read_description(path)

@@ -6,9 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import yaml
-from jsonschema.exceptions import best_match
 
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.scene.reading import Where, read_yaml
@@ -32,6 +30,8 @@ def read_description(path: str | Path) -> dict:
 
 def check(description: Any, *, file: str | Path) -> dict:
     """``description`` itself when the schema accepts it and all its numbers are finite."""
+    import jsonschema  # mesh files do without
+
     where = Where(file)
     if not isinstance(description, dict):
         remedy = "Start with 'objects:' and a list of '- file: mesh.glb'"
@@ -40,7 +40,7 @@ def check(description: Any, *, file: str | Path) -> dict:
     validator = jsonschema.Draft202012Validator(schema())
     errors = sorted(validator.iter_errors(description), key=lambda e: [str(p) for p in e.path])
     if errors:
-        raise _explain(best_match(errors[:1]), where)
+        raise _explain(jsonschema.exceptions.best_match(errors[:1]), where)
     return description
 
 
@@ -87,7 +87,7 @@ def _check_finite(value: Any, where: Where) -> None:
         _check_finite(item, where[name])
 
 
-def _explain(error: jsonschema.ValidationError, where: Where) -> SceneError:
+def _explain(error: Any, where: Where) -> SceneError:
     for name in error.absolute_path:
         where = where[name]
     rule, value, kind = error.schema, error.instance, error.validator
