@@ -68,7 +68,7 @@ def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarr
     front = np.repeat(flat[:, None], 3, axis=1)
     if len(scene.normals):
         front = scene.normals.astype(np.float64)
-        away: np.ndarray = (dot(front, flat[:, None]) < 0).all(1)
+        away = dot(front, flat[:, None]).max(1) < 0
         front = np.where(away[:, None, None], -front, front)
     both = np.stack([front, -front], 1)
     towards, away = np.zeros((len(flat), 2), bool), np.ones((len(flat), 2), bool)
