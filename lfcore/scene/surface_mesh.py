@@ -216,7 +216,9 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     offset = np.arange(len(first)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     second = np.repeat(np.repeat(starts, valence), repeats) + offset
     corner_a, face_b = corners[first], corners[second] // 3
-    together = (unit[corner_a // 3] * unit[face_b]).sum(1) >= np.cos(np.radians(crease_deg))
+    face_a = corner_a // 3
+    cosine = sum(axis[face_a] * axis[face_b] for axis in unit.T)
+    together = cosine >= np.cos(np.radians(crease_deg))
     corner_a, face_b = corner_a[together], face_b[together]
     sums = np.stack([np.bincount(corner_a, axis[face_b], 3 * faces) for axis in doubled.T], axis=1)
     flat = np.repeat(unit, 3, axis=0)
