@@ -26,7 +26,7 @@ formats:
 EXPORT = """\
 Write a light field file in another program's format, into a folder that appears whole or not at
 all. --views, --baseline and --crop take a part of it. A file with depth gives any number of views:
-those between the recorded ones are made by depth, and their quality is said."""
+those between the recorded ones are made by depth, and their quality is reported."""
 EXPORT_EPILOG = """\
 examples:
   lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci

@@ -36,8 +36,8 @@ def options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     plane_options.add_focus(command, of_file=False)
     repeat: dict[str, Any] = {"action": "append", "default": []}
-    command.add_argument("--refocus", nargs=2, metavar=("M", "PICTURE"), **repeat,
-                         help="refocus digitally, metres; repeat for more")  # fmt: skip
+    command.add_argument("--refocus", nargs=2, metavar=("METRES", "PICTURE"), **repeat,
+                         help="refocus digitally; repeat for more")  # fmt: skip
     command.add_argument("--view", nargs=3, metavar=("I", "J", "PICTURE"), **repeat,
                          help="extract a sub-aperture view; repeat for more")  # fmt: skip
 
