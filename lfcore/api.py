@@ -209,7 +209,7 @@ def render(
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
-        Called with (done, of all).
+        Called with (done, of all), first while light is baked, for a scene that asks for that.
     **more
         Other settings of :meth:`Scene.plane`, such as ``blur`` and ``focus_at``.
 
