@@ -201,9 +201,11 @@ def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.contai
         )  # fmt: skip
     except FileNotFoundError:
         raise StorageError("no such file", file=path) from None
-    except (FFmpegError, OSError) as error:
+    except (FFmpegError, OSError, ValueError) as error:
+        # A plain ValueError: a damaged file is taken for a format in which streams come later.
+        problem = getattr(error, "strerror", "it is of another format") or error
         raise StorageError(
-            f"cannot be opened as a video: {error.strerror or error}",
+            f"cannot be opened as a video: {problem}",
             file=path,
             remedy="The file may be cut short or no video; make it again",
         ) from error

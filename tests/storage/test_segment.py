@@ -21,7 +21,7 @@ from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes, sweep_step
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.pixels import pixel_format
-from lfcore.storage.segment import SegmentWriter, read_segment
+from lfcore.storage.segment import SegmentWriter, open_video, read_segment
 from lfcore.storage.ycbcr import frames_from_rgb, rgb_from_frames
 
 PLAIN = Encoding(pixel_format="yuv420p", crf=22, preset="veryfast")
@@ -154,6 +154,14 @@ def test_failures_leave_no_file(tmp_path):
         writer.write(np.zeros((1, 1536), np.uint8))
         raise ZeroDivisionError
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_format_that_shows_its_streams_late_is_refused_in_one_line(tmp_path):
+    with av.open(str(path := tmp_path / "s.mpg"), "w", format="mpeg") as container:
+        stream = container.add_stream("mpeg2video", rate=25, width=32, height=32)
+        container.mux(stream.encode(av.VideoFrame(32, 32, "yuv420p")) + stream.encode())
+    with pytest.raises(StorageError, match="of another format"):
+        open_video(path)
 
 
 SLAB = Slab(Camera(0.05, 0.036, 2.0, 3.0), 3, 32)
