@@ -1,4 +1,4 @@
-"""How long work reports its progress: a callback, and stages that are no part of what was asked."""
+"""Progress of long work: a callback, and the stages that may come first."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ def watching(tell: Callable[[str, bool], None]) -> Iterator[None]:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """The block is the stage :data:`BUILDING` or :data:`BAKING`."""
+    """Tell watchers that the block is a stage, :data:`BUILDING` or :data:`BAKING`."""
     told = list(_watchers)
     for tell in told:
         tell(name, True)

@@ -45,7 +45,7 @@ def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
 
 
 class _Stages:
-    """The seconds of each stage; those of several at a time are of the one begun last."""
+    """The seconds of each stage.  While several run, the one that began last counts."""
 
     def __init__(self) -> None:
         self.seconds, self.changed = {BUILDING: 0.0}, lambda name: None

@@ -172,9 +172,9 @@ DEPTHS = {None: None, "displaced": True, "plain": True, "none": False}
 def record_options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "file to write (.mkv)")
-    add(command, "pixels", views="the file is for N x N views, made by depth of 4 x 4 traced ones, "
-        "beyond N = 16 of its root per side; with --depth or --subpixels N x N are traced (4, or "
-        "16 with --depth none)")  # fmt: skip
+    add(command, "pixels", views="the file gives N x N views (4, or 16 with --depth none). Without "
+        "--depth and --subpixels, 4 x 4 are traced, beyond N = 16 its square root per side, and "
+        "the others made by depth")  # fmt: skip
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
         "--depth", choices=[name for name in DEPTHS if name],

@@ -172,8 +172,8 @@ class Baker:
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
         self.seen[seen] = True
         fresh = self.grids.add(seen)
-        share = self.options.fineness / 8  # halves have whole rays to lamps
-        count = max(_FEWEST, 8 * int(share * min(_MOST // 4, _FIRST / max(fresh.stop, 1))))
+        most = self.options.fineness * min(_MOST // 4, _FIRST / max(fresh.stop, 1))
+        count = max(_FEWEST, int(most) // 8 * 8)  # halves have whole rays to lamps
         hidden = self.around.covered(self.grids.points)
         hidden &= ~self.grids.move(seen, spots, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)

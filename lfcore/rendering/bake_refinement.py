@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from lfcore.rendering.bake import Baker
 
 FINER = 8
-"""Cells are halved until an edge has this many times the cells that the picture needs at first, but
-for coarse light; an edge between lit and dark errs as the root of its cells."""
+"""Cells are halved until an edge has this many times the cells that the picture needs at first,
+times ``BakeOptions.fineness``; an edge between lit and dark errs as the root of its cells."""
 _SURPRISE, _CONTRAST = 0.06, 1.5
 """A point between neighbours may differ by such a share from their mean, or by the error that is
 asked for; where it does not, cells are halved no more.  Neighbours that differ by so many times

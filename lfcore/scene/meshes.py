@@ -23,7 +23,7 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
 STRIP_NAMES = ("vertex_indices", "vertex_index")
 NOT_MESHES = {"stl_ascii", "xyz"}
-"""Among trimesh's mesh formats: no suffix of a file, and points."""
+"""Mesh formats by trimesh's list only: the first is no suffix of files, the second holds points."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 

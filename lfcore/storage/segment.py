@@ -202,7 +202,7 @@ def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.contai
     except FileNotFoundError:
         raise StorageError("no such file", file=path) from None
     except (FFmpegError, OSError, ValueError) as error:
-        # A plain ValueError: a damaged file is taken for a format in which streams come later.
+        # PyAV's own ValueError: the file looks like MPEG, which shows its streams late.
         problem = getattr(error, "strerror", "it is of another format") or error
         raise StorageError(
             f"cannot be opened as a video: {problem}",

@@ -193,8 +193,8 @@ inline int16 to_steps(const Strip *s, float16 place)
 }
 
 // One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
-// last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut
-// there.
+// last, or of the first two where it is not added by `differences`.  A box that reaches beyond
+// an end is cut there.
 inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[2], int16 part[2])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
