@@ -245,7 +245,7 @@ def open_device(
     if threads is not None and not (isinstance(threads, Integral) and threads >= 1):
         raise DeviceError(f"must be a whole number, at least 1, not {threads!r}", key="threads")
     check_kind(name, str | None, "device", "a part of its name")
-    device = _choose(name) if name else _choose(os.environ.get("LFCORE_DEVICE"), "LFCORE_DEVICE")
+    device = _choose(name or os.environ.get("LFCORE_DEVICE"))
     on_cpu = is_cpu(device)
     if lanes is None:
         lanes = min(16, max(4, device.native_vector_width_float)) if on_cpu else 1
@@ -271,7 +271,7 @@ def _asked_threads() -> int:
     return int(text[:9])
 
 
-def _choose(name: str | None, key: str = "device") -> cl.Device:
+def _choose(name: str | None) -> cl.Device:
     fault = ""
     for device in all_devices():
         if is_named(device, name):
@@ -282,6 +282,7 @@ def _choose(name: str | None, key: str = "device") -> cl.Device:
     if fault:
         raise DeviceError(fault, remedy=UPDATE)
     known = ", ".join(map(name_of, all_devices()))
+    key = "LFCORE_DEVICE" if name == os.environ.get("LFCORE_DEVICE") else "device"
     raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {known}")
 
 
