@@ -27,10 +27,8 @@ from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import lit, open_tracer, open_tracers, opened
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering, planes_between
 from lfcore.scene.baked import BakeOptions
-from lfcore.scene.build import build_scene
+from lfcore.scene.build import load_scene as load_scene
 from lfcore.scene.description import check
-from lfcore.scene.emitters import POINTS
-from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import with_sky
 from lfcore.storage.codecs import Encoding
@@ -46,59 +44,6 @@ OF_LENS = ("focus_at", "blur")
 VIEWS = 16
 """The default lens samples per side where rays count in the pixel that they fall on."""
 # Video and exposure are imported by the functions that need them: a picture is there sooner.
-
-
-def load_scene(
-    path: str | Path,
-    *,
-    light_points: int = POINTS,
-    up: str | None = None,
-    view_from: str | None = None,
-    zoom: float | None = None,
-    light: Mapping[str, Any] | None = None,
-    bare: bool = False,
-) -> Scene:
-    """Load a scene from any file that describes one.
-
-    Parameters
-    ----------
-    path : str or Path
-        A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera, a
-        sky and a floor where it has none; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
-    light_points : int
-        Point lights that stand for each area light of a pbrt scene.
-    up : str, optional
-        ``y`` or ``z``: the upward axis of a mesh; glTF's is y.  Default: y, with a note in the
-        scene where z seems to be up.
-    view_from : str, optional
-        The side that a mesh is seen from: ``"front"`` (+z), ``"back"``, ``"left"``, ``"right"``,
-        ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
-    zoom : float, optional
-        Above 1, a narrower field of view from the same place.
-    light : mapping, optional
-        Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
-        ``bake_cells``, ``bake_mib``.  A file is relative to the scene's.
-    bare : bool
-        Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
-        where it has lights of its own or the camera is within it.
-
-    Returns
-    -------
-    Scene
-        Its ``notes`` say what a foreign format has that could not be mapped exactly.
-
-    Raises
-    ------
-    SceneError
-        The file is missing or damaged, or describes no scene.
-    """
-    path = Path(path)
-    if path.suffix.lower() == ".npz":
-        return load_prepared(path)
-    return build_scene(
-        path, light_points=light_points, up=up, view_from=view_from, zoom=zoom, light=light,
-        bare=bare,
-    )  # fmt: skip
 
 
 def bake(

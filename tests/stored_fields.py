@@ -7,7 +7,7 @@ import numpy as np
 
 from lfcore import Encoding, Slab
 from lfcore.storage.container import join_segments
-from lfcore.storage.decoding import DecodeCount, FrameRun, ticks_per_frame
+from lfcore.storage.decoding import decoded_planes, packed, ticks_per_frame
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.segment import SegmentWriter, open_video, read_segment
@@ -58,7 +58,7 @@ def segment_frames(path: Path, *, grey: bool = False) -> np.ndarray:
     about, _ = read_segment(path, grey=grey)
     with open_video(path) as file:
         video, form = file.streams.video[0], pixel_format(about.pixel_format)
-        run = FrameRun(path, 0, ticks_per_frame(video.time_base), form, about.width, about.height)
+        size, ticks = (about.width, about.height), ticks_per_frame(video.time_base)
         packets = (packet for packet in file.demux(video) if packet.size)
-        count = about.frames
-        return next(run.decode(video.codec_context, packets, 0, count, count, DecodeCount()))
+        decoded = decoded_planes(path, video.codec_context, packets, ticks, form, size)
+        return next(packed((planes for _, planes in decoded), about.frames, form, size, 1 << 20))

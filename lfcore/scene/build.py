@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 from collections.abc import Mapping
+from functools import partial
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.description import check, complete, read_description
 from lfcore.scene.emitters import POINTS
+from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.framing import z_seems_up
 from lfcore.scene.gltf import SUFFIXES, moved, staging_of
 from lfcore.scene.limits import within_limits
@@ -33,7 +35,7 @@ from lfcore.scene.view import View, lightfield_view
 PBRT = (".pbrt", ".pbrt.gz")
 
 
-def build_scene(
+def load_scene(
     path: str | Path,
     *,
     light_points: int = POINTS,
@@ -41,10 +43,45 @@ def build_scene(
     view_from: str | None = None,
     zoom: float | None = None,
     light: Mapping[str, Any] | None = None,
-    bare: bool = True,
+    bare: bool = False,
 ) -> Scene:
-    """Read a scene and everything it names; as :func:`lfcore.load_scene`."""
+    """Load a scene from any file that describes one.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera, a
+        sky and a floor where it has none; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
+    light_points : int
+        Point lights that stand for each area light of a pbrt scene.
+    up : str, optional
+        ``y`` or ``z``: the upward axis of a mesh; glTF's is y.  Default: y, with a note in the
+        scene where z seems to be up.
+    view_from : str, optional
+        The side that a mesh is seen from: ``"front"`` (+z), ``"back"``, ``"left"``, ``"right"``,
+        ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
+    zoom : float, optional
+        Above 1, a narrower field of view from the same place.
+    light : mapping, optional
+        Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
+        ``bake_cells``, ``bake_mib``.  A file is relative to the scene's.
+    bare : bool
+        Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
+        where it has lights of its own or the camera is within it.
+
+    Returns
+    -------
+    Scene
+        Its ``notes`` say what a foreign format has that could not be mapped exactly.
+
+    Raises
+    ------
+    SceneError
+        The file is missing or damaged, or describes no scene.
+    """
     path = Path(path)
+    if path.suffix.lower() == ".npz":
+        return load_prepared(path)
     if light is not None:
         check_kind(light, Mapping, "light")
     if not isinstance(light_points, Integral) or light_points < 1:
@@ -80,6 +117,10 @@ def build_scene(
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
     bare = bare or not mesh or bool(light)
     return build(description, file=path, name=name, note_up=note_up, bare=bare)
+
+
+build_scene = partial(load_scene, bare=True)
+"""The scene of a file without what surrounds meshes."""
 
 
 def _refuse_view(path: Path, **asked: Any) -> None:

@@ -47,96 +47,73 @@ def frame_number(pts: int | None, ticks: int) -> int | None:
     return None if rest else number
 
 
-@dataclass(frozen=True)
-class FrameRun:
-    """A run of frames in a stream: number of its first one, its time unit, size and format."""
+def decoded_planes(
+    file: Path,
+    context: av.VideoCodecContext,
+    packets: Iterable[av.Packet],
+    ticks: int,
+    form: PixelFormat,
+    size: tuple[int, int],
+) -> Iterator[tuple[int, list[np.ndarray]]]:
+    """Number and planes (h, w) of each frame, one by one, in the decoder's own memory.
 
-    file: Path
-    first: int
-    ticks: int
-    form: PixelFormat
-    width: int
-    height: int
-
-    def decode(
-        self,
-        context: av.VideoCodecContext,
-        packets: Iterable[av.Packet],
-        start: int,
-        stop: int,
-        chunk: int,
-        count: DecodeCount,
-        *,
-        rooms: Iterator[np.ndarray] | None = None,
-    ) -> Iterator[np.ndarray]:
-        """Frames start ... stop - 1 of the run as arrays (up to ``chunk``, frame_bytes) uint8.
-
-        ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
-        ``packets`` begin with a key frame at or before ``start``.
-        """
-        filled, frame_bytes = 0, self.form.frame_bytes(self.width, self.height)
-        for done, planes in enumerate(self.planes(context, packets, start, stop, count)):
-            if not filled:
-                size = min(chunk, stop - start - done)
-                out = next(rooms)[:size] if rooms else np.empty((size, frame_bytes), np.uint8)
-                targets = self.form.views(out, self.width, self.height)
-            for target, plane in zip(targets, planes, strict=True):
-                target[filled] = plane
-            filled += 1
-            if filled == len(out):
-                yield out
-                filled = 0
-
-    def planes(
-        self,
-        context: av.VideoCodecContext,
-        packets: Iterable[av.Packet],
-        start: int,
-        stop: int,
-        count: DecodeCount,
-    ) -> Iterator[list[np.ndarray]]:
-        """The planes (h, w) of the same frames, one by one, in the decoder's own memory."""
-        if (wanted := start) == stop:
-            return
-        for frame in self._frames(context, packets):
-            count.frames += 1
-            index = self._index(frame)
-            if index > wanted:
-                break
-            if index == wanted:
-                yield plane_arrays(frame, self.form)
-                wanted += 1
-                if wanted == stop:
-                    return
-        raise StorageError(
-            f"frame {wanted} of {start} to {stop - 1} is missing from the stream", file=self.file
-        )
-
-    def _frames(
-        self, context: av.VideoCodecContext, packets: Iterable[av.Packet]
-    ) -> Iterator[av.VideoFrame]:
-        try:
-            for packet in packets:
-                yield from context.decode(packet)
-            yield from context.decode(None)
-        except FFmpegError as error:
+    ``ticks`` are of a frame.  Raises :class:`StorageError` with the name of the ``file`` for what
+    cannot be decoded, has another form or size (width, height), or is without a number.
+    """
+    for frame in _decoded(file, context, packets):
+        name = stored_format(frame.format.name, grey=form.grey)
+        found, expected = (frame.width, frame.height, name), (*size, form.name)
+        if found != expected:
             raise StorageError(
-                f"the video cannot be decoded: {error.strerror or error}", file=self.file
-            ) from error
-
-    def _index(self, frame: av.VideoFrame) -> int:
-        name = stored_format(frame.format.name, grey=self.form.grey)
-        found = (frame.width, frame.height, name)
-        if found != (self.width, self.height, self.form.name):
-            raise StorageError(
-                f"frames are {found[0]} x {found[1]} {name}, not {self.width} x {self.height} "
-                f"{self.form.name} as the file says of itself",
-                file=self.file,
+                "frames are {} x {} {}, not {} x {} {} as the file says of itself".format(
+                    *found, *expected
+                ),
+                file=file,
             )
-        number = frame_number(frame.pts, self.ticks)
+        number = frame_number(frame.pts, ticks)
         if number is None:
-            raise StorageError("a frame is without a number", file=self.file)
-        return number - self.first
+            raise StorageError("a frame is without a number", file=file)
+        yield number, plane_arrays(frame, form)
+
+
+def _decoded(
+    file: Path, context: av.VideoCodecContext, packets: Iterable[av.Packet]
+) -> Iterator[av.VideoFrame]:
+    try:
+        for packet in packets:
+            yield from context.decode(packet)
+        yield from context.decode(None)
+    except FFmpegError as error:
+        problem = f"the video cannot be decoded: {error.strerror or error}"
+        raise StorageError(problem, file=file) from error
+
+
+def packed(
+    frames: Iterable[list[np.ndarray]],
+    count: int,
+    form: PixelFormat,
+    size: tuple[int, int],
+    chunk: int,
+    rooms: Iterator[np.ndarray] | None = None,
+) -> Iterator[np.ndarray]:
+    """The planes of ``count`` frames as arrays (up to ``chunk``, frame_bytes) uint8.
+
+    ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
+    """
+    filled = 0
+    for done, planes in enumerate(frames):
+        if not filled:
+            rows = min(chunk, count - done)
+            out = (
+                next(rooms)[:rows] if rooms else np.empty((rows, form.frame_bytes(*size)), np.uint8)
+            )
+            targets = form.views(out, *size)
+        for target, plane in zip(targets, planes, strict=True):
+            target[filled] = plane
+        filled += 1
+        if filled == len(out):
+            yield out
+            filled = 0
 
 
 def stored_format(decoded: str | None, *, grey: bool) -> str | None:

@@ -18,8 +18,9 @@ from lfcore.errors import StorageError
 from lfcore.storage.container import FRAME_MS
 from lfcore.storage.decoding import (
     DecodeCount,
-    FrameRun,
+    decoded_planes,
     frame_number,
+    packed,
     ticks_per_frame,
 )
 from lfcore.storage.ebml import Structure, scan
@@ -216,16 +217,20 @@ class StoredVideo:
         StorageError
             The segment is damaged; raised before any frame.
         """
-        with self._decoding(segment, start, stop) as (run, decoder, packets, last):
-            yield from run.decode(decoder, packets, start, last, chunk, self.count, rooms=rooms)
+        _, last = self._span(segment, start, stop)
+        layout, planes = self.layout, self.planes(segment, start, last)
+        size = layout.frame_width, layout.frame_height
+        yield from packed(planes, last - start, layout.format, size, chunk, rooms)
 
-    def planes(self, segment: int) -> Iterator[list[np.ndarray]]:
-        """Decode the frames of a segment one by one, without a copy.
+    def planes(
+        self, segment: int, start: int = 0, stop: int | None = None
+    ) -> Iterator[list[np.ndarray]]:
+        """Decode frames of a segment one by one, without a copy.
 
         Parameters
         ----------
-        segment : int
-            The segment's number.
+        segment, start, stop : int
+            As in :meth:`frames`.
 
         Yields
         ------
@@ -237,33 +242,39 @@ class StoredVideo:
         StorageError
             As in :meth:`frames`.
         """
-        with self._decoding(segment, 0, None) as (run, decoder, packets, stop):
-            yield from run.planes(decoder, packets, 0, stop, self.count)
+        part, stop = self._span(segment, start, stop)
+        if (wanted := start) == stop:
+            return
+        self.decoded_segments.add(segment)
+        layout = self.layout
+        size = layout.frame_width, layout.frame_height
+        with self._reader(part, part.first + start) as (context, ticks, packets):
+            checked = self._as_checked(part, packets, ticks)
+            decoded = decoded_planes(self.path, context, checked, ticks, layout.format, size)
+            for number, planes in decoded:
+                self.count.frames += 1
+                if number - part.first > wanted:
+                    break
+                if number - part.first == wanted:
+                    yield planes
+                    wanted += 1
+                    if wanted == stop:
+                        return
+            problem = f"frame {wanted} of {start} to {stop - 1} is missing from the stream"
+            raise StorageError(problem, file=self.path)
 
-    @contextmanager
-    def _decoding(
-        self, segment: int, start: int, stop: int | None
-    ) -> Iterator[tuple[FrameRun, Any, Iterator[Any], int]]:
-        """(frames of a checked segment, decoder, packets, the frame after the last)."""
+    def _span(self, segment: int, start: int, stop: int | None) -> tuple[Segment, int]:
+        """A segment, checked, and the frame after the last of it that is wanted."""
         if not 0 <= segment < len(self.metadata.segments):
             raise StorageError(f"there is no segment {segment}", file=self.path)
         part = self.metadata.segments[segment]
         stop = part.frames if stop is None else stop
         if not 0 <= start <= stop <= part.frames:
-            raise StorageError(
-                f"frames {start} to {stop} were asked for of {part.frames}", file=self.path
-            )
+            problem = f"frames {start} to {stop} were asked for of {part.frames}"
+            raise StorageError(problem, file=self.path)
         if segment not in self._checked:
             self.check_segment(segment)
-        if start < stop:
-            self.decoded_segments.add(segment)
-        with self._reader(part, part.first + start) as (context, ticks, packets):
-            layout = self.layout
-            run = FrameRun(
-                self.path, part.first, ticks, layout.format, layout.frame_width,
-                layout.frame_height,
-            )  # fmt: skip
-            yield run, context, self._as_checked(part, packets, ticks), stop
+        return part, stop
 
     def _as_checked(self, part: Segment, packets: Iterable[Any], ticks: int) -> Iterator[Any]:
         """The packets, as long as each is what :meth:`check_segment` read under its number.
