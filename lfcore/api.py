@@ -180,10 +180,8 @@ def render(
     size = Size.of(pixels)
     if quality is not None:
         if views is not None or filter != "depth":
-            raise OpticsError(
-                "chooses the rays itself, for the filter 'depth'", key="quality",
-                remedy="Leave out views and filter",
-            )  # fmt: skip
+            problem = "chooses the rays itself, for the filter 'depth'"
+            raise OpticsError(problem, key="quality", remedy="Leave out views and filter")
         found = render_to_quality(
             scene, quality, focus_m, f_number, planes=planes, pixels=size, device=device,
             progress=progress, **more,
@@ -387,10 +385,8 @@ def record(
     encoding = replace(encoding, transfer="pq" if peak else "srgb")
     if quality is not None:
         if encoding.depth is False or views is not None:
-            raise OpticsError(
-                "chooses the rays itself, and stores their depths", key="quality",
-                remedy="Leave out views and depth",
-            )  # fmt: skip
+            problem = "chooses the rays itself, and stores their depths"
+            raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
         views, encoding, content["expected"] = _planned(
             tracer, camera, size, quality, encoding, peak
         )

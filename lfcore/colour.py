@@ -133,11 +133,8 @@ def exposed(picture: np.ndarray, exposure_ev: float = 0.0, roll_off: bool = Fals
 def check_exposure(exposure_ev: float) -> None:
     """Raise :class:`OpticsError` for stops that are no number up to 64, either way."""
     if not (math.isfinite(exposure_ev) and abs(exposure_ev) <= MOST_EV):
-        raise OpticsError(
-            f"is no number of stops from {-MOST_EV:g} to {MOST_EV:g}: {exposure_ev:g}",
-            key="exposure_ev",
-            remedy="Give stops, e.g. -1.5",
-        )
+        problem = f"is no number of stops from {-MOST_EV:g} to {MOST_EV:g}: {exposure_ev:g}"
+        raise OpticsError(problem, key="exposure_ev", remedy="Give stops, e.g. -1.5")
 
 
 def tonemap(image: np.ndarray) -> np.ndarray:

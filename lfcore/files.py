@@ -154,11 +154,9 @@ def abandon_drafts() -> None:
 
 def cannot_write(path: str | Path, error: OSError) -> StorageError:
     """What to tell the user when the system refuses to write ``path``."""
-    return StorageError(
-        f"cannot be written: {error.strerror or error}",
-        file=path,
-        remedy="Free space on that disk, or choose a folder that can be written",
-    )
+    problem = f"cannot be written: {error.strerror or error}"
+    remedy = "Free space on that disk, or choose a folder that can be written"
+    return StorageError(problem, file=path, remedy=remedy)
 
 
 @contextmanager

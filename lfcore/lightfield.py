@@ -231,11 +231,9 @@ class LightField(FieldPlanes):
             remedy = f"Use the method {other}"
             raise OpticsError(f"{method} has no {filter} filter", key="filter", remedy=remedy)
         if not 1 <= len(planes) <= MOST_PLANES:
-            raise OpticsError(
-                f"{len(planes)} planes were asked for",
-                file=self.path,
-                remedy=f"Ask for 1 to {MOST_PLANES} at a time",
-            )
+            problem = f"{len(planes)} planes were asked for"
+            remedy = f"Ask for 1 to {MOST_PLANES} at a time"
+            raise OpticsError(problem, file=self.path, remedy=remedy)
         if filter == "depth":
             return slice_stored(self, planes, pixels, device=device, progress=progress)
         if pixels is not None:

@@ -32,12 +32,9 @@ def check_suffix(
     """Raise :class:`LfcoreError` for a name of no known format, before any work is done."""
     suffix = Path(path).suffix
     if suffix.lower() not in suffixes:
-        raise LfcoreError(
-            f"unknown format {suffix!r}",
-            file=path,
-            key=key,
-            remedy=f"Use a name that ends in {', '.join(suffixes)}",
-        )
+        problem = f"unknown format {suffix!r}"
+        remedy = f"Use a name that ends in {', '.join(suffixes)}"
+        raise LfcoreError(problem, file=path, key=key, remedy=remedy)
 
 
 def check_codes(path: str | Path, bits: int, exposure: bool) -> None:

@@ -76,11 +76,9 @@ def geometry(
         return recorded
     (width, height), cameras = shape[1::-1], flags.get("camsperdim", (1, 1))
     if width % cameras[0] or height % cameras[1]:
-        raise OpticsError(
-            f"{cameras[0]} x {cameras[1]} cameras do not divide {width} x {height} pixels",
-            file=arguments.input, key="--camsperdim",
-            remedy="Give the number of cameras that the light field was made with",
-        )  # fmt: skip
+        problem = f"{cameras[0]} x {cameras[1]} cameras do not divide {width} x {height} pixels"
+        remedy = "Give the number of cameras that the light field was made with"
+        raise OpticsError(problem, file=arguments.input, key="--camsperdim", remedy=remedy)
     return CameraArray.on_grid(
         cameras, flags.get("griddim", (0.0, 0.0, 0.0, 0.0)), flags.get("inputfov", 90.0),
         (width // cameras[0], height // cameras[1]), flags.get("spacing", "ends"),
@@ -97,10 +95,8 @@ def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -
         fact = facts[name]
         same = value == fact if name == "spacing" else np.allclose(value, fact, 1e-5, 1e-9)
         if not same:
-            raise OpticsError(
-                f"contradicts the header, which says {fact}", file=file, key=f"--{name}",
-                remedy="Leave the flag out",
-            )  # fmt: skip
+            problem = f"contradicts the header, which says {fact}"
+            raise OpticsError(problem, file=file, key=f"--{name}", remedy="Leave the flag out")
 
 
 def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[str, Any]]:

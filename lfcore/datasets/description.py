@@ -250,8 +250,6 @@ def _files(wanted: str | list[str], suffixes: tuple[str, ...], key: str) -> list
 
     files = sorted(found(), key=lambda path: path.name)
     if not files:
-        raise SettingsError(
-            f"holds none of *{', *'.join(suffixes)}", file=str(wanted), key=key,
-            remedy="Name a folder with files",
-        )  # fmt: skip
+        problem = f"holds none of *{', *'.join(suffixes)}"
+        raise SettingsError(problem, file=str(wanted), key=key, remedy="Name a folder with files")
     return files

@@ -204,10 +204,8 @@ def recognise_stanford(path: Path) -> bool:
 def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:
     named = _stanford_views(path)
     if not named:
-        raise ExchangeError(
-            "holds no views named with two indices, y and x", file=path,
-            remedy="Names are like out_00_00_-12.5_8.0.png",
-        )  # fmt: skip
+        problem = "holds no views named with two indices, y and x"
+        raise ExchangeError(problem, file=path, remedy="Names are like out_00_00_-12.5_8.0.png")
     by_index = {view.numbers: view[1:] for view in named}
     if len(by_index) != len(named):
         raise ExchangeError("holds two views of one index", file=path)

@@ -77,11 +77,9 @@ class Order:
         """Read words joined by ``-``, such as ``rows-up`` or ``columns-snake``."""
         first, *rest = text.lower().split("-")
         if first not in ("rows", "columns") or set(rest) - {"left", "up", "snake"}:
-            raise ExchangeError(
-                f"unknown order {text!r}",
-                key="--order",
-                remedy="Use rows or columns, then -left, -up, -snake as needed: rows-up",
-            )
+            problem = f"unknown order {text!r}"
+            remedy = "Use rows or columns, then -left, -up, -snake as needed: rows-up"
+            raise ExchangeError(problem, key="--order", remedy=remedy)
         return cls(first == "columns", "left" in rest, "up" in rest, "snake" in rest)
 
     def place(self, index: int, columns: int, rows: int) -> tuple[int, int]:

@@ -31,11 +31,9 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     try:
         grid = replace(row.call("read")(folder, options), format=row.name)
     except NOT_OF_THE_FORMAT as error:
-        raise ExchangeError(
-            f"holds what {row.name} does not ({type(error).__name__}: {error})",
-            file=source,
-            remedy="Name another --format, or mend what describes the views",
-        ) from error
+        problem = f"holds what {row.name} does not ({type(error).__name__}: {error})"
+        remedy = "Name another --format, or mend what describes the views"
+        raise ExchangeError(problem, file=source, remedy=remedy) from error
     asked = options.geometry
     if options.fov_deg is not None:
         if not 0 < options.fov_deg < 180:

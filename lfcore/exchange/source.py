@@ -99,10 +99,8 @@ class Source:
         width, height = slab.size
         left, top, across, down = selection.crop or (0, 0, width, height)
         if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
-            raise ExchangeError(
-                f"{across}x{down}+{left}+{top} is not within {width} x {height}",
-                file=field.path, key="--crop",
-            )  # fmt: skip
+            problem = f"{across}x{down}+{left}+{top} is not within {width} x {height}"
+            raise ExchangeError(problem, file=field.path, key="--crop")
         self.left, self.top, self.width, self.height = left, top, across, down
         left, top = slab.held.pixels[:2]
         half = slab.pixels / 2
@@ -119,11 +117,9 @@ class Source:
             # A pinhole is recorded through a fitted lens.
             digests = {scene_digest(one) for one in (scene, scene.with_lens())}
             if field.metadata.scene["digest"] not in digests:
-                raise ExchangeError(
-                    f"is not the scene of {field.path}, {field.metadata.scene['name']!r}",
-                    file=scene.name, key="--scene",
-                    remedy="Give the scene as it was, or record it again",
-                )  # fmt: skip
+                problem = f"is not the scene of {field.path}, {field.metadata.scene['name']!r}"
+                remedy = "Give the scene as it was, or record it again"
+                raise ExchangeError(problem, file=scene.name, key="--scene", remedy=remedy)
             self._tracer, self._materials = open_dark_tracer(scene, device), scene.material_ids
 
     def require_geometry(self, what: str) -> KnownGeometry:
@@ -211,11 +207,8 @@ class Source:
     def depth_range(self, what: str) -> tuple[float, float]:
         """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
         if self.field.depth_range is None:
-            raise ExchangeError(
-                f"does not hold its range of depths, which {what} needs",
-                file=self.field.path,
-                remedy="Give --depth-range, metres",
-            )
+            problem = f"does not hold its range of depths, which {what} needs"
+            raise ExchangeError(problem, file=self.field.path, remedy="Give --depth-range, metres")
         return self.field.depth_range
 
     def pose(self, column: int, row: int) -> np.ndarray:

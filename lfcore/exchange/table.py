@@ -84,8 +84,6 @@ def recognise(path: Path) -> Format:
         if row.imports and row.is_at(path):
             return row
     what = "folder" if path.is_dir() else "file"
-    raise ExchangeError(
-        f"is not a {what} of a known format",
-        file=path,
-        remedy="Name it with --format, and the grid with --views COLUMNSxROWS",
-    )
+    problem = f"is not a {what} of a known format"
+    remedy = "Name it with --format, and the grid with --views COLUMNSxROWS"
+    raise ExchangeError(problem, file=path, remedy=remedy)

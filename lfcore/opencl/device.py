@@ -263,11 +263,9 @@ def _asked_threads() -> int:
     """``LFCORE_THREADS``; 0 where it is not set, or is 0."""
     text = os.environ.get("LFCORE_THREADS") or "0"
     if not (text.isascii() and text.isdigit()):
-        raise DeviceError(
-            f"must be a number of threads, not {text[:40]!r}",
-            key="LFCORE_THREADS",
-            remedy="Set this environment variable to a whole number, or unset it",
-        )
+        problem = f"must be a number of threads, not {text[:40]!r}"
+        remedy = "Set this environment variable to a whole number, or unset it"
+        raise DeviceError(problem, key="LFCORE_THREADS", remedy=remedy)
     return int(text[:9])
 
 

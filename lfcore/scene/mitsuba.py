@@ -127,10 +127,8 @@ class Description:
         if material.texture < 0 or not len(scene.uvs):
             return {"type": "rgb", "value": (diffuse + more).tolist()}
         if more.any():
-            raise SceneError(
-                f"the emission of material {material.name!r} over a texture is not exported",
-                key=scene.name,
-            )
+            problem = f"the emission of material {material.name!r} over a texture is not exported"
+            raise SceneError(problem, key=scene.name)
         texels = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}

@@ -117,11 +117,9 @@ class Encoding:
             known = CODECS[self.codec]
             grey = tuple(GREY_FORMATS) if self.codec in GREY_CODECS else ()
             if self.pixel_format not in (*known, *grey):
-                raise StorageError(
-                    f"{self.codec} does not take {self.pixel_format}",
-                    key="pixel_format",
-                    remedy=f"Use one of {', '.join(known)}",
-                )
+                problem = f"{self.codec} does not take {self.pixel_format}"
+                remedy = f"Use one of {', '.join(known)}"
+                raise StorageError(problem, key="pixel_format", remedy=remedy)
         for key, (low, high) in RANGES.items():
             value = getattr(self, key)
             if value is not None and not low <= value <= high:

@@ -131,24 +131,15 @@ class _Stream:
             frames = info.width, info.height, info.pixel_format
             expected = layout.frame_width, layout.frame_height, layout.pixel_format
             if frames != expected:
-                raise StorageError(
-                    "has frames of {} x {} {}; the layout needs {} x {} {}".format(
-                        *frames, *expected
-                    ),
-                    file=file,
-                )
+                problem = "has frames of {} x {} {}; the layout needs {} x {} {}"
+                raise StorageError(problem.format(*frames, *expected), file=file)
             if info.frames != tile.frame_count:
-                raise StorageError(
-                    f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}",
-                    file=file,
-                    remedy="Encode this tile again",
-                )
+                problem = f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}"
+                raise StorageError(problem, file=file, remedy="Encode this tile again")
             if (info.codec, header) != (infos[0].codec, headers[0]):
-                raise StorageError(
-                    "was encoded with other settings than the first segment",
-                    file=file,
-                    remedy="Encode all tiles with the same settings",
-                )
+                problem = "was encoded with other settings than the first segment"
+                remedy = "Encode all tiles with the same settings"
+                raise StorageError(problem, file=file, remedy=remedy)
         return cls(paths, infos, headers[0])
 
     def segments(self, made: Any) -> Iterator[Iterator[av.Packet]]:

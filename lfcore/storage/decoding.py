@@ -64,12 +64,8 @@ def decoded_planes(
         name = stored_format(frame.format.name, grey=form.grey)
         found, expected = (frame.width, frame.height, name), (*size, form.name)
         if found != expected:
-            raise StorageError(
-                "frames are {} x {} {}, not {} x {} {} as the file says of itself".format(
-                    *found, *expected
-                ),
-                file=file,
-            )
+            problem = "frames are {} x {} {}, not {} x {} {} as the file says of itself"
+            raise StorageError(problem.format(*found, *expected), file=file)
         number = frame_number(frame.pts, ticks)
         if number is None:
             raise StorageError("a frame is without a number", file=file)
@@ -103,10 +99,8 @@ def packed(
     filled = 0
     for done, planes in enumerate(frames):
         if not filled:
-            rows = min(chunk, count - done)
-            out = (
-                next(rooms)[:rows] if rooms else np.empty((rows, form.frame_bytes(*size)), np.uint8)
-            )
+            shape = min(chunk, count - done), form.frame_bytes(*size)
+            out = next(rooms)[: shape[0]] if rooms else np.empty(shape, np.uint8)
             targets = form.views(out, *size)
         for target, plane in zip(targets, planes, strict=True):
             target[filled] = plane

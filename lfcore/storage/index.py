@@ -5,7 +5,7 @@ A file may hold a hundred thousand segments; objects are made of those alone tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload
 
@@ -74,9 +74,6 @@ class SegmentIndex(Sequence[Segment]):
         index = range(len(self))[place]
         return Segment(index, self.layout.tile(column, row, columns, rows, index), *rest)
 
-    def __iter__(self) -> Iterator[Segment]:
-        return (self[index] for index in range(len(self)))
-
     def __eq__(self, other: object) -> bool:
         same = isinstance(other, SegmentIndex) and other.layout == self.layout
         return same and np.array_equal(self.numbers, other.numbers)  # type: ignore[attr-defined]
@@ -116,10 +113,8 @@ class SegmentIndex(Sequence[Segment]):
             )
         column, row, columns, rows = extent or (0, 0, *self.layout.outer)
         if not _covers(tiles, column, row, columns, rows):
-            raise StorageError(
-                f"the tiles do not cover the {columns} x {rows} elements exactly once",
-                key="segments",
-            )
+            problem = f"the tiles do not cover the {columns} x {rows} elements exactly once"
+            raise StorageError(problem, key="segments")
 
 
 def _covers(tiles: np.ndarray, column: int, row: int, columns: int, rows: int) -> bool:

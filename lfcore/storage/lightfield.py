@@ -50,10 +50,8 @@ class LightFieldFile(StoredVideo):
     def require_slab(self) -> Slab:
         """The slab; :class:`OpticsError` for a camera array that is none."""
         if self.slab is None:
-            raise OpticsError(
-                "holds a camera array that is no slab", file=self.path,
-                remedy="Use lfcore imgtool lightfield",
-            )  # fmt: skip
+            problem = "holds a camera array that is no slab"
+            raise OpticsError(problem, file=self.path, remedy="Use lfcore imgtool lightfield")
         return self.slab
 
     @property
@@ -68,11 +66,9 @@ class LightFieldFile(StoredVideo):
         Raised for views that are displaced for slicing by depth, too.
         """
         if self.displaced:
-            raise OpticsError(
-                "has views that are displaced within a pixel, for pictures by depth alone",
-                file=self.path,
-                remedy="Use the filter 'depth', or record it with views that are not displaced",
-            )
+            problem = "has views that are displaced within a pixel, for pictures by depth alone"
+            remedy = "Use the filter 'depth', or record it with views that are not displaced"
+            raise OpticsError(problem, file=self.path, remedy=remedy)
         return self.require_slab()
 
     def require_depth(self) -> StoredDepth:
@@ -248,10 +244,8 @@ class LightFieldFile(StoredVideo):
         for asked, held in ((lens, views), (film, picture)):
             (a, b, c, d), (column, row, columns, rows) = asked, held
             if not (0 <= a < c <= columns and 0 <= b < d <= rows):
-                raise StorageError(
-                    f"({a}, {b}) to ({c}, {d}) lies outside the {columns} x {rows} recorded",
-                    file=self.path,
-                )
+                problem = f"({a}, {b}) to ({c}, {d}) lies outside the {columns} x {rows} recorded"
+                raise StorageError(problem, file=self.path)
             moved.append((a + column, b + row, c + column, d + row))
         if self.layout.kind == "views":
             return self._read(*moved, codes=codes)

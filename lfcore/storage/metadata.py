@@ -130,11 +130,9 @@ class Metadata:
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError):
             whole = False
         if not whole:
-            raise StorageError(
-                f"the metadata (tag {TAG}) are damaged, so that nothing can be read",
-                file=file,
-                remedy="Join the segments again, or take a copy of the file",
-            )
+            problem = f"the metadata (tag {TAG}) are damaged, so that nothing can be read"
+            remedy = "Join the segments again, or take a copy of the file"
+            raise StorageError(problem, file=file, remedy=remedy)
         if data.get("version") not in (SQUARE, VERSION):
             raise StorageError(
                 f"has metadata of version {data.get('version')}; this program reads {SQUARE} and "

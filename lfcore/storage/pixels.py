@@ -42,11 +42,9 @@ class PixelFormat:
         """Rows and columns of the planes, one or three; :class:`StorageError` for a frame that this
         format cannot hold."""
         if width < 1 or height < 1 or width % self.subsampling or height % self.subsampling:
-            raise StorageError(
-                f"a frame of {width} x {height} cannot be {self.name}",
-                key="pixel_format",
-                remedy="Use positive and, for 4:2:0, even sizes",
-            )
+            problem = f"a frame of {width} x {height} cannot be {self.name}"
+            remedy = "Use positive and, for 4:2:0, even sizes"
+            raise StorageError(problem, key="pixel_format", remedy=remedy)
         small = height // self.subsampling, width // self.subsampling
         return [(height, width)] + [small, small] * (not self.grey)
 

@@ -203,12 +203,10 @@ def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.contai
         raise StorageError("no such file", file=path) from None
     except (FFmpegError, OSError, ValueError) as error:
         # PyAV's own ValueError: the file looks like MPEG, which shows its streams late.
-        problem = getattr(error, "strerror", "it is of another format") or error
-        raise StorageError(
-            f"cannot be opened as a video: {problem}",
-            file=path,
-            remedy="The file may be cut short or no video; make it again",
-        ) from error
+        reason = getattr(error, "strerror", "it is of another format") or error
+        problem = f"cannot be opened as a video: {reason}"
+        remedy = "The file may be cut short or no video; make it again"
+        raise StorageError(problem, file=path, remedy=remedy) from error
     streams = container.streams.video
     if not 1 <= len(streams) <= most:
         container.close()

@@ -137,15 +137,7 @@ class StoredVideo:
     def check_segment(self, index: int) -> None:
         """Read a segment without decoding it, and compare its packets with the index.
 
-        Parameters
-        ----------
-        index : int
-            The segment's number.
-
-        Raises
-        ------
-        StorageError
-            Packets are missing, displaced or changed.
+        Raises :class:`StorageError` where packets are missing, displaced or changed.
         """
         part = self.metadata.segments[index]
         frames = size = crc = 0
@@ -225,23 +217,7 @@ class StoredVideo:
     def planes(
         self, segment: int, start: int = 0, stop: int | None = None
     ) -> Iterator[list[np.ndarray]]:
-        """Decode frames of a segment one by one, without a copy.
-
-        Parameters
-        ----------
-        segment, start, stop : int
-            As in :meth:`frames`.
-
-        Yields
-        ------
-        list of ndarray
-            The planes of a frame, (h, w), in the decoder's memory.
-
-        Raises
-        ------
-        StorageError
-            As in :meth:`frames`.
-        """
+        """As :meth:`frames`, one by one without a copy: planes (h, w) in the decoder's memory."""
         part, stop = self._span(segment, start, stop)
         if (wanted := start) == stop:
             return
@@ -368,11 +344,9 @@ class StoredVideo:
         a, b, c, d = part.tile.to_json()
         of = " of the depths" if self._track else ""
         where = f"{self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})"
-        return StorageError(
-            f"segment {part.index}{of} ({where}) {problem}",
-            file=self.path,
-            remedy="Open the file to salvage the other segments, or make it again",
-        )
+        remedy = "Open the file to salvage the other segments, or make it again"
+        whole = f"segment {part.index}{of} ({where}) {problem}"
+        return StorageError(whole, file=self.path, remedy=remedy)
 
     def _find_damage(self) -> None:
         for part in self.metadata.segments:
@@ -413,11 +387,9 @@ class StoredVideo:
                 f"{total - len(bad)} of {total} segments can still be read, not {numbers}{more}"
             )
         reasons = [*faults, *(damage.reason for damage in bad[: 0 if faults else 3])]
-        return StorageError(
-            f"is damaged: {'; '.join(reasons)}; {readable}",
-            file=self.path,
-            remedy="Open it to salvage what can be read, or join the segments again",
-        )
+        problem = f"is damaged: {'; '.join(reasons)}; {readable}"
+        remedy = "Open it to salvage what can be read, or join the segments again"
+        return StorageError(problem, file=self.path, remedy=remedy)
 
 
 def _read_metadata(path: Path, structure: Structure) -> Metadata:
@@ -426,11 +398,9 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
         with open_video(path, MOST_STREAMS) as container:
             text = container.metadata.get(TAG)
             if text is None:
-                raise StorageError(
-                    f"is a video, but no light field: it has no tag {TAG}",
-                    file=path,
-                    remedy="Give a lightfield.mkv, as the join of segments writes it",
-                )
+                problem = f"is a video, but no light field: it has no tag {TAG}"
+                remedy = "Give a lightfield.mkv, as the join of segments writes it"
+                raise StorageError(problem, file=path, remedy=remedy)
             metadata = Metadata.from_text(text, path)
             said = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
             streams = container.streams.video
@@ -461,8 +431,5 @@ def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream) -> Non
 def _compare(path: Path, pairs: Iterable[tuple[str, object, object]]) -> None:
     for what, said, found in pairs:
         if said != found:
-            raise StorageError(
-                f"contradicts itself: the metadata say {what} {said}, the video has {found}",
-                file=path,
-                remedy="Join the segments again",
-            )
+            problem = f"contradicts itself: the metadata say {what} {said}, the video has {found}"
+            raise StorageError(problem, file=path, remedy="Join the segments again")

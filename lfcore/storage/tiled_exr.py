@@ -82,10 +82,7 @@ def read_array(path: str | Path) -> TiledPicture:
     except (
         ValueError, KeyError, TypeError, AttributeError, RecursionError, OpticsError
     ) as error:  # fmt: skip
-        raise StorageError(
-            f"the geometry in its header does not fit: {error}",
-            file=path,
-            key=ATTRIBUTE,
-            remedy="Write the light field again",
-        ) from None
+        problem = f"the geometry in its header does not fit: {error}"
+        remedy = "Write the light field again"
+        raise StorageError(problem, file=path, key=ATTRIBUTE, remedy=remedy) from None
     return TiledPicture(image, array, description.get("extra", {}))
