@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -166,9 +167,14 @@ def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespac
         with recorded(arguments.command) as record:
             run(arguments)
     except LfcoreError as error:
-        if error.key in KINDS and flags(arguments, error.key):  # the name in Python
-            raise error.named(type(error), key=flag(error.key)) from None
-        raise
+        if not (error.key in KINDS and flags(arguments, error.key)):
+            raise
+        words = "|".join(name for name in KINDS if "_" in name)  # as Python has them
+        problem, remedy = (
+            re.sub(words, lambda name: flag(name[0]), text or "")
+            for text in (error.problem, error.remedy)
+        )
+        raise type(error)(problem, file=error.file, key=flag(error.key), remedy=remedy) from None
     # JSON lacks infinity: "inf" is in its place.
     finite = json.loads(json.dumps(record), parse_constant=lambda name: str(float(name)))
     print(json.dumps(finite))

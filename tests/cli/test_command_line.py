@@ -202,6 +202,7 @@ REFUSED = [
     ("render CHART --quality-db 40 --views 4 -o a.png", "--quality-db: chooses the rays itself"),
     ("render CHART --quality-db 40 --filter nearest -o a.png", "--quality-db: chooses the rays"),
     ("render CHART --most-rays 9 -o a.png", "--quality-db: is what"),
+    ("render CHART --quality-db 99 --pixels 16 -o a.png", "or allow more rays (--most-rays)"),
     ("render CHART --pixels 16 --filter nearest --subpixels 0.5 -o a.png", "16 pixels is finer"),
     ("depth CHART -o a.png --format disparity", "--format: "),
     ("depth CHART -o a.npz --lightfield x.mkv --views 3", "--views: "),
