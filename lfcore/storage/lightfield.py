@@ -224,21 +224,7 @@ class LightFieldFile(StoredVideo):
         return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
 
     def block(self, lens: tuple, film: tuple, *, codes: bool = False) -> np.ndarray:
-        """Read a rectangle of views by a rectangle of pixels.
-
-        Parameters
-        ----------
-        lens, film : (int, int, int, int)
-            First column and row, and the column and row after the last, from the first view and
-            pixel that the file holds.
-        codes : bool
-            Return the stored sRGB codes, of PQ those of the light that is not above white.
-
-        Returns
-        -------
-        ndarray
-            Indexed [j, i, v, u]: float32 linear light, or uint8 codes.
-        """
+        """As :meth:`views`, of the rectangle of pixels ``film`` alone."""
         moved = []
         views, picture = self.extent.views, (*self.corner, *self.picture_size)
         for asked, held in ((lens, views), (film, picture)):

@@ -204,7 +204,7 @@ def _basket(look: Look) -> Parts:
         xyz(square[:, 0] * 0.125 * size, height, square[:, 1] * 0.17 * size)
         for size, height in outline("0 0, 0.8 0, 0.84 0.02, 1 0.19, 0.94 0.19, 0.8 0.03")
     ]
-    uv = np.stack(np.meshgrid(np.linspace(0, 6, 21), [0.0, 0.3, 0.4, 1.4, 1.45, 2.4]), -1)
+    uv = np.linspace(0, 6, 21), (0.0, 0.3, 0.4, 1.4, 1.45, 2.4)
     shell = mesh_grid(np.array(rows), wicker, uv, close_columns=True, crease_deg=50)
     edge = rows[3] * (0.985, 1, 0.985)
     rim = tube(edge, 0.009, wicker, segments=5, closed=True, repeat=20)

@@ -176,7 +176,7 @@ def _split(look: Look) -> Parts:
     core = np.array([[0.0, -0.05, 0.0]])
     outline = np.concatenate([rim, core])
     points = np.stack([outline - (0.17, 0, 0), outline + (0.17, 0, 0)])
-    uv = np.stack(np.meshgrid(np.linspace(0, 1, 7), [0.0, 1.0]), -1)
+    uv = np.linspace(0, 1, 7), (0.0, 1.0)
     side = mesh_grid(points, look["bark"], uv, close_columns=True, crease_deg=35)
     ends = []
     for row in points:

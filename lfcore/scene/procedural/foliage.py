@@ -35,8 +35,7 @@ def blade(
     droop = np.cumsum(np.r_[0, np.sin(angle[1:])]) * length / pieces
     depth = droop[:, None] + fold * width * profile[:, None] * np.array([1.0, 0.0, 1.0])
     points = xyz(across, along[:, None], depth)
-    uv = np.stack(np.meshgrid([0.05, 0.5, 0.95], v), -1)
-    return mesh_grid(points, surface, uv, crease_deg=85.0)
+    return mesh_grid(points, surface, ((0.05, 0.5, 0.95), v), crease_deg=85.0)
 
 
 def diamond(length: float, width: float, surface: Surface, *, fold: float = 0.25) -> SurfaceMesh:
@@ -167,7 +166,7 @@ def conifer(rng: Rng, needles: Surface, trunk: Surface, height: float) -> Parts:
         rim = xyz(np.cos(angle) * tip * reach, base + drop, np.sin(angle) * tip * reach)
         middle = rim * (0.42, 0, 0.42) + (0, base + 0.42 * (top - base), 0)
         peak = np.broadcast_to((0.0, top, 0.0), rim.shape)
-        uv = np.stack(np.meshgrid(np.linspace(0, 4, 2 * points + 1), [0.0, 0.6, 1.0]), -1)
+        uv = np.linspace(0, 4, 2 * points + 1), (0.0, 0.6, 1.0)
         rows = np.stack([rim, middle, peak])
         skirts.append(mesh_grid(rows, needles, uv, close_columns=True, crease_deg=35.0))
     stem = tube([(0, 0, 0), (0, height * 0.3, 0)], height * 0.028, trunk, segments=6, caps=False)

@@ -48,8 +48,7 @@ def book(size: Sequence[float], index: int, look: Look, *, lying: bool = False) 
     z = np.r_[-deep, np.cos(angle) * (0.18 * thick), -deep]
     points = np.stack([xyz(x, y, z) for y in (0.0, tall)])
     u = np.r_[0.002, np.linspace(0.004, 0.0585, 6), 0.0605] + (index % 16) / 16
-    uv = np.stack(np.meshgrid(u, [0.0, 1.0]), -1)
-    cover = mesh_grid(points, look["books"], uv, crease_deg=50)
+    cover = mesh_grid(points, look["books"], (u, (0.0, 1.0)), crease_deg=50)
     inside, middle = (thick * 0.86, tall * 0.97, deep * 0.96), (thick / 2, tall / 2, -deep * 0.49)
     parts = [cover, box(inside, look["paper"]).at(*middle)]
     return transform_all(parts, rotate("z", 90), translate(tall, 0, 0)) if lying else parts

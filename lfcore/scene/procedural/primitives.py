@@ -48,14 +48,15 @@ def rectangle(
 def mesh_grid(
     points: np.ndarray,
     surface: Surface,
-    uv: np.ndarray | None = None,
+    uv: np.ndarray | tuple[ArrayLike, ArrayLike] | None = None,
     *,
     close_columns: bool = False,
     close_rows: bool = False,
     smooth: bool = True,
     crease_deg: float = 60.0,
 ) -> SurfaceMesh:
-    """A sheet through (R, C, 3) ``points`` with ``uv`` (R, C, 2); zero-area triangles left out.
+    """A sheet through (R, C, 3) ``points`` with ``uv`` (R, C, 2), or u of the columns and v of the
+    rows; zero-area triangles left out.
 
     Closed directions join the last row or column to the first; ``uv`` then has one row or
     column more than ``points``.
@@ -65,6 +66,8 @@ def mesh_grid(
         points = np.concatenate([points, points[:, :1]], 1)
     if close_rows:
         points = np.concatenate([points, points[:1]], 0)
+    if isinstance(uv, tuple):
+        uv = np.stack(np.meshgrid(*uv), -1)
     triangles = grid_triangles(points)
     edges = area_vectors(triangles)
     size = np.abs(points - points.mean((0, 1))).max()

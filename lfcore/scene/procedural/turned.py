@@ -41,8 +41,7 @@ def lathe(
     u, v = np.linspace(0, 1, segments + 1), length / (length[-1] or 1.0)
     if repeat is not None:
         u, v = u * 2 * np.pi * profile[:, 0].max() * repeat, length * repeat
-    uv = np.stack(np.meshgrid(u, v), -1)
-    return mesh_grid(points, surface, uv, close_columns=True, crease_deg=crease_deg)
+    return mesh_grid(points, surface, (u, v), close_columns=True, crease_deg=crease_deg)
 
 
 def sphere(
@@ -89,7 +88,7 @@ def tube(
     u = np.linspace(0, 1, segments + 1) * max(1.0, round(2 * np.pi * radii.max() * repeat))
     if closed:
         length = np.r_[length, length[-1] + np.linalg.norm(path[0] - path[-1])]
-    uv = np.stack(np.meshgrid(u, length * repeat), -1)
+    uv = u, length * repeat
     return mesh_grid(points, surface, uv, close_columns=True, close_rows=closed, crease_deg=70.0)
 
 
