@@ -17,9 +17,8 @@ import yaml
 from matplotlib.figure import Figure
 from PIL import Image
 
-from benchmarks.results import ROOT, Result, head, markdown, wrapped
+from benchmarks.results import ROOT, PublishError, head, markdown, source, wrapped, write_result
 from lfcore.colour import srgb_codes
-from lfcore.errors import LfcoreError
 from lfcore.evaluation.figures import (
     QUALITY,
     SIZE,
@@ -60,10 +59,6 @@ CHOICE = {
 SHOWN = (16, 512)
 """The N whose rows are on the page; the CSV files have all."""
 DIGITS = {"seconds": 1, "psnr_db": 1, "psnr_true_db": 1, "ssim": 4, "ratio_float32": 0}
-
-
-class FullSizeError(LfcoreError):
-    """Results that are not a whole run at full size."""
 
 
 Tables = dict[str, pd.DataFrame]
@@ -112,13 +107,13 @@ def shown(column: str, value: float) -> str:
 def read_run(results: Path) -> Tables:
     """What a run left in its folder ``results``.
 
-    Raises :class:`FullSizeError` for a table, a cell or a picture that is not there.
+    Raises :class:`PublishError` for a table, a cell or a picture that is not there.
     """
     made = {}
     for name in THESIS:
         file = results / "tables" / f"{name}.csv"
         if not file.is_file():
-            raise FullSizeError(
+            raise PublishError(
                 "is not there", file=file, remedy="Let the run end: make results/tables/ first"
             )
         made[name] = pd.read_csv(file)
@@ -129,23 +124,20 @@ def read_run(results: Path) -> Tables:
 def publish(results: Path, provenance: dict[str, str], settings: dict, to: Path = FOLDER) -> Tables:
     """Write tables, figure, pictures and settings of the run in ``results`` to the folder ``to``.
 
-    Parameters
-    ----------
-    provenance : what is known of the run: command, commit, processor, date.
-    settings : the checked configuration that it was made with.
+    ``settings`` are the checked configuration that it was made with.
     """
     tables = read_run(results)
     first = tables["table_7_1"]
     asked = {(scene, n) for scene in settings["scenes"] for n in settings["views"]}
     there = set(zip(first.scene, first.N, strict=True))
     if asked != there or set(first.M) != {settings["pixels"]}:
-        raise FullSizeError(
+        raise PublishError(
             "holds other scenes, N or M than the configuration asks for",
             file=results / "tables" / "table_7_1.csv", remedy="Name the run's own --configfile",
         )  # fmt: skip
     make_folder(to)
     for name, table in tables.items():
-        Result(provenance, table).write(to / f"{name}.csv")
+        write_result(to / f"{name}.csv", provenance, table)
     write_text(to / SETTINGS, head(provenance) + yaml.safe_dump(settings, sort_keys=False))
     save_figure(to / FIGURE, against_thesis(tables))
     stacks = list(_stacks(results, first.scene.unique(), to))
@@ -216,7 +208,7 @@ def page(tables: Tables, provenance: dict[str, str], stacks: list[tuple[str, str
     for title, file in stacks:
         lines += [f"![{title}]({file})", ""]
     more = f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
-    lines += [*wrapped(Result(provenance, tables["table_7_1"]).source()), "", more, ""]
+    lines += [*wrapped(source(provenance)), "", more, ""]
     return "\n".join(lines)
 
 

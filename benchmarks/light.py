@@ -25,9 +25,9 @@ import pandas as pd
 
 from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
-from benchmarks.peers.cycles_lens import CyclesLens, matt
+from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
-from benchmarks.peers.mitsuba_path import MitsubaPath
+from benchmarks.peers.mitsuba_path import mitsuba_path
 from benchmarks.peers.mitsuba_picture import denoised
 from benchmarks.results import with_kept
 from docs.examples.sky import sky
@@ -96,7 +96,7 @@ def _peak_mib() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def bakes(scene: Scene, peer: MitsubaPath, options: argparse.Namespace) -> Iterator[tuple]:
+def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace) -> Iterator[tuple]:
     """A row per bake, and the scene with its light."""
     camera = replace(scene.camera, f_number=PINHOLE)
     truth = np.array([truth_of(peer, camera, options, 1)])
@@ -116,7 +116,7 @@ def bakes(scene: Scene, peer: MitsubaPath, options: argparse.Namespace) -> Itera
 
 
 def planes(
-    scene: Scene, lights: list, peer: MitsubaPath, options: argparse.Namespace, kept: dict
+    scene: Scene, lights: list, peer: Renderer, options: argparse.Namespace, kept: dict
 ) -> Iterator[dict]:
     """Through the open lens: pictures of five planes, ever better, until as good as Mitsuba's."""
     wanted = [SensorPlane(f, scene.camera.f_number) for f in scene.focus_distances_m]
@@ -140,7 +140,7 @@ def planes(
 
     if "cycles" in options.parts:
         try:
-            cycles = CyclesLens(scene, options.threads, bounces_of(scene))
+            cycles = cycles_lens(scene, options.threads, bounces_of(scene))
             yield theirs(CYCLES, cycles)
             cycles.close()
         except SkippedError as why:
@@ -161,7 +161,7 @@ def planes(
     yield mitsubas
 
 
-def truth_of(peer: MitsubaPath, camera: Camera, options: argparse.Namespace, seed: int) -> list:
+def truth_of(peer: Renderer, camera: Camera, options: argparse.Namespace, seed: int) -> list:
     """Two converged pictures, of independent noise, and their mean, denoised."""
     how = camera, options.pixels, Samples(options.converged)
     pair = [peer.picture(*how, each)[0] for each in (2 * seed, 2 * seed + 1)]
@@ -241,7 +241,7 @@ def main() -> None:
         for name in options.scenes:
             scene = scene_of(name, Path(folder))
             kept: dict[str, np.ndarray] = {}
-            peer = MitsubaPath(scene, bounces_of(scene), options.threads)
+            peer = mitsuba_path(scene, bounces_of(scene), options.threads)
             lights = list(bakes(scene, peer, options))
             rows += [row for row, _ in lights]
             if "planes" in options.parts:

@@ -30,11 +30,12 @@ from benchmarks.results import (
     RESULTS,
     ROOT,
     PublishError,
-    Result,
     markdown,
     of_this_run,
     read_result,
+    source,
     wrapped,
+    write_result,
 )
 from lfcore.errors import LfcoreError
 from lfcore.evaluation.work_precision.points import ON_THE_FLY
@@ -122,22 +123,22 @@ def published(text: str) -> str:
 
     def filled(place: re.Match) -> str:
         """The place with its table; a document's last one of a result has its source."""
-        source = place.start() == last[place[2]]
-        return f"{place[1]}\n{_place(place, source)}\n\n{place[5]}"
+        is_last = place.start() == last[place[2]]
+        return f"{place[1]}\n{_place(place, is_last)}\n\n{place[5]}"
 
     return PLACE.sub(filled, text)
 
 
-def _place(place: re.Match, source: bool) -> str:
-    result = read_result(RESULTS / f"{place[2]}.csv")
-    rows = result.rows
+def _place(place: re.Match, with_source: bool) -> str:
+    provenance, rows = read_result(RESULTS / f"{place[2]}.csv")
     for condition in filter(None, (place[4] or "").split(" and ")):
         column, _, values = condition.partition(" in ")
         rows = rows[_known(rows, column, place[2]).isin(shlex.split(values))]
     if place[3]:
         names = [name.strip() for name in place[3].split(";")]
         rows = pd.DataFrame({name: _known(rows, name, place[2]) for name in names})
-    return "\n".join([*markdown(rows), *(["", *wrapped(result.source())] if source else [])])
+    below = ["", *wrapped(source(provenance))] if with_source else []
+    return "\n".join([*markdown(rows), *below])
 
 
 def _known(rows: pd.DataFrame, column: str, result: str) -> pd.Series:
@@ -172,7 +173,7 @@ def main(argv: list[str] | None = None) -> int:
             full_size.publish(options.folder, provenance, check_settings(given))
         elif options.take:
             rows = TAKERS.get(options.take, tables)(options.folder)
-            Result(provenance, rows).write(RESULTS / f"{options.take}.csv")
+            write_result(RESULTS / f"{options.take}.csv", provenance, rows)
         stale = [path for path, text in documents().items() if path.read_text("utf-8") != text]
         for path in stale:
             print(f"{path.relative_to(ROOT)} {'is stale' if options.check else 'written'}")

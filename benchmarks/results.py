@@ -5,7 +5,6 @@ import io
 import subprocess
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
@@ -24,23 +23,8 @@ class PublishError(LfcoreError):
     """Results that cannot be published."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Measured rows, and the run that they are of."""
-
-    provenance: dict[str, str]
-    rows: pd.DataFrame = field(repr=False)
-
-    def write(self, path: Path) -> None:
-        """The rows as CSV, below lines that say what they are of."""
-        write_text(path, head(self.provenance) + self.rows.to_csv(index=False, lineterminator="\n"))
-
-    def source(self) -> str:
-        """A line that says what made it, where and when."""
-        known = self.provenance
-        more = "".join(f" {value}" for key, value in known.items() if key not in OF_RUN)
-        where = f"commit {known['commit']}, {known['date']}, {known['processor']}"
-        return f"Made by `{known['command']}`: {where}.{more}"
+def write_result(path: Path, provenance: dict[str, str], rows: pd.DataFrame) -> None:
+    write_text(path, head(provenance) + rows.to_csv(index=False, lineterminator="\n"))
 
 
 def head(provenance: dict[str, str]) -> str:
@@ -48,8 +32,18 @@ def head(provenance: dict[str, str]) -> str:
     return "".join(f"# {key}: {value}\n" for key, value in provenance.items())
 
 
-def read_result(path: Path) -> Result:
-    """A result file.  Raises :class:`PublishError` for one that does not say what it is of."""
+def source(provenance: dict[str, str]) -> str:
+    """A line that says what made a result, where and when."""
+    more = "".join(f" {value}" for key, value in provenance.items() if key not in OF_RUN)
+    where = "commit {commit}, {date}, {processor}".format(**provenance)
+    return f"Made by `{provenance['command']}`: {where}.{more}"
+
+
+def read_result(path: Path) -> tuple[dict[str, str], pd.DataFrame]:
+    """Provenance and rows of a result file.
+
+    Raises :class:`PublishError` for one that does not say what it is of.
+    """
     text = path.read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.startswith("# ")]
     provenance = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
@@ -57,7 +51,7 @@ def read_result(path: Path) -> Result:
     if missing:
         raise PublishError(f"does not say its {', '.join(missing)}", file=path)
     rows = pd.read_csv(io.StringIO(text), comment="#", dtype=str, keep_default_na=False)
-    return Result(provenance, rows)
+    return provenance, rows
 
 
 def of_this_run(command: str, **more: str) -> dict[str, str]:
@@ -84,10 +78,15 @@ def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
     """
     found = found.assign(commit=of_this_run("")["commit"])
     if file.exists():
-        old = read_result(file).rows.set_index(list(keys))
+        old = read_result(file)[1].set_index(list(keys))
         kept = old[~old.index.isin(found.set_index(list(keys)).index)]
         found = pd.concat([found, kept.reset_index()])
     return found.fillna("")
+
+
+def update_result(file: Path, command: str, rows: list[dict], *keys: str) -> None:
+    """Write the rows of a run to a result file, in which rows of others stay."""
+    write_result(file, of_this_run(command), with_kept(pd.DataFrame(rows), file, *keys))
 
 
 def markdown(rows: pd.DataFrame) -> Iterator[str]:

@@ -25,9 +25,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from benchmarks.measured.rows import parser_of, report, say
 from benchmarks.measured.sample import SCENES
-from benchmarks.peers.cycles_lens import CyclesLens, matt
+from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Samples, SkippedError
-from benchmarks.peers.mitsuba_lens import MitsubaLens
+from benchmarks.peers.mitsuba_lens import mitsuba_lens
 from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
@@ -52,7 +52,7 @@ MITSUBA = {
 }
 CYCLES = {"Cycles": Samples(1, ""), "Cycles + OIDN": Samples(1, "", "picture")}
 PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
-    "mitsuba": (MITSUBA, MitsubaLens), "cycles": (CYCLES, CyclesLens),
+    "mitsuba": (MITSUBA, mitsuba_lens), "cycles": (CYCLES, cycles_lens),
 }  # fmt: skip
 RAYS = (1, 4, 16, 64, 256)
 CONVERGED = 1024

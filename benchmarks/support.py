@@ -3,11 +3,10 @@
 make test SUPPORT=yes
 """
 
+import datetime
 import platform
 
-import pandas as pd
-
-from benchmarks.results import RESULTS, Result, of_this_run, with_kept
+from benchmarks.results import RESULTS, update_result
 
 KEY = ["system", "Python", "OpenCL drivers", "tests"]
 
@@ -17,12 +16,10 @@ def keep(devices: list[str], chosen: str, counts: dict[str, int]) -> None:
 
     A device is ``NAME (DRIVER)``; a row has the driver.
     """
-    run = of_this_run(f"SUPPORT=yes pytest {chosen}")
     system = f"{platform.system()} {platform.machine()}"
     names = [device.partition(" (")[2].removesuffix(")") for device in devices]
     identity = [system, platform.python_version(), ", ".join(names), chosen]
-    row = dict(zip(KEY, identity, strict=True)) | {
-        name: str(counts.get(name, 0)) for name in ("passed", "failed", "skipped")
-    }
-    file = RESULTS / "support.csv"
-    Result(run, with_kept(pd.DataFrame([row | {"date": run["date"]}]), file, *KEY)).write(file)
+    row = dict(zip(KEY, identity, strict=True))
+    row |= {name: str(counts.get(name, 0)) for name in ("passed", "failed", "skipped")}
+    row["date"] = datetime.date.today().isoformat()
+    update_result(RESULTS / "support.csv", f"SUPPORT=yes pytest {chosen}", [row], *KEY)

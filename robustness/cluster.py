@@ -320,12 +320,11 @@ def main(arguments: list[str] | None = None) -> int:
             print(error)
             return 1
     if options.publish:  # rows of runs that were not made stay
-        from benchmarks.results import RESULTS, Result, of_this_run, with_kept
+        from benchmarks.results import RESULTS, update_result
 
         of_faults = f'FAULTS="{" ".join(options.faults)}" ' if options.faults else ""
-        file = RESULTS / "cluster.csv"
-        rows = with_kept(pd.DataFrame([one.row() for one in runs]), file, "run")
-        Result(of_this_run(f"make cluster {of_faults}PUBLISH=1"), rows).write(file)
+        command = f"make cluster {of_faults}PUBLISH=1"
+        update_result(RESULTS / "cluster.csv", command, [one.row() for one in runs], "run")
     return int(any(one.wrong for one in runs))
 
 

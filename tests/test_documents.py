@@ -111,7 +111,7 @@ def test_a_commit_and_this_tree_take_turns(revision, tmp_path, monkeypatch, caps
     own = against.Program  # with the programs that other tests have built
     monkeypatch.setattr(against, "Program", lambda *of: own(*of[:2], cache_home(), *of[3:]))
     against.main()
-    rows = publish.read_result(out).rows
+    _, rows = publish.read_result(out)
     assert list(zip(rows.work, rows.scene, strict=True)) == [
         (work, "chart") for work in against.WORK
     ]
@@ -152,7 +152,7 @@ TEXT = f"Before.\n{PLACE}\nold\n<!-- end of some -->\nAfter.\n"
 def results(tmp_path, monkeypatch):
     monkeypatch.setattr(publish, "RESULTS", tmp_path)
     rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"], "more": [0, 1, 0]})
-    publish.Result(PROVENANCE | {"note": "Hot."}, rows).write(tmp_path / "some.csv")
+    publish.write_result(tmp_path / "some.csv", PROVENANCE | {"note": "Hot."}, rows)
     return tmp_path
 
 
@@ -207,9 +207,9 @@ def test_a_run_is_taken_with_its_commit(results, tmp_path, monkeypatch):
     ):
         pd.DataFrame(key | more).to_csv(folder / f"{name}.csv", index=False)
     assert publish.main(["--check", "--take", "some", "--command", "make tables", str(folder)]) == 0
-    result = publish.read_result(results / "some.csv")
-    assert result.provenance["command"] == "make tables" and len(result.provenance["commit"]) >= 7
-    assert result.rows.iloc[0].tolist() == [
+    run, rows = publish.read_result(results / "some.csv")
+    assert run["command"] == "make tables" and len(run["commit"]) >= 7
+    assert rows.iloc[0].tolist() == [
         "bike", "16", "0.1", "43.3", "32.8", "0.9877", "0.1", "149", "0.1", "inf", "32.8", "1.0000",
     ]  # fmt: skip
 

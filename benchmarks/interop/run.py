@@ -21,10 +21,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from benchmarks.interop import data_sets
-from benchmarks.results import Result, of_this_run, with_kept
+from benchmarks.results import update_result
 from lfcore.datasets.items import stored_items
 from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, ViewGrid
@@ -344,8 +343,7 @@ def main() -> None:
         print(f"{title}: {said}", flush=True)
         rows.append({"reader": title, "compared": said})
     if arguments.out:
-        found = with_kept(pd.DataFrame(rows), arguments.out, "reader")
-        Result(of_this_run("python -m benchmarks.interop.run"), found).write(arguments.out)
+        update_result(arguments.out, "python -m benchmarks.interop.run", rows, "reader")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.results import Result, of_this_run
+from benchmarks.results import of_this_run, write_result
 
 
 def parser_of(
@@ -32,5 +32,5 @@ def report(path: Path, program: str, rows: Sequence[dict] | pd.DataFrame, note: 
     """Write the rows, below what is known of this run of ``program``, and print them."""
     table, more = pd.DataFrame(rows), {"note": note} if note else {}
     run = of_this_run(f"{program} {shlex.join(sys.argv[1:])}", **more)
-    Result(run, table.fillna("")).write(path)
+    write_result(path, run, table.fillna(""))
     print(table.to_string(index=False, na_rep="", float_format="{:.4g}".format), flush=True)

@@ -34,17 +34,15 @@ def matt(scene: Scene) -> Scene:
     return replace(scene, materials=plain)
 
 
-class CyclesLens(Renderer):
-    """Pictures of a matt scene by Cycles.
+def cycles_lens(scene: Scene, threads: int, bounces: int = 0) -> Renderer:
+    """Cycles with a matt scene.
 
     Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
     """
-
-    def __init__(self, scene: Scene, threads: int, bounces: int = 0):
-        check_installed("bpy")
-        check_plain(scene)
-        scene = without_suns(scene) if bounces else scene
-        super().__init__(_open, (scene, threads, bounces), _picture, "the package bpy")
+    check_installed("bpy")
+    check_plain(scene)
+    scene = without_suns(scene) if bounces else scene
+    return Renderer(_open, (scene, threads, bounces), _picture, "the package bpy")
 
 
 def _open(scene: Scene, threads: int, bounces: int) -> None:

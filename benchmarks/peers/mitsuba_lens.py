@@ -21,16 +21,14 @@ LEAST_ROUGHNESS = 0.05
 _here: dict[str, Any] = {}
 
 
-class MitsubaLens(Renderer):
-    """Pictures of a scene by Mitsuba.
+def mitsuba_lens(scene: Scene, threads: int) -> Renderer:
+    """Mitsuba with a scene.
 
     Raises :class:`SkippedError` for a missing package, or a scene that the integrator cannot shade.
     """
-
-    def __init__(self, scene: Scene, threads: int):
-        check_installed("mitsuba", "mitsuba_oidn")
-        check_plain(scene)
-        super().__init__(_open, (scene, threads, chosen_llvm()), _picture, NEEDS)
+    check_installed("mitsuba", "mitsuba_oidn")
+    check_plain(scene)
+    return Renderer(_open, (scene, threads, chosen_llvm()), _picture, NEEDS)
 
 
 def check_plain(scene: Scene) -> None:

@@ -23,15 +23,10 @@ BEHIND = 1e-5
 _here: dict[str, Any] = {}
 
 
-class MitsubaPath(Renderer):
-    """Pictures of a scene by Mitsuba.
-
-    Raises :class:`SkippedError` for a missing package.
-    """
-
-    def __init__(self, scene: Scene, bounces: int, threads: int):
-        check_installed("mitsuba", "mitsuba_oidn")
-        super().__init__(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
+def mitsuba_path(scene: Scene, bounces: int, threads: int) -> Renderer:
+    """Mitsuba with a scene.  Raises :class:`SkippedError` for a missing package."""
+    check_installed("mitsuba", "mitsuba_oidn")
+    return Renderer(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
 
 
 class _Lit(Description):

@@ -5,7 +5,6 @@ picture traced directly at its own focus with 4096 rays per pixel.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -42,24 +41,10 @@ class Made(NamedTuple):
     refocus: float
 
 
-@dataclass
-class Equivalence:
-    """``rows`` has one per plane and method; ``made`` has their pictures, the reference first."""
-
-    rows: list[dict]
-    made: list[Made]
-
-    def errors(self) -> Iterator[tuple[Made, np.ndarray]]:
-        """Each method with its error maps (P, M, M): root mean square over channels, in codes."""
-        reference = display_values(self.made[0].pictures)
-        for one in self.made[1:]:
-            yield one, np.sqrt(np.square(display_values(one.pictures) - reference).mean(axis=-1))
-
-
 def equivalence(
     tracer: Tracer, planes: Planes, *, views: int, pixels: int, reference_views: int = 64
-) -> Equivalence:
-    """Make every picture every way, and compare; the reference's own rows are last.
+) -> tuple[list[dict], list[Made]]:
+    """Rows of every plane and method, the reference's own last; the pictures, the reference first.
 
     The scene's camera records N x N = ``views`` squared; the plenoptic camera has as many pixels
     per microlens.  ``psnr_inside_db`` leaves out pixels for which the light field lacks rays;
@@ -81,7 +66,7 @@ def equivalence(
     for one in [*made[1:], truth]:
         rays = (reference_views if one is truth else views) ** 2
         rows += _rows(tracer.scene.name, slab, planes, one, truth.pictures, rays)
-    return Equivalence(rows, made)
+    return rows, made
 
 
 def _traced(method: str, filter: str, work: Callable[[], np.ndarray]) -> Made:
@@ -90,8 +75,8 @@ def _traced(method: str, filter: str, work: Callable[[], np.ndarray]) -> Made:
 
 
 def _views(tracer: Tracer, slab: Slab, planes: Planes) -> Iterator[Made]:
-    field, trace = clocked_warm(partial(trace_views, tracer, slab), programs_made)
-    sum_views = partial(shift_sum_views, slab, field.light, planes, device=tracer.device)
+    views, trace = clocked_warm(partial(trace_views, tracer, slab), programs_made)
+    sum_views = partial(shift_sum_views, slab, views, planes, device=tracer.device)
     return _by_filter("shift-sum on views", sum_views, trace)
 
 

@@ -109,7 +109,7 @@ class FocalStackSummer:
         self._divisor = MOST_VIEWS // layout.most_views if layout else 1
         self.device = device or open_device()
         self.schedule = plan(slab, planes, tolerance_px)
-        self._mask = planes[0].mask(slab)
+        self.open_samples = np.argwhere(planes[0].mask(slab))[:, ::-1].astype(np.int32)
         self._side = -(-slab.views // self.schedule.blocks)
         blocks = np.arange(slab.views) // self._side
         lens = slab.lens_positions()
@@ -121,11 +121,6 @@ class FocalStackSummer:
         self._gather, self._scale = (cl.Kernel(program, n) for n in ("add_views", "scale_views"))
         self._spread = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
         self._blocks = self.device.zeros(self.schedule.pictures * 12 * self._size**2)
-
-    @property
-    def open_samples(self) -> np.ndarray:
-        """(K, 2) int32 (i, j): lens samples that the aperture lets through."""
-        return np.argwhere(self._mask)[:, ::-1].astype(np.int32)
 
     def group_size(self, width: int, height: int) -> int:
         """Views of that size that go to the device at a time."""

@@ -46,6 +46,7 @@ class ViewSummer:
         self.one, self.most_views = one, most_views
         self.device = device or open_device()
         self._masks = [plane.mask(slab) for plane in planes]
+        self.open_samples = np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
         # Without magnification each view has one shift, else each pixel has an entry in tables.
         self._magnified = any(plane.magnification(slab) != 1.0 for plane in planes)
         defines = {"BILINEAR": int(filter == "bilinear"), "MAGNIFIED": int(self._magnified)}
@@ -56,11 +57,6 @@ class ViewSummer:
         tables = (self._first, self._share) if self._magnified else (np.zeros(1, np.int32),) * 2
         self._tables = [self.device.buffer(table) for table in tables]
         self._sums = self.device.zeros(len(planes) * 24 * slab.pixels**2)
-
-    @property
-    def open_samples(self) -> np.ndarray:
-        """(K, 2) int32 (i, j): lens samples that some plane's aperture lets through."""
-        return np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
 
     def group_size(self, width: int, height: int) -> int:
         """Views of that size that go to the device at a time."""

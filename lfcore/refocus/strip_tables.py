@@ -12,7 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets
-from lfcore.optics.plane_tables import BLOCK, PlaneTables, distinct_masks, reached_region
+from lfcore.optics.plane_tables import (
+    BLOCK,
+    PlaneTables,
+    block_kinds,
+    distinct_masks,
+    reached_region,
+)
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
@@ -84,7 +90,7 @@ def strip_tables(
         info,
         np.concatenate(runs),
         masks,
-        strip_kinds(masks),
+        block_kinds(masks, STRIP),
         *reached_region(slab, planes, moves_of, (u0, v0, u1, v1)),
         np.concatenate(pointers).astype(np.int32),
         numbered,
@@ -129,16 +135,3 @@ def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.nda
     runs = np.zeros(len(row), RUN)
     runs["end"], runs["target"] = ends, moves[row, column]
     return starts, runs
-
-
-def strip_kinds(masks: np.ndarray) -> np.ndarray:
-    """``kinds`` of :class:`StripTables`; a chunk that sticks out of the lens is at most partly
-    open, and rows beyond it do not matter."""
-    count, size = masks.shape[:2]
-    strips, chunks = -(-size // STRIP), -(-size // BLOCK)
-    padded = np.zeros((count, strips * STRIP, chunks * BLOCK), bool)
-    padded[:, :size, :size] = masks > 0
-    some = np.asarray(padded.reshape(count, strips, STRIP, chunks, BLOCK).any(axis=(2, 4)))
-    padded[:, size:, :size] = True
-    every = np.asarray(padded.reshape(count, strips, STRIP, chunks, BLOCK).all(axis=(2, 4)))
-    return some.astype(np.uint8) + (some & every)

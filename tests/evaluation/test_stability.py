@@ -133,7 +133,7 @@ def test_rays_of_any_direction_hold_for_needles_and_scales():
     assert [row for row in rows if row.verdict == "fail"] == []
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 def test_the_tracer_holds(case, tracer):
     """Every case of the report, and none besides: a row that is refused says which limit."""
     rows = list(case(tracer))

@@ -110,14 +110,13 @@ def test_a_grid_of_the_workflow_has_the_seconds_of_its_jobs(grey):
 def test_all_methods_in_memory_make_the_same_picture(chart, reference):
     """Shift-sum by the nearest pixel is what slicing makes; the others resample otherwise."""
     slab = Slab(chart.scene.camera, 8, 24)
-    field, planes = in_memory.trace_views(chart, slab), reference.planes[:1]
+    views, planes = in_memory.Views(chart, slab), reference.planes[:1]
     inside = coverage(slab, planes[0], "bilinear") > planes[0].mask(slab).sum() * (1 - 1e-6)
     sliced = trace_planes(chart, slab, planes)[0][inside]
-    made = {name: method(field, planes)()[0] for name, method in in_memory.METHODS.items()}
+    made = {name: method(views, planes)[0] for name, method in in_memory.METHODS.items()}
     np.testing.assert_allclose(made["shift-sum, nearest"][inside], sliced, atol=1e-5)
-    stack = in_memory._by_views(focal_stack_views, field, planes, tolerance_px=0.05)
-    made |= {"stack": stack()[0]}
-    made |= {"Monte Carlo": in_memory._monte_carlo(field, planes, 256)()[0]}
+    made["stack"] = in_memory._by_views(focal_stack_views, views, planes, tolerance_px=0.05)[0]
+    made["Monte Carlo"] = in_memory._monte_carlo(256)(views, planes)[0]
     assert {
         name for name, one in made.items() if np.abs(one[inside] - sliced).mean() > 0.05
     } == set()

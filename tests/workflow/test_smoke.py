@@ -92,10 +92,10 @@ def test_a_run_is_published_with_what_the_thesis_has_beside_it(smoke, tmp_path):
         assert picture.size == (5 * 32, 32)
     assert "Made by `x`" in page and "hours on 2 cores" in page
     # Nothing that the run did not give.
-    with pytest.raises(full_size.FullSizeError, match="other scenes, N or M"):
+    with pytest.raises(full_size.PublishError, match="other scenes, N or M"):
         full_size.publish(results, provenance, check_settings({"scenes": ["bike"]}), nothing)
     assert not list(nothing.iterdir())
-    with pytest.raises(full_size.FullSizeError, match="Let the run end"):
+    with pytest.raises(full_size.PublishError, match="Let the run end"):
         full_size.read_run(nothing)
 
 

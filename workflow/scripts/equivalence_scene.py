@@ -13,10 +13,10 @@ with job(snakemake) as (_, params, output):
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
     focus_m = sorted({min(focus), camera.focus_m, max(focus)})
-    found = equivalence(
+    rows, made = equivalence(
         tracer,
         [SensorPlane(distance, camera.f_number) for distance in focus_m],
         **params.study,
     )
-    equivalence_sheet(output.figure, found, focus_m)
-    write_rows(output.rows, found.rows)
+    equivalence_sheet(output.figure, made, focus_m)
+    write_rows(output.rows, rows)

@@ -57,7 +57,7 @@ class Measurement:
     of the documented limit that the value exceeds, or empty.  ``said`` is the program's refusal;
     ``error`` is then NaN.  ``condition`` is the largest condition number of the problem at this
     value, the relative change of the answer over that of the input; NaN where the answer is a
-    choice.  ``number`` is that of the :class:`Case`.
+    choice.  ``number`` is that of the case.
     """
 
     case: str
@@ -93,34 +93,27 @@ class Measurement:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A sweep: ``measure(tracer, value)`` makes one measurement at a value, or several.
+Case = Callable[[TracerUnderTest], Iterator[Measurement]]
+
+
+def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
+    """Make a case of ``measure(tracer, value)``, which makes one or several measurements.
 
     ``parameter`` is the name of the values, with their unit; ``number`` counts among the twenty
     cases of the specification.
     """
 
-    measure: Callable
-    number: str
-    parameter: str
-    values: Iterable[float]
+    def case_of(measure: Callable) -> Case:
+        @functools.wraps(measure)
+        def case(tracer: TracerUnderTest) -> Iterator[Measurement]:
+            for value in values:
+                found = measure(tracer, value)
+                for one in [found] if isinstance(found, Measurement) else found:
+                    yield replace(one, number=number, parameter=parameter, value=float(value))
 
-    @property
-    def name(self) -> str:
-        return self.measure.__name__
+        return case
 
-    def __call__(self, tracer: TracerUnderTest) -> Iterator[Measurement]:
-        number, parameter = self.number, self.parameter
-        for value in self.values:
-            found = self.measure(tracer, value)
-            for one in [found] if isinstance(found, Measurement) else found:
-                yield replace(one, number=number, parameter=parameter, value=float(value))
-
-
-def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
-    """The :class:`Case` of the function below."""
-    return lambda measure: Case(measure, number, parameter, values)
+    return case_of
 
 
 def measured(

@@ -39,7 +39,7 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
 
     Raises :class:`StabilityError` for a name that no case has.
     """
-    known = {case.name: case for case in CASES}
+    known = {case.__name__: case for case in CASES}
     if names == "all":
         return CASES
     for name in names:

@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lfcore.colour import srgb_decode
-from lfcore.evaluation.equivalence import Equivalence
+from lfcore.colour import display_values, srgb_decode
+from lfcore.evaluation.equivalence import Made
 from lfcore.evaluation.figures import Cell, contact_sheet, log_ticks, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
@@ -138,22 +138,24 @@ def _legend(figure: Figure, axis: Axes) -> None:
     figure.legend(handles, labels, loc="outside right upper", fontsize=9)
 
 
-def equivalence_sheet(path: str | Path, found: Equivalence, focus_m: Sequence[float]) -> None:
+def equivalence_sheet(path: str | Path, made: Sequence[Made], focus_m: Sequence[float]) -> None:
     """Pictures by each method, above their error maps; a block of two rows per focus distance.
 
-    The first column is the reference; its map is empty.
+    The first column is the reference; its map is empty.  A map is the root mean square over
+    channels, in codes.
     """
     sheet: list[Cell] = []
-    reference, errors = found.made[0], list(found.errors())
+    reference, *others = made
     for k, focus in enumerate(focus_m):
         truth = reference.pictures[k]
         sheet.append((truth, f"{reference.method}, {focus:.3g} m"))
-        for made, _ in errors:
-            method = made.method.replace("the plenoptic photograph", "photograph")
-            sheet.append((made.pictures[k], f"{method}, {made.filter}"))
+        for one in others:
+            method = one.method.replace("the plenoptic photograph", "photograph")
+            sheet.append((one.pictures[k], f"{method}, {one.filter}"))
         sheet.append((np.ones_like(truth), f"errors x {ERROR_GAIN}:"))
-        for _, error in errors:
-            rms = np.sqrt(np.square(error[k]).mean())
-            shown = srgb_decode(np.clip(error[k] * ERROR_GAIN / 255, 0, 1))
-            sheet.append((np.repeat(shown[..., None], 3, axis=-1), f"{rms:.2f} codes rms"))
-    contact_sheet(path, sheet, 1 + len(errors))
+        for one in others:
+            squares = np.square(display_values(one.pictures[k]) - display_values(truth)).mean(-1)
+            shown = srgb_decode(np.clip(np.sqrt(squares) * ERROR_GAIN / 255, 0, 1))
+            label = f"{np.sqrt(squares.mean()):.2f} codes rms"
+            sheet.append((np.repeat(shown[..., None], 3, axis=-1), label))
+    contact_sheet(path, sheet, len(made))

@@ -1,8 +1,9 @@
 """Pictures from views in memory, by every method of refocusing them."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from lfcore.refocus.array.focal_surface import FocalSurface, parallel
 from lfcore.refocus.array.synthesis import isaksen, monte_carlo
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.refocus.focal_stack import focal_stack_views
-from lfcore.refocus.resampling import FILTERS
+from lfcore.refocus.resampling import FILTERS, crop
 from lfcore.refocus.shift_sum import shift_sum_views
 from lfcore.rendering.plenoptic import refocus_photograph
 from lfcore.tracing.tracer import Tracer
@@ -28,19 +29,18 @@ ROWS = 16  # of pixels, traced at a time
 Planes = Sequence[SensorPlane]
 
 
-@dataclass(frozen=True)
 class Views:
-    """A light field in memory: ``light`` (N, N, M, M, 3) float32, linear light, [j, i, v, u]."""
+    """A light field of a square slab in memory, as the methods take it.
 
-    slab: Slab
-    light: np.ndarray
-    tracer: Tracer
+    ``light`` is that of :func:`trace_views`; ``field`` has a camera at the middle of each view's
+    lens sample; ``photograph`` is a plenoptic camera's.
+    """
 
-    @cached_property
-    def as_array(self) -> DeviceField:
-        """The pictures of an array with a camera at the middle of each view's lens sample."""
-        array = CameraArray.from_slab(self.slab)
-        return DeviceField(self.tracer.device, array.mosaic(self.light), array)
+    def __init__(self, tracer: Tracer, slab: Slab):
+        self.slab, self.device, self.light = slab, tracer.device, trace_views(tracer, slab)
+        array, side = CameraArray.from_slab(slab), slab.views * slab.pixels
+        self.field = DeviceField(self.device, array.mosaic(self.light), array)
+        self.photograph = self.light.transpose(2, 0, 3, 1, 4).reshape(side, side, 3)
 
 
 def memory_rows(
@@ -50,29 +50,26 @@ def memory_rows(
 
     Tracing the views is not counted.  Methods make squares, and wide pictures are a part of these.
     """
-    planes = reference.planes
     for n in sorted(views):
         slab = Slab.of(tracer.scene.camera, n, reference.size)
-        field = trace_views(tracer, replace(slab, extent=None))
-        left, top, width, height = slab.held.pixels
-        shown = np.s_[:, top : top + height, left : left + width]
-        works = [(name, f"N = {n}", method(field, planes)) for name, method in METHODS.items()]
+        held = Views(tracer, replace(slab, extent=None))
+        works = [(name, f"N = {n}", method) for name, method in METHODS.items()]
         if n == max(views):
             for each in TOLERANCES_PX:
-                work = _by_views(focal_stack_views, field, planes, tolerance_px=each)
-                works.append((f"fast stack, N = {n}", f"{each:g} px", work))
+                stack = partial(_by_views, focal_stack_views, tolerance_px=each)
+                works.append((f"fast stack, N = {n}", f"{each:g} px", stack))
             for count in monte_carlo_samples:
-                work = _monte_carlo(field, planes, count)
-                works.append((f"Monte Carlo, N = {n}", str(count), work))
-        for name, setting, work in works:
+                works.append((f"Monte Carlo, N = {n}", str(count), _monte_carlo(count)))
+        for name, setting, method in works:
             yield timed_point(
-                reference, partial(_shown, work, shown), tracer.device, panel=IN_MEMORY,
-                method=name, setting=setting, rays=field.slab.rays,
+                reference, partial(_cropped, slab, method, held, reference.planes), held.device,
+                panel=IN_MEMORY, method=name, setting=setting, rays=held.slab.rays,
             )  # fmt: skip
 
 
-def trace_views(tracer: Tracer, slab: Slab) -> Views:
-    """All views of a slab, each colour clipped as stored ones are."""
+def trace_views(tracer: Tracer, slab: Slab) -> np.ndarray:
+    """All views of a square slab, (N, N, M, M, 3) float32, linear light, [j, i, v, u]; each colour
+    is clipped as stored ones are."""
     side, n = slab.pixels, slab.views
     light = np.empty((n, n, side, side, 3), np.float32)
     for row in range(0, side, ROWS):
@@ -81,57 +78,45 @@ def trace_views(tracer: Tracer, slab: Slab) -> Views:
         some = tracer.bundle_radiance(macropixels(slab, places), places)
         some = some.reshape(len(down), side, n, n, 3).clip(0, 1)
         light[:, :, down] = some.transpose(2, 3, 0, 1, 4)
-    return Views(slab, light, tracer)
+    return light
 
 
-Work = Callable[[], np.ndarray]
+Method = Callable[[Views, Planes], np.ndarray]
 
 
-def _shown(work: Work, shown: tuple) -> np.ndarray:
-    return work()[shown]
+def _cropped(slab: Slab, method: Method, views: Views, planes: Planes) -> np.ndarray:
+    return crop(slab, method(views, planes))
 
 
-def _by_views(form: Callable, field: Views, planes: Planes, **how: object) -> Work:
-    return partial(form, field.slab, field.light, planes, device=field.tracer.device, **how)
+def _by_views(form: Callable, views: Views, planes: Planes, **how: Any) -> np.ndarray:
+    return form(views.slab, views.light, planes, device=views.device, **how)
 
 
-def _plenoptic(field: Views, planes: Planes) -> Work:
-    slab, side = field.slab, field.slab.views * field.slab.pixels
-    photograph = np.ascontiguousarray(field.light.transpose(2, 0, 3, 1, 4)).reshape(side, side, 3)
-
-    def work() -> np.ndarray:
-        camera = PlenopticCamera(slab.camera, slab.pixels, slab.views)
-        return refocus_photograph(camera, photograph, planes, device=field.tracer.device)
-
-    return work
+def _plenoptic(views: Views, planes: Planes) -> np.ndarray:
+    camera = PlenopticCamera(views.slab.camera, views.slab.pixels, views.slab.views)
+    return refocus_photograph(camera, views.photograph, planes, device=views.device)
 
 
-def _by_array(form: Callable, field: Views, planes: Planes) -> Work:
-    """``form`` of the views as an array's picture, a camera at the middle of their lens, and a
-    focal plane, for each plane."""
-    views, focal_length_m = field.as_array, field.slab.camera.focal_length_m
-    array = views.array
-
-    def work() -> np.ndarray:
-        made = []
-        for plane in planes:
-            radius = focal_length_m / (2 * plane.f_number)
-            camera = VirtualCamera(np.zeros(3), np.eye(3), array.fov_deg, array.tile, radius)
-            made.append(form(views, camera, parallel(plane.focus_m)).image.astype(float))
-        return np.stack(made)
-
-    return work
+def _by_array(form: Callable, views: Views, planes: Planes) -> np.ndarray:
+    """``form`` of the field, a camera at the middle of its lens, and a focal plane, for each
+    plane."""
+    array, made = views.field.array, []
+    for plane in planes:
+        radius = views.slab.camera.focal_length_m / (2 * plane.f_number)
+        camera = VirtualCamera(np.zeros(3), np.eye(3), array.fov_deg, array.tile, radius)
+        made.append(form(views.field, camera, parallel(plane.focus_m)).image.astype(float))
+    return np.stack(made)
 
 
-def _isaksen(views: DeviceField, camera: VirtualCamera, surface: FocalSurface) -> Synthesis:
-    return isaksen(views, camera, surface, camera.lens_radius_m)
+def _isaksen(field: DeviceField, camera: VirtualCamera, surface: FocalSurface) -> Synthesis:
+    return isaksen(field, camera, surface, camera.lens_radius_m)
 
 
-def _monte_carlo(field: Views, planes: Planes, samples: int) -> Work:
-    return _by_array(partial(monte_carlo, samples_per_pixel=samples, seed=0), field, planes)
+def _monte_carlo(samples: int) -> Method:
+    return partial(_by_array, partial(monte_carlo, samples_per_pixel=samples, seed=0))
 
 
-METHODS: dict[str, Callable[[Views, Planes], Work]] = {
+METHODS: dict[str, Method] = {
     **{f"shift-sum, {name}": partial(_by_views, shift_sum_views, filter=name) for name in FILTERS},
     "plenoptic camera": _plenoptic,
     "Isaksen": partial(_by_array, _isaksen),
