@@ -5,16 +5,6 @@ TRUTHS = {
     "wide": "results/{scene}/analysis/truth_wide.npz",
     "stopped": "results/{scene}/analysis/truth_stopped.npz",
 }
-TRACED = {
-    "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
-    "trace": of_resolutions("trace.json"),
-}
-# The light fields of the thesis's recipe, where they are stored.
-STORED = {
-    "from_video": of_resolutions("planes/from_video.npz"),
-    "store": of_resolutions("store.json"),
-    "retrieve": of_resolutions("retrieve.json"),
-}
 CHOSEN = f"results/{{scene}}/M{PIXELS}/chosen"
 CHOSEN_FIELDS = [f"{CHOSEN}/{db}dB.mkv" for db in ANALYSIS["chosen_rays"]["qualities_db"]]
 
@@ -50,7 +40,7 @@ rule work_precision_scene:
         **TRUTHS,
         **of_scene("{scene}"),
         **TRACED,
-        **(STORED if STORE else {}),
+        **STORED,
     output:
         "results/{scene}/analysis/work_precision.json",
     log:

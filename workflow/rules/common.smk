@@ -184,6 +184,15 @@ def of_resolutions(file):
     return expand(f"{SLAB}/{file}", n=VIEWS, allow_missing=True)
 
 
+def by_name(*files):
+    """These files of a scene for every number of views, by name."""
+    return {Path(file).stem: of_resolutions(file) for file in files}
+
+
+TRACED = by_name("planes/on_the_fly.npz", "trace.json")
+STORED = by_name("planes/from_video.npz", "store.json", "retrieve.json") if STORE else {}
+
+
 def of_scenes(file):
     """This file of every scene of the tables."""
     return [f"results/{scene}/{file}" for scene in SCENES]

@@ -1,19 +1,11 @@
 # Pictures against pictures: metrics of each scene, then the tables over all scenes and their curves over N.
-MEASURED = {
-    "scene": "results/{scene}/scene.npz",
-    "on_the_fly": of_resolutions("planes/on_the_fly.npz"),
-    "trace": of_resolutions("trace.json"),
-    "truth": "results/{scene}/analysis/truth_wide.npz",
-}
-if STORE:
-    MEASURED["from_video"] = of_resolutions("planes/from_video.npz")
-    MEASURED["store"] = of_resolutions("store.json")
-    MEASURED["retrieve"] = of_resolutions("retrieve.json")
 
 
 rule evaluate:
     input:
-        **MEASURED,
+        **TRACED,
+        **STORED,
+        truth="results/{scene}/analysis/truth_wide.npz",
     output:
         "results/{scene}/evaluation.json",
     log:

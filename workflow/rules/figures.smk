@@ -11,7 +11,7 @@ TRACED_STACKS = {
     if name in REPORTS or (name == "focal_stack" and "recipes" in REPORTS)
 }
 RECIPES = {
-    "thesis": of_resolutions("planes/on_the_fly.npz")[-1],
+    "thesis": TRACED["on_the_fly"][-1],
     "truth": "results/{scene}/analysis/truth_wide.npz",
 }
 WANTED_SHEETS = [name for name in [*STACKS, "recipes"] if name in REPORTS]

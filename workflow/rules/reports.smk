@@ -1,32 +1,6 @@
 # What the pages show, in order: sections of a table, figures, or both.
-THESIS = {
-    "table_7_1": "Table 7.1: angular resolution",
-    "table_7_2": "Table 7.2: encoding",
-    "table_7_3": "Table 7.3: retrieval",
-}
-SHEETS = {
-    "focal_stack": "Focal stack",
-    "aperture_stack": "Aperture stack",
-    "sub_aperture_views": "Sub-aperture views",
-    "recipes": "The thesis's recipe and slicing by depth",
-}
-PLENOPTIC = {"plenoptic_photograph": "Photographs of a plenoptic camera"}
-RENDERERS = {"other_renderers": "Other ray tracers"}
-STORAGE_REPORTS = {
-    "storage_layouts": "Layouts of the stored light field",
-    "rate_distortion": "Rate against distortion",
-    "equivalence": "One picture made in four ways",
-    "retrieval": "What it costs to read a stored light field",
-}
-ANALYSES = {
-    "work_precision": "Error against run time",
-    "stability": "Stiff and extreme cases",
-    "left_out": "Nothing a scene does not need",
-}
-PANELS = {
-    "work_precision": ["on_the_fly", "stored"],
-    "stability": ["heat_map", "error_growth"],
-}
+# Tables of storage need a stored light field.
+THESIS_TABLES = ["table_7_1", "table_7_2", "table_7_3"] if STORE else ["table_7_1"]
 ARRAY_TABLES = {"camera_array": "Camera arrays", "reconstruction": "Pictures from camera arrays"}
 ASSIGNMENT_TITLES = {
     "light_fields": "Step 2: light fields",
@@ -47,8 +21,6 @@ RECORD_OF = {
     **dict.fromkeys(SAMPLING_FIGURES, "sampling"),
     **{name: name for name in ("see_through", "time", "reconstruction")},
 }
-# Tables of storage need a stored light field.
-THESIS_TABLES = list(THESIS) if STORE else ["table_7_1"]
 
 
 def section(name, title, table=None, figures=None):
@@ -62,54 +34,54 @@ def files_of(sections):
     return tables + [file for one in sections for file in one["figures"].values()]
 
 
-def table_sections():
-    """The sections of results/tables/."""
+def unlabelled(name):
+    return {"": f"results/tables/figures/{name}.png"}
 
-    def tables_figure(name):
-        return f"results/tables/figures/{name}.png"
 
-    def of_scenes_figures(name):
-        return {scene: tables_figure(f"{name}_{scene}") for scene in SCENES}
+def by_scene(name):
+    return {scene: f"results/tables/figures/{name}_{scene}.png" for scene in SCENES}
 
-    def made(name, title, figures=None):
-        return section(name, title, f"results/tables/{name}.csv", figures)
 
-    for name in THESIS_TABLES:
-        curves = {"": tables_figure(f"{name}_curves")} if "quality" in REPORTS else {}
-        yield made(name, THESIS[name], curves)
-    if "chosen_rays" in REPORTS and STORE:
-        yield made("chosen_rays", "Which rays should I choose?")
-    for name, title in SHEETS.items():
-        if name in REPORTS:
-            yield section(name, title, figures=of_scenes_figures(name))
-    for name, title in PLENOPTIC.items():
-        if name in REPORTS:
-            yield section(name, title, figures={"": tables_figure(name)})
-    for name, title in RENDERERS.items():
-        if name in REPORTS:
-            yield made(name, title, {"": tables_figure(name)})
-    for name, title in STORAGE_REPORTS.items():
-        if name in REPORTS and (STORE or name != "retrieval"):
-            per_scene = name in ("rate_distortion", "equivalence")
-            yield made(
-                name, title, of_scenes_figures(name) if per_scene else {"": tables_figure(name)}
-            )
-            if name == "rate_distortion":
-                yield made("bd_rate", "Bits at equal quality (BD-rate)")
-    for name, title in ANALYSES.items():
-        if name in REPORTS:
-            panels = PANELS.get(name, [])
-            figures = {
-                panel.replace("_", " "): tables_figure(f"{name}_{panel}") for panel in panels
-            }
-            yield made(name, title, figures)
-    if "camera_arrays" in REPORTS:
-        yield made("camera_array", ARRAY_TABLES["camera_array"])
-        yield made(
-            "reconstruction",
-            ARRAY_TABLES["reconstruction"],
-            {"": "results/assignment/figures/reconstruction.png"},
-        )
+def panels(*labels):
+    return lambda name: {
+        label.replace("_", " "): f"results/tables/figures/{name}_{label}.png" for label in labels
+    }
+
+
+def curves(name):
+    return unlabelled(f"{name}_curves") if "quality" in REPORTS else {}
+
+
+# The sections of results/tables/: title, whether there is a table, figures.
+SECTIONS = {
+    "table_7_1": ("Table 7.1: angular resolution", True, curves),
+    "table_7_2": ("Table 7.2: encoding", True, curves),
+    "table_7_3": ("Table 7.3: retrieval", True, curves),
+    "chosen_rays": ("Which rays should I choose?", True, panels()),
+    "focal_stack": ("Focal stack", False, by_scene),
+    "aperture_stack": ("Aperture stack", False, by_scene),
+    "sub_aperture_views": ("Sub-aperture views", False, by_scene),
+    "recipes": ("The thesis's recipe and slicing by depth", False, by_scene),
+    "plenoptic_photograph": ("Photographs of a plenoptic camera", False, unlabelled),
+    "other_renderers": ("Other ray tracers", True, unlabelled),
+    "storage_layouts": ("Layouts of the stored light field", True, unlabelled),
+    "rate_distortion": ("Rate against distortion", True, by_scene),
+    "bd_rate": ("Bits at equal quality (BD-rate)", True, panels()),
+    "equivalence": ("One picture made in four ways", True, by_scene),
+    "retrieval": ("What it costs to read a stored light field", True, unlabelled),
+    "work_precision": ("Error against run time", True, panels("on_the_fly", "stored")),
+    "stability": ("Stiff and extreme cases", True, panels("heat_map", "error_growth")),
+    "left_out": ("Nothing a scene does not need", True, panels()),
+    "camera_array": (ARRAY_TABLES["camera_array"], True, panels()),
+    "reconstruction": (
+        ARRAY_TABLES["reconstruction"],
+        True,
+        lambda name: {"": "results/assignment/figures/reconstruction.png"},
+    ),
+}
+# Reports whose sections have other names.
+REPORT_OF = {"bd_rate": "rate_distortion", **dict.fromkeys(ARRAY_TABLES, "camera_arrays")}
+SHOWN = REPORTS if STORE else REPORTS - {"chosen_rays", "retrieval"}
 
 
 def assignment_sections():
@@ -129,7 +101,11 @@ def assignment_sections():
             yield section(f"table_{name}", f"Table: {title.lower()}", file)
 
 
-TABLE_SECTIONS = list(table_sections())
+TABLE_SECTIONS = [
+    section(name, title, f"results/tables/{name}.csv" if has_table else None, figures(name))
+    for name, (title, has_table, figures) in SECTIONS.items()
+    if name in THESIS_TABLES or REPORT_OF.get(name, name) in SHOWN
+]
 REPORTED = files_of(TABLE_SECTIONS)
 ASSIGNMENT_SECTIONS = list(assignment_sections())
 ASSIGNMENT_FILES = files_of(ASSIGNMENT_SECTIONS)

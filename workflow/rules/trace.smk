@@ -1,19 +1,19 @@
 # Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, where stored,
 # a video segment a tile.
 STORED_AS = ("layout", "tile_mib", "encoding")
-TRACED = {
+BATCH = {
     "planes": temp(f"{SLAB}/tiles/{{batch}}.planes.npz"),
     "seconds": f"{SLAB}/tiles/{{batch}}.json",
 }
 if STORE:
-    TRACED["segments"] = temp(f"{SLAB}/tiles/{{batch}}.segments")
+    BATCH["segments"] = temp(f"{SLAB}/tiles/{{batch}}.segments")
 
 
 rule trace:
     input:
         **of_scene("{scene}"),
     output:
-        **TRACED,
+        **BATCH,
     log:
         "logs/trace/{scene}/N{n}/{batch}.log",
     priority: FIRST
@@ -38,15 +38,15 @@ JOINED = {
     "pictures": directory(f"{SLAB}/planes/on_the_fly"),
     "trace": f"{SLAB}/trace.json",
 }
-BATCHED = {"planes": of_batches(".planes.npz"), "seconds": of_batches(".json")}
+BATCHES = {"planes": of_batches(".planes.npz"), "seconds": of_batches(".json")}
 if STORE:
     JOINED |= {"light_field": f"{SLAB}/lightfield.mkv", "store": f"{SLAB}/store.json"}
-    BATCHED["segments"] = of_batches(".segments")
+    BATCHES["segments"] = of_batches(".segments")
 
 
 rule join:
     input:
-        **BATCHED,
+        **BATCHES,
         scene="results/{scene}/scene.npz",
     output:
         **JOINED,
