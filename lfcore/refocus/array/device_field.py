@@ -13,32 +13,39 @@ from lfcore.optics.array import CameraArray
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.virtual_camera import VirtualCamera
+from lfcore.tracing.header import header
 
-# The structs of kernels/lookup.cl; every member is four bytes, so there is no padding.
-ARRAY = np.dtype(
-    [(name, np.int32) for name in ("columns", "rows", "width", "height")]
-    + [(name, np.float32) for name in ("inv_pitch", "delta", "low_x", "high_x", "low_y", "high_y")]
-)
-VIEW = np.dtype(
-    [
-        ("position", np.float32, 3),
-        ("rotation", np.float32, 9),
-        ("width", np.int32),
-        ("height", np.int32),
-        ("pitch", np.float32),
-        ("lens_radius", np.float32),
-    ]
-)
-SURFACE = np.dtype(
-    [
-        ("kind", np.int32),
-        ("map_width", np.int32),
-        ("map_height", np.int32),
-        ("point", np.float32, 3),
-        ("normal", np.float32, 3),
-        ("radius", np.float32),
-    ]
-)
+INT, FLOAT = np.int32, np.float32
+ARRAY = np.dtype([
+    ("columns", INT),  # data cameras along x
+    ("rows", INT),
+    ("width", INT),  # of a tile, pixels
+    ("height", INT),
+    ("inv_pitch", FLOAT),  # pixels per unit tangent
+    ("delta", FLOAT),  # inverse distance at which the tiles coincide
+    ("low_x", FLOAT),  # bounds within which rays belong to the array
+    ("high_x", FLOAT),
+    ("low_y", FLOAT),
+    ("high_y", FLOAT),
+])  # fmt: skip
+VIEW = np.dtype([
+    ("position", FLOAT, 3),
+    ("rotation", FLOAT, 9),  # rows of the matrix: array space = rotation * camera space
+    ("width", INT),
+    ("height", INT),
+    ("pitch", FLOAT),  # tangent between pixels
+    ("lens_radius", FLOAT),
+])  # fmt: skip
+SURFACE = np.dtype([
+    ("kind", INT),  # PLANE, SPHERE or DEPTH_MAP
+    ("map_width", INT),
+    ("map_height", INT),
+    ("point", FLOAT, 3),  # of the plane, or the centre
+    ("normal", FLOAT, 3),  # of the plane
+    ("radius", FLOAT),
+])  # fmt: skip
+RECORDS = {"Array": ARRAY, "View": VIEW, "Surface": SURFACE}
+"""The structs of the kernels."""
 _FOLDER = "refocus/array/kernels"
 
 
@@ -98,7 +105,8 @@ class DeviceField:
     def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
         """A kernel built for this field's number format."""
         values = {"HALF": int(self.image.dtype == np.float16), **defines}
-        return cl.Kernel(build_program(self.device, [f"{_FOLDER}/{file}"], values), name)
+        source = [f"{_FOLDER}/{file}"]
+        return cl.Kernel(build_program(self.device, source, values, header(**RECORDS)), name)
 
     def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
         """The arguments that all kernels start with."""

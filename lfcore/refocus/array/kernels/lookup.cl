@@ -1,53 +1,22 @@
 // Radiance along rays from the tiles of a camera array.  The float64 reference is
 // tests/refocus/array_reference.py; names agree.
 //
-// -DHALF=1: the image holds 16-bit floats.  Structs mirror the dtypes of device_field.py.
+// -DHALF=1: the image holds 16-bit floats.  Array, View and Surface are records of device_field.py.
 
 #define EDGE 1e-5f
 #define NEAREST 1e6f
 
-typedef struct {
-    int columns;      // data cameras along x
-    int rows;         // along y
-    int width;        // of a tile, pixels
-    int height;
-    float inv_pitch;  // pixels per unit tangent
-    float delta;      // inverse distance at which the tiles coincide
-    float low_x;      // bounds within which rays belong to the array
-    float high_x;
-    float low_y;
-    float high_y;
-} Array;
-
-typedef struct {
-    float position[3];
-    float rotation[9];  // rows of the matrix: array space = rotation * camera space
-    int width;
-    int height;
-    float pitch;        // tangent between pixels
-    float lens_radius;
-} View;
-
-typedef struct {
-    int kind;           // 0 plane, 1 sphere, 2 depth map
-    int map_width;
-    int map_height;
-    float point[3];     // of the plane, or the centre
-    float normal[3];    // of the plane
-    float radius;
-} Surface;
-
 #if HALF
-#define IMAGE half
+#define NUMBER half
 #define TEXEL(image, index) vload_half(index, image)
 #else
-#define IMAGE float
+#define NUMBER float
 #define TEXEL(image, index) image[index]
 #endif
 
 // What every kernel of a light field starts with.
 #define FIELD_PARAMETERS \
-    global const IMAGE *restrict image, \
+    global const NUMBER *restrict image, \
     const Array array, \
     global const float *restrict columns, \
     global const float *restrict rows, \
@@ -148,7 +117,7 @@ inline Sum sum_zero(void)
 inline void add_lookup(
     Sum *sum,
     float weight,
-    global const IMAGE *image,
+    global const NUMBER *image,
     const Array *array,
     int i,
     int j,
@@ -231,7 +200,7 @@ inline bool crossing(
 
 // Radiance along a ray whose focal point is origin + direction / q; weight 0 when unknown, else 1.
 inline Sum quadrilinear(
-    global const IMAGE *image,
+    global const NUMBER *image,
     const Array *array,
     global const float *columns,
     global const float *rows,
