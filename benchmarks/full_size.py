@@ -182,34 +182,28 @@ def page(tables: Tables, provenance: dict[str, str], stacks: list[tuple[str, str
     improved = f"{len(cells) - len(worse)} of its {len(cells)} numbers are improved"
     cores = int(re.findall(r"(\d+) cores", provenance["processor"])[0])
     ours, theirs = hours(tables, cores), hours(tables, cores, thesis=True)
-    lines = [
-        "# The thesis's tables at full size",
-        "",
-        *wrapped(
-            f"M = {pixels}. The thesis's numbers are in brackets; {improved}. "
-            f"All cells take {ours:.1f} hours on {cores} cores, {theirs:.1f} in the "
-            "thesis."
-            + ("" if pixels == THESIS_PIXELS else " Its seconds and sizes are for M = 512.")
-        ),
-        "",
-        f"![Error, size and time over N, ours and the thesis's]({FIGURE})",
-        "",
+    of_size = "" if pixels == THESIS_PIXELS else " Its seconds and sizes are for M = 512."
+    said = (
+        f"M = {pixels}. The thesis's numbers are in brackets; {improved}. All cells take "
+        f"{ours:.1f} hours on {cores} cores, {theirs:.1f} in the thesis.{of_size}"
+    )
+    parts: list[Iterable[str]] = [
+        ["# The thesis's tables at full size"],
+        wrapped(said),
+        [f"![Error, size and time over N, ours and the thesis's]({FIGURE})"],
     ]
     for name, title in THESIS.items():
-        lines += [f"## {title}", "", *_markdown(tables[name], COMPARED[name]), ""]
+        parts += [[f"## {title}"], _markdown(tables[name], COMPARED[name])]
     if "chosen_rays" in tables:
         choice = tables["chosen_rays"][list(CHOICE)].rename(columns=CHOICE)
-        lines += ["## Fewer rays, with depth", "", *markdown(choice), ""]
+        parts += [["## Fewer rays, with depth"], markdown(choice)]
     if cells:
-        lines += ["## Not better than the thesis's", ""]
-        lines += ["\n  ".join(wrapped(f"- {words}")) for words in worse or ["none"]]
-        lines += [""]
-    lines += ["## Pictures", ""]
-    for title, file in stacks:
-        lines += [f"![{title}]({file})", ""]
-    more = f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."
-    lines += [*wrapped(source(provenance)), "", more, ""]
-    return "\n".join(lines)
+        items = ("\n  ".join(wrapped(f"- {words}")) for words in worse or ["none"])
+        parts += [["## Not better than the thesis's"], items]
+    parts += [["## Pictures"], *([f"![{title}]({file})"] for title, file in stacks)]
+    parts.append(wrapped(source(provenance)))
+    parts.append([f"All N: the CSV files in this folder. Configuration: [{SETTINGS}]({SETTINGS})."])
+    return "\n\n".join(map("\n".join, parts)) + "\n"
 
 
 def _markdown(table: pd.DataFrame, columns: dict[str, bool]) -> Iterator[str]:

@@ -34,12 +34,6 @@ class Section:
     table: Path | None = None
     figures: Mapping[str, Path] = field(default_factory=dict)
 
-    @property
-    def files(self) -> list[str]:
-        """The table and the figures."""
-        tables = [self.table] if self.table else []
-        return [str(file) for file in (*tables, *self.figures.values())]
-
 
 def write_page(
     path: str | Path,
@@ -79,11 +73,11 @@ def write_page(
 
 def _left_over(page: Path, sections: Sequence[Section], viewers: Sequence[Path]) -> list[str]:
     """The tables, figures and pages in the page's folder that another configuration has made."""
-    made = {Path(file) for section in sections for file in section.files}
-    names = {page.name, *(file.name for file in (*made, *viewers))}
+    tables = [section.table for section in sections if section.table]
+    figures = [file for section in sections for file in section.figures.values()]
+    names = {page.name, *(file.name for file in (*tables, *figures, *viewers))}
     # A table has one in Markdown, and may have one of its cases.
-    stems = {file.stem for file in made if file.suffix == ".csv"}
-    names |= {f"{stem}{end}" for stem in stems for end in (".md", "_cases.csv")}
+    names |= {f"{file.stem}{end}" for file in tables for end in (".md", "_cases.csv")}
     found = (file for end in ("csv", "md", "png", "html") for file in page.parent.rglob(f"*.{end}"))
     return sorted(file.relative_to(page.parent).as_posix() for file in found
                   if file.name not in names)  # fmt: skip

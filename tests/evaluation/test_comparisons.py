@@ -211,7 +211,7 @@ Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
     "point P" [-.5 -9 2  -.3 -9 2  -.3 9 2  -.5 9 2]
 WorldEnd
 """
-BOUNDS = (-0.4, 0.4, -0.4, 0.4)
+ARRAYS = {"bounds_m": (-0.4, 0.4, -0.4, 0.4), "fov_deg": 60.0}
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def test_more_cameras_come_closer_to_the_lens(tracer):
     reference = direct_thin_lens(tracer, camera, 4.0, 256)
     found = {}
     for cameras in (2, 16):
-        field = square_field(tracer, cameras, BOUNDS, 60.0, 64, 4)
+        field = square_field(tracer, ARRAYS, cameras, 64, 4)
         rows = reconstructions(field, camera, 4.0, reference, (64,))
         found[cameras] = {(row["method"], row["filter_or_samples"]): row for row in rows}
         assert {row["cameras_per_dim"] for row in rows} == {cameras}
@@ -263,7 +263,7 @@ def test_more_cameras_come_closer_to_the_lens(tracer):
 
 
 def test_monte_carlo_converges_at_its_rate(tracer):
-    field = square_field(tracer, 8, BOUNDS, 60.0, 48, 1)
+    field = square_field(tracer, ARRAYS, 8, 48, 1)
     counts, sampler = (4, 16, 64, 256), "independent"
     found = convergence(field, lens_camera(), 3.0, counts)[sampler]
     assert -0.6 < found["slope"] < -0.4

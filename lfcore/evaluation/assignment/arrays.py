@@ -6,7 +6,7 @@ Errors are of linear radiance (RMSE) and of sRGB codes (PSNR, the convention of
 
 import math
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,17 +69,10 @@ def read_field(device: Device, path: str | Path) -> DeviceField:
 
 
 def square_field(
-    tracer: Tracer,
-    cameras: int,
-    bounds: Sequence[float],
-    fov_deg: float,
-    tile: int,
-    samples_per_pixel: int,
+    tracer: Tracer, grid: Mapping, cameras: int, tile: int, samples_per_pixel: int
 ) -> DeviceField:
-    """Trace a square array of square pictures, ready for synthesis.
-
-    A wide array of tiny pictures samples each pixel ``samples_per_pixel`` times, as any other.
-    """
+    """Trace a square array of square pictures; ``grid`` is that of :func:`array_of`."""
+    bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
     array = CameraArray.on_grid((cameras, cameras), bounds, fov_deg, (tile, tile))
     return DeviceField(tracer.device, trace_array(tracer, array, samples_per_pixel), array)
 

@@ -66,16 +66,15 @@ def reconstruction(
 
     ``reference_samples`` are the rays per pixel of the picture that is traced directly.
     """
-    bounds, fov_deg = grid["bounds_m"], grid["fov_deg"]
     camera = measured_camera(picture_px)
     reference = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, reference_samples)
     # A reference with half the rays estimates the reference's own error.
     half = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, max(1, reference_samples // 2))
     rows, arrays = [], []
     # Kernels are built for the size of a tile: unseen by the clock.
-    square_field(tracer, 2, bounds, fov_deg, tile_px, 1)
+    square_field(tracer, grid, 2, tile_px, 1)
     for cameras in sorted(camera_counts):
-        tracing = partial(square_field, tracer, cameras, bounds, fov_deg, tile_px, SAMPLES)
+        tracing = partial(square_field, tracer, grid, cameras, tile_px, SAMPLES)
         field, seconds = clocked(tracing)
         size = exr_bytes(field)
         arrays.append(array_record(tracer.scene.name, field.array, SAMPLES, seconds, size))
@@ -83,7 +82,7 @@ def reconstruction(
         found = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
         rows += [{"scene": tracer.scene.name, **row} for row in found]
         del field
-    field = square_field(tracer, CONVERGENCE_CAMERAS, bounds, fov_deg, tile_px, SAMPLES)
+    field = square_field(tracer, grid, CONVERGENCE_CAMERAS, tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
     slopes = convergence(field, small, BOOK_FOCUS_M, convergence_samples)
     record = {"rows": rows, "arrays": arrays, "convergence": slopes, "tile_px": tile_px}
@@ -261,7 +260,7 @@ def _compared(
     for cameras, tile in sizes:
         if tile < SMALLEST_TILE:
             continue
-        field = square_field(tracer, cameras, grid["bounds_m"], grid["fov_deg"], tile, SAMPLES)
+        field = square_field(tracer, grid, cameras, tile, SAMPLES)
         made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), FINE_LENS, 2).image
         found = errors(made, reference)
         label = f"{cameras} x {cameras} of {tile} x {tile}: {found['psnr_db']:.1f} dB"
