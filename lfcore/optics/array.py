@@ -1,14 +1,9 @@
 """A camera array: parallel pinholes on a grid, the assignment's "data cameras".
 
-Camera space is x right, y down, z forward; the pinholes lie in z = 0 and look along +z.  Column
-``i`` of the grid stands at ``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile
-(j, i) of one image: the top-left tile is the top-left camera seen from behind.  It is the light
-slab at ``delta = 0``: the ray of camera (s, t) and pixel tangent (x, y) is
-
-    O + z D,   O = (s, t, 0),   D = (x - s delta, y - t delta, 1)
-
-The assignment's cameras have ``delta = 0``; another value is the sheared array that the views of a
-focused slab are.
+The pinholes are in z = 0 of camera space and look along +z.  Column ``i`` of the grid is at
+``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile (j, i) of one image: the
+top-left tile is the top-left camera seen from behind.  Rays are those of a light slab; the
+assignment's cameras have ``delta = 0``, the views of a focused slab are a sheared array.
 
 Source: CS348b assignment 3, step 2; Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light
 Fields", SIGGRAPH 2000.

@@ -16,17 +16,14 @@ class Keys(BaseModel):
 
 
 def whole(low: int, high: int) -> Any:
-    """A whole number from ``low`` to ``high``."""
     return Annotated[int, Field(ge=low, le=high)]
 
 
 def number(low: float, high: float) -> Any:
-    """A number from ``low`` to ``high``."""
     return Annotated[float, Field(ge=low, le=high)]
 
 
 def above(low: float, high: float | None = None) -> Any:
-    """A number above ``low``, up to ``high``."""
     return Annotated[float, Field(gt=low, le=high)]
 
 

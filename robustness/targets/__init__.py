@@ -24,20 +24,10 @@ MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "co
 class Target:
     """One way to feed input to the project.
 
-    seeds : callable
-        Called once with a folder of its own; returns valid inputs.
-    judge : callable
-        Maps (input, folder) to an outcome; the folder has the target's side files.
-    sides : callable
-        Writes the side files, which inputs may name, to each child's folder.
-    weight : float
-        The share of the time.
-    batch : int
-        The inputs per child.
-    takes_seeds : bool
-        Whether every seed must be accepted; else it may be refused (for lack of a device).
-    portable : bool
-        Whether inputs mean the same on every machine, so that they can be kept.
+    ``seeds(folder)`` returns valid inputs, once; ``judge(input, folder)`` an outcome.  ``sides``
+    writes side files, which inputs may name, to each child's folder.  ``weight`` is the share of
+    the time, ``batch`` the inputs per child.  Without ``takes_seeds`` a seed may be refused, for
+    lack of a device; ``portable`` inputs mean the same on every machine, and can be kept.
     """
 
     name: str

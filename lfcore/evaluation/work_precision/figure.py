@@ -96,7 +96,6 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
 
 
 def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> None:
-    """Draw one diagram."""
     shown = rows.psnr_true_db.astype(float).fillna(rows.expected_db.astype(float))
     rows = rows.assign(shown_db=shown, x=rows[time].astype(float))
     _say_missing(axis, rows[rows.x.isna()])
