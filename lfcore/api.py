@@ -242,13 +242,9 @@ def render_to_quality(
 
     Parameters
     ----------
-    scene : Scene
-        What :func:`load_scene` returns.
     quality : Quality
         The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
-    focus_m, f_number, planes, pixels, device, progress : optional
-        As in :func:`render`.
-    **more
+    scene, focus_m, f_number, planes, pixels, device, progress, **more
         As in :func:`render`.
 
     Returns

@@ -476,10 +476,7 @@ class LightField(FieldPlanes):
         """
         from lfcore.viewer.page import viewer_page
 
-        return viewer_page(
-            self, grid=grid, pixels=pixels, format=format, jpeg_quality=jpeg_quality,
-            device=device, progress=progress,
-        )  # fmt: skip
+        return viewer_page(self, grid, pixels, format, jpeg_quality, device, progress)
 
 
 def _numbers(given: Sequence | np.ndarray | None) -> list:

@@ -144,18 +144,13 @@ def _pbrt(path: Path, light_points: int) -> Scene:
     from lfcore.scene.pbrt.build import build_pbrt_scene  # a package of its own, seldom needed
 
     scene = build_pbrt_scene(path, light_points=light_points)
-    if scene.focus_distances_m:
-        return within_limits(scene, path)
     distances = framing.default_focus_distances(scene.camera, scene.triangles)
     return within_limits(dataclasses.replace(scene, focus_distances_m=distances), path)
 
 
-def build(
-    description: dict, *, file: str | Path, name: str, note_up: bool = False, bare: bool = True
-) -> Scene:
+def build(description: dict, *, file: Path, name: str, note_up: bool, bare: bool) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``."""
-    file, where = Path(file), Where(Path(file))
-    notebook = Notebook()
+    where, notebook = Where(file), Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
     for index, entry in enumerate(description["objects"]):

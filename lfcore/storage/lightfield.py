@@ -142,36 +142,16 @@ class LightFieldFile(StoredVideo):
         return bool(self.content.get("metric", True))
 
     def macropixel(self, u: int, v: int, *, codes: bool = False) -> np.ndarray:
-        """Read the rays of one pixel, through all lens samples.
+        """Read the rays of the pixel in column ``u`` and row ``v``, through all lens samples.
 
-        Parameters
-        ----------
-        u, v : int
-            Column and row of the pixel.
-        codes : bool
-            Return the stored sRGB codes, of PQ those of the light that is not above white.
-
-        Returns
-        -------
-        ndarray
-            (N, N, 3), indexed [j, i]: float32 linear light, or uint8 codes.
+        (N, N, 3), indexed [j, i]; otherwise as :meth:`rectangle`.
         """
         return self.rectangle(u, v, u + 1, v + 1, codes=codes)[0, 0]
 
     def view(self, i: int, j: int, *, codes: bool = False) -> np.ndarray:
-        """Read the picture from one lens sample.
+        """Read the picture from the lens sample in column ``i`` and row ``j``.
 
-        Parameters
-        ----------
-        i, j : int
-            Column and row of the lens sample.
-        codes : bool
-            Return the stored sRGB codes, of PQ those of the light that is not above white.
-
-        Returns
-        -------
-        ndarray
-            (M, M, 3), indexed [v, u]: float32 linear light, or uint8 codes.
+        (M, M, 3), indexed [v, u]; otherwise as :meth:`views`.
         """
         return self.views(i, j, i + 1, j + 1, codes=codes)[0, 0]
 

@@ -91,13 +91,12 @@ class ViewerPage:
 
 def viewer_page(
     field: LightFieldFile,
-    *,
-    grid: int | None = None,
-    pixels: int | None = None,
-    format: str | None = None,
-    jpeg_quality: int | None = None,
-    device: Device | str | None = None,
-    progress: Progress | None = None,
+    grid: int | None,
+    pixels: int | None,
+    format: str | None,
+    jpeg_quality: int | None,
+    device: Device | str | None,
+    progress: Progress | None,
 ) -> ViewerPage:
     """As :meth:`lfcore.LightField.viewer`."""
     device = device if isinstance(device, Device) else open_device(device)
