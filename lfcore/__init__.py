@@ -8,10 +8,7 @@
     near = field.refocus(focus_m=2.0)
 
 Everything public is named in ``__init__.pyi`` and imported when it is first used: ``import lfcore``
-alone loads no driver.  Of the packages below, each imports only those on its left:
-``optics``, ``scene``, ``opencl``, ``tracing``, ``storage``, ``refocus``, ``rendering``, then the
-modules ``lightfield`` and ``api``, then ``exchange``, ``evaluation`` and ``cli``: .importlinter
-lists all, and is checked.  ``oracle`` holds slow float64 references for tests and reports.
+alone loads no driver.  docs/architecture.md lists the packages, and which imports which.
 """
 
 import lazy_loader

@@ -302,10 +302,9 @@ class LightField(FieldPlanes):
         if fast:
             for key, value in (("filter", filter), ("pixels", pixels)):
                 if value is not None:
-                    raise OpticsError(
-                        "a fast stack has its own filter, and the views' pixels", file=self.path,
-                        key=key, remedy="Leave it out, or leave out fast",
-                    )  # fmt: skip
+                    problem = "a fast stack has its own filter, and the views' pixels"
+                    remedy = "Leave it out, or leave out fast"
+                    raise OpticsError(problem, file=self.path, key=key, remedy=remedy)
             return focal_stack(self, planes, device=device, progress=progress)
         return self.refocus_many(
             planes, filter=filter, pixels=pixels, device=device, progress=progress

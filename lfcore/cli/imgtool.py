@@ -277,10 +277,9 @@ def lightfield(arguments: argparse.Namespace) -> None:
     field = DeviceField(arguments.device or lfcore.open_device(), image, array)
     result = _synthesise(method, arguments, field, camera)
     if not result.coverage.any():
-        raise OpticsError(
-            "no pixel sees any data camera", file=arguments.input,
-            remedy="Widen --filterwidth, or move --camerapos towards the grid",
-        )  # fmt: skip
+        problem = "no pixel sees any data camera"
+        remedy = "Widen --filterwidth, or move --camerapos towards the grid"
+        raise OpticsError(problem, file=arguments.input, remedy=remedy)
     lfcore.write_picture(path, result.image, half=arguments.bits == 16)
     wrote(path, f": {method}, {camera.size[0]} x {camera.size[1]}, "
           f"{100 * result.skipped_share:.2f} % of samples outside the array")  # fmt: skip

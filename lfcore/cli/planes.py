@@ -183,10 +183,9 @@ def _rows(path: Path) -> list[dict[str, Any]]:
         problem = " ".join(str(error).split())
         raise LfcoreError(f"cannot be read: {problem}", file=path, key="--plane") from None
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise LfcoreError(
-            "holds no list of planes", file=path, key="--plane",
-            remedy="Write one '- {focus: 3.2, f_number: 2.8}' per line",
-        )  # fmt: skip
+        problem = "holds no list of planes"
+        remedy = "Write one '- {focus: 3.2, f_number: 2.8}' per line"
+        raise LfcoreError(problem, file=path, key="--plane", remedy=remedy)
     return [{key: value for key, value in row.items() if value != ""} for row in rows]
 
 

@@ -219,10 +219,9 @@ class Description(_Keys):
         needed = 2 * self.count * of_pixel * self.pixels**2
         free = shutil.disk_usage(folder).free
         if needed > free:
-            raise SettingsError(
-                f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}",
-                file=folder, key="scenes", remedy="Ask for fewer scenes or pixels",
-            )  # fmt: skip
+            problem = f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}"
+            remedy = "Ask for fewer scenes or pixels"
+            raise SettingsError(problem, file=folder, key="scenes", remedy=remedy)
 
     def batches(self) -> list[str]:
         """The name in files of each job."""

@@ -77,11 +77,9 @@ def _full_grid(
     """The views at each pair of the numbers ``lines``."""
     for place in ((first, second) for first in lines[0] for second in lines[1]):
         if place not in places:
-            raise ExchangeError(
-                f"lacks the view in row {place[0]} and column {place[1]}: {len(places)} of "
-                f"{len(lines[0])} x {len(lines[1])} are there",
-                file=folder,
-            )
+            there = f"{len(places)} of {len(lines[0])} x {len(lines[1])} are there"
+            problem = f"lacks the view in row {place[0]} and column {place[1]}: {there}"
+            raise ExchangeError(problem, file=folder)
     return [[places[first, second] for second in lines[1]] for first in lines[0]]
 
 
@@ -94,10 +92,9 @@ def _in_order(
         asked = "; {} x {} views were asked for".format(*grid) if grid else (
             ", which is no square number, and their names do not number rows and columns"
         )  # fmt: skip
-        raise ExchangeError(
-            f"holds {len(files)} pictures{asked}", file=folder, key="--views" if grid else None,
-            remedy="Give --views COLUMNSxROWS",
-        )  # fmt: skip
+        problem = f"holds {len(files)} pictures{asked}"
+        remedy = "Give --views COLUMNSxROWS"
+        raise ExchangeError(problem, file=folder, key="--views" if grid else None, remedy=remedy)
     out = [[files[0]] * columns for _ in range(rows)]
     for index, file in enumerate(files):
         column, row = order.place(index, columns, rows)

@@ -72,11 +72,8 @@ def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
         if picture.dtype == np.float32:
             raise ExchangeError("holds floats, which are not codes", file=path)
     if size is not None and picture.shape[1::-1] != tuple(size):
-        raise ExchangeError(
-            f"is {picture.shape[1]} x {picture.shape[0]} pixels, where {size[0]} x {size[1]} are "
-            "expected",
-            file=path,
-        )
+        problem = "is {} x {} pixels, where {} x {} are expected"
+        raise ExchangeError(problem.format(*picture.shape[1::-1], *size), file=path)
     return picture
 
 

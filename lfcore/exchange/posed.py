@@ -49,30 +49,21 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
     turn = poses[0, :3, :3] / np.maximum(np.linalg.norm(poses[0, :3, :3], axis=0), 1e-30)
     turned = np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max((1, 2))
     if turned.max() > _TURNED:
-        raise ExchangeError(
-            f"{names[int(turned.argmax())]} looks in another direction than {names[0]}: a light "
-            "field's cameras are parallel",
-            file=file,
-        )
+        problem = f"{names[int(turned.argmax())]} looks in another direction than {names[0]}"
+        raise ExchangeError(problem, file=file, remedy="A light field's cameras are parallel")
     local = (poses[:, :3, 3] - poses[0, :3, 3]) @ turn
     x, y, depth = local[:, 0], -local[:, 1], local[:, 2]
     reach = max(np.ptp(x), np.ptp(y), 1e-30)
     column, columns = _lines(x, reach)
     row, rows = _lines(y, reach)
     if np.ptp(depth) > _APART * reach / max(len(columns), len(rows)):
-        raise ExchangeError(
-            f"{names[int(np.abs(depth - np.median(depth)).argmax())]} is before or behind the "
-            "plane of the others",
-            file=file,
-        )
+        odd = names[int(np.abs(depth - np.median(depth)).argmax())]
+        raise ExchangeError(f"{odd} is before or behind the plane of the others", file=file)
     index = np.full((len(rows), len(columns)), -1)
     index[row, column] = np.arange(len(poses))
     if len(poses) != index.size or (index < 0).any():
-        raise ExchangeError(
-            f"its {len(poses)} cameras are no full grid: {len(columns)} columns and {len(rows)} "
-            "rows were found",
-            file=file,
-        )
+        found = f"{len(columns)} columns and {len(rows)} rows were found"
+        raise ExchangeError(f"its {len(poses)} cameras are no full grid: {found}", file=file)
     steps = np.concatenate([np.diff(columns), np.diff(rows)])
     even = len(steps) and np.ptp(steps) <= _APART * steps.mean()
     return PosedGrid(index, columns, rows, float(steps.mean()) if even else None)
@@ -136,10 +127,9 @@ def parallel_views(source: Source, options: WriteOptions) -> tuple[list[int], It
     size, rounded = np.array([source.width, source.height]), np.rint(corners)
     half = np.minimum(rounded, size - rounded).min(0).astype(int).tolist()
     if min(half) < 1:
-        raise ExchangeError(
-            "the views have no part in common about their axes", file=source.field.path,
-            remedy="Use fewer views, nearer to the middle, with --views; or another format",
-        )  # fmt: skip
+        problem = "the views have no part in common about their axes"
+        remedy = "Use fewer views, nearer to the middle, with --views; or another format"
+        raise ExchangeError(problem, file=source.field.path, remedy=remedy)
     places = [source.centre(i, 0)[0] for i in range(source.columns)]
     places += [source.centre(0, j)[1] for j in range(source.rows)]
     if (off := np.abs(places - np.rint(places)).max()) > 1e-6:

@@ -77,10 +77,9 @@ class Source:
     ):
         slab = field.slab
         if slab is None:
-            raise ExchangeError(
-                "holds a camera array that is no slab", file=field.path,
-                remedy="Write its pictures with lfcore imgtool tiles",
-            )  # fmt: skip
+            problem = "holds a camera array that is no slab"
+            remedy = "Write its pictures with lfcore imgtool tiles"
+            raise ExchangeError(problem, file=field.path, remedy=remedy)
         self.field, self.selection, self.device = field, selection, device
         self.stride = 1
         recorded = _chosen(selection, field)
@@ -125,12 +124,9 @@ class Source:
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
         if self.geometry is None:
-            raise ExchangeError(
-                f"does not hold its geometry, which {what} needs",
-                file=self.field.path,
-                remedy="Import it again with --baseline, --field-of-view and --focus, or take "
-                "another format",
-            )
+            problem = f"does not hold its geometry, which {what} needs"
+            remedy = "Import it with --baseline, --field-of-view and --focus, or use another format"
+            raise ExchangeError(problem, file=self.field.path, remedy=remedy)
         return self.geometry
 
     def views(self, progress: Progress | None = None) -> Iterator[View]:
@@ -272,10 +268,9 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
     wanted = wanted or count
     reach = (wanted - 1) * step + 1
     if reach > count:
-        raise ExchangeError(
-            f"{wanted} views with a step of {step} need {reach}; the file has {count}",
-            file=field.path, key="--views", remedy=f"Give fewer, or {remedy}",
-        )  # fmt: skip
+        problem = f"{wanted} views with a step of {step} need {reach}; the file has {count}"
+        remedy = f"Give fewer, or {remedy}"
+        raise ExchangeError(problem, file=field.path, key="--views", remedy=remedy)
     return (count - reach + 1) // 2 + np.arange(wanted) * step
 
 

@@ -121,12 +121,9 @@ def write_quilt(source: Source, folder: Path, options: WriteOptions) -> None:
     stored = source.columns // side, side
     across, down = options.tiles or (LOOKING_GLASS if source.free else stored)
     if across * down > source.columns and not source.free:
-        raise ExchangeError(
-            f"a quilt of {across} x {down} shows {across * down} views; there are "
-            f"{source.columns} in a row",
-            file=source.field.path,
-            key="tiles",
-        )
+        shown = f"a quilt of {across} x {down} shows {across * down} views"
+        problem = f"{shown}; there are {source.columns} in a row"
+        raise ExchangeError(problem, file=source.field.path, key="tiles")
     crop = (source.left, source.top, source.width, source.height)
     chosen = replace(source.selection, views=(across * down, 1), crop=crop)
     if source.geometry and source.stride > 1:

@@ -63,12 +63,7 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
     """
     parts = [part.transformed(to_camera) for part in parts if part.count]
     materials, textures, ids = _materials(parts)
-    if not parts:
-        empty = np.zeros((0, 3, 3), np.float32)
-        return Geometry(
-            empty, empty, np.zeros((0, 3, 2), np.float32), empty, np.zeros(0, np.int32), [], []
-        )
-    triangles = np.concatenate([part.triangles for part in parts])
+    triangles = np.concatenate([np.zeros((0, 3, 3)), *(part.triangles for part in parts)])
     keep, dropped = sound(triangles)
     # A texture that nobody samples costs a texture coordinate per corner: leave both out.
     columns = stacked(parts)
@@ -80,7 +75,8 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
     for name, column in columns.items():
         kept = np.zeros((0, 3, widths[name])) if column is None else column[keep]
         arrays[name] = np.ascontiguousarray(kept, np.float32)
-    material_ids = np.repeat(np.array(ids, np.int32), [part.count for part in parts])[keep]
+    counts = np.array([part.count for part in parts], np.int64)
+    material_ids = np.repeat(np.array(ids, np.int32), counts)[keep]
     return Geometry(
         np.ascontiguousarray(triangles[keep], np.float32), **arrays,
         material_ids=material_ids, materials=materials, textures=textures, dropped=dropped,

@@ -112,10 +112,9 @@ def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
     if "focus_at" in description:
         focus = focus_at(triangles, width, description["focus_at"])
     elif seen is None and isinstance(check_words(asked), str):
-        raise OpticsError(
-            "the camera sees nothing that it could focus on", key="focus_m",
-            remedy="Turn the camera round, or give camera.focus_m in metres",
-        )  # fmt: skip
+        problem = "the camera sees nothing that it could focus on"
+        remedy = "Turn the camera round, or give camera.focus_m in metres"
+        raise OpticsError(problem, key="focus_m", remedy=remedy)
     else:
         focus = focus_distance(asked, seen)
     depths = seen or DepthRange(focus, focus)

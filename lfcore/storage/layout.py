@@ -74,10 +74,9 @@ class FrameLayout:
         ):
             raise StorageError(f"must be from 1 to {MOST_LIGHT}, not {self.peak!r}", key="peak")
         if self.peak is not None and form.bits < LEAST_PQ_BITS:
-            raise StorageError(
-                f"has too few bits for PQ: {form.name}", key="pixel_format",
-                remedy="Use one of 10 or 12 bits, or the transfer srgb",
-            )  # fmt: skip
+            problem = f"has too few bits for PQ: {form.name}"
+            remedy = "Use one of 10 or 12 bits, or the transfer srgb"
+            raise StorageError(problem, key="pixel_format", remedy=remedy)
         if self.picture is not None:
             width, height = self.picture
             whole = type(width) is type(height) is int and min(width, height) >= 1

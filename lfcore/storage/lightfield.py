@@ -74,10 +74,9 @@ class LightFieldFile(StoredVideo):
     def require_depth(self) -> StoredDepth:
         """What is known of the stream of depths; :class:`OpticsError` where there is none."""
         if self.metadata.depth is None:
-            raise OpticsError(
-                "holds no depth", file=self.path, key="filter",
-                remedy="Record it with depth, or use the filter 'nearest'",
-            )  # fmt: skip
+            problem = "holds no depth"
+            remedy = "Record it with depth, or use the filter 'nearest'"
+            raise OpticsError(problem, file=self.path, key="filter", remedy=remedy)
         return self.metadata.depth
 
     def require_depth_video(self) -> StoredVideo:

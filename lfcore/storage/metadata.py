@@ -133,13 +133,12 @@ class Metadata:
             problem = f"the metadata (tag {TAG}) are damaged, so that nothing can be read"
             remedy = "Join the segments again, or take a copy of the file"
             raise StorageError(problem, file=file, remedy=remedy)
-        if data.get("version") not in (SQUARE, VERSION):
-            raise StorageError(
-                f"has metadata of version {data.get('version')}; this program reads {SQUARE} and "
-                f"{VERSION}",
-                file=file,
-                remedy="Use the program that wrote it, or a later one",
+        if (version := data.get("version")) not in (SQUARE, VERSION):
+            problem = (
+                f"has metadata of version {version}, and this program reads {SQUARE}, {VERSION}"
             )
+            remedy = "Use the program that wrote it, or a later one"
+            raise StorageError(problem, file=file, remedy=remedy)
         if set(data) - OPTIONAL_KEYS != KEYS:
             odd = (set(data) - OPTIONAL_KEYS) ^ KEYS
             raise StorageError(f"has other metadata than it must: {sorted(odd)}", file=file)

@@ -39,10 +39,9 @@ class RemoteFile:
             system, path = fsspec.url_to_fs(self.url)
             self._file = system.open(path, "rb", cache_type="none")
         except ImportError as error:
-            raise StorageError(
-                f"cannot be opened: {error}", file=self.url,
-                remedy="pip install 'lfcore[remote]', and s3fs or gcsfs for such URLs",
-            ) from None  # fmt: skip
+            problem = f"cannot be opened: {error}"
+            remedy = "pip install 'lfcore[remote]', and s3fs or gcsfs for such URLs"
+            raise StorageError(problem, file=self.url, remedy=remedy) from None
         except Exception as error:  # each file system has errors of its own
             raise self._failed(error) from error
         if not getattr(self._file, "size", None) or not hasattr(self._file, "cache"):

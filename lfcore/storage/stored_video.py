@@ -4,7 +4,7 @@ Nothing is handed out from a segment before its check sum was found right.
 """
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from av.error import FFmpegError
 
 from lfcore.errors import StorageError
+from lfcore.progress import Progress
 from lfcore.storage.container import FRAME_MS
 from lfcore.storage.decoding import (
     DecodeCount,
@@ -154,7 +155,7 @@ class StoredVideo:
             raise self._bad_segment(part, problem)
         self._checked[index] = np.array([crc_of.get(n, 0) for n in range(part.first, part.stop)])
 
-    def verify(self, progress: Callable[[int, int], None] | None = None) -> None:
+    def verify(self, progress: Progress | None = None) -> None:
         """Check every byte of the file and every segment, of colours and of depths.
 
         Parameters

@@ -10,6 +10,7 @@ import numpy as np
 from lfcore.files import draft_folder
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Extent, Slab
+from lfcore.progress import Progress
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
@@ -31,7 +32,7 @@ def store_views(
     white: float = 1.0,
     peak: float | None = None,
     content: dict | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Metadata:
     """Encode all views into the light field file ``path``; each is read once.
 

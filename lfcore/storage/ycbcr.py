@@ -51,10 +51,7 @@ def ycbcr_to_rgb(
 
 
 def frames_from_rgb(
-    rgb: np.ndarray,
-    format_name: str,
-    width: int | None = None,
-    height: int | None = None,
+    rgb: np.ndarray, format_name: str, width: int | None = None, height: int | None = None
 ) -> np.ndarray:
     """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3), uint8 or floats
     in [0, 1]; larger frames repeat the last column and row."""

@@ -76,10 +76,9 @@ class ViewerPage:
         try:
             return http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
         except (OSError, OverflowError) as error:
-            raise StorageError(
-                f"port {port} cannot be used: {getattr(error, 'strerror', None) or error}",
-                key="--serve", remedy="Name another port, or none",
-            ) from None  # fmt: skip
+            problem = f"port {port} cannot be used: {getattr(error, 'strerror', None) or error}"
+            remedy = "Name another port, or none"
+            raise StorageError(problem, key="--serve", remedy=remedy) from None
 
     def _repr_html_(self) -> str:
         source = html.escape(self.html, quote=True)
