@@ -47,9 +47,8 @@ def check_codes(path: str | Path, bits: int, exposure: bool) -> None:
     if bits not in (8, 16):
         raise LfcoreError(f"must be 8 or 16, not {bits!r}", key="bits")
     if bits != 8 and Path(path).suffix.lower() not in DEEP:
-        raise LfcoreError(
-            f"has no codes of {bits} bits", file=path, key="--bits", remedy="Write a .png"
-        )
+        problem = f"has no codes of {bits} bits"
+        raise LfcoreError(problem, file=path, key="--bits", remedy="Write a .png")
 
 
 def write_picture(
@@ -124,10 +123,9 @@ def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits:
     coloured = picture.shape[2:] == (3,)
     is_codes = picture.dtype in (np.uint8, np.uint16)
     if not (picture.ndim == 2 or coloured) or not (picture.dtype.kind == "f" or is_codes):
-        raise LfcoreError(
-            f"{picture.dtype} of shape {picture.shape} is no picture",
-            remedy="Give (H, W, 3) floats of linear light, or uint8 or uint16 of sRGB codes",
-        )
+        problem = f"{picture.dtype} of shape {picture.shape} is no picture"
+        remedy = "Give (H, W, 3) floats of linear light, or uint8 or uint16 of sRGB codes"
+        raise LfcoreError(problem, remedy=remedy)
     if suffix == ".exr":
         from lfcore.exr import exr_bytes
 
@@ -221,9 +219,8 @@ def read_codes(path: str | Path) -> np.ndarray:
         if found is not None and (picture is None or found.dtype == np.uint16):
             picture = found if found.ndim == 3 else np.repeat(found[..., None], 3, -1)
     if picture is None:
-        raise LfcoreError(
-            f"cannot be decoded as a picture: {reason}", file=path, remedy="Use a PNG or JPEG"
-        )
+        problem = f"cannot be decoded as a picture: {reason}"
+        raise LfcoreError(problem, file=path, remedy="Use a PNG or JPEG")
     return picture
 
 

@@ -175,9 +175,8 @@ def aperture(text: str) -> dict[str, Any]:
     shape, *more = text.split(":")
     if shape not in SHAPES or len(more) > 2 or (more and shape != "polygon"):
         known = ", ".join(SHAPES)
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not one of {known}; a polygon may be polygon:5 or polygon:5:18"
-        )
+        problem = f"{text!r} is not one of {known}; a polygon may be polygon:5 or polygon:5:18"
+        raise argparse.ArgumentTypeError(problem)
     found: dict[str, Any] = {"aperture": shape}
     if more:
         found["blades"] = count(3)(more[0])
@@ -209,7 +208,6 @@ def sky(text: str) -> dict[str, Any]:
         elif key in ("rotation_deg", "strength") and what:
             made["sky"][key] = number()(value)
         else:
-            raise argparse.ArgumentTypeError(
-                f"{setting!r} is none of bounces, rotation_deg, strength"
-            )
+            problem = f"{setting!r} is none of bounces, rotation_deg, strength"
+            raise argparse.ArgumentTypeError(problem)
     return made

@@ -75,9 +75,8 @@ def make_item(description: Description, index: int, device: Device | str | None 
     behind = np.array([material.name in BACKDROP for material in scene.materials])
     seen = float((~behind[scene.material_ids[triangle]] & (triangle >= 0)).mean())
     if seen < description.placement.least_seen:
-        raise SceneError(
-            f"empty frustum: objects fill {100 * seen:.1f} % of the picture", file=scene.name
-        )
+        problem = f"empty frustum: objects fill {100 * seen:.1f} % of the picture"
+        raise SceneError(problem, file=scene.name)
     item.record = {
         "index": index, "split": description.split(index), "objects": names, "seen": round(seen, 4),
         "camera": scene.camera.to_json() | {"pixels": description.pixels},

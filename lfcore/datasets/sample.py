@@ -213,9 +213,8 @@ def described(given: Description | str | Path | Mapping[str, Any]) -> Descriptio
     try:  # it is checked by pydantic, which the library itself does without
         from lfcore.datasets.description import Description
     except ImportError:
-        raise SettingsError(
-            "data sets need the package pydantic", remedy="pip install 'lfcore[workflow]'"
-        ) from None
+        problem = "data sets need the package pydantic"
+        raise SettingsError(problem, remedy="pip install 'lfcore[workflow]'") from None
     if isinstance(given, Description):
         return given
     if isinstance(given, Mapping):
@@ -235,15 +234,12 @@ def camera_of(description: Description) -> Camera:
     return Camera(focal, sensor, lens.f_number, middle)
 
 
-@dataclass
 class _Draw:
     """One scene's draws.  World space is y up; the camera is above its origin."""
 
-    of: Description
-    rng: Rng
-
-    def __post_init__(self) -> None:
-        self.meshes, self.textures = self.of.mesh_files(), self.of.texture_files()
+    def __init__(self, of: Description, rng: Rng):
+        self.of, self.rng = of, rng
+        self.meshes, self.textures = of.mesh_files(), of.texture_files()
 
     def span(self, limits: tuple[float, float, str]) -> float:
         low, high, kind = limits

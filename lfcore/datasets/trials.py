@@ -3,7 +3,6 @@
 They show what the data are for, and what the usual way of making focal stacks gets wrong.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -138,27 +137,18 @@ BAD_PX = 0.07
 
 
 @dataclass
-class Trial(ABC):
-    """Takes one item after the other; :meth:`section` of the page needs at least one."""
+class Trial:
+    """Takes one item after the other by ``add``; ``section`` of the page, whose tables and pictures
+    go into a folder, needs at least one."""
 
     of: Description
     rows: list[pd.DataFrame] = field(default_factory=list)
 
-    @abstractmethod
-    def add(self, item: StoredItem) -> None:
-        """Try an item."""
-
-    @abstractmethod
-    def section(self, folder: Path) -> Section:
-        """Write tables and pictures into ``folder``."""
-
     def _by_texture(self, measure: str, ends: Sequence[float]) -> pd.DataFrame:
         """Pixels, ``error`` and ``good`` of all rows by texture and class of ``measure``."""
         every = pd.concat(self.rows)
-        every["texture"] = pd.cut(
-            every["texture"], [low for low, _ in TEXTURES.values()] + [256], right=False,
-            labels=list(TEXTURES),
-        )  # fmt: skip
+        edges = [low for low, _ in TEXTURES.values()] + [256]
+        every["texture"] = pd.cut(every["texture"], edges, right=False, labels=list(TEXTURES))
         names = [f"{low:g} to {high:g}" for low, high in pairwise(ends)]
         every[measure] = pd.cut(every[measure], list(ends), right=False, labels=names)
         groups = every.groupby(["texture", measure], observed=True)
@@ -166,15 +156,6 @@ class Trial(ABC):
             pixels=("error", "size"), error=("error", "median"), good=("good", "mean")
         )
         return table.round(3).reset_index()
-
-
-def trials_of(description: Description) -> list[Trial]:
-    """The trials that a kind of data sets allows."""
-    if description.kind == "light_fields":
-        return [PlaneSweep(description)]
-    if description.kind == "focal_stacks" and len(description.lens.focus_m) >= 3:
-        return [DepthFromFocus(description), Layers(description)]
-    return []
 
 
 def _stack(item: StoredItem) -> tuple[np.ndarray, np.ndarray, Camera, list[float]]:
@@ -287,3 +268,12 @@ class Layers(Trial):
             "times four.",
             table=file, figures=shown,
         )  # fmt: skip
+
+
+def trials_of(description: Description) -> list[DepthFromFocus | PlaneSweep | Layers]:
+    """The trials that a kind of data sets allows."""
+    if description.kind == "light_fields":
+        return [PlaneSweep(description)]
+    if description.kind == "focal_stacks" and len(description.lens.focus_m) >= 3:
+        return [DepthFromFocus(description), Layers(description)]
+    return []

@@ -25,9 +25,8 @@ def _grid(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
     if values.ndim == 4:
         values = values[..., None]
     if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:
-        raise ExchangeError(
-            f"its {name} is {values.shape}, not (rows, columns, height, width, 3)", file=path
-        )
+        problem = f"its {name} is {values.shape}, not (rows, columns, height, width, 3)"
+        raise ExchangeError(problem, file=path)
     values = np.repeat(values, 3, -1) if values.shape[-1] == 1 else values[..., :3]
     if values.dtype.kind == "f":
         if not (values.min() >= 0 and values.max() <= 1):  # NaN is not, either
@@ -68,9 +67,8 @@ def _h5py() -> ModuleType:
     try:
         import h5py
     except ImportError:
-        raise ExchangeError(
-            "HDF5 needs the package h5py", key="--format", remedy="pip install 'lfcore[hdf5]'"
-        ) from None
+        problem = "HDF5 needs the package h5py"
+        raise ExchangeError(problem, key="--format", remedy="pip install 'lfcore[hdf5]'") from None
     return h5py
 
 

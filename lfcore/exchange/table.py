@@ -71,10 +71,9 @@ def find(name: str, *, imports: bool = False) -> Format:
     what = "imported" if imports else "exported"
     able = [row.name for row in FORMATS.values() if (row.imports if imports else row.exports)]
     if name not in able:
-        problem = f"cannot be {what}" if name in FORMATS else "is no known format"
-        raise ExchangeError(
-            f"{name!r} {problem}", key="--format", remedy=f"Use one of {', '.join(able)}"
-        )
+        why = f"cannot be {what}" if name in FORMATS else "is no known format"
+        problem = f"{name!r} {why}"
+        raise ExchangeError(problem, key="--format", remedy=f"Use one of {', '.join(able)}")
     return FORMATS[name]
 
 

@@ -2,7 +2,6 @@
 out of packets, in order and counted."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,6 @@ PACKED_RGB = "bgr0"
 """FFV1 has no planar 8-bit RGB: ``gbrp`` frames pass through it as blue, green, red, 0."""
 _GREY_OF = {"yuv420p": "gray", "yuv420p10le": "gray10le"}
 """H.264 of grey alone is decoded with two planes of chroma that say nothing."""
-
-
-@dataclass
-class DecodeCount:
-    """How many frames were decoded, those included that only led to a wanted one."""
-
-    frames: int = 0
 
 
 def ticks_per_frame(time_base: Fraction | None) -> int:

@@ -59,7 +59,6 @@ class Structure:
 
     file_bytes: int
     expected_bytes: int = 0
-    elements: list[Element] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
 
@@ -81,7 +80,7 @@ def scan(path: Path, *, clusters: bool) -> Structure:
 def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
     found = Structure(size)
     position = begin = _head(file, path, found)
-    known: list[int] = []
+    known, elements = list[int](), list[Element]()
     while position < size:
         element = _element(file, position)
         if element is None or element.name not in NAMES.values():
@@ -90,7 +89,7 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
         if element.stop > size:
             found.faults.append(f"the {element.name} at byte {position} is cut short")
             break
-        found.elements.append(element)
+        elements.append(element)
         if (clusters or element.name != "Cluster") and _intact(file, element) is False:
             found.faults.append(f"the {element.name} at byte {position} is damaged")
         elif element.name == "Cues":
@@ -100,8 +99,8 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
         position = element.stop
         if element.name == "Cluster" and not clusters:
             position = min((one for one in known if position < one < size), default=position)
-    bare = [one for one in found.elements if not one.summed and one.name != "Void"]
-    if len(bare) < sum(one.name != "Void" for one in found.elements):
+    bare = [one for one in elements if not one.summed and one.name != "Void"]
+    if len(bare) < sum(one.name != "Void" for one in elements):
         # FFmpeg's muxer gives every element a check sum; others may give none at all.
         found.faults += [f"the {one.name} at byte {one.offset} is damaged" for one in bare]
     if found.file_bytes < found.expected_bytes:
@@ -128,9 +127,8 @@ def _head(file: BinaryIO, path: Path, found: Structure) -> int:
         found.faults.append("the EBML head at byte 0 is damaged")
     header = _header(file, stop)
     if header is None or header[0] != SEGMENT:
-        raise StorageError(
-            f"is damaged or cut short at byte {stop}, before anything can be read", file=path
-        )
+        problem = f"is damaged or cut short at byte {stop}, before anything can be read"
+        raise StorageError(problem, file=path)
     found.expected_bytes = header[2]
     return header[1]
 

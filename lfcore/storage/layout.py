@@ -81,9 +81,8 @@ class FrameLayout:
             width, height = self.picture
             whole = type(width) is type(height) is int and min(width, height) >= 1
             if not whole or max(width, height) != self.pixels:
-                raise StorageError(
-                    f"is no width and height with a longer side of {self.pixels}", key="picture"
-                )
+                problem = f"is no width and height with a longer side of {self.pixels}"
+                raise StorageError(problem, key="picture")
             object.__setattr__(self, "picture", None if width == height else (width, height))
 
     def corner(self, slab: Slab) -> tuple[int, int]:

@@ -134,9 +134,7 @@ class Metadata:
             remedy = "Join the segments again, or take a copy of the file"
             raise StorageError(problem, file=file, remedy=remedy)
         if (version := data.get("version")) not in (SQUARE, VERSION):
-            problem = (
-                f"has metadata of version {version}, and this program reads {SQUARE}, {VERSION}"
-            )
+            problem = f"has metadata of version {version}; only {SQUARE} and {VERSION} can be read"
             remedy = "Use the program that wrote it, or a later one"
             raise StorageError(problem, file=file, remedy=remedy)
         if set(data) - OPTIONAL_KEYS != KEYS:

@@ -110,9 +110,8 @@ class RemoteFile:
                 raise StorageError(NO_RANGES, file=self.url, remedy=DOWNLOAD) from error
             raise self._failed(error) from error
         if len(data) != high - low:
-            raise StorageError(
-                f"{len(data)} bytes came of {high - low} asked for at {low}", file=self.url
-            )
+            problem = f"{len(data)} bytes came of {high - low} asked for at {low}"
+            raise StorageError(problem, file=self.url)
         return data
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import av
@@ -17,13 +18,7 @@ from av.error import FFmpegError
 from lfcore.errors import StorageError
 from lfcore.progress import Progress
 from lfcore.storage.container import FRAME_MS
-from lfcore.storage.decoding import (
-    DecodeCount,
-    decoded_planes,
-    frame_number,
-    packed,
-    ticks_per_frame,
-)
+from lfcore.storage.decoding import decoded_planes, frame_number, packed, ticks_per_frame
 from lfcore.storage.ebml import Structure, scan
 from lfcore.storage.index import FIRST, Segment
 from lfcore.storage.layout import FrameLayout
@@ -50,7 +45,7 @@ class StoredVideo:
     ----------
     damage : list of Damage
         Segments that cannot be read; only with ``salvage``, else damage is an error.
-    count : DecodeCount
+    count : SimpleNamespace
         ``count.frames`` are the frames decoded so far, with those that only led to others.
     decoded_segments : set of int
         The numbers of their segments.
@@ -66,7 +61,7 @@ class StoredVideo:
         if metadata.depth:
             self.depth_video = StoredVideo(path, metadata.of_depth(), keys, threads, track + 1)
         self._track, self._salvage = track, False
-        self.count = DecodeCount()
+        self.count = SimpleNamespace(frames=0)
         self.decoded_segments: set[int] = set()
         self.damage: list[Damage] = []
         self._checked: dict[int, np.ndarray] = {}  # the sums of a segment's packets
@@ -411,9 +406,8 @@ def _read_metadata(path: Path, structure: Structure) -> Metadata:
             return metadata
     except StorageError:
         if structure.faults:
-            raise StorageError(
-                f"is damaged: {'; '.join(structure.faults)}; nothing can be read", file=path
-            ) from None
+            problem = f"is damaged: {'; '.join(structure.faults)}; nothing can be read"
+            raise StorageError(problem, file=path) from None
         raise
 
 

@@ -15,7 +15,7 @@ from lfcore.scene.pbrt.interpreter import Interpreter, Item
 from lfcore.scene.pbrt.parser import read_directives
 from lfcore.scene.reading import Where
 from lfcore.scene.sky import under
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, triple
 
 MOST_LIGHT_POINTS = 1024
 
@@ -52,8 +52,8 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
         lights=rig.lights,
-        ambient=tuple(rig.ambient.tolist()),
-        background=tuple(rig.ambient.tolist()),
+        ambient=triple(rig.ambient),
+        background=triple(rig.ambient),
         view=view,
         notes=notebook.notes(),
         motions=moves,

@@ -5,7 +5,7 @@ here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radian
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,15 +36,13 @@ def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
     return np.asarray(colour, np.float64)
 
 
-@dataclass
 class LightRig:
     """Lights in camera space, and the light from everywhere: ``ambient`` of infinite lights of one
     colour, ``sky`` of their maps."""
 
-    folder: Path
-    lights: list[Light] = field(default_factory=list)
-    ambient: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    sky: np.ndarray = field(default_factory=lambda: NO_SKY)
+    def __init__(self, folder: Path):
+        self.folder, self.lights = folder, list[Light]()
+        self.ambient, self.sky = np.zeros(3), NO_SKY
 
     def add(self, kind: str, parameters: ParameterSet, to_camera: np.ndarray) -> None:
         """Handle ``LightSource "kind"``; ``to_camera`` is (4, 4), light space to camera space."""
