@@ -108,11 +108,6 @@ class SurfaceMesh:
         )
 
 
-def count(parts: list[SurfaceMesh]) -> int:
-    """Triangles in all parts."""
-    return sum(part.count for part in parts)
-
-
 def transform_all(parts: list[SurfaceMesh], *steps: np.ndarray) -> list[SurfaceMesh]:
     return [part.transformed(*steps) for part in parts]
 

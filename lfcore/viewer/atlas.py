@@ -157,8 +157,7 @@ def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -
     if not 1 <= jpeg_quality <= 100:
         raise StorageError(f"must be from 1 to 100, not {jpeg_quality}", key="jpeg_quality")
     count, height, width, _ = pictures.shape
-    across = min(PAGE_SIDE // width, math.ceil(math.sqrt(count * height / width)), count)
-    across = max(1, across)
+    across = max(1, min(PAGE_SIDE // width, math.ceil(math.sqrt(count * height / width)), count))
     down = min(PAGE_SIDE // height, math.ceil(count / across))
     # At this speed AVIF takes no longer than WebP, and half a dB more than at the slow default.
     own: dict[str, dict[str, Any]] = {

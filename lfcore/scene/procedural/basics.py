@@ -46,11 +46,15 @@ def _triple(colour: float | Colour) -> Colour:
 MOST_TRIANGLES = 50_000_000
 
 
-def fill_to(budget: int, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]) -> Parts:
-    """``make(number)`` copies of ``unit``, cut off at ``budget`` triangles."""
+def filled_to(
+    triangles: int, parts: Parts, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]
+) -> Parts:
+    """``parts``, and ``make(number)`` copies of ``unit``, cut off at so many ``triangles``."""
+    budget = triangles - sum(part.count for part in parts)
     if budget > MOST_TRIANGLES:
         raise SceneError(f"more than {MOST_TRIANGLES} triangles are asked for", key="triangles")
     if budget < 0:
         problem = f"the model alone has {-budget} triangles more than asked for"
         raise SceneError(problem, key="triangles")
-    return [make(-(-budget // unit.count)).picked(slice(budget))] if budget else []
+    more = [make(-(-budget // unit.count)).picked(slice(budget))] if budget else []
+    return parts + more

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.scene.procedural import foliage, furniture, pictures, softgoods, textures, toys
-from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Rng, filled_to, painted, textured
 from lfcore.scene.procedural.bicycle import wicker
 from lfcore.scene.procedural.primitives import box, disc, quad, rectangle, scattered
 from lfcore.scene.procedural.turned import cylinder, lathe, sphere, tube
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all, xyz
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 LEFT, RIGHT, BACK, FRONT, CEILING = -2.1, 2.1, -2.7, 3.6, 2.65
@@ -48,8 +48,7 @@ def build(seed: int, *, triangles: int = 207000, closed: bool = False) -> Parts:
     unit = foliage.tuft(rng, 8, look["fleece"], height=0.045, radius=0.02)
     # Fleece is lit as one soft surface, not as hundreds of blades.
     unit = replace(unit, normals=np.broadcast_to((0.0, 1.0, 0.0), unit.triangles.shape))
-    parts += fill_to(triangles - count(parts), unit, lambda n: _sheepskin(rng, n, unit))
-    return merge(parts)
+    return merge(filled_to(triangles, parts, unit, lambda n: _sheepskin(rng, n, unit)))
 
 
 def surfaces(seed: int) -> Look:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.scene.procedural import foliage, textures
-from lfcore.scene.procedural.basics import Parts, Rng, fill_to, painted, textured
+from lfcore.scene.procedural.basics import Parts, Rng, filled_to, painted, textured
 from lfcore.scene.procedural.bicycle import bicycle
 from lfcore.scene.procedural.primitives import box, quad, rectangle, scattered
 from lfcore.scene.procedural.turned import cylinder, lathe, outline, sphere
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, count, merge, transform_all, xyz
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, translate
 
 WALL_Z = -2.35
@@ -31,8 +31,7 @@ def build(seed: int, *, triangles: int = 10000) -> Parts:
     texture = textures.leaf(seed + 10, (34, 70, 28), (104, 140, 56), size=(64, 64))
     ivy = textured("ivy", texture, (0.05, 0.06, 0.04), 20.0)
     leaf = foliage.diamond(0.14, 0.13, ivy, fold=0.12)
-    parts += fill_to(triangles - count(parts), leaf, lambda number: _ivy(rng, number, leaf))
-    return merge(parts)
+    return merge(filled_to(triangles, parts, leaf, lambda number: _ivy(rng, number, leaf)))
 
 
 def _basket_load(seed: int) -> Parts:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from lfcore.scene.procedural import foliage, textures
-from lfcore.scene.procedural.basics import Look, Parts, Rng, fill_to, painted, textured
+from lfcore.scene.procedural.basics import Look, Parts, Rng, filled_to, painted, textured
 from lfcore.scene.procedural.loghouse import loghouse
 from lfcore.scene.procedural.primitives import box, disc, mesh_grid, rectangle, scattered
 from lfcore.scene.procedural.turned import cylinder, lathe, log, sphere, tube
-from lfcore.scene.surface_mesh import SurfaceMesh, count, merge, transform_all, xyz
+from lfcore.scene.surface_mesh import SurfaceMesh, merge, transform_all, xyz
 from lfcore.scene.transforms import chain, rotate, scale, translate
 
 SPRUCES = (
@@ -33,8 +33,7 @@ def build(seed: int, *, triangles: int = 15000) -> Parts:
     parts += transform_all(_chopping_block(look), translate(0.45, height(0.45, 2.3), 2.3))
     parts += _mushrooms(look) + _stones(look)
     tuft = foliage.tuft(rng, 7, look["grass blade"], height=0.17, radius=0.06)
-    parts += fill_to(triangles - count(parts), tuft, lambda n: _meadow(rng, n, tuft))
-    return merge(parts)
+    return merge(filled_to(triangles, parts, tuft, lambda n: _meadow(rng, n, tuft)))
 
 
 def height(x: Any, z: Any) -> Any:
