@@ -101,9 +101,10 @@ class Source:
             problem = f"{across}x{down}+{left}+{top} is not within {width} x {height}"
             raise ExchangeError(problem, file=field.path, key="--crop")
         self.left, self.top, self.width, self.height = left, top, across, down
-        left, top = slab.held.pixels[:2]
+        self._window = np.s_[top : top + down, left : left + across]
+        first_column, first_row = slab.held.pixels[:2]
         half = slab.pixels / 2
-        self.axis_px = (half - left - self.left, half - top - self.top)
+        self.axis_px = (half - first_column - left, half - first_row - top)
         share = max(self.width, self.height) / slab.pixels
         self.geometry: KnownGeometry | None = None
         if field.metric:
@@ -134,8 +135,7 @@ class Source:
         total = self.columns * self.rows
         bands = self._made() if self.free else self._bands()
         for done, (column, row, picture) in enumerate(bands, 1):
-            window = picture[self.top : self.top + self.height, self.left : self.left + self.width]
-            yield column, row, np.ascontiguousarray(window)
+            yield column, row, np.ascontiguousarray(picture[self._window])
             if progress:
                 progress(done, total)
 
@@ -179,15 +179,14 @@ class Source:
     def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray | None]:
         """(height, width) float32 depth of a view, metres, infinity for a miss; and (height, width)
         uint16 number of the material plus one, 0 for a miss; None without the scene."""
-        window = np.s_[self.top : self.top + self.height, self.left : self.left + self.width]
         point = self._point(column, row)
         if self._tracer is not None:
             place = point[None] / self.slab.lens_pitch_m + (self.slab.views - 1) / 2
             triangle, depth = self._tracer.bundle_hits(bundles.views(self.slab, place))
             ids = np.where(triangle[0] < 0, 0, self._materials[triangle[0]] + 1)
-            return depth[0][window], ids[window].astype(np.uint16)
+            return depth[0][self._window], ids[self._window].astype(np.uint16)
         depth = self.field.metres(self._free_depths.inverse_depth(point))
-        return depth[window].astype(np.float32), None
+        return depth[self._window].astype(np.float32), None
 
     @cached_property
     def _free_depths(self) -> FreeViews:

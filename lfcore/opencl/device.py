@@ -77,17 +77,14 @@ class Device:
     def is_cpu(self) -> bool:
         return is_cpu(self.device)
 
-    def buffer(self, array: np.ndarray) -> cl.Buffer:
-        """Read-only device copy of a numpy array; an empty array gets a few zero bytes."""
-        return self._copy(array, cl.mem_flags.READ_ONLY)
+    def buffer(self, array: np.ndarray, access: int = cl.mem_flags.READ_ONLY) -> cl.Buffer:
+        """Device copy of a numpy array, read-only by default; an empty one gets some zero bytes."""
+        flags = access | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 
     def changed(self, array: np.ndarray) -> cl.Buffer:
         """As :meth:`buffer`, for kernels that write to it."""
-        return self._copy(array, cl.mem_flags.READ_WRITE)
-
-    def _copy(self, array: np.ndarray, access: int) -> cl.Buffer:
-        flags = access | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
+        return self.buffer(array, cl.mem_flags.READ_WRITE)
 
     def shown(self, array: np.ndarray) -> cl.Buffer:
         """As :meth:`buffer`, of the array's own memory on a CPU."""

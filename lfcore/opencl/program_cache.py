@@ -92,17 +92,10 @@ def expanded(source: str, folders: Sequence[str]) -> str:
 def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
     """The name of an entry: ``source`` is expanded, ``device`` a pyopencl Device."""
     held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
-    identity = [
-        device.platform.name,
-        device.platform.version,
-        device.driver_version,
-        device.vendor,
-        device.name,
-        device.version,
-        instruction_set(),
-        *held,
-    ]
-    return hashlib.sha256("\0".join([*identity, *options, source]).encode()).hexdigest()
+    driver = device.platform.name, device.platform.version, device.driver_version
+    processor = device.vendor, device.name, device.version, instruction_set()
+    whole = "\0".join([*driver, *processor, *held, *options, source])
+    return hashlib.sha256(whole.encode()).hexdigest()
 
 
 def cached(

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from lfcore.scene.reading import NOWHERE, Where
 
+Vector = Sequence[float]
+
 
 def affine(linear: ArrayLike, offset: ArrayLike = 0.0) -> np.ndarray:
     """(4, 4) of a (3, 3) linear part and what is then added (3,)."""
@@ -25,7 +27,7 @@ def scale(x: float, y: float | None = None, z: float | None = None) -> np.ndarra
     return np.diag([x, x if y is None else y, x if z is None else z, 1.0]).astype(np.float64)
 
 
-def rotate(axis: Sequence[float] | str, angle_deg: float) -> np.ndarray:
+def rotate(axis: Vector | str, angle_deg: float) -> np.ndarray:
     """Right-handed rotation by ``angle_deg`` about ``axis`` (a vector, or x, y, z)."""
     if isinstance(axis, str):
         axis = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}[axis]
@@ -75,10 +77,7 @@ def parse_matrix(rows: list[list[float]], where: Where) -> np.ndarray:
 
 
 def look_at(
-    position: Sequence[float],
-    target: Sequence[float],
-    up: Sequence[float] = (0.0, 1.0, 0.0),
-    where: Where = NOWHERE,
+    position: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), where: Where = NOWHERE
 ) -> np.ndarray:
     """World to camera space (x right, y down, z forward) of a camera at ``position``."""
     centre = np.asarray(position, np.float64)

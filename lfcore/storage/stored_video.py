@@ -113,9 +113,8 @@ class StoredVideo:
         return field
 
     def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {str(self.path)!r}: {len(self.metadata.segments)} segments>"
-        )
+        segments = len(self.metadata.segments)
+        return f"<{type(self).__name__} of {str(self.path)!r}: {segments} segments>"
 
     @property
     def layout(self) -> FrameLayout:
@@ -153,15 +152,8 @@ class StoredVideo:
     def verify(self, progress: Progress | None = None) -> None:
         """Check every byte of the file and every segment, of colours and of depths.
 
-        Parameters
-        ----------
-        progress : callable, optional
-            Called with (segments done, of all).
-
-        Raises
-        ------
-        StorageError
-            Names all damaged segments and what can still be read.
+        ``progress`` is called with (segments done, of all).  Raises :class:`StorageError` that
+        names all damaged segments and what can still be read.
         """
         structure = scan(self.path, clusters=True)
         bad = []
