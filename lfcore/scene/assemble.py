@@ -129,10 +129,9 @@ def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarray], list[int]]:
     """Distinct materials and textures, and the material index of each part."""
-    materials: list[Material] = []
     textures: list[np.ndarray] = []
     texture_index: dict[bytes, int] = {}
-    material_index: dict[tuple, int] = {}
+    material_index: dict[Material, int] = {}
     ids = []
     for part in parts:
         surface = part.surface
@@ -149,12 +148,8 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
                 textures.append(texture)
             numbers[name] = texture_index[digest]
         material = _material(surface, numbers)
-        key = tuple(vars(material).values())
-        if key not in material_index:
-            material_index[key] = len(materials)
-            materials.append(material)
-        ids.append(material_index[key])
-    return materials, textures, ids
+        ids.append(material_index.setdefault(material, len(material_index)))
+    return list(material_index), textures, ids
 
 
 def _material(surface: Surface, textures: Any) -> Material:

@@ -17,7 +17,7 @@ from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import ASKS, BakeOptions
-from lfcore.scene.description import check, complete, read_description
+from lfcore.scene.description import check, complete
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import load_scene as load_prepared
 from lfcore.scene.framing import z_seems_up
@@ -27,7 +27,7 @@ from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, Notebook
-from lfcore.scene.reading import DESCRIPTIONS, Where
+from lfcore.scene.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -102,7 +102,7 @@ def load_scene(
         description = complete({"objects": [entry]})
         name = path.stem
     else:
-        description = read_description(path)
+        description = complete(check(read_yaml(path), file=path))
         own = path.resolve().parent.name if path.stem == "scene" else path.stem
         name = description.get("name") or own or "scene"
     if light:

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from lfcore.errors import SceneError, did_you_mean
-from lfcore.scene.reading import Where, read_yaml
+from lfcore.scene.reading import Where
 
 # What fits 64 bits: of larger ones numpy makes objects, or nothing.
 LARGEST_INTEGER = 2**63 - 1
@@ -20,12 +20,6 @@ SCHEMA_PATH = Path(__file__).with_name("scene.schema.yaml")
 def schema() -> dict:
     """The JSON schema (2020-12) of scene.yaml."""
     return yaml.load(SCHEMA_PATH.read_text(encoding="utf-8"), yaml.CSafeLoader)
-
-
-def read_description(path: str | Path) -> dict:
-    """Parse, validate and complete a scene.yaml."""
-    description = read_yaml(path)
-    return complete(check(description, file=path))
 
 
 def check(description: Any, *, file: str | Path) -> dict:

@@ -16,7 +16,7 @@ that the points have the second moments of the disk that the sphere shows: so wi
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _FLAT = 1e-6
 _SHELL = math.sqrt(0.75)
 
 
-@dataclass(frozen=True, eq=False)
-class EmitterPoints:
+class EmitterPoints(NamedTuple):
     """``positions`` (P, 3); ``normals`` (P, 3) unit, or zero: shine to all sides; ``areas`` (P,),
     times which, and the cosine where there is a normal, the radiance is a point's intensity."""
 
@@ -68,8 +67,7 @@ def emitter_points(
     if not two_sided:
         return one
     other = _spread(triangles[:, [0, 2, 1]], -double, length, count)
-    pair = zip(vars(one).values(), vars(other).values(), strict=True)
-    return EmitterPoints(*(np.concatenate(both) for both in pair))
+    return EmitterPoints(*(np.concatenate(both) for both in zip(one, other, strict=True)))
 
 
 def _as_sphere(

@@ -109,7 +109,7 @@ class LightRig:
 
         ``own`` are the surface's first triangle in the scene and that after its last.
         """
-        for position, normal, area in zip(*vars(points).values(), strict=True):
+        for position, normal, area in zip(*points, strict=True):
             light = Light(POINT, triple(position), _over_pi(radiance * area), 1.0)
             self.lights.append(replace(light, normal=triple(normal), own=own))
 
