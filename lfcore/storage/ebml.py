@@ -59,6 +59,7 @@ class Structure:
 
     file_bytes: int
     expected_bytes: int = 0
+    elements: list[Element] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
 
@@ -80,7 +81,7 @@ def scan(path: Path, *, clusters: bool) -> Structure:
 def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
     found = Structure(size)
     position = begin = _head(file, path, found)
-    known, elements = list[int](), list[Element]()
+    known: list[int] = []
     while position < size:
         element = _element(file, position)
         if element is None or element.name not in NAMES.values():
@@ -89,7 +90,7 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
         if element.stop > size:
             found.faults.append(f"the {element.name} at byte {position} is cut short")
             break
-        elements.append(element)
+        found.elements.append(element)
         if (clusters or element.name != "Cluster") and _intact(file, element) is False:
             found.faults.append(f"the {element.name} at byte {position} is damaged")
         elif element.name == "Cues":
@@ -99,8 +100,8 @@ def _scan(file: BinaryIO, path: Path, size: int, clusters: bool) -> Structure:
         position = element.stop
         if element.name == "Cluster" and not clusters:
             position = min((one for one in known if position < one < size), default=position)
-    bare = [one for one in elements if not one.summed and one.name != "Void"]
-    if len(bare) < sum(one.name != "Void" for one in elements):
+    bare = [one for one in found.elements if not one.summed and one.name != "Void"]
+    if len(bare) < sum(one.name != "Void" for one in found.elements):
         # FFmpeg's muxer gives every element a check sum; others may give none at all.
         found.faults += [f"the {one.name} at byte {one.offset} is damaged" for one in bare]
     if found.file_bytes < found.expected_bytes:
