@@ -489,7 +489,7 @@ def of_points(triangles, count=POINTS):
     """(P,) irradiance of the floor over radiance, as the oracle adds lights up."""
     points = emitter_points(triangles, count)
     total = np.zeros(len(FLOOR))
-    for place, normal, area in zip(*vars(points).values(), strict=True):
+    for place, normal, area in zip(*points, strict=True):
         light = Light(POINT, tuple(place), (area,) * 3, 1.0, normal=tuple(normal))
         towards, strength = arriving(light, FLOOR)
         total += np.maximum(towards[:, 2], 0) * strength[:, 0]
