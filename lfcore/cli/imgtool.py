@@ -335,17 +335,15 @@ def _synthesise(
     from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature, realistic
 
     surface = focal_surface(arguments, camera)
-    samples = 1 if arguments.samplesperpixel is None else arguments.samplesperpixel
+    samples = arguments.samplesperpixel or 1
     name, seed = arguments.sampler or ("halton", 0)
     if method == "isaksen":
-        width = 0.05 if arguments.filterwidth is None else arguments.filterwidth
-        return isaksen(field, camera, surface, width)
+        return isaksen(field, camera, surface, arguments.filterwidth or 0.05)
     if method == "montecarlo":
         return monte_carlo(field, camera, surface, samples, sampler=name, seed=seed)
     if method == QUADRATURE:
         # As many lens points as asked for, or the next square above, at 2 x 2 film points.
-        lens_points = max(1, math.ceil(math.sqrt(max(samples, 1) / 4)))
-        return quadrature(field, camera, surface, lens_points, 2)
+        return quadrature(field, camera, surface, math.ceil(math.sqrt(samples / 4)), 2)
     file, sizes = arguments.lens
     system = LensSystem.read(file)
     if "stop" in sizes:
