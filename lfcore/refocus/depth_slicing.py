@@ -26,9 +26,10 @@ from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
 from lfcore.optics.size import Size
 from lfcore.storage.depth_stream import DepthCodes
 
-BOUNDS_PX = (0.5, 2.0)
-"""Sweeps, pixels of the picture, that part what is in focus from what lies before and behind it:
-measured, docs/notebook/true-picture.md."""
+IN_FOCUS_PX, WIDE_PX = 0.5, 2.0
+"""Sweeps, pixels of the picture, up to which rays are in focus, and from which blur is wide."""
+WIDE_LAYERS = 5
+"""Layers of wide blur before the plane, and behind it: measured, docs/notebook/true-picture.md."""
 LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 """Least side of a box: of the distance between neighbouring rays of a view, and of all views
 together where they are in focus, whichever is less: measured there."""
@@ -36,8 +37,8 @@ COARSE_PX = 1.25
 """The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
 STRIPS_A_THREAD, STRIP_ROWS = 2, 256
 """Strips of a picture at least, and rows of one at most: views come some rows at a time."""
-SUMS_BYTES = 1 << 32
-"""Sums of the planes that are formed at a time.  About a quarter is written to, for a pixel has few
+SUMS_BYTES = 1 << 33
+"""Sums of the planes that are formed at a time.  About an eighth is written to, for a pixel has few
 of the layers; what is not written to takes no memory of a CPU."""
 MOST_RAYS_A_PIXEL = 1 << 20
 LONG_RAY_BITS, SUM_BITS = 40, 29
@@ -55,6 +56,17 @@ def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     return device.shown(light), device.shown(depth), ranges
 
 
+def layer_bounds(widest_px: float) -> tuple[float, ...]:
+    """Sweeps that part the layers before a plane and behind it, where infinity's is ``widest_px``.
+
+    From layer to layer they double; by more where pictures have so many pixels that the last begins
+    below half of the widest.
+    """
+    last = WIDE_LAYERS - 1
+    ratio = max(2.0, (widest_px / 2 / WIDE_PX) ** (1 / last))
+    return (IN_FOCUS_PX, *(WIDE_PX * ratio**number for number in range(WIDE_LAYERS)))
+
+
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
     """How many pictures of that size are formed at a time."""
     most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
@@ -64,7 +76,8 @@ def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
 class DepthSlicer:
     """Forms ``planes`` of ``pixels`` on the longer side from rays of ``views`` with known depth.
 
-    ``bounds_px`` are as for the reference, ``stops`` those above white of the brightest ray.
+    ``bounds_px`` are as for the reference, by default :func:`layer_bounds`; ``stops`` those above
+    white of the brightest ray.
     ``fill_far`` gives the farthest light of a pixel what all rays leave, for holes at edges.
     ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a file are
     added (:meth:`add_stored`) and not traced ones.
@@ -77,7 +90,7 @@ class DepthSlicer:
         pixels: int,
         device: Device | None = None,
         *,
-        bounds_px: Sequence[float] = BOUNDS_PX,
+        bounds_px: Sequence[float] | None = None,
         stops: int = 0,
         fill_far: bool = False,
         codes: DepthCodes | None = None,
@@ -102,8 +115,14 @@ class DepthSlicer:
         self._cells = [self._cells_of(plane) for plane in self.planes]
         self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]
         self._records = self._cell_records()
+        self.bounds_px = [
+            layer_bounds(plane.delta * self._scale(plane) * slab.lens_pitch_m)
+            if bounds_px is None else tuple(bounds_px)
+            for plane in self.planes
+        ]  # fmt: skip
+        bounds = len(self.bounds_px[0])
         defines: dict[str, object] = {
-            "N_BOUNDS": len(bounds_px),
+            "N_BOUNDS": bounds,
             "FILL_FAR": int(fill_far),
             "STOPS": stops,
             "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
@@ -117,14 +136,16 @@ class DepthSlicer:
         program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
         self._add = cl.Kernel(program, "add_rays")
         self._compose = cl.Kernel(program, "compose")
-        self._bounds = self.device.buffer(np.array([*bounds_px, np.inf], np.float32))
+        ends = [(*each, np.inf) for each in self.bounds_px]
+        self._bounds = self.device.buffer(np.array(ends, np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
         self._rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
         self._strips = -(-self.size.height // self._rows)
         each = [[p.delta, self._scale(p), self._step(p), slab.lens_pitch_m] for p in planes]
         self._planes = self.device.buffer(np.array(each, np.float32))
-        size = self.sums_bytes(len(planes), self.size, stops, len(bounds_px), self._rows)
+        size = self.sums_bytes(len(planes), self.size, stops, bounds, self._rows)
         self._sums = self.device.zeros(size, sparse=True)
+        self._used = self.device.zeros(4 * len(planes) * self._strips)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         """What the views stand for in a plane's aperture."""
@@ -137,7 +158,7 @@ class DepthSlicer:
 
     @staticmethod
     def sums_bytes(
-        planes: int, size: Size, stops: int, bounds: int = len(BOUNDS_PX), rows: int | None = None
+        planes: int, size: Size, stops: int, bounds: int = 1 + WIDE_LAYERS, rows: int | None = None
     ) -> int:
         """Bytes of the sums, in strips of ``rows``, default one strip."""
         rows = rows or size.height
@@ -234,6 +255,7 @@ class DepthSlicer:
             np.int32(self._rows),
             *map(np.int32, self.size),
             self._sums,
+            self._used,
         )
         device.queue.finish()
 
@@ -254,6 +276,7 @@ class DepthSlicer:
                 (self._strips, 1),
                 (1, 1),
                 self._sums,
+                self._used,
                 device.shown(room),
                 np.int32(self._rows),
                 *map(np.int32, self.size),

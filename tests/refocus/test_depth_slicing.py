@@ -10,7 +10,7 @@ from lfcore import Camera, SensorPlane, Slab, open_device
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.ray_cells import crossed_views, plain_views
 from lfcore.oracle.depth_slicing import slice_by_depth
-from lfcore.refocus.depth_slicing import BOUNDS_PX, COARSE_PX, DepthSlicer
+from lfcore.refocus.depth_slicing import COARSE_PX, DepthSlicer
 from lfcore.rendering.direct import focused_camera
 
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
@@ -74,11 +74,13 @@ def test_equal_to_the_reference(pixels, size, seed, plane):
     views = crossed_views(Slab.of(CAMERA, 3, size))
     (light, depth), size = noise(views, seed), views.slab.pixels
     planes = [plane, *PLANES]
-    for plane, picture in zip(planes, sliced(views, planes, pixels, light, depth), strict=True):
+    bounds = DepthSlicer(views, planes, pixels).bounds_px
+    made = sliced(views, planes, pixels, light, depth)
+    for plane, bounds_px, picture in zip(planes, bounds, made, strict=True):
         least = 0.5 * pixels / size
         expected = slice_by_depth(
             views, plane, light, depth, pixels,
-            edge_steps=256, least_px=least, bounds_px=BOUNDS_PX, coarse_px=COARSE_PX,
+            edge_steps=256, least_px=least, bounds_px=bounds_px, coarse_px=COARSE_PX,
         )  # fmt: skip
         # An edge within float32's rounding of the middle between two steps may go either way.
         open_views = max(1, 9 * (CAMERA.f_number / plane.f_number) ** 2)
@@ -113,11 +115,10 @@ def test_rays_that_share_a_wide_box_give_the_picture_of_rays_of_their_own():
     boxes = abs(1 / plane.focus_m - 1 / 9) * views.slab.lens_pitch_m * 96 / CAMERA.field_width
     assert boxes > 8  # 16 distances of rays
     made = sliced(views, [plane], 96, light, depth)[0]
-    right = slice_by_depth(
-        views, plane, light, depth, 96, least_px=0.25, bounds_px=BOUNDS_PX, edge_steps=256
-    )
-    assert 0 < np.abs(made - right).max() < 2e-3
     slicer = DepthSlicer(views, [plane], 96)
+    how = {"bounds_px": slicer.bounds_px[0], "edge_steps": 256}
+    right = slice_by_depth(views, plane, light, depth, 96, least_px=0.25, **how)
+    assert 0 < np.abs(made - right).max() < 2e-3
     for first in range(0, 193, 64):
         rows = slice(first, first + 64)
         slicer.add(slice(0, 4), light[:, rows], depth[:, rows], first)
@@ -190,6 +191,23 @@ def test_a_thin_rod_before_a_wall(focus, least_db):
     found = psnr(picture, truth, peak=1)
     assert found > least_db
     assert found > psnr(nearest, truth, peak=1) + 3
+
+
+def test_a_blurred_card_before_a_wall_that_is_blurred_more():
+    """Both lie far behind the plane: light of the wall adds only what the card has left."""
+    plane, pixels = SensorPlane(1.3, 1.0, "square"), 48
+    card = (4.0, grey(lambda x, y: 0 * x + 0.05), lambda x, y: np.hypot(x, y) < 0.7)
+    surfaces = [card, (12.0, grey(lambda x, y: 0 * x + 0.9), everywhere)]
+    views = crossed_views(Slab(CAMERA, 4, pixels))
+    rays, inner = seen(views, surfaces), slice(pixels // 5, -pixels // 5)
+    truth = _truth(surfaces, plane, pixels)[inner, inner]
+    layers, few = (
+        psnr(
+            sliced(views, [plane], pixels, *rays, bounds_px=bounds)[0][inner, inner], truth, peak=1
+        )
+        for bounds in (None, (0.5, 2.0))
+    )
+    assert layers > max(48, few + 3)
 
 
 def test_a_highlight_is_averaged_over_the_lens_samples_that_see_it():

@@ -19,7 +19,7 @@ from lfcore.optics.ray_cells import views_of
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_codes
 from lfcore.refocus import depth_slicing, stored_depth
-from lfcore.refocus.depth_slicing import BOUNDS_PX, DepthSlicer
+from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.stored_views import read_views
 from lfcore.rendering import by_depth
@@ -98,10 +98,10 @@ def test_without_loss_the_store_gives_what_is_made_on_the_fly(
     expected = slicer.pictures()
     for picture in pictures:
         np.testing.assert_array_equal(picture, expected)
-        for plane, made in zip(PLANES, picture, strict=True):
+        for plane, bounds_px, made in zip(PLANES, slicer.bounds_px, picture, strict=True):
             right = slice_by_depth(
                 views, plane, decoded, held, PIXELS,
-                least_px=0.25, bounds_px=BOUNDS_PX, edge_steps=256,
+                least_px=0.25, bounds_px=bounds_px, edge_steps=256,
             )  # fmt: skip
             if plane.normalise == "lens":
                 right *= (CAMERA.f_number / plane.f_number) ** 2 * np.pi / 4

@@ -4,9 +4,9 @@
 // in whatever order, by however many threads and in however many parts rays are added.  Each work-item owns
 // a strip of rows of one plane; no two ever write to the same place.
 //
-// Boxes of the inner layers have a few pixels and are added pixel by pixel.  The nearest and the farthest layer
-// hold the differences of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow,
-// "Summed-area tables for texture mapping", SIGGRAPH 1984, the other way round).
+// Boxes of the inner layers have a few pixels and are added pixel by pixel.  Layers of wide boxes hold the differences
+// of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow, "Summed-area tables for texture
+// mapping", SIGGRAPH 1984, the other way round).
 //
 // Of boxes far wider than the distance of rays, 2 x 2 neighbours at one depth share one: rows come by twos.
 //
@@ -21,6 +21,8 @@
 #define BRIGHTEST ((float)(1 << STOPS))
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
+#define INNER min(1, N_BOUNDS - 1)  // layers before and behind the middle that are not wide
+#define IS_WIDE(layer) ((layer) < N_BOUNDS - INNER | (layer) > N_BOUNDS + INNER)
 #define ABREAST 16  // rays of a row
 // Distances of rays, from which 2 x 2 rays share a box of that side: a pixel averages the weave of squares of its size
 // away.
@@ -160,8 +162,10 @@ inline void add_few(const Strip *s, const Boxes *b, int k, global sum4 *to, floa
     }
 }
 
-inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
+// Add the boxes of a kind; returns the bits of their layers.
+inline int add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
 {
+    int used = 0;
     int list[ABREAST], count = 0;
     for (int n = 0; n < ABREAST; ++n) {
         const int k = n * 4 % ABREAST + n / 4;  // not neighbours one after another: they share pixels
@@ -171,11 +175,13 @@ inline void add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
     for (int at = 0; at < count; ++at) {
         const int k = list[at];
         global sum4 *to = s->sums + b->layer[k] * layer_size;
+        used |= 1 << b->layer[k];
         const float4 colour = vload4(0, b->colour[k]);
         if (kind == FEW) add_few(s, b, k, to, colour);
         else if (kind == FOUR) add_four(s, b, k, to, colour);
         else add_edges(s, b, k, to, colour);
     }
+    return used;
 }
 
 // The layers of what is swept by so many pixels, the nearest first.
@@ -229,18 +235,19 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, edge = s->width * STEPS;
     const int16 falls = wanted & bottom > first & top < end & right > 0 & left < edge & wide > 0 & tall > 0 &
                         share > 0.0f;
-    const int16 layer = layer_of(moves * p->pitch, bounds), outermost = layer == 0 | layer == LAYERS - 1;
+    const int16 layer = layer_of(moves * p->pitch, bounds);
+    const int16 differences = IS_WIDE(layer);
     const int16 few = ((right - 1) >> 8) - (left >> 8) > 1 | ((bottom - 1) >> 8) - (top >> 8) > 1 | left < 0 |
                       top < first | left >= edge | top >= end;
-    vstore16(falls & select(select((int16)(FOUR), (int16)(FEW), few), (int16)(EDGES), outermost), 0, b->kind);
+    vstore16(falls & select(select((int16)(FOUR), (int16)(FEW), few), (int16)(EDGES), differences), 0, b->kind);
     vstore16(layer, 0, b->layer);
     vstore16(left, 0, b->box[0]);
     vstore16(top, 0, b->box[1]);
     vstore16(right, 0, b->box[2]);
     vstore16(bottom, 0, b->box[3]);
     int16 at_x[2], at_y[2], along[2], down[2];
-    parts_along(left, right, 0, s->width, outermost, at_x, along);
-    parts_along(top, bottom, s->top, s->rows, outermost, at_y, down);
+    parts_along(left, right, 0, s->width, differences, at_x, along);
+    parts_along(top, bottom, s->top, s->rows, differences, at_y, down);
     for (int k = 0; k < 2; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
         vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
@@ -306,6 +313,7 @@ typedef struct {
     constant const float *bounds;
     ulong layer_size;
     float least;
+    int *used;  // bits of the layers that got light
 } Adding;
 
 // Add the boxes that are wanted about column x and row y of the view, of side x side rays each whose light has the sum
@@ -326,7 +334,7 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
         store_colours(colour, b.colour);
         const int16 kind = vload16(0, b.kind);
         for (int k = FOUR; k <= EDGES; ++k)
-            if (any(kind == k)) add_kind(a->strip, a->layer_size, &b, k);
+            if (any(kind == k)) *a->used |= add_kind(a->strip, a->layer_size, &b, k);
     }
 }
 
@@ -393,7 +401,7 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
               global const float2 *restrict ranges,  // (views, rows) least and most depth of a row
               global const Cell *restrict cells,     // (planes, views)
               global const Plane *restrict planes,
-              constant float *restrict bounds,
+              constant float *restrict bounds,       // (planes, N_BOUNDS + 1) sweeps
               const int n_views,
               const int columns,
               const int rows,
@@ -402,16 +410,18 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
               const int strip_rows,
               const int width,                       // of the pictures
               const int height,
-              global sum4 *restrict sums)
+              global sum4 *restrict sums,
+              global int *restrict used)             // (planes, strips) bits of layers
 {
     const int plane = get_global_id(1);
     const ulong channel = STORED ? (ulong)rows * columns : 1;
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const Plane p = planes[plane];
+    int layers = 0;
     for (int view = 0; view < n_views; ++view) {
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
-        const Adding a = {&s, p, cell, bounds, layer_size(&s, strip_rows), least};
+        const Adding a = {&s, p, cell, bounds + plane * (N_BOUNDS + 1), layer_size(&s, strip_rows), least, &layers};
         const ulong at = (ulong)view * rows * columns;
         const View of = {light + 3 * at, depth + at, table, channel, STORED ? 1 : 3,
                          STORED ? columns : 3 * (ulong)columns, first_row, columns};
@@ -433,10 +443,12 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
             }
         }
     }
+    used[plane * get_global_size(0) + get_global_id(0)] |= layers;
 }
 
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
 KERNEL void compose(global sum4 *restrict sums,
+                    global const int *restrict used,    // (planes, strips) bits of layers
                     global const float *restrict room,  // (height, width): weight of all rays that fall there, as sums
                     const int strip_rows,
                     const int width,
@@ -447,11 +459,17 @@ KERNEL void compose(global sum4 *restrict sums,
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
     const float4 light = (float4)((float3)(LIGHT), 1.0f);
+    int list[LAYERS], count = 0;
+    for (int layer = 0; layer < LAYERS; ++layer) {
+        list[count] = layer;
+        count += used[plane * get_global_size(0) + get_global_id(0)] >> layer & 1;
+    }
     for (int y = 0; y < s.rows; ++y) {
-        for (int layer = 0; layer < LAYERS; layer += max(1, LAYERS - 1)) {
+        for (int k = 0; k < count; ++k) {
+            if (!IS_WIDE(list[k])) continue;
             // Sums of all rows so far are kept in the first row: pages that are only read take no
             // memory.
-            global sum4 *whole = s.sums + layer * size;
+            global sum4 *whole = s.sums + list[k] * size;
             global const sum4 *row = whole + y * pitch;
             sum4 along = 0;
             for (int x = 0; x < width; ++x) {
@@ -463,9 +481,8 @@ KERNEL void compose(global sum4 *restrict sums,
             const ulong at = (ulong)(s.top + y) * width + x;
             float left = room[at], filled = 0.0f;
             float3 colour = 0.0f, last = 0.0f;
-            for (int layer = 0; layer < LAYERS; ++layer) {
-                const int outermost = layer == 0 || layer == LAYERS - 1;
-                const ulong from = layer * size + (outermost ? 0 : y * pitch) + x;
+            for (int k = 0; k < count; ++k) {
+                const ulong from = list[k] * size + (IS_WIDE(list[k]) ? 0 : y * pitch) + x;
                 const float4 found = convert_float4(s.sums[from]) / light;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
