@@ -4,7 +4,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,8 +55,8 @@ def writers(home: Path) -> list[Writer]:
     segments = [home / f"{tile.index}.mp4" for tile in tiles]
     frames = noise.integers(0, 255, (tiles[0].frame_count, layout.frame_bytes), np.uint8)
 
-    def segment(path: Path, spec=CODECS["x264"]) -> None:
-        with SegmentWriter(path, spec, layout.frame_width, layout.frame_height) as writer:
+    def segment(path: Path) -> None:
+        with SegmentWriter(path, CODECS["x264"], layout.frame_width, layout.frame_height) as writer:
             writer.write(frames)
 
     for path in segments:
@@ -69,12 +69,10 @@ def writers(home: Path) -> list[Writer]:
         known = {"name": "noise", "digest": ""}
         join_segments(path, segments, tiles, layout, geometry=slab, scene=known)
 
-    pictures = [
-        Writer(f"picture {kind}", f"p.{kind}", lambda path: write_picture(path, picture))
-        for kind in ("png", "jpg", "ppm", "exr", "npy", "pfm")
-    ]
+    kinds = ("png", "jpg", "ppm", "exr", "npy", "pfm")
+    draw = partial(write_picture, picture=picture)
     return [
-        *pictures,
+        *(Writer(f"picture {kind}", f"p.{kind}", draw) for kind in kinds),
         Writer("tiled EXR", "t.exr", lambda path: write_array(path, picture, array)),
         Writer("segment", "s.mp4", segment),
         Writer("light field", "l.mkv", join),

@@ -131,12 +131,8 @@ def judge(data: bytes, folder: Path) -> Outcome:
     outcome = outcome_of(work, names=None)
     if outcome.is_finding:
         return outcome
-    return _judged(
-        status[0],
-        said.getvalue(),
-        sorted(file.name for file in out.rglob("*") if file.is_file()),
-        words,
-    )
+    left = sorted(file.name for file in out.rglob("*") if file.is_file())
+    return _judged(status[0], said.getvalue(), left, words)
 
 
 def _judged(status: object, said: str, left: list[str], words: list[str]) -> Outcome:

@@ -42,12 +42,18 @@ def _crossing(origins, directions):
     return np.where(ahead, s, np.inf), np.where(ahead, t, np.inf)
 
 
+def centre_rays(camera, film):
+    """Through the lens centre, of unit extent along the axis, of places (..., 2) on the film."""
+    x, y = camera.film_tangents(film[..., 0], film[..., 1])
+    return np.stack([x, y, np.ones_like(x)], -1) @ camera.rotation.T
+
+
 def isaksen(image, array, camera, surface, filter_width_m):
     """Cone-filtered sum over the data cameras near the central ray (Isaksen 2000, figure 4)."""
     tiles = array.tiles(image)
     u, v = np.meshgrid(*(np.arange(count) + 0.5 for count in camera.size))
     film = np.stack([u.ravel(), v.ravel()], -1)
-    directions = camera.directions(film[:, 0], film[:, 1])
+    directions = centre_rays(camera, film)
     origins = np.broadcast_to(camera.position_m, directions.shape)
     q = inverse_depth(surface, camera, origins, directions, film)
     s, t = _crossing(origins, directions)
@@ -105,7 +111,7 @@ def thin_lens(image, array, camera, surface, sampler, table, count, seed=0):
     pixels = np.arange(width * height)
     samples = sampling.pixel_samples(sampler, table, pixels, count, seed)
     film = np.stack([pixels % width, pixels // width], -1)[:, None] + samples[..., :2]
-    directions = camera.directions(film[..., 0], film[..., 1])
+    directions = centre_rays(camera, film)
     centre = np.broadcast_to(camera.position_m, directions.shape)
     q = inverse_depth(surface, camera, centre, directions, film)
     lens = np.stack(sampling.concentric_disk(samples[..., 2], samples[..., 3]), -1)

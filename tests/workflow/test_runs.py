@@ -8,11 +8,12 @@ import subprocess
 import sys
 import time
 
+import fsspec
 import pytest
 
 from lfcore.workflow.job import RUN
 from robustness.kills import make_run
-from robustness.object_storage import KEYS
+from robustness.object_storage import KEYS, server
 from robustness.outcome import ROOT
 
 pytestmark = pytest.mark.workflow
@@ -154,17 +155,10 @@ def test_every_key_of_every_profile_is_an_option(tmp_path, capsys):
 
 def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
     needed("kubernetes")
-    moto = pytest.importorskip("moto.server")
-    server = moto.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
-    server.start()
-    try:
-        url = f"http://127.0.0.1:{server.get_host_and_port()[1]}"
-        import boto3
-
-        keys = {"aws_access_key_id": "any", "aws_secret_access_key": "any"}
-        boto3.client("s3", endpoint_url=url, region_name="us-east-1", **keys).create_bucket(
-            Bucket="mine"
-        )
+    for package in ("moto.server", "s3fs"):
+        pytest.importorskip(package)
+    with server() as url:
+        fsspec.filesystem("s3", key="any", secret="any", endpoint_url=url).mkdir("mine")
         done = subprocess.run(
             [sys.executable, "-m", "snakemake", "--workflow-profile", "profiles/kubernetes",
              "--storage-s3-endpoint-url", url, "--default-storage-prefix", "s3://mine/run",
@@ -172,8 +166,6 @@ def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
              "--", "results/tables/index.html"],
             cwd=ROOT, env=os.environ | KEYS, capture_output=True, text=True,
         )  # fmt: skip
-    finally:
-        server.stop()
     assert done.returncode == 0, done.stdout + done.stderr
     assert "s3://mine/run/results/tables/index.html (send to storage)" in done.stdout
     assert not list(tmp_path.glob("results"))

@@ -75,8 +75,3 @@ class VirtualCamera:
         width, height = self.size
         pitch = self.pixel_pitch
         return (np.asarray(u) - width / 2) * pitch, (np.asarray(v) - height / 2) * pitch
-
-    def directions(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., 3) float64 rays through the lens centre, of unit extent along the axis."""
-        x, y = self.film_tangents(u, v)
-        return np.stack([x, y, np.ones_like(x)], -1) @ self.rotation.T
