@@ -48,19 +48,12 @@ def decibels(mean_square: float, *, peak: float) -> float:
 
 
 def ssim(image: np.ndarray, reference: np.ndarray, *, peak: float) -> float:
-    """Mean structural similarity of Wang et al. [1]_, averaged over channels.
+    """Mean structural similarity, averaged over channels.
 
     Gaussian window of 11 x 11 and sigma 1.5, K1 = 0.01, K2 = 0.03, population covariance;
-    windows that leave the picture are not counted.
-
-    Pictures are (H, W) or (H, W, C), H and W at least 11; ``peak`` and errors are as for
-    :func:`psnr`.
-
-    References
-    ----------
-    .. [1] Z. Wang, A. C. Bovik, H. R. Sheikh, E. P. Simoncelli, "Image quality assessment: from
-       error visibility to structural similarity", IEEE TIP 13(4), 2004.
-       doi:10.1109/TIP.2003.819861
+    windows that leave the picture are not counted.  Pictures are (H, W) or (H, W, C), H and W at
+    least 11; ``peak`` and errors are as for :func:`psnr`.  Source: Z. Wang et al., "Image quality
+    assessment: from error visibility to structural similarity", IEEE TIP 13(4), 2004.
     """
     image, reference = _pair(image, reference)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < SSIM_WINDOW:

@@ -22,6 +22,7 @@ from lfcore.errors import OpticsError
 _PUPIL_BINS = 32
 _PUPIL_GRID = 48
 _AXIAL_GRID = 256
+_REAR_REACH = 1.5  # radii of the last surface, within which the exit pupil is searched
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,15 +178,11 @@ class LensSystem:
         normal = np.where((normal * d).sum(1, keepdims=True) > 0, -normal, normal)
         return hit, normal, met
 
-    @cached_property
-    def _rear_reach(self) -> float:
-        return 1.5 * float(self.aperture_m[-1])
-
     def pupil_bounds(self, film_radius_m: float) -> np.ndarray:
         """(bins, 4) float64 x low, x high, y low, y high on the plane of the rear vertex, of the
         exit pupil seen from film points (r, 0), r in the b-th of equal shares of ``film_radius_m``.
         """
-        reach, grid = self._rear_reach, _PUPIL_GRID
+        reach, grid = _REAR_REACH * float(self.aperture_m[-1]), _PUPIL_GRID
         cell = 2 * reach / grid
         axis = (np.arange(grid) + 0.5) * cell - reach
         x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
@@ -204,7 +201,7 @@ class LensSystem:
 
     def axial_pupil_area(self) -> float:
         """Open area of the exit pupil on the rear plane, seen from the middle of the film."""
-        reach = self._rear_reach
+        reach = _REAR_REACH * float(self.aperture_m[-1])
         axis = ((np.arange(_AXIAL_GRID) + 0.5) / _AXIAL_GRID * 2 - 1) * reach
         x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
         return float(self._passes(0.0, x, y).mean()) * (2 * reach) ** 2

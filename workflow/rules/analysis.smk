@@ -98,26 +98,6 @@ if STORE:
         script:
             "../scripts/chosen_rays_scene.py"
 
-    rule chosen_rays:
-        input:
-            rows=of_scenes(f"M{PIXELS}/chosen/chosen_rays.json"),
-            # A new quality lacks its file: that runs the job above again.
-            light_fields=expand(CHOSEN_FIELDS, scene=SCENES),
-        output:
-            csv=table("chosen_rays"),
-            figures=[],
-        log:
-            "logs/chosen_rays.log",
-        group:
-            REPORT_GROUP
-        conda:
-            "../envs/lfcore.yaml"
-        params:
-            version=version("report"),
-            table="chosen_rays",
-        script:
-            "../scripts/table_of_rows.py"
-
 
 rule stability:
     output:
@@ -155,3 +135,40 @@ rule left_out_scene:
         device=DEVICE,
     script:
         "../scripts/left_out_scene.py"
+
+
+# Tables of rows that were made scene by scene, two of them with a figure of all scenes.
+for name, rows, light_fields, figures in (
+    (
+        "storage_layouts",
+        "storage/storage_layouts.json",
+        [],
+        ["results/tables/figures/storage_layouts.png"],
+    ),
+    ("retrieval", "storage/retrieval.json", [], ["results/tables/figures/retrieval.png"]),
+    ("equivalence", "storage/equivalence.json", [], []),
+    ("left_out", "analysis/left_out.json", [], []),
+    # A new quality lacks its file: that runs the jobs of scenes again.
+    ("chosen_rays", f"M{PIXELS}/chosen/chosen_rays.json", expand(CHOSEN_FIELDS, scene=SCENES), []),
+):
+
+    rule:
+        name:
+            name
+        input:
+            rows=of_scenes(rows),
+            light_fields=light_fields,
+        output:
+            csv=table(name),
+            figures=figures,
+        log:
+            f"logs/{name}.log",
+        group:
+            REPORT_GROUP
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            version=version("report"),
+            table=name,
+        script:
+            "../scripts/table_of_rows.py"

@@ -49,13 +49,16 @@ rule assignment_light_fields:
         "../scripts/assignment_light_fields.py"
 
 
+OF_BOOK = {
+    "grid": ARRAY["arrays"].get("book"),
+    "picture_px": ARRAY["picture_px"],
+    "tile_px": ARRAY["tile_px"].get("book", 64),
+    "reference_samples": ARRAY["reference_samples"].get("book", 64),
+}
 # Of each study its files beside the device, its figures and its settings.
 STUDIES = {
     "book": (
-        {
-            "light_field": f"{ARRAYS}/book.exr",
-            "lens": book_lens,
-        },
+        {"light_field": f"{ARRAYS}/book.exr", "lens": book_lens},
         BOOK_FIGURES,
         {"picture_px": ARRAY["picture_px"]},
     ),
@@ -71,13 +74,7 @@ STUDIES = {
     "sampling": (
         of_scene("book"),
         SAMPLING_FIGURES,
-        {
-            "grid": ARRAY["arrays"].get("book"),
-            "picture_px": ARRAY["picture_px"],
-            "tile_px": ARRAY["tile_px"].get("book", 64),
-            "storage_px": ARRAY["storage_px"],
-            "reference_samples": ARRAY["reference_samples"].get("book", 64),
-        },
+        OF_BOOK | {"storage_px": ARRAY["storage_px"]},
     ),
     "time": (
         {"files": moving_sphere},
@@ -87,14 +84,11 @@ STUDIES = {
     "reconstruction": (
         of_scene("book"),
         ["reconstruction"],
-        {
-            "grid": ARRAY["arrays"].get("book"),
-            "picture_px": ARRAY["picture_px"],
-            "tile_px": ARRAY["tile_px"].get("book", 64),
+        OF_BOOK
+        | {
             "camera_counts": ARRAY["camera_counts"],
             "monte_carlo_samples": ARRAY["monte_carlo_samples"],
             "convergence_samples": ARRAY["convergence_samples"],
-            "reference_samples": ARRAY["reference_samples"].get("book", 64),
         },
     ),
 }

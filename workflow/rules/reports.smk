@@ -29,9 +29,8 @@ def section(name, title, table=None, figures=None):
 
 
 def files_of(sections):
-    """The tables and figures of sections."""
-    tables = [one["table"] for one in sections if one["table"]]
-    return tables + [file for one in sections for file in one["figures"].values()]
+    """The table and the figures of each section."""
+    return [file for one in sections for file in (one["table"], *one["figures"].values()) if file]
 
 
 def unlabelled(name):

@@ -63,35 +63,6 @@ if STORE:
             "../scripts/retrieval_scene.py"
 
 
-# Tables of rows that were made scene by scene, two of them with a figure of all scenes.
-for folder, name, figures in (
-    ("storage", "storage_layouts", ["results/tables/figures/storage_layouts.png"]),
-    ("storage", "retrieval", ["results/tables/figures/retrieval.png"]),
-    ("storage", "equivalence", []),
-    ("analysis", "left_out", []),
-):
-
-    rule:
-        name:
-            name
-        input:
-            rows=of_scenes(f"{folder}/{name}.json"),
-        output:
-            csv=table(name),
-            figures=figures,
-        log:
-            f"logs/{name}.log",
-        group:
-            REPORT_GROUP
-        conda:
-            "../envs/lfcore.yaml"
-        params:
-            version=version("report"),
-            table=name,
-        script:
-            "../scripts/table_of_rows.py"
-
-
 rule rate_distortion:
     input:
         of_scenes("storage/rate_distortion.json"),

@@ -11,13 +11,11 @@ from lfcore.workflow.job import job
 with job(snakemake) as (given, params, output):
     here = machine()
     introduction, *captions = params.captions
-    # From object storage files come to another folder.
-    tables = iter(given.reported[: len(output.markdown)])
-    figures = iter(given.reported[len(output.markdown) :])
+    files = map(Path, given.reported)  # from object storage they come to another folder
     sections = [
         Section(
-            one["name"], one["title"], caption, Path(next(tables)) if one["table"] else None,
-            {label: Path(next(figures)) for label in one["figures"]},
+            one["name"], one["title"], caption, next(files) if one["table"] else None,
+            {label: next(files) for label in one["figures"]},
         )
         for one, caption in zip(params.sections, captions, strict=True)
     ]  # fmt: skip
