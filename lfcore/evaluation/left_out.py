@@ -122,7 +122,6 @@ class Program:
     """A tracer that makes planes, frames or both of all rays of a slab."""
 
     tracer: Tracer
-    bvh: Bvh
     slab: Slab
     planes: Sequence[SensorPlane]
     frames: bool
@@ -149,11 +148,10 @@ class Program:
 
     @cached_property
     def bytes(self) -> int:
-        """The memory of the scene's buffers on the device and of all workers."""
-        s, bvh = pack_surfaces(self.tracer.scene, self.tracer.needs), self.bvh
+        """The memory of the scene's buffers on the device, but for the tree, and of all workers."""
+        s = pack_surfaces(self.tracer.scene, self.tracer.needs)
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.levels)
-        tree = (bvh.boxes, bvh.children, bvh.leaves, bvh.leaf_ids)
-        return sum(array.nbytes for array in (*arrays, s.texels, *tree)) + (
+        return sum(array.nbytes for array in (*arrays, s.texels)) + (
             self.tracer.scratch_bytes(self.slab, self.tile(), self.planes, frames=self.frames)
         )
 
@@ -227,7 +225,7 @@ def left_out(
         planes: Sequence[SensorPlane] = (recorded,),
         frames: bool = True,
     ) -> Program:
-        return Program(Tracer(scene, bvh, device, needs), bvh, slab, planes, frames)
+        return Program(Tracer(scene, bvh, device, needs), slab, planes, frames)
 
     comparisons = itertools.chain(lacking(scene, program, features), unwanted(program))
     return [{"scene": scene.name, **one.row(repeats)} for one in comparisons]
