@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets, shown, targets
-from lfcore.optics.planes import Aperture, SensorPlane
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
 BLOCK = 16
@@ -128,19 +128,12 @@ def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
 
 def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
     """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
-    found: dict[bytes, int] = {}
-    openings: dict[Aperture, int] = {}
-    stack: list[np.ndarray] = []
-    which = np.zeros(len(planes), np.int64)
-    for row, plane in enumerate(planes):
-        opening = plane.lens_aperture(slab)
-        if opening not in openings:
-            mask = plane.mask(slab)
-            openings[opening] = found.setdefault(mask.tobytes(), len(found))
-            if len(found) > len(stack):
-                stack.append(mask.astype(np.uint8) * 255)
-        which[row] = openings[opening]
-    return np.array(stack, np.uint8).reshape(-1, slab.views, slab.views), which
+    openings = [plane.lens_aperture(slab) for plane in planes]
+    plane_of = dict(zip(openings, planes, strict=True))
+    bits = {opening: plane.mask(slab).tobytes() for opening, plane in plane_of.items()}
+    number = {mask: k for k, mask in enumerate(dict.fromkeys(bits.values()))}
+    masks = np.frombuffer(b"".join(number), np.uint8).reshape(-1, slab.views, slab.views) * 255
+    return masks, np.array([number[bits[opening]] for opening in openings], np.int64)
 
 
 def block_kinds(masks: np.ndarray, rows: int = BLOCK) -> np.ndarray:
