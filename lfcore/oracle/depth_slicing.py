@@ -119,11 +119,15 @@ def _layer(sweep: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
 
 
 def _composed(total: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """The layers front to back, each taking no more of a pixel than those before it left."""
-    left, colour = room.copy(), np.zeros((*room.shape, 3))
+    """The layers front to back, each taking no more of a pixel than those before it left; what a
+    pixel then lacks is given to all but the first, at most as much as they have."""
+    left, colour, first = room.copy(), np.zeros((*room.shape, 4)), np.zeros((*room.shape, 4))
     for layer in total:
         used = np.minimum(layer[..., 3], left)
-        colour += layer[..., :3] * (used / np.maximum(layer[..., 3], 1e-300))[..., None]
+        colour += layer * (used / np.maximum(layer[..., 3], 1e-300))[..., None]
         left -= used
-    filled = (room - left)[..., None]
-    return np.where(filled > 0, colour / np.where(filled > 0, filled, 1), 0)
+        first = np.where(first[..., 3:] > 0, first, colour)
+    behind = colour - first
+    lacks = np.minimum(left, behind[..., 3])[..., None]
+    colour += behind * (lacks / np.maximum(behind[..., 3:], 1e-300))
+    return colour[..., :3] / np.maximum(colour[..., 3:], 1e-300)

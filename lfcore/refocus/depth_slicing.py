@@ -78,7 +78,6 @@ class DepthSlicer:
 
     ``bounds_px`` are as for the reference, by default :func:`layer_bounds`; ``stops`` those above
     white of the brightest ray.
-    ``fill_far`` gives the farthest light of a pixel what all rays leave, for holes at edges.
     ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a file are
     added (:meth:`add_stored`) and not traced ones.
     """
@@ -92,7 +91,6 @@ class DepthSlicer:
         *,
         bounds_px: Sequence[float] | None = None,
         stops: int = 0,
-        fill_far: bool = False,
         codes: DepthCodes | None = None,
         one: float = FIXED_ONE,
     ):
@@ -123,7 +121,6 @@ class DepthSlicer:
         bounds = len(self.bounds_px[0])
         defines: dict[str, object] = {
             "N_BOUNDS": bounds,
-            "FILL_FAR": int(fill_far),
             "STOPS": stops,
             "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
             "STORED": 0,

@@ -250,9 +250,7 @@ class _PointSlicer(DepthSlicer):
         # All lies before the plane: sweeps from 0 to that of the nearest.
         widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
         bounds = np.arange(1, LAYERS) * widest / LAYERS
-        super().__init__(
-            views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops, fill_far=True
-        )
+        super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         count = len(self.share)

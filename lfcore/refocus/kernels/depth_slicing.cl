@@ -447,6 +447,8 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
 }
 
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
+// Beside an edge, light from behind has partly been spread over what hides it, where there is no room.  So what a pixel
+// lacks is given to all layers but the first, at most as much as they have.
 KERNEL void compose(global sum4 *restrict sums,
                     global const int *restrict used,    // (planes, strips) bits of layers
                     global const float *restrict room,  // (height, width): weight of all rays that fall there, as sums
@@ -479,23 +481,20 @@ KERNEL void compose(global sum4 *restrict sums,
         }
         for (int x = 0; x < width; ++x) {
             const ulong at = (ulong)(s.top + y) * width + x;
-            float left = room[at], filled = 0.0f;
-            float3 colour = 0.0f, last = 0.0f;
+            float left = room[at];
+            float4 total = 0.0f, first = 0.0f;
             for (int k = 0; k < count; ++k) {
                 const ulong from = list[k] * size + (IS_WIDE(list[k]) ? 0 : y * pitch) + x;
                 const float4 found = convert_float4(s.sums[from]) / light;
                 const float used = min(found.w, left);
                 if (!(used > 0.0f)) continue;
-                colour += found.xyz * (used / found.w);
-                filled += used;
+                total += found * (used / found.w);
                 left -= used;
-                last = found.xyz / found.w;
+                if (!(first.w > 0.0f)) first = total;
             }
-#if FILL_FAR
-            colour += last * left;
-            filled += filled > 0.0f ? left : 0.0f;
-#endif
-            vstore3(filled > 0.0f ? colour / filled : 0.0f, at, picture);
+            const float4 behind = total - first;
+            if (behind.w > 0.0f) total += behind * min(left / behind.w, 1.0f);
+            vstore3(total.w > 0.0f ? total.xyz / total.w : 0.0f, at, picture);
         }
     }
 }
