@@ -35,6 +35,11 @@ LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
 together where they are in focus, whichever is less: measured there."""
 COARSE_PX = 1.25
 """The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
+FOURS_FROM = 2048
+"""Pixels of a picture's longer side from which 4 x 4 rays share boxes 32 rays wide: smaller
+pictures have few of them."""
+TILE_ROWS, TILE_COLUMNS, TILE_BYTES = 4, 64, 6 * 64
+"""Rays that the kernel joins to squares at a time, and the memory of these."""
 STRIPS_A_THREAD, STRIP_ROWS = 2, 256
 """Strips of a picture at least, and rows of one at most: views come some rows at a time."""
 SUMS_BYTES = 1 << 33
@@ -119,19 +124,24 @@ class DepthSlicer:
             for plane in self.planes
         ]  # fmt: skip
         bounds = len(self.bounds_px[0])
+        coarse = any(self._step(plane) > COARSE_PX for plane in self.planes)
+        fours = not coarse and pixels >= FOURS_FROM
         defines: dict[str, object] = {
             "N_BOUNDS": bounds,
             "STOPS": stops,
             "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
             "STORED": 0,
-            "COARSE": int(any(self._step(plane) > COARSE_PX for plane in self.planes)),
+            "COARSE": int(coarse),
             "COARSE_PX": f"{COARSE_PX}f",
+            "FOURS": int(fours),
         }
         if codes is not None:
             code = "uchar" if codes.format.bits == 8 else "ushort"
             defines |= {"STORED": 1, "CODE": code, "LIGHT_ONE": one}
         program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
         self._add = cl.Kernel(program, "add_rays")
+        self._join = cl.Kernel(program, "join_rays") if fours else None
+        self._fours = self.device.empty(0)
         self._compose = cl.Kernel(program, "compose")
         ends = [(*each, np.inf) for each in self.bounds_px]
         self._bounds = self.device.buffer(np.array(ends, np.float32))
@@ -202,7 +212,7 @@ class DepthSlicer:
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rays of the views i + N j of ``part``, rows from ``first_row`` on, which is even.
+        """Add rays of the views i + N j of ``part``, rows from ``first_row`` on, a multiple of 4.
 
         ``light`` is (K, rows, columns, 3) float32 linear radiance, more than ``2 ** stops`` counts
         as that; ``depth`` (K, rows, columns) float32, metres, infinity for a miss.
@@ -217,7 +227,7 @@ class DepthSlicer:
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rows of views of a file, from ``first_row`` on, which is even.
+        """Add rows of views of a file, from ``first_row`` on, a multiple of 4.
 
         ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
         """
@@ -232,20 +242,27 @@ class DepthSlicer:
         first_row: int = 0,
     ) -> None:  # fmt: skip
         """As :meth:`add`, of :func:`held_rays`."""
-        device, (views, rows, _) = self.device, ranges.shape
+        device, (views, rows, _), columns = self.device, ranges.shape, self.views.slab.size.width
+        rays = light, depth, device.buffer(1 / self._table)
+        if self._join:
+            tiles = -(-rows // TILE_ROWS), views
+            size = math.prod(tiles) * -(-columns // TILE_COLUMNS) * TILE_BYTES
+            if size > self._fours.size:
+                self._fours = device.empty(size)
+            shape = np.int32(columns), np.int32(rows)
+            self._join(device.queue, tiles, (1, 1), *rays, *shape, self._fours)
         self._add(
             device.queue,
             (self._strips, len(self.planes)),
             (1, 1),
-            light,
-            depth,
-            device.buffer(1 / self._table),
+            *rays,
+            self._fours,
             device.buffer(ranges),
             device.buffer(np.ascontiguousarray(self._records[:, part])),
             self._planes,
             self._bounds,
             np.int32(views),
-            np.int32(self.views.slab.size.width),
+            np.int32(columns),
             np.int32(rows),
             np.int32(first_row),
             np.float32(self.least_px),

@@ -73,7 +73,7 @@ class FrameSummer:
         places = tile.placement(elements)
         here = (places[:, 0] == number) & self._is_open[elements[:, 1], elements[:, 0]]
         left, top, width, height = self._pixels
-        step = 2 * max(1, self.summer.group_size(width, 2))
+        step = 4 * max(1, self.summer.group_size(width, 4))  # whole tiles of slicing by depth
         for element, (x, y) in zip(elements[here], places[here, 1:] + self._corner, strict=True):
             for row in range(0, height, step):
                 rows = min(step, height - row)

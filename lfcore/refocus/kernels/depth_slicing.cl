@@ -8,7 +8,8 @@
 // of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow, "Summed-area tables for texture
 // mapping", SIGGRAPH 1984, the other way round).
 //
-// Of boxes far wider than the distance of rays, 2 x 2 neighbours at one depth share one: rows come by twos.
+// Of boxes far wider than the distance of rays, 4 x 4 or 2 x 2 neighbours of about one depth share one.  Squares of
+// 4 x 4 rays (FOURS) are summed once for all planes.  Rays come in tiles of these, or of squares of 2 x 2.
 //
 // STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
 
@@ -24,9 +25,11 @@
 #define INNER min(1, N_BOUNDS - 1)  // layers before and behind the middle that are not wide
 #define IS_WIDE(layer) ((layer) < N_BOUNDS - INNER | (layer) > N_BOUNDS + INNER)
 #define ABREAST 16  // rays of a row
-// Distances of rays, from which 2 x 2 rays share a box of that side: a pixel averages the weave of squares of its size
-// away.
-#define SQUARES(step) (2.0f * (step) <= COARSE_PX ? 8.0f : 16.0f)
+#define TILE_ROWS (FOURS ? 4 : 2)
+#define TILE_COLUMNS (TILE_ROWS * ABREAST)
+// Distances of rays, from which side x side rays share a box of that width: a pixel averages the weave of squares of
+// its own size away.
+#define SHARED(side, step) ((side) > 2.0f ? 32.0f : 2.0f * (step) <= COARSE_PX ? 8.0f : 16.0f)
 
 #if STORED
 typedef uint light_t;
@@ -257,30 +260,78 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     return select((float16)(0.0f), share / (convert_float16(wide) * convert_float16(tall)), falls);
 }
 
-// Inverse depths and colours of rays of a row; the last is repeated where there are fewer than ABREAST.
-inline void read_rays(global const light_t *light, ulong channel, int pixel, global const depth_t *depth,
-                      global const float *table, int rays, float16 *dioptres, float16 found[3])
+// Rows of one view from `first_row` on; steps to the next colour, pixel and row of its light.
+typedef struct {
+    global const light_t *light;
+    global const depth_t *depth;
+    global const float *table;
+    ulong channel, pixel, row;
+    int first_row, columns, rows, tiles;
+} View;
+
+inline View view_of(global const light_t *light, global const depth_t *depth, global const float *table, int columns,
+                    int rows, int view, int first_row)
 {
-    float inverse[ABREAST], of[3][ABREAST];
-    if (rays == ABREAST) {
+    const ulong count = (ulong)rows * columns, at = view * count, pixel = STORED ? 1 : 3;
+    return (View){light + 3 * at, depth + at, table, STORED ? count : 1, pixel, pixel * columns,
+                  first_row, columns, rows, (columns + TILE_COLUMNS - 1) / TILE_COLUMNS};
+}
+
+// ABREAST rays of a row, or squares of rays: sums of their colours and dioptres, and the least and the most dioptres.
+typedef struct {
+    float16 sums[4], low, high;
+} Rays;
+
+// Rays from column `start` of row `v` on; beyond the last row or column those there.
+inline Rays read_row(const View *of, int v, int start)
+{
+    v = min(v, of->rows - 1);
+    start = min(start, of->columns - 1);
+    global const light_t *light = of->light + (ulong)v * of->row + start * of->pixel;
+    global const depth_t *depth = of->depth + (ulong)v * of->columns + start;
+    global const float *table = of->table;
+    Rays r;
+    if (start + ABREAST <= of->columns) {
 #if STORED
 #define TWO(k) DIOPTRES(depth[k]), DIOPTRES(depth[k + 1])
 #define EIGHT(k) TWO(k), TWO(k + 2), TWO(k + 4), TWO(k + 6)
-        *dioptres = (float16)(EIGHT(0), EIGHT(8));
-        for (int c = 0; c < 3; ++c) found[c] = convert_float16(vload16(0, light + c * channel)) / (float)(LIGHT_ONE);
+        r.low = (float16)(EIGHT(0), EIGHT(8));
+        for (int c = 0; c < 3; ++c) r.sums[c] = convert_float16(vload16(0, light + c * of->channel));
 #else
-        *dioptres = DIOPTRES(vload16(0, depth));
-        split_colours(light, found);
+        r.low = DIOPTRES(vload16(0, depth));
+        split_colours(light, r.sums);
 #endif
-        return;
+    } else {
+        float inverse[ABREAST], colours[3][ABREAST];
+        for (int k = 0; k < ABREAST; ++k) {
+            const int at = min(k, of->columns - 1 - start);
+            inverse[k] = DIOPTRES(depth[at]);
+            for (int c = 0; c < 3; ++c) colours[c][k] = light[at * of->pixel + c * of->channel];
+        }
+        r.low = vload16(0, inverse);
+        for (int c = 0; c < 3; ++c) r.sums[c] = vload16(0, colours[c]);
     }
-    for (int k = 0; k < ABREAST; ++k) {
-        const int at = min(k, rays - 1);
-        inverse[k] = DIOPTRES(depth[at]);
-        for (int c = 0; c < 3; ++c) of[c][k] = light[at * pixel + c * channel] / (float)(LIGHT_ONE);
-    }
-    *dioptres = vload16(0, inverse);
-    for (int c = 0; c < 3; ++c) found[c] = vload16(0, of[c]);
+    for (int c = 0; c < 3; ++c) r.sums[c] = clamp(r.sums[c] / (float)(LIGHT_ONE), 0.0f, BRIGHTEST) * LIGHT;
+    r.sums[3] = r.high = r.low;
+    return r;
+}
+
+// Squares of four: of pieces a and b of one row and c and d of the next.
+inline Rays join(Rays a, Rays b, Rays c, Rays d)
+{
+#define PLUS(x, y) ((x) + (y))
+#define PAIRS(of, x, y) of((float16)((x).even, (y).even), (float16)((x).odd, (y).odd))
+    for (int k = 0; k < 4; ++k) a.sums[k] = PAIRS(PLUS, a.sums[k] + c.sums[k], b.sums[k] + d.sums[k]);
+    a.low = PAIRS(min, min(a.low, c.low), min(b.low, d.low));
+    a.high = PAIRS(max, max(a.high, c.high), max(b.high, d.high));
+    return a;
+}
+
+// Squares of 2 x 2 from there on.
+inline Rays read_squares(const View *of, int v, int start)
+{
+    return join(read_row(of, v, start), read_row(of, v, start + ABREAST), read_row(of, v + 1, start),
+                read_row(of, v + 1, start + ABREAST));
 }
 
 // Colours and weights, ray by ray.
@@ -295,15 +346,6 @@ inline void store_colours(const float16 c[4], float to[ABREAST][4])
     vstore16(shuffle2(rg2, bw2, first), 0, to[8]);
     vstore16(shuffle2(rg2, bw2, last), 0, to[12]);
 }
-
-// Rows of one view from `first_row` on; steps to the next colour, pixel and row of its light.
-typedef struct {
-    global const light_t *light;
-    global const depth_t *depth;
-    global const float *table;
-    ulong channel, pixel, row;
-    int first_row, columns;
-} View;
 
 // Where the rays of a view are added.
 typedef struct {
@@ -325,7 +367,7 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
     const float16 across = fma(x, a->plane.step, c->x) + c->off_x * moves;
     const float16 down = fma(y, a->plane.step, c->y) + c->off_y * moves;
     Boxes b;
-    const float16 unit = (x * 0.7548777f + y * 0.5698403f) / side + c->unit;
+    const float16 unit = (x * 0.7548777f + y * 0.5698403f) * (1.0f / side) + c->unit;
     vstore16(unit - floor(unit), 0, b.unit);
     for (int part = 0; part <= COARSE; ++part) {
         const float16 weight = find_boxes(a->strip, &a->plane, c, moves, across, down, a->least, a->bounds, part,
@@ -338,66 +380,91 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
     }
 }
 
-// How many pixels a metre of the lens moves the light of rays, and their colours, from column `start` of row `v` on.
-inline float16 read_moves(const Adding *a, const View *of, int v, int start, float16 light[3])
-{
-    float16 dioptres;
-    const ulong at = (ulong)v * of->row + start * of->pixel;
-    read_rays(of->light + at, of->channel, of->pixel, of->depth + (ulong)v * of->columns + start, of->table,
-              min(ABREAST, of->columns - start), &dioptres, light);
-    for (int c = 0; c < 3; ++c) light[c] = clamp(light[c], 0.0f, BRIGHTEST) * LIGHT;
-    return (a->plane.delta - dioptres) * a->plane.scale;
-}
-
 #define ALONG (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 
-// Add the rays of a row from column `start` on that are wanted, of ABREAST or as many as there are.
-inline void add_single(const Adding *a, const View *of, int v, int start, int16 wanted)
+// Add those of ABREAST squares of side x side rays from column `start` of row `v` on that are wanted, as one box each,
+// where boxes are wide and differ by an eighth at most; returns where.  Measured against squares of 2 x 2: 66 dB and
+// more, and these against rays of their own: 69.
+inline int16 add_squares(const Adding *a, const View *of, Rays rays, int v, int start, float side, int16 wanted)
 {
-    float16 light[3];
-    const float16 moves = read_moves(a, of, v, start, light);
-    wanted &= convert_int16(ALONG) < of->columns - start;
-    add_rays_at(a, moves, ALONG + (float)start, of->first_row + v, light, 1.0f, wanted);
-}
-
-// Add 2 * ABREAST columns of two rows as squares of 2 x 2 rays, of one box each, where boxes are wide and the sweep of
-// a square's rays differs by no more than their distance; returns where.  Measured against rays of their own: 69 dB and
-// more.
-inline int16 add_squares(const Adding *a, const View *of, int v, int start)
-{
-    float16 moves = 0.0f, low = INFINITY, high = -INFINITY, light[3] = {0.0f, 0.0f, 0.0f};
-    for (int down = 0; down < 2; ++down) {
-        float16 left[3], right[3];
-        const float16 m = read_moves(a, of, v + down, start, left);
-        const float16 n = read_moves(a, of, v + down, start + ABREAST, right);
-        const float16 even = (float16)(m.even, n.even), odd = (float16)(m.odd, n.odd);
-        low = min(low, min(even, odd));
-        high = max(high, max(even, odd));
-        moves += even + odd;
-        for (int c = 0; c < 3; ++c)
-            light[c] += (float16)(left[c].even, right[c].even) + (float16)(left[c].odd, right[c].odd);
-    }
-    const float side = min(a->cell.side_x, a->cell.side_y), least = SQUARES(a->plane.step) * a->plane.step;
-    const int16 wide = low * side >= least | high * side <= -least;
-    const int16 shared = wide & ((high - low) * side <= a->plane.step);
+    const float scale = a->plane.scale * min(a->cell.side_x, a->cell.side_y) / a->plane.step;
+    const float16 low = (a->plane.delta - rays.high) * scale, high = (a->plane.delta - rays.low) * scale;
+    const float16 least = max(low, -high);
+    const int16 whole = (ALONG + 1.0f) * side <= (float)(of->columns - start) & (int16)(-(v + side <= of->rows));
+    const int16 shared = wanted & whole & least >= SHARED(side, a->plane.step) & (high - low) * 8.0f <= least;
     if (!any(shared)) return 0;
-    const float16 x = ALONG * 2.0f + ((float)start + 0.5f);
-    add_rays_at(a, moves * 0.25f, x, (float)(of->first_row + v) + 0.5f, light, 2.0f, shared);
+    const float middle = 0.5f * (side - 1.0f);
+    const float16 moves = (a->plane.delta - rays.sums[3] * (1.0f / (side * side))) * a->plane.scale;
+    add_rays_at(a, moves, ALONG * side + (start + middle), of->first_row + v + middle, rays.sums, side, shared);
     return shared;
 }
 
-// Whether any ray of a row, whose depths lie in `range`, reaches the strip.
-inline int reaches(const Strip *s, Plane p, Cell cell, float y, float least, float2 range)
+// Add the rays of a tile.
+inline void add_tile(const Adding *a, const View *of, global const Rays *squares, int v, int start, int reached)
 {
-    const float moves = max(fabs(p.delta - 1.0f / range.x), fabs(p.delta - 1.0f / range.y)) * p.scale;
-    const float reach = 0.5f * max(moves * cell.side_y, least) + fabs(cell.off_y) * moves + 1.0f;
-    return y + reach >= s->top && y - reach <= s->top + s->rows;
+    int16 fours = -1;
+    for (int k = FOURS ? -1 : 0; k < (FOURS ? 4 : 1); ++k) {
+        int16 left = k < 0 || !FOURS ? (int16)(-1) : (k % 2 ? fours.hi : fours.lo).s0011223344556677;
+        if (!any(left)) continue;
+        const int down = k < 0 ? v : v + k / 2 * 2, across = k < 0 ? start : start + k % 2 * 2 * ABREAST;
+        if (!COARSE) {
+            const Rays rays = k < 0 ? *squares : read_squares(of, down, across);
+            left &= ~add_squares(a, of, rays, down, across, k < 0 ? 4.0f : 2.0f, left);
+        }
+        if (k < 0) {
+            fours = left;
+            continue;
+        }
+        for (int j = 0; j < 4; ++j) {
+            const int y = down + j / 2, x = across + j % 2 * ABREAST;
+            const int16 single = (j % 2 ? left.hi : left.lo).s0011223344556677 & ALONG < (float)(of->columns - x);
+            if (!(reached >> (y - v) & 1) || !any(single)) continue;
+            const Rays rays = read_row(of, y, x);
+            add_rays_at(a, (a->plane.delta - rays.low) * a->plane.scale, ALONG + (float)x, of->first_row + y, rays.sums,
+                        1.0f, single);
+        }
+    }
 }
+
+// Whether any ray of `rows` rows, from row `v` on, reaches the strip; `ranges` are their depths.
+inline int reaches(const Adding *a, float v, int rows, global const float2 *ranges)
+{
+    float most = 0.0f;
+    for (int k = 0; k < rows; ++k) {
+        const float2 moves = fabs(a->plane.delta - 1.0f / ranges[k]) * a->plane.scale;
+        most = max(most, max(moves.x, moves.y));
+    }
+    const float y = fma(v + 0.5f * (rows - 1), a->plane.step, a->cell.y), more = 0.5f * rows * a->plane.step + 1.0f;
+    const float reach = 0.5f * max(most * a->cell.side_y, a->least) + fabs(a->cell.off_y) * most + more;
+    return y + reach >= a->strip->top && y - reach <= a->strip->top + a->strip->rows;
+}
+
+#if FOURS
+// Squares of 4 x 4 rays of a row of tiles.
+KERNEL
+void join_rays(global const light_t *restrict light,  // as below
+               global const depth_t *restrict depth,
+               global const float *restrict table,
+               const int columns,
+               const int rows,
+               global Rays *restrict fours)           // (views, rows of tiles, tiles of a row)
+{
+    const int v = get_global_id(0) * TILE_ROWS, view = get_global_id(1);
+    const View of = view_of(light, depth, table, columns, rows, view, 0);
+    fours += (ulong)(view * get_global_size(0) + get_global_id(0)) * of.tiles;
+    for (int k = 0; k < of.tiles; ++k) {
+        const int start = k * TILE_COLUMNS, middle = start + TILE_COLUMNS / 2;
+        fours[k] = join(read_squares(&of, v, start), read_squares(&of, v, middle),
+                        read_squares(&of, v + 2, start), read_squares(&of, v + 2, middle));
+    }
+}
+#endif
 
 KERNEL
 void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3); (views, 3, rows, columns) if STORED
               global const depth_t *restrict depth,  // (views, rows, columns), metres, or codes
               global const float *restrict table,    // dioptres of each code
+              global const Rays *restrict fours,     // by join_rays, if FOURS
               global const float2 *restrict ranges,  // (views, rows) least and most depth of a row
               global const Cell *restrict cells,     // (planes, views)
               global const Plane *restrict planes,
@@ -414,7 +481,6 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
               global int *restrict used)             // (planes, strips) bits of layers
 {
     const int plane = get_global_id(1);
-    const ulong channel = STORED ? (ulong)rows * columns : 1;
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
     const Plane p = planes[plane];
     int layers = 0;
@@ -422,25 +488,16 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
         const Adding a = {&s, p, cell, bounds + plane * (N_BOUNDS + 1), layer_size(&s, strip_rows), least, &layers};
-        const ulong at = (ulong)view * rows * columns;
-        const View of = {light + 3 * at, depth + at, table, channel, STORED ? 1 : 3,
-                         STORED ? columns : 3 * (ulong)columns, first_row, columns};
-        for (int v = 0; v < rows; v += 2) {
-            int reached[2] = {0, 0};
-            for (int k = 0; k < min(2, rows - v); ++k) {
-                const float y = fma((float)(first_row + v + k), p.step, cell.y);
-                reached[k] = reaches(&s, p, cell, y, least, ranges[(ulong)view * rows + v + k]);
-            }
-            if (!reached[0] && !reached[1]) continue;
-            for (int start = 0; start < columns; start += 2 * ABREAST) {
-                const int whole = v + 1 < rows && start + 2 * ABREAST <= columns;
-                const int16 left = !COARSE && whole ? ~add_squares(&a, &of, v, start) : (int16)(-1);
-                for (int at = start; at < min(columns, start + 2 * ABREAST); at += ABREAST) {
-                    const int16 single = (at > start ? left.hi : left.lo).s0011223344556677;
-                    for (int k = 0; k < 2 && any(single); ++k)
-                        if (reached[k]) add_single(&a, &of, v + k, at, single);
-                }
-            }
+        const View of = view_of(light, depth, table, columns, rows, view, first_row);
+        for (int v = 0; v < rows; v += TILE_ROWS) {
+            global const float2 *range = ranges + (ulong)view * rows + v;
+            const int count = min(TILE_ROWS, rows - v);
+            if (!reaches(&a, first_row + v, count, range)) continue;
+            int reached = 0;
+            for (int k = 0; k < count; ++k) reached |= reaches(&a, first_row + v + k, 1, range + k) << k;
+            const ulong at = (view * ((rows + TILE_ROWS - 1) / TILE_ROWS) + v / TILE_ROWS) * (ulong)of.tiles;
+            for (int k = 0; k < of.tiles; ++k)
+                add_tile(&a, &of, &fours[at + k], v, k * TILE_COLUMNS, reached);
         }
     }
     used[plane * get_global_size(0) + get_global_id(0)] |= layers;
