@@ -76,7 +76,7 @@ def slice_by_depth(
                 parts = boxes[0][rays][..., None] * colour[rays][:, None]
                 total[number] += cells.share[k] * np.tensordot(rows, parts, (0, 0))
     room *= (slab.pixels / pixels / scale) ** 2
-    return _composed(total, room)
+    return _composed(total, room, bounds_px)
 
 
 def _even(side: np.ndarray, coarse: bool) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -118,16 +118,22 @@ def _layer(sweep: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
     return len(bounds) + np.where(sweep < 0, -beyond, beyond)
 
 
-def _composed(total: np.ndarray, room: np.ndarray) -> np.ndarray:
+def _composed(total: np.ndarray, room: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
     """The layers front to back, each taking no more of a pixel than those before it left; what a
-    pixel then lacks is given to all but the first, at most as much as they have."""
+    pixel then lacks is given to all but the first, at most as much as they have, but where the
+    first may lack rays from beyond the picture."""
     left, colour, first = room.copy(), np.zeros((*room.shape, 4)), np.zeros((*room.shape, 4))
-    for layer in total:
+    across, down = (np.minimum(np.arange(n), np.arange(n)[::-1]) + 0.5 for n in room.shape[::-1])
+    within = np.minimum(across, down[:, None])
+    fills = np.zeros(room.shape, bool)
+    for number, layer in enumerate(total):
         used = np.minimum(layer[..., 3], left)
         colour += layer * (used / np.maximum(layer[..., 3], 1e-300))[..., None]
         left -= used
-        first = np.where(first[..., 3:] > 0, first, colour)
+        is_first = (first[..., 3] == 0) & (used > 0)
+        first[is_first] = colour[is_first]
+        fills[is_first] = [*bounds, np.inf][abs(number - len(bounds))] <= 2 * within[is_first]
     behind = colour - first
-    lacks = np.minimum(left, behind[..., 3])[..., None]
+    lacks = np.where(fills, np.minimum(left, behind[..., 3]), 0)[..., None]
     colour += behind * (lacks / np.maximum(behind[..., 3:], 1e-300))
     return colour[..., :3] / np.maximum(colour[..., 3:], 1e-300)

@@ -291,6 +291,7 @@ class DepthSlicer:
                 (1, 1),
                 self._sums,
                 self._used,
+                self._bounds,
                 device.shown(room),
                 np.int32(self._rows),
                 *map(np.int32, self.size),
