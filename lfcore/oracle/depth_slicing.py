@@ -45,7 +45,7 @@ def slice_by_depth(
     layers = 2 * len(bounds_px) + 1
     *corner, width, height = slab.picture(pixels)
     total = np.zeros((layers, height, width, 4))
-    room = np.zeros((height, width))
+    room = np.zeros((layers, height, width))
     for k, (at, displacement) in enumerate(zip(views.positions, views.displacement, strict=True)):
         if not cells.share[k]:
             continue
@@ -53,7 +53,11 @@ def slice_by_depth(
             _places(slab, plane, at[axis], displacement[axis], pixels, axis) - corner[axis]
             for axis in range(2)
         )
-        room += cells.share[k] * np.outer(_covered(down, height), _covered(across, width))
+        for number in range(layers):
+            each = _typical(abs(number - len(bounds_px)), bounds_px) * cells.extent[k]
+            sides = each / slab.lens_pitch_m
+            reached = _covered(down, height, sides[1]), _covered(across, width, sides[0])
+            room[number] += cells.share[k] * np.outer(*reached)
         # How far a point seen moves on the plane, in pixels a metre of the lens.
         moves = (plane.delta - 1.0 / depth[k].astype(float)) * scale / pitch
         layer = _layer(moves * slab.lens_pitch_m, bounds_px)
@@ -76,7 +80,7 @@ def slice_by_depth(
                 parts = boxes[0][rays][..., None] * colour[rays][:, None]
                 total[number] += cells.share[k] * np.tensordot(rows, parts, (0, 0))
     room *= (slab.pixels / pixels / scale) ** 2
-    return _composed(total, room, bounds_px)
+    return _composed(total, room)
 
 
 def _even(side: np.ndarray, coarse: bool) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -99,10 +103,20 @@ def _places(
     return moved / (slab.camera.field_width / pixels) + pixels / 2
 
 
-def _covered(edges: np.ndarray, pixels: int) -> np.ndarray:
-    """(pixels,) share of each pixel between the first and the last of ``edges``."""
-    left = np.arange(pixels)
-    return np.clip(np.minimum(edges[-1], left + 1) - np.maximum(edges[0], left), 0, 1)
+def _typical(away: int, bounds: tuple[float, ...]) -> float:
+    """The sweep of a layer's rays, by its number from the plane's: hardly any up to 1."""
+    ends = [*bounds, 2 * bounds[-1]] if bounds else []
+    return np.sqrt(ends[away - 1] * ends[away]) if away > 1 else 0.0
+
+
+def _covered(edges: np.ndarray, pixels: int, side: float) -> np.ndarray:
+    """(pixels,) weight of a pixel from light between the first and the last of ``edges``, spread
+    over a box of that side."""
+    if not side:
+        left = np.arange(pixels)
+        return np.clip(np.minimum(edges[-1], left + 1) - np.maximum(edges[0], left), 0, 1)
+    places = (np.arange(64) + 0.5) / 64 * side - side / 2
+    return np.mean([_covered(edges + place, pixels, 0.0) for place in places], axis=0)
 
 
 def _shares(low: np.ndarray, high: np.ndarray, pixels: int) -> np.ndarray:
@@ -118,22 +132,17 @@ def _layer(sweep: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
     return len(bounds) + np.where(sweep < 0, -beyond, beyond)
 
 
-def _composed(total: np.ndarray, room: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
+def _composed(total: np.ndarray, room: np.ndarray) -> np.ndarray:
     """The layers front to back, each taking no more of a pixel than those before it left; what a
-    pixel then lacks is given to all but the first, at most as much as they have, but where the
-    first may lack rays from beyond the picture."""
-    left, colour, first = room.copy(), np.zeros((*room.shape, 4)), np.zeros((*room.shape, 4))
-    across, down = (np.minimum(np.arange(n), np.arange(n)[::-1]) + 0.5 for n in room.shape[::-1])
-    within = np.minimum(across, down[:, None])
-    fills = np.zeros(room.shape, bool)
-    for number, layer in enumerate(total):
-        used = np.minimum(layer[..., 3], left)
-        colour += layer * (used / np.maximum(layer[..., 3], 1e-300))[..., None]
+    pixel then lacks is given to all but the first, at most as much as they have."""
+    left, colour, first = (np.zeros((*room.shape[1:], each)) for each in (1, 4, 4))
+    left += 1
+    for layer in total * np.where(room > 1e-6, 1 / np.maximum(room, 1e-6), 0)[..., None]:
+        used = np.minimum(layer[..., 3:], left)
+        colour += layer * (used / np.maximum(layer[..., 3:], 1e-300))
         left -= used
-        is_first = (first[..., 3] == 0) & (used > 0)
-        first[is_first] = colour[is_first]
-        fills[is_first] = [*bounds, np.inf][abs(number - len(bounds))] <= 2 * within[is_first]
+        first = np.where(first[..., 3:] > 0, first, colour)
     behind = colour - first
-    lacks = np.where(fills, np.minimum(left, behind[..., 3]), 0)[..., None]
+    lacks = np.minimum(left, behind[..., 3:])
     colour += behind * (lacks / np.maximum(behind[..., 3:], 1e-300))
     return colour[..., :3] / np.maximum(colour[..., 3:], 1e-300)

@@ -13,6 +13,7 @@ samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say ho
 `lfcore.oracle.depth_slicing` is the reference.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -70,6 +71,13 @@ def layer_bounds(widest_px: float) -> tuple[float, ...]:
     last = WIDE_LAYERS - 1
     ratio = max(2.0, (widest_px / 2 / WIDE_PX) ** (1 / last))
     return (IN_FOCUS_PX, *(WIDE_PX * ratio**number for number in range(WIDE_LAYERS)))
+
+
+def typical_sweeps(bounds_px: Sequence[float]) -> list[float]:
+    """Sweeps of a layer's rays, from the plane outward; 0 where they are hardly spread."""
+    ends = [*bounds_px[1:], *[2 * last for last in bounds_px[1:][-1:]]]
+    wide = [math.sqrt(low * high) for low, high in itertools.pairwise(ends)]
+    return [0.0] * (1 + len(bounds_px) - len(wide)) + wide
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
@@ -281,9 +289,12 @@ class DepthSlicer:
         """
         device = self.device
         pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
-        each = zip(pictures, self.planes, self._cells, self._ones, strict=True)
-        for number, (picture, plane, cells, one) in enumerate(each):
-            room = self._room(plane, cells) * np.float32(one)  # kept until the kernel has run
+        with device.mapped(self._used, (len(self.planes), self._strips), np.int32) as used:
+            layers = np.bitwise_or.reduce(used, axis=1).tolist()
+        for number, (picture, plane, cells) in enumerate(
+            zip(pictures, self.planes, self._cells, strict=True)
+        ):
+            rooms, row_of = self._rooms(number, layers[number])  # kept until the kernel has run
             target = device.target_buffer(picture)
             self._compose(
                 device.queue,
@@ -291,8 +302,8 @@ class DepthSlicer:
                 (1, 1),
                 self._sums,
                 self._used,
-                self._bounds,
-                device.shown(room),
+                device.shown(rooms),
+                device.shown(row_of),
                 np.int32(self._rows),
                 *map(np.int32, self.size),
                 target,
@@ -304,21 +315,48 @@ class DepthSlicer:
                 picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2
         return pictures
 
-    def _room(self, plane: SensorPlane, cells: LensCells) -> np.ndarray:
-        """(height, width) float32: weight of the rays that a pixel gets when nothing is spread."""
-        step = self._step(plane)
-        reached = []
-        for low, rays, count in zip(
-            (self._first(plane) - step / 2).T, self.views.slab.size, self.size, strict=True
+    def _rooms(self, number: int, layers: int) -> tuple[np.ndarray, np.ndarray]:
+        """Weights (rows, width) float32 of the rays that a pixel gets if all are swept as those of
+        a layer, and the row (layers, height) int32 of each of the ``layers``, which are bits."""
+        cells, one = self._cells[number], self._ones[number]
+        bounds = self.bounds_px[number]
+        row_of = np.zeros((2 * len(bounds) + 1, self.size.height), np.int32)
+        rooms: list[np.ndarray] = []
+        share = cells.share[:, None] / self._step(self.planes[number]) ** 2
+        for away, sweep in enumerate(typical_sweeps(bounds)):
+            both = [
+                layer for layer in (len(bounds) - away, len(bounds) + away) if layers >> layer & 1
+            ]
+            if not both:
+                continue
+            across, down = self._reached(number, sweep)
+            # Most rows are within all views, and alike.
+            unlike = np.append(True, np.any(np.diff(down, axis=1), axis=0))
+            row_of[both] = np.cumsum(unlike) - 1 + sum(map(len, rooms))
+            rows = down[:, unlike] * share
+            # Without BLAS, whose threads spin, and which sums in another order on each processor.
+            rooms.append(np.einsum("kv,ku->vu", rows, across) * one)
+        none = np.zeros((1, self.size.width))
+        return np.concatenate([*rooms, none]).astype(np.float32), row_of
+
+    def _reached(self, number: int, sweep: float) -> list[np.ndarray]:
+        """(K, width) and (K, height): how much of a pixel a view's rays reach, each spread over its
+        cell's part of ``sweep``."""
+        plane, slab = self.planes[number], self.views.slab
+        step, reached = self._step(plane), []
+        sides = self._cells[number].extent / slab.lens_pitch_m * sweep
+        for low, side, rays, count in zip(
+            (self._first(plane) - step / 2).T, sides.T, slab.size, self.size, strict=True
         ):
-            low, left = low[:, None], np.arange(count)
-            reach = np.minimum(low + step * rays, left + 1) - np.maximum(low, left)
-            reached.append(np.clip(reach, 0, 1))
-        across, down = reached
-        # Most rows are within all views, and alike.
-        rows, row_of = np.unique(
-            down * (cells.share[:, None] / step**2), axis=1, return_inverse=True
-        )
-        # Without BLAS, whose threads spin, and which sums in another order on each processor.
-        weight = np.einsum("kv,ku->vu", rows, across).astype(np.float32)
-        return weight[row_of.ravel()]
+            half = np.maximum(side, 1e-3)[:, None] / 2
+            left, ends = np.arange(count), np.stack([low, low + step * rays])[..., None]
+
+            def until(place: np.ndarray, ends: np.ndarray = ends) -> np.ndarray:
+                """The integral over the part of a view before a place, up to it."""
+                before = np.square(np.maximum(place - ends, 0)) / 2
+                return before[0] - before[1]
+
+            whole = until(left + 1 + half) - until(left + half)
+            whole -= until(left + 1 - half) - until(left - half)
+            reached.append(np.round(whole / (2 * half), 6))  # where all is reached, alike
+        return reached

@@ -505,12 +505,12 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
 
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
 // Beside an edge, light from behind has partly been spread over what hides it, where there is no room.  So what a pixel
-// lacks is given to all layers but the first, at most as much as they have; not where the first lacks rays from beyond
-// the picture.
+// lacks is given to all layers but the first, at most as much as they have.  Near the ends of views, layers have less
+// room the wider they are swept.
 KERNEL void compose(global sum4 *restrict sums,
                     global const int *restrict used,    // (planes, strips) bits of layers
-                    constant float *restrict bounds,    // (planes, N_BOUNDS + 1) sweeps
-                    global const float *restrict room,  // (height, width): weight of all rays that fall there, as sums
+                    global const float *restrict rooms,  // (rows, width): weight of all rays that fall there, as sums
+                    global const int *restrict row_of,   // (LAYERS, height) rows of `rooms`
                     const int strip_rows,
                     const int width,
                     const int height,
@@ -540,22 +540,20 @@ KERNEL void compose(global sum4 *restrict sums,
         }
         for (int x = 0; x < width; ++x) {
             const ulong at = (ulong)(s.top + y) * width + x;
-            const int within = min(min(x, width - 1 - x), min(s.top + y, height - 1 - s.top - y));
-            float left = room[at], sweep = 0.0f;
+            float left = 1.0f;
             float4 total = 0.0f, first = 0.0f;
             for (int k = 0; k < count; ++k) {
                 const ulong from = list[k] * size + (IS_WIDE(list[k]) ? 0 : y * pitch) + x;
-                const float4 found = convert_float4(s.sums[from]) / light;
+                const float room = rooms[(ulong)row_of[list[k] * height + s.top + y] * width + x];
+                const float4 found = convert_float4(s.sums[from]) / (light * room);
                 const float used = min(found.w, left);
-                if (!(used > 0.0f)) continue;
+                if (!(used > 0.0f && room > 0.0f)) continue;
                 total += found * (used / found.w);
                 left -= used;
-                if (first.w > 0.0f) continue;
-                first = total;
-                sweep = bounds[plane * (N_BOUNDS + 1) + abs(list[k] - N_BOUNDS)];
+                if (!(first.w > 0.0f)) first = total;
             }
             const float4 behind = total - first;
-            if (behind.w > 0.0f && sweep <= 2.0f * within + 1.0f) total += behind * min(left / behind.w, 1.0f);
+            if (behind.w > 0.0f) total += behind * min(left / behind.w, 1.0f);
             vstore3(total.w > 0.0f ? total.xyz / total.w : 0.0f, at, picture);
         }
     }
