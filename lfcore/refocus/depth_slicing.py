@@ -90,9 +90,8 @@ class DepthSlicer:
     """Forms ``planes`` of ``pixels`` on the longer side from rays of ``views`` with known depth.
 
     ``bounds_px`` are as for the reference, by default :func:`layer_bounds`; ``stops`` those above
-    white of the brightest ray.
-    ``codes`` are of depths, and ``one`` is radiance 1 in fixed point, where rays of a file are
-    added (:meth:`add_stored`) and not traced ones.
+    white of the brightest ray.  ``codes`` are of depths, and ``one`` is radiance 1 in fixed point,
+    where rays of a file are added (:meth:`add_stored`) and not traced ones.
     """
 
     def __init__(
