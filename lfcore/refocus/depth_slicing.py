@@ -13,8 +13,8 @@ samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say ho
 `lfcore.oracle.depth_slicing` is the reference.
 """
 
-import itertools
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -73,11 +73,12 @@ def layer_bounds(widest_px: float) -> tuple[float, ...]:
     return (IN_FOCUS_PX, *(WIDE_PX * ratio**number for number in range(WIDE_LAYERS)))
 
 
-def typical_sweeps(bounds_px: Sequence[float]) -> list[float]:
-    """Sweeps of a layer's rays, from the plane outward; 0 where they are hardly spread."""
-    ends = [*bounds_px[1:], *[2 * last for last in bounds_px[1:][-1:]]]
-    wide = [math.sqrt(low * high) for low, high in itertools.pairwise(ends)]
-    return [0.0] * (1 + len(bounds_px) - len(wide)) + wide
+def typical_sweep(bounds_px: Sequence[float], away: int) -> float:
+    """A layer's typical sweep, by its number from the plane; 0 where rays are hardly spread."""
+    if away < 2:
+        return 0.0
+    ends = *bounds_px, 2 * bounds_px[-1]
+    return math.sqrt(ends[away - 1] * ends[away])
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
@@ -322,16 +323,15 @@ class DepthSlicer:
         row_of = np.zeros((2 * len(bounds) + 1, self.size.height), np.int32)
         rooms: list[np.ndarray] = []
         share = cells.share[:, None] / self._step(self.planes[number]) ** 2
-        for away, sweep in enumerate(typical_sweeps(bounds)):
-            both = [
-                layer for layer in (len(bounds) - away, len(bounds) + away) if layers >> layer & 1
-            ]
-            if not both:
-                continue
+        alike = defaultdict(list)
+        for layer in range(len(row_of)):
+            if layers >> layer & 1:
+                alike[typical_sweep(bounds, abs(layer - len(bounds)))].append(layer)
+        for sweep, swept in alike.items():
             across, down = self._reached(number, sweep)
             # Most rows are within all views, and alike.
             unlike = np.append(True, np.any(np.diff(down, axis=1), axis=0))
-            row_of[both] = np.cumsum(unlike) - 1 + sum(map(len, rooms))
+            row_of[swept] = np.cumsum(unlike) - 1 + sum(map(len, rooms))
             rows = down[:, unlike] * share
             # Without BLAS, whose threads spin, and which sums in another order on each processor.
             rooms.append(np.einsum("kv,ku->vu", rows, across) * one)

@@ -202,8 +202,8 @@ inline int16 to_steps(const Strip *s, float16 place)
 }
 
 // One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
-// last, or of the first two where it is not added by `differences`.  A box that reaches beyond
-// an end is cut there.
+// last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut
+// there.
 inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[2], int16 part[2])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
@@ -382,9 +382,9 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 
 #define ALONG (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 
-// Add those of ABREAST squares of side x side rays from column `start` of row `v` on that are wanted, as one box each,
-// where boxes are wide and differ by an eighth at most; returns where.  Measured against squares of 2 x 2: 66 dB and
-// more, and these against rays of their own: 69.
+// Add squares of side x side rays as one box each, where they are wanted, boxes are wide, and sweeps differ by an eighth
+// at most; returns where.  The first of ABREAST squares is at column `start` of row `v`.  PSNR of squares of 4 x 4
+// against those of 2 x 2: 66 dB and more; of these against single rays: 69.
 inline int16 add_squares(const Adding *a, const View *of, Rays rays, int v, int start, float side, int16 wanted)
 {
     const float scale = a->plane.scale * min(a->cell.side_x, a->cell.side_y) / a->plane.step;
