@@ -7,7 +7,9 @@ seconds of all threads, scene and hierarchy loaded, the least of --repeats in tu
 dB are against our converged picture, for Cycles against its own; the note says how these agree.
 
     python -m benchmarks.sceptic --out sceptic.csv --figure sceptic.png --crops crops/
-    python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 256 --most-rays 64 --out s.csv
+    python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 --out sceptic.csv
+
+Beside larger pictures than the smallest stands only the peer that is best there.
 """
 
 import argparse
@@ -55,6 +57,9 @@ PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
     "mitsuba": (MITSUBA, mitsuba_lens), "cycles": (CYCLES, cycles_lens),
 }  # fmt: skip
 RAYS = (1, 4, 16, 64, 256)
+IN_LARGE = "Mitsuba + OIDN"
+"""The method of the peers with the least error in equal time, for all sizes but the smallest."""
+MOST_MRAYS = 17.0
 CONVERGED = 1024
 """Samples per pixel of a peer's own converged picture."""
 PLANES = ("near", "middle", "far")
@@ -71,7 +76,9 @@ class Point:
     make: Callable[[], tuple[np.ndarray, np.ndarray]]
 
 
-def ours(tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: int) -> Iterator[Point]:
+def ours(
+    tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: float
+) -> Iterator[Point]:
     """Our methods, each picture by itself, and all planes from the same rays."""
     camera, alone, together = tracer.scene.camera, [[plane] for plane in planes], [planes]
 
@@ -99,7 +106,7 @@ def ours(tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: int)
 
 def peer(
     kinds: dict[str, Samples], opened, scene: Scene, planes: list[SensorPlane], pixels: int,
-    most_rays: int,
+    most_rays: float,
 ) -> Iterator[Point]:  # fmt: skip
     """A peer's pictures, new samples in every run."""
     seeds = itertools.count(1)
@@ -150,7 +157,7 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
     kept: dict[tuple, np.ndarray] = {}
     for name in options.scenes:
         path = SCENES / name if (SCENES / name).exists() else Path(name)
-        scene = replace(load_scene(path), name=path.stem)
+        scene = replace(load_scene(path, bare=True), name=path.stem)  # no peer has our sky
         for peer_name in options.peers:
             is_matt, (kinds, open_peer) = peer_name == "cycles", PEERS[peer_name]
             shown = replace(matt(scene), name=f"{scene.name}, matt") if is_matt else scene
@@ -162,7 +169,12 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
             tracer = open_tracer(shown)
             try:
                 for pixels in options.pixels:
-                    more, agrees = one_size(shown, tracer, opened, kinds, pixels, options, kept)
+                    of = kinds
+                    if pixels > min(options.pixels):
+                        of = {name: kinds[name] for name in kinds if name == IN_LARGE}
+                    if not of:
+                        continue
+                    more, agrees = one_size(shown, tracer, opened, of, pixels, options, kept)
                     rows += more
                     agreements.append(f"{shown.name} {pixels}: {agrees:.0f} dB")
             finally:
@@ -185,11 +197,10 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     agrees = inner_psnr(truths[1], theirs[1])
     judge = theirs if has_own_truth else truths
     kept[scene.name, pixels, "true", ""] = truths[1]
-    rows = list(rows_of(
-        scene, list(ours(tracer, planes, pixels, options.most_rays)), truths, pixels,
-        options.repeats, kept,
-    ))  # fmt: skip
-    points = list(peer(kinds, opened, scene, planes, pixels, options.most_rays))
+    most = options.most_mrays * 1e6 / pixels**2
+    points = list(ours(tracer, planes, pixels, most))
+    rows = list(rows_of(scene, points, truths, pixels, options.repeats, kept))
+    points = list(peer(kinds, opened, scene, planes, pixels, most))
     rows += rows_of(scene, points, judge, pixels, options.repeats, kept)
     for row in rows:
         say(" ".join(map(str, row.values())))
@@ -254,11 +265,11 @@ def busiest(picture: np.ndarray) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = parser_of(__doc__ or "", pixels=[128])
+    parser = parser_of(__doc__ or "", pixels=[128, 256, 512])
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--crops", type=Path, help="folder of crops at equal time")
     parser.add_argument("--peers", nargs="+", default=list(PEERS), choices=PEERS)
-    parser.add_argument("--most-rays", type=int, default=256)
+    parser.add_argument("--most-mrays", type=float, default=MOST_MRAYS, help="per picture")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()

@@ -40,7 +40,7 @@ def cycles_lens(scene: Scene, threads: int, bounces: int = 0) -> Renderer:
     Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
     """
     check_installed("bpy")
-    check_plain(scene)
+    check_plain(scene, may_bounce=bounces > 0)
     scene = without_suns(scene) if bounces else scene
     return Renderer(_open, (scene, threads, bounces), _picture, "the package bpy")
 

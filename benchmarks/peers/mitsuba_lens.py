@@ -31,7 +31,7 @@ def mitsuba_lens(scene: Scene, threads: int) -> Renderer:
     return Renderer(_open, (scene, threads, chosen_llvm()), _picture, NEEDS)
 
 
-def check_plain(scene: Scene) -> None:
+def check_plain(scene: Scene, *, may_bounce: bool = False) -> None:
     """Raise :class:`SkippedError` for a scene that the integrator cannot shade as we do."""
     maps = ("metal_texture", "normal_texture", "emission_texture")
     left_out = {
@@ -41,6 +41,7 @@ def check_plain(scene: Scene) -> None:
             getattr(m, name) >= 0 for m in scene.materials for name in maps
         ),
         "area lights and spots": any(x.is_of_emitter or x.is_spot for x in scene.lights),
+        "a sky or bounces": not may_bounce and (len(scene.sky) > 0 or scene.bake is not None),
     }
     for what, present in left_out.items():
         if present:

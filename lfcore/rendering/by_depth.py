@@ -21,9 +21,9 @@ from lfcore.tracing.tracer import Tracer
 RAYS_AT_A_TIME = 1 << 21
 """Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next: some
 views, or some rows of one that has more."""
-FOOTPRINT = 2.0
-"""The width that textures are filtered over, over the distance between the rays of all views
-together in focus: measured, docs/notebook/true-picture.md."""
+TEXTURE_PX = 0.7
+"""The width that textures are filtered over, in pixels, with one ray per pixel; it falls with the
+cube root of the rays per pixel: measured, docs/notebook/true-picture.md."""
 
 
 def pictures_by_depth(
@@ -129,9 +129,9 @@ def traced_views(
     ``in_rows``: large views come some rows at a time."""
     slab = views.slab
     pitch = slab.camera.field_width / pixels
-    between = slab.camera.field_width / (slab.views * slab.pixels)
-    footprint = FOOTPRINT * between if footprint_px is None else footprint_px * pitch
-    footprint = min(slab.pixel_pitch, footprint)
+    if footprint_px is None:
+        footprint_px = TEXTURE_PX * (slab.views * slab.pixels / pixels) ** (-2 / 3)
+    footprint = min(slab.pixel_pitch, footprint_px * pitch)
     order = np.arange(slab.views**2) if order is None else order
     count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))
     rows = slab.size.height
