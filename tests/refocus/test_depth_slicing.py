@@ -106,10 +106,11 @@ def test_dim_light_far_from_focus_is_not_rounded_away(stops):
     np.testing.assert_allclose(picture[4:-4, 4:-4], light, rtol=0.1)
 
 
-@pytest.mark.parametrize(("fours_from", "bound"), [(2048, 2e-3), (1, 6e-3)])
-def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(fours_from, bound, monkeypatch):
-    """A slanted wall before another: 2 x 2 or 4 x 4 rays share each of this plane's boxes."""
-    monkeypatch.setattr("lfcore.refocus.depth_slicing.FOURS_FROM", fours_from)
+@pytest.mark.parametrize(("large_from", "bound"), [(2048, 2e-3), (1, 6e-3)])
+def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(large_from, bound, monkeypatch):
+    """A slanted wall before another: 2 x 2 or 4 x 4 rays share each of this plane's boxes, which in
+    large pictures are added to pixels of 2 x 2; in strips of any height."""
+    monkeypatch.setattr("lfcore.refocus.depth_slicing.LARGE_FROM", large_from)
     views, plane = crossed_views(Slab(CAMERA, 2, 193)), SensorPlane(1.0, 1.0, "square")
     light, depth = noise(views)
     depth[...] = np.linspace(6, 9, 193, dtype=np.float32)
@@ -117,6 +118,7 @@ def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(fours_from, 
     boxes = abs(1 / plane.focus_m - 1 / 9) * views.slab.lens_pitch_m * 96 / CAMERA.field_width
     assert boxes > 16  # 32 distances of rays
     made = sliced(views, [plane], 96, light, depth)[0]
+    monkeypatch.setattr("lfcore.refocus.depth_slicing.STRIP_ROWS", 9)
     slicer = DepthSlicer(views, [plane], 96, open_device(threads=1))
     how = {"bounds_px": slicer.bounds_px[0], "edge_steps": 256}
     right = slice_by_depth(views, plane, light, depth, 96, least_px=0.25, **how)

@@ -6,7 +6,8 @@
 //
 // Boxes of the inner layers have a few pixels and are added pixel by pixel.  Layers of wide boxes hold the differences
 // of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow, "Summed-area tables for texture
-// mapping", SIGGRAPH 1984, the other way round).
+// mapping", SIGGRAPH 1984, the other way round).  HALVED: of the widest, their pixels are two of the picture wide, and
+// light is interpolated between them: a quarter of the memory.
 //
 // Of boxes far wider than the distance of rays, 4 x 4 or 2 x 2 neighbours of about one depth share one.  Squares of
 // 4 x 4 rays (FOURS) are summed once for all planes.  Rays come in tiles of these, or of squares of 2 x 2.
@@ -23,7 +24,9 @@
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
 #define INNER min(1, N_BOUNDS - 1)  // layers before and behind the middle that are not wide
-#define IS_WIDE(layer) ((layer) < N_BOUNDS - INNER | (layer) > N_BOUNDS + INNER)
+#define IS_BEYOND(layer, n) ((layer) < N_BOUNDS - (n) | (layer) > N_BOUNDS + (n))
+#define IS_WIDE(layer) IS_BEYOND(layer, INNER)
+#define IS_HALF(layer) (-HALVED & IS_BEYOND(layer, FULL_LAYERS))
 #define ABREAST 16  // rays of a row
 #define TILE_ROWS (FOURS ? 4 : 2)
 #define TILE_COLUMNS (TILE_ROWS * ABREAST)
@@ -72,23 +75,31 @@ typedef struct {
     float pitch;   // of the lens samples, metres
 } Plane;
 
-// Rows of a strip of sums: one more of each layer, where what ends outside is dropped.
+// Rows of a strip of sums: one more of each layer, where what ends outside is dropped, and one more pixel of a row.
 typedef struct {
-    global sum4 *sums;
+    global sum4 *sums[LAYERS];
     int top, rows, width;
     float far;  // beyond every box that reaches a picture
 } Strip;
 
+// Pixels of a layer for so many of the picture: if halved, one more before and behind them.
+inline int pixels_of(int pixels, int halved) { return halved ? (pixels + 1) / 2 + 2 : pixels; }
+
 inline Strip make_strip(global sum4 *sums, int plane, int strip, int strip_rows, int2 size)
 {
-    const ulong count = (ulong)(strip_rows + 1) * (size.x + 1);
-    const int strips = (size.y + strip_rows - 1) / strip_rows;
-    const ulong at = (ulong)(plane * strips + strip) * LAYERS * count;
-    const int top = strip * strip_rows;
-    return (Strip){sums + at, top, min(strip_rows, size.y - top), size.x, 4.0f * max(size.x, size.y)};
+    const int strips = (size.y + strip_rows - 1) / strip_rows, top = strip * strip_rows;
+    Strip s = {.top = top, .rows = min(strip_rows, size.y - top), .width = size.x, .far = 4.0f * max(size.x, size.y)};
+    ulong count[LAYERS], all = 0;
+    for (int layer = 0; layer < LAYERS; ++layer) {
+        count[layer] = all;
+        all += (ulong)(pixels_of(strip_rows, IS_HALF(layer)) + 1) * (pixels_of(size.x, IS_HALF(layer)) + 1);
+    }
+    for (int layer = 0; layer < LAYERS; ++layer)
+        s.sums[layer] = sums + (ulong)(plane * strips + strip) * all + count[layer];
+    return s;
 }
 
-inline ulong layer_size(const Strip *s, int strip_rows) { return (ulong)(strip_rows + 1) * (s->width + 1); }
+inline int pitch_of(const Strip *s, int layer) { return pixels_of(s->width, IS_HALF(layer)) + 1; }
 
 inline int floor_pixel(int edge) { return edge >> 8; }
 
@@ -146,7 +157,7 @@ inline void add_edges(const Strip *s, const Boxes *b, int k, global sum4 *to, fl
     const sum16 low = edges_of(light, along * b->down[1][k], b->unit[k]);
     const sum16 rows[4] = {top, whole - top, low - whole, -low};
     for (int j = 0; j < 4; ++j) {
-        global sum4 *row = to + b->y[j / 2][k] + j % 2 * (s->width + 1);
+        global sum4 *row = to + b->y[j / 2][k] + j % 2 * pitch_of(s, b->layer[k]);
         add_two(row + b->x[0][k], rows[j].lo);
         add_two(row + b->x[1][k], rows[j].hi);
     }
@@ -166,7 +177,7 @@ inline void add_few(const Strip *s, const Boxes *b, int k, global sum4 *to, floa
 }
 
 // Add the boxes of a kind; returns the bits of their layers.
-inline int add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
+inline int add_kind(const Strip *s, const Boxes *b, int kind)
 {
     int used = 0;
     int list[ABREAST], count = 0;
@@ -177,7 +188,7 @@ inline int add_kind(const Strip *s, ulong layer_size, const Boxes *b, int kind)
     }
     for (int at = 0; at < count; ++at) {
         const int k = list[at];
-        global sum4 *to = s->sums + b->layer[k] * layer_size;
+        global sum4 *to = s->sums[b->layer[k]];
         used |= 1 << b->layer[k];
         const float4 colour = vload4(0, b->colour[k]);
         if (kind == FEW) add_few(s, b, k, to, colour);
@@ -204,7 +215,7 @@ inline int16 to_steps(const Strip *s, float16 place)
 // One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
 // last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut
 // there.
-inline void parts_along(int16 low, int16 high, int first, int count, int16 differences, int16 at[2], int16 part[2])
+inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 differences, int16 at[2], int16 part[2])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
     const int16 head = STEPS - (low & (STEPS - 1)), left = min(head, high - low);
@@ -232,13 +243,17 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     half_x *= grown;
     half_y *= grown;
 #endif
-    const int16 left = to_steps(s, x - half_x), top = to_steps(s, y - half_y);
-    const int16 right = to_steps(s, x + half_x), bottom = to_steps(s, y + half_y);
+    const int16 layer = layer_of(moves * p->pitch, bounds), halved = IS_HALF(layer);
+    const float16 pixel = select((float16)(1.0f), (float16)(0.5f), halved);
+    const int16 left = to_steps(s, (x - half_x) * pixel), top = to_steps(s, (y - half_y) * pixel);
+    const int16 right = to_steps(s, (x + half_x) * pixel), bottom = to_steps(s, (y + half_y) * pixel);
     const int16 wide = right - left, tall = bottom - top;
-    const int first = s->top * STEPS, end = (s->top + s->rows) * STEPS, edge = s->width * STEPS;
-    const int16 falls = wanted & bottom > first & top < end & right > 0 & left < edge & wide > 0 & tall > 0 &
+    const int16 rows = select((int16)(s->rows), (int16)(pixels_of(s->rows, 1)), halved);
+    const int16 width = select((int16)(s->width), (int16)(pixels_of(s->width, 1)), halved);
+    const int16 above = select((int16)(s->top), (int16)(s->top / 2 - 1), halved), before = halved;  // first pixels
+    const int16 first = above * STEPS, end = first + rows * STEPS, start = before * STEPS, edge = start + width * STEPS;
+    const int16 falls = wanted & bottom > first & top < end & right > start & left < edge & wide > 0 & tall > 0 &
                         share > 0.0f;
-    const int16 layer = layer_of(moves * p->pitch, bounds);
     const int16 differences = IS_WIDE(layer);
     const int16 few = ((right - 1) >> 8) - (left >> 8) > 1 | ((bottom - 1) >> 8) - (top >> 8) > 1 | left < 0 |
                       top < first | left >= edge | top >= end;
@@ -249,15 +264,15 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     vstore16(right, 0, b->box[2]);
     vstore16(bottom, 0, b->box[3]);
     int16 at_x[2], at_y[2], along[2], down[2];
-    parts_along(left, right, 0, s->width, differences, at_x, along);
-    parts_along(top, bottom, s->top, s->rows, differences, at_y, down);
+    parts_along(left, right, before, width, differences, at_x, along);
+    parts_along(top, bottom, above, rows, differences, at_y, down);
     for (int k = 0; k < 2; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
-        vstore16(at_y[k] * (s->width + 1), 0, b->y[k]);
+        vstore16(at_y[k] * (width + 1), 0, b->y[k]);
         vstore16(convert_float16(along[k]), 0, b->along[k]);
         vstore16(convert_float16(down[k]), 0, b->down[k]);
     }
-    return select((float16)(0.0f), share / (convert_float16(wide) * convert_float16(tall)), falls);
+    return select((float16)(0.0f), share * pixel * pixel / (convert_float16(wide) * convert_float16(tall)), falls);
 }
 
 // Rows of one view from `first_row` on; steps to the next colour, pixel and row of its light.
@@ -353,7 +368,6 @@ typedef struct {
     Plane plane;
     Cell cell;
     constant const float *bounds;
-    ulong layer_size;
     float least;
     int *used;  // bits of the layers that got light
 } Adding;
@@ -376,7 +390,7 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
         store_colours(colour, b.colour);
         const int16 kind = vload16(0, b.kind);
         for (int k = FOUR; k <= EDGES; ++k)
-            if (any(kind == k)) *a->used |= add_kind(a->strip, a->layer_size, &b, k);
+            if (any(kind == k)) *a->used |= add_kind(a->strip, &b, k);
     }
 }
 
@@ -434,9 +448,10 @@ inline int reaches(const Adding *a, float v, int rows, global const float2 *rang
         const float2 moves = fabs(a->plane.delta - 1.0f / ranges[k]) * a->plane.scale;
         most = max(most, max(moves.x, moves.y));
     }
-    const float y = fma(v + 0.5f * (rows - 1), a->plane.step, a->cell.y), more = 0.5f * rows * a->plane.step + 1.0f;
-    const float reach = 0.5f * max(most * a->cell.side_y, a->least) + fabs(a->cell.off_y) * most + more;
-    return y + reach >= a->strip->top && y - reach <= a->strip->top + a->strip->rows;
+    const float y = fma(v + 0.5f * (rows - 1), a->plane.step, a->cell.y), more = HALVED ? 4.0f : 1.0f;
+    const float box = max(most * a->cell.side_y, a->least);
+    const float reach = 0.5f * (box + rows * a->plane.step) + fabs(a->cell.off_y) * most;
+    return y + reach + more >= a->strip->top && y - reach - more <= a->strip->top + a->strip->rows;
 }
 
 #if FOURS
@@ -487,7 +502,7 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
     for (int view = 0; view < n_views; ++view) {
         const Cell cell = cells[plane * n_views + view];
         if (!(cell.share > 0.0f)) continue;
-        const Adding a = {&s, p, cell, bounds + plane * (N_BOUNDS + 1), layer_size(&s, strip_rows), least, &layers};
+        const Adding a = {&s, p, cell, bounds + plane * (N_BOUNDS + 1), least, &layers};
         const View of = view_of(light, depth, table, columns, rows, view, first_row);
         for (int v = 0; v < rows; v += TILE_ROWS) {
             global const float2 *range = ranges + (ulong)view * rows + v;
@@ -501,6 +516,22 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
         }
     }
     used[plane * get_global_size(0) + get_global_id(0)] |= layers;
+}
+
+// The last row of a wide layer that row `y` of a strip needs.
+inline int last_row(int layer, int y) { return IS_HALF(layer) ? (y + 1) / 2 + 1 : y; }
+
+// Light of a pixel of a layer.  Of wide ones, the first two rows have the last sums; in halved ones, a pixel lies
+// between two along each axis.
+inline float4 light_at(const Strip *s, int layer, int x, int y)
+{
+    const int pitch = pitch_of(s, layer);
+    global const sum4 *sums = s->sums[layer];
+    if (!IS_HALF(layer)) return convert_float4(sums[(IS_WIDE(layer) ? y & 1 : y) * pitch + x]);
+    const int column = x / 2 + 1, row = y / 2 + 1, beside = column + (x % 2 ? 1 : -1);
+    global const sum4 *near = sums + row % 2 * pitch, *far = sums + (row + 1) % 2 * pitch;
+    return (convert_float4(near[column]) * 9.0f + (convert_float4(near[beside]) + convert_float4(far[column])) * 3.0f +
+            convert_float4(far[beside])) * 0.0625f;
 }
 
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
@@ -518,7 +549,6 @@ KERNEL void compose(global sum4 *restrict sums,
 {
     const int plane = get_global_id(1);
     const Strip s = make_strip(sums, plane, get_global_id(0), strip_rows, (int2)(width, height));
-    const ulong pitch = width + 1, size = layer_size(&s, strip_rows);
     const float4 light = (float4)((float3)(LIGHT), 1.0f);
     int list[LAYERS], count = 0;
     for (int layer = 0; layer < LAYERS; ++layer) {
@@ -528,14 +558,16 @@ KERNEL void compose(global sum4 *restrict sums,
     for (int y = 0; y < s.rows; ++y) {
         for (int k = 0; k < count; ++k) {
             if (!IS_WIDE(list[k])) continue;
-            // Sums of all rows so far are kept in the first row: pages that are only read take no
-            // memory.
-            global sum4 *whole = s.sums + list[k] * size;
-            global const sum4 *row = whole + y * pitch;
-            sum4 along = 0;
-            for (int x = 0; x < width; ++x) {
-                along += row[x];
-                whole[x] = y ? whole[x] + along : along;
+            const int pitch = pitch_of(&s, list[k]);
+            for (int row = y ? last_row(list[k], y - 1) + 1 : 0; row <= last_row(list[k], y); ++row) {
+                // Sums of all rows so far are kept in the first two in turn: pages that are only read take no memory.
+                global sum4 *from = s.sums[list[k]] + row * pitch, *to = s.sums[list[k]] + row % 2 * pitch;
+                global const sum4 *before = s.sums[list[k]] + (row + 1) % 2 * pitch;
+                sum4 along = 0;
+                for (int x = 0; x < pitch - 1; ++x) {
+                    along += from[x];
+                    to[x] = row ? before[x] + along : along;
+                }
             }
         }
         for (int x = 0; x < width; ++x) {
@@ -543,9 +575,8 @@ KERNEL void compose(global sum4 *restrict sums,
             float left = 1.0f;
             float4 total = 0.0f, first = 0.0f;
             for (int k = 0; k < count; ++k) {
-                const ulong from = list[k] * size + (IS_WIDE(list[k]) ? 0 : y * pitch) + x;
                 const float room = rooms[(ulong)row_of[list[k] * height + s.top + y] * width + x];
-                const float4 found = convert_float4(s.sums[from]) / (light * room);
+                const float4 found = light_at(&s, list[k], x, y) / (light * room);
                 const float used = min(found.w, left);
                 if (!(used > 0.0f && room > 0.0f)) continue;
                 total += found * (used / found.w);
