@@ -1,12 +1,10 @@
 """The error that a lattice of rays will have, predicted from one view through the lens's middle.
 
 Rays err where light changes.  What a view's pixels differ from their neighbours, in mean squares
-of sRGB, is the light that can go wrong.  How much of it does depends on its kind: rays hit or miss
-an edge whatever its blur, all alike where it is straight along the pixel grid; textures are
-filtered, so that blur leaves little of their error.  The view is traced twice: with textures of
-their mean colours, where only edges are left, and with sharp ones.  The mean squared error is a
-sum over kinds: the differences of each, times a power of the views and one of a view's rays
-(fitted, docs/notebook/true-picture.md).
+of sRGB, is the light that can go wrong.  How much of it does depends on the blur there and on the
+lattice: in focus on the distance between the rays of all views, in wide blur on the number of
+views.  So the mean squared error is a sum over bands of blur: the differences in a band, times a
+power of the views and one of a view's rays (fitted, docs/notebook/true-picture.md).
 """
 
 from __future__ import annotations
@@ -21,26 +19,26 @@ from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import plain_views
-from lfcore.optics.size import Pixels
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
+from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 
-BANDS_PX = 1.5, 8.0
+BANDS_PX = 1.0, 8.0
 """Diameters of blur that part the bands, in pixels."""
-STRAIGHT = 9
-"""The length of edges along the pixel grid, in pixels, that all views blur alike below the last of
-these diameters."""
-SHARP_PX = 1 / 16
-"""The width that sharp textures are filtered over, in pixels."""
-SHARE = np.array([0.0177, 0.0912, 0.1576, 0.0022])
-"""The share of the differences that one view with one ray per pixel lacks: of edges, of straight
-ones, of textures in the first band, and of textures in others."""
-BY_VIEWS = np.array([1.5, 1.5, 2.0, 1.0])
+STRAIGHT = 17
+"""The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
+SHARE = np.array([0.053, 0.0231, 0.0051, 1.74])
+"""The share of the differences that one view with one ray per pixel lacks: per band, and of
+straight edges in focus."""
+BLURRED_STRAIGHT = 3.0
+"""How much more such edges count where blur is in the middle band."""
+BY_VIEWS = np.array([2.17, 1.45, 1.45, 1.89])
 """The power of the views per side by which the share falls."""
-BY_SUBPIXELS = np.array([2.5, 2.0, 2.5, 1.0])
+BY_SUBPIXELS = np.array([3.09, 1.86, 1.24, 1.96])
 """The power of a view's rays per pixel and side."""
 SURE_DB = 2.1
-"""What is subtracted, so that nearly nine of ten pictures are as good as expected or better."""
+"""What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""
 
@@ -51,13 +49,14 @@ class FirstLook:
 
     Attributes
     ----------
-    contrast : (3, H, W) mean squared difference of a pixel to its neighbours, sRGB: of edges, of
-        edges that are straight along the pixel grid, and of textures.
+    contrast : (H, W) mean squared difference of a pixel to its neighbours, sRGB.
+    straight : (H, W) the part of it along straight edges of the pixel grid.
     band : (P, H, W) the band of its blur on each plane.
     narrower : (P,) the plane's aperture as a share of the lens that is traced, per side.
     """
 
     contrast: np.ndarray = field(repr=False)
+    straight: np.ndarray = field(repr=False)
     band: np.ndarray = field(repr=False)
     narrower: np.ndarray
 
@@ -67,12 +66,8 @@ class FirstLook:
     ) -> FirstLook:
         """Trace one view of ``camera``, whose lens all ``planes`` are within."""
         slab = Slab.of(camera, 1, pixels)
-        (plain, depth), (sharp, _) = (
-            tracer.radiance_and_depth(plain_views(slab).bundles(footprint=footprint))
-            for footprint in (camera.field_width, SHARP_PX * slab.pixel_pitch)
-        )
-        edges, straight = _contrast(plain[0])
-        textures = np.maximum(_contrast(sharp[0])[0] - edges, 0)
+        views = plain_views(slab)
+        _, _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
         inverse = 1.0 / depth[0].astype(float)
         band, narrower = [], []
         for plane in planes:
@@ -81,38 +76,39 @@ class FirstLook:
             blur = np.abs(plane.delta - inverse) * lens * scale
             band.append(np.searchsorted(BANDS_PX, blur))
             narrower.append(min(1.0, lens / (2 * camera.lens_radius_m)))
-        contrast = np.stack([edges - straight, straight, textures]).astype(np.float32)
-        return cls(contrast, np.stack(band), np.array(narrower))
+        return cls(*_contrast(light[0]), np.stack(band), np.array(narrower))
 
     def expected_db(self, views: np.ndarray | int, subpixels: np.ndarray | float) -> np.ndarray:
         """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
         lacking = self._shares(np.asarray(views, float), np.asarray(subpixels, float))
-        error = np.einsum("pk,pk...->p...", self._differences, lacking)
+        error = np.einsum("pb,pb...->p...", self._differences, lacking)
         return -10 * np.log10(np.maximum(error, 1e-12)) - SURE_DB
 
     def error_map(self, lattice: Lattice) -> np.ndarray:
         """(P, H, W) float32: each pixel's expected error, sRGB, root mean square."""
         lacking = self._shares(np.array(lattice.views), np.array(lattice.subpixels))
-        shown = np.einsum("pk,pkhw->phw", lacking, self._parts)
+        shown = np.einsum("pb,pbhw->phw", lacking, self._parts)
         return np.sqrt(shown).astype(np.float32)
 
     def _shares(self, views: np.ndarray, subpixels: np.ndarray) -> np.ndarray:
-        """(P, 4, ...) of the differences of a kind, the share that pictures lack."""
+        """(P, bands, ...) of the differences in a band, the share that pictures lack."""
         each = (slice(None), *[None] * views.ndim)
         seen = np.maximum(np.multiply.outer(self.narrower, views), 1.0)[:, None]
         return SHARE[each] * seen ** -BY_VIEWS[each] * subpixels ** -BY_SUBPIXELS[each]
 
     @property
     def _parts(self) -> np.ndarray:
-        """(P, 4, H, W): the differences of each kind."""
-        edges, straight, textures = self.contrast
-        focus, wide = self.band == 0, self.band == len(BANDS_PX)
-        parts = [edges + wide * straight, ~wide * straight, focus * textures, ~focus * textures]
-        return np.stack(parts, axis=1)
+        """(P, bands + 1, H, W): the differences of each band, and of straight edges in focus."""
+        bands = np.arange(len(BANDS_PX) + 1)[:, None, None]
+        parts = np.where(self.band[:, None] == bands, self.contrast, 0.0)
+        straight = np.where(self.band == 0, self.straight, 0.0)
+        parts[:, 0] -= straight
+        parts[:, 1] += np.where(self.band == 1, BLURRED_STRAIGHT * self.straight, 0.0)
+        return np.concatenate([parts, straight[:, None]], axis=1)
 
     @cached_property
     def _differences(self) -> np.ndarray:
-        """(P, 4) their means without the margin."""
+        """(P, bands + 1) their means without the margin."""
         return np.stack([inner(each).mean(axis=(1, 2)) for each in self._parts])
 
 
@@ -128,11 +124,10 @@ def _contrast(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(H, W) differences to neighbours, and the part of them along straight edges."""
     from scipy.ndimage import minimum_filter  # slow to import
 
-    shown = srgb_encode(light)
+    shown = srgb_encode(np.clip(light, 0, 1))
     total, straight = np.zeros((2, *shown.shape[:2]))
     for axis in range(2):
-        step = np.diff(shown, axis=axis)
-        apart = np.einsum("ijc,ijc->ij", step, step) / (2 * step.shape[-1])
+        apart = np.square(np.diff(shown, axis=axis)).mean(axis=-1) / 2
         along = minimum_filter(apart, [(STRAIGHT, 1), (1, STRAIGHT)][1 - axis])
         for before in ((0, 1), (1, 0)):
             sides = [before if each == axis else (0, 0) for each in range(2)]

@@ -11,7 +11,7 @@ import lfcore
 from lfcore import Lattice, Quality, SensorPlane
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
-from lfcore.rendering.first_look import BORDER, SURE_DB, FirstLook
+from lfcore.rendering.first_look import BLURRED_STRAIGHT, BORDER, SURE_DB, FirstLook
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import OF_A_VIEW, QualitySearch, planes_between
 
@@ -24,11 +24,11 @@ def worst_db(pictures, truths):
     return min(psnr(srgb_encode(a[inner]), srgb_encode(b[inner]), peak=1) for a, b in pairs)
 
 
-def look(edges=0.005, straight=0.005, textures=0.0, narrower=(1.0, 1.0)):
+def look(contrast=0.01, narrower=(1.0, 1.0), straight=0.5, blurred=2):
     """Of a picture with even contrast: the first plane in focus, the second in wide blur."""
-    band = np.stack([np.full((50, 50), which) for which in (0, 2)])
-    even = np.stack([np.full((50, 50), each) for each in (edges, straight, textures)])
-    return FirstLook(even, band, np.array(narrower))
+    band = np.stack([np.full((50, 50), which) for which in (0, blurred)])
+    even = np.full((50, 50), contrast)
+    return FirstLook(even, straight * even, band, np.array(narrower))
 
 
 def search(quality, **of):
@@ -42,12 +42,12 @@ def test_the_error_map_has_the_expected_error():
     error = np.square(look().error_map(lattice)).mean(axis=(1, 2))
     expected = look().expected_db(lattice.views, lattice.subpixels)
     np.testing.assert_allclose(-10 * np.log10(error) - SURE_DB, expected, rtol=1e-6)
-    edges, straight, textures = (
-        look(**{"edges": 0, "straight": 0, kind: 0.01}).expected_db(4, 1.5)
-        for kind in ("edges", "straight", "textures")
-    )
-    assert straight[0] + 5 < edges[0] == edges[1] == straight[1]
-    assert textures[0] + 5 < textures[1]
+    assert expected[1] > expected[0] + 10
+    expected_of = [look(straight=share).expected_db(4, 1.5) for share in (0.0, 1.0)]
+    assert expected_of[0][0] > expected[0] > expected_of[1][0] + 2
+    assert expected_of[0][1] == expected[1] == expected_of[1][1]
+    of_band = [look(straight=share, blurred=1).expected_db(4, 1.5)[1] for share in (0.0, 1.0)]
+    assert of_band[0] - of_band[1] == pytest.approx(10 * np.log10(1 + BLURRED_STRAIGHT))
 
 
 @pytest.mark.parametrize("target", [32, 40, 48])
