@@ -14,6 +14,15 @@ import numpy as np
 
 from lfcore.optics.slab import Slab
 
+TEXTURE_PX = 0.7
+"""The width that textures are filtered over with one ray per pixel, in pixels."""
+
+
+def texture_width(rays_per_pixel: float) -> float:
+    """The width that textures are filtered over, in pixels of a picture: it falls with the cube
+    root of the rays per pixel (measured, docs/notebook/true-picture.md)."""
+    return TEXTURE_PX * rays_per_pixel ** (-1 / 3)
+
 
 @dataclass(frozen=True)
 class ElementLattice:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.optics.bundles import texture_width
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import ViewSet, lens_cells, views_of
@@ -21,9 +22,6 @@ from lfcore.tracing.tracer import Tracer
 RAYS_AT_A_TIME = 1 << 21
 """Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next: some
 views, or some rows of one that has more."""
-TEXTURE_PX = 0.7
-"""The width that textures are filtered over, in pixels, with one ray per pixel; it falls with the
-cube root of the rays per pixel: measured, docs/notebook/true-picture.md."""
 
 
 def pictures_by_depth(
@@ -130,7 +128,7 @@ def traced_views(
     slab = views.slab
     pitch = slab.camera.field_width / pixels
     if footprint_px is None:
-        footprint_px = TEXTURE_PX * (slab.views * slab.pixels / pixels) ** (-2 / 3)
+        footprint_px = texture_width((slab.views * slab.pixels / pixels) ** 2)
     footprint = min(slab.pixel_pitch, footprint_px * pitch)
     order = np.arange(slab.views**2) if order is None else order
     count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))

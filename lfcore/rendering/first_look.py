@@ -37,7 +37,7 @@ BY_VIEWS = np.array([2.17, 1.45, 1.45, 1.89])
 """The power of the views per side by which the share falls."""
 BY_SUBPIXELS = np.array([3.09, 1.86, 1.24, 1.96])
 """The power of a view's rays per pixel and side."""
-SURE_DB = 2.1
+SURE_DB = 1.3
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""

@@ -15,7 +15,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
-from lfcore.optics.bundles import Bundles
+from lfcore.optics.bundles import Bundles, texture_width
 from lfcore.progress import Progress
 from lfcore.refocus.array import sampling
 from lfcore.refocus.array.virtual_camera import VirtualCamera
@@ -95,8 +95,7 @@ def direct_thin_lens(
     origins = np.array([x, y]) + lens - z * tangents
     elements = np.concatenate([origins, tangents], 1).astype(np.float32)
     step = np.array([-z * pitch, -z * pitch, pitch, pitch], np.float32)
-    # Many samples fall within a pixel; textures are filtered over half of one.
-    footprint = pitch / min(2.0, math.sqrt(samples_per_pixel))
+    footprint = pitch * texture_width(samples_per_pixel)
     bundles = Bundles(elements, step, *camera.size, footprint)
     total = np.zeros((*camera.size[::-1], 3), np.float64)
     chunk = max(1, min(32, _CHUNK_RAYS // (camera.size[0] * camera.size[1])))
