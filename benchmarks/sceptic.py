@@ -9,7 +9,7 @@ dB are against our converged picture, for Cycles against its own; the note says 
     python -m benchmarks.sceptic --out sceptic.csv --figure sceptic.png --crops crops/
     python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 --out sceptic.csv
 
-Beside larger pictures than the smallest stands only the peer that is best there.
+Only the best peer is timed in more than one size.
 """
 
 import argparse
@@ -30,7 +30,6 @@ from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Samples, SkippedError
 from benchmarks.peers.mitsuba_lens import mitsuba_lens
-from lfcore.api import load_scene
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
 from lfcore.optics.planes import SensorPlane
@@ -39,6 +38,7 @@ from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
+from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
@@ -58,8 +58,9 @@ PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
 }  # fmt: skip
 RAYS = (1, 4, 16, 64, 256)
 IN_LARGE = "Mitsuba + OIDN"
-"""The method of the peers with the least error in equal time, for all sizes but the smallest."""
+"""The peer with the least error in equal time: the only one in sizes above the smallest."""
 MOST_MRAYS = 17.0
+"""Millions of rays of a picture, at most."""
 CONVERGED = 1024
 """Samples per pixel of a peer's own converged picture."""
 PLANES = ("near", "middle", "far")
@@ -157,7 +158,7 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
     kept: dict[tuple, np.ndarray] = {}
     for name in options.scenes:
         path = SCENES / name if (SCENES / name).exists() else Path(name)
-        scene = replace(load_scene(path, bare=True), name=path.stem)  # no peer has our sky
+        scene = replace(build_scene(path), name=path.stem)
         for peer_name in options.peers:
             is_matt, (kinds, open_peer) = peer_name == "cycles", PEERS[peer_name]
             shown = replace(matt(scene), name=f"{scene.name}, matt") if is_matt else scene
@@ -169,12 +170,11 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
             tracer = open_tracer(shown)
             try:
                 for pixels in options.pixels:
-                    of = kinds
-                    if pixels > min(options.pixels):
-                        of = {name: kinds[name] for name in kinds if name == IN_LARGE}
-                    if not of:
+                    is_least = pixels == min(options.pixels)
+                    timed = {n: kind for n, kind in kinds.items() if is_least or n == IN_LARGE}
+                    if not timed:
                         continue
-                    more, agrees = one_size(shown, tracer, opened, of, pixels, options, kept)
+                    more, agrees = one_size(shown, tracer, opened, timed, pixels, options, kept)
                     rows += more
                     agreements.append(f"{shown.name} {pixels}: {agrees:.0f} dB")
             finally:
@@ -189,7 +189,7 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     planes = [SensorPlane(focus, scene.camera.f_number) for focus in (near, middle, far)]
     say(f"{scene.name}, {pixels} pixels: converged pictures")
     truths = true_pictures(tracer, planes, pixels, TRUTH).pictures
-    theirs, has_own_truth = truths.copy(), kinds is CYCLES
+    theirs, has_own_truth = truths.copy(), kinds == CYCLES
     converged = replace(next(iter(kinds.values())), per_pixel=CONVERGED)
     for index in range(len(planes)) if has_own_truth else [1]:
         camera = focused_camera(scene.camera, planes[index])

@@ -1,9 +1,9 @@
 """A camera array: parallel pinholes on a grid, the assignment's "data cameras".
 
 The pinholes are in z = 0 of camera space and look along +z.  Column ``i`` of the grid is at
-``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile (j, i) of one image.  Seen
-from behind, cameras are in the order of their tiles.  Rays are those of a light slab: the
-assignment's cameras have ``delta = 0``, and the views of a focused slab are a sheared array.
+``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile (j, i) of one image: the top
+left tile is of the camera that is at the top left for someone behind the array.  Rays are those of
+a light slab: ``delta`` is 0 for the assignment's cameras, and not for a focused slab's views.
 
 Source: CS348b assignment 3, step 2; Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light
 Fields", SIGGRAPH 2000.

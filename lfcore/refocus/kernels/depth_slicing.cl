@@ -213,8 +213,7 @@ inline int16 to_steps(const Strip *s, float16 place)
 }
 
 // One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
-// last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut
-// there.
+// last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut there.
 inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 differences, int16 at[2], int16 part[2])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
@@ -396,9 +395,10 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 
 #define ALONG (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 
-// Add squares of side x side rays as one box each, where they are wanted, boxes are wide, and sweeps differ by an eighth
-// at most; returns where.  The first of ABREAST squares is at column `start` of row `v`.  PSNR of squares of 4 x 4
-// against those of 2 x 2: 66 dB and more; of these against single rays: 69.  Twice inline, it takes 3% longer.
+// Add squares of side x side rays as one box each, where they are wanted, boxes are wide, and sweeps differ by an
+// eighth at most; returns where.  The first of ABREAST squares is at column `start` of row `v`.  Pictures have 66 dB
+// and more if squares of 4 x 4 are added too, against those with squares of 2 x 2 alone; and these 69 dB against
+// pictures of single rays.  Not inline: slicing with two copies takes 3% longer.
 __attribute__((noinline)) static int16 add_squares(const Adding *a, const View *of, Rays rays, int v, int start,
                                                    float side, int16 wanted)
 {
@@ -414,8 +414,7 @@ __attribute__((noinline)) static int16 add_squares(const Adding *a, const View *
     return shared;
 }
 
-// Of ABREAST rays or squares, those within squares of twice their side that are among `squares`: in the first half of
-// these or the second.
+// A mask of squares, as one of the squares (or rays) of half their side: those of its first or second half.
 #define WITHIN(squares, second) ((second) ? (squares).hi : (squares).lo).s0011223344556677
 
 // Add ABREAST squares of 2 x 2 rays, where they are wanted: as one box each, or else ray by ray, of rows whose bit is
@@ -434,7 +433,7 @@ inline void add_twos(const Adding *a, const View *of, int v, int start, int reac
     }
 }
 
-// Add the rays of a tile: squares of 4 x 4 (FOURS), then those of 2 x 2 in what is left.
+// Add the rays of a tile: as squares of 4 x 4 where these may be (FOURS), elsewhere as squares of 2 x 2.
 inline void add_tile(const Adding *a, const View *of, global const Rays *fours, int v, int start, int reached)
 {
 #if FOURS
@@ -527,8 +526,8 @@ void add_rays(global const light_t *restrict light,  // (views, rows, columns, 3
 // The last row of a wide layer that row `y` of a strip needs.
 inline int last_row(int layer, int y) { return IS_HALF(layer) ? (y + 1) / 2 + 1 : y; }
 
-// Light of a pixel of a layer.  Of wide ones, the first two rows have the last sums; in halved ones, a pixel lies
-// between two along each axis.
+// Light of a pixel of a layer.  Wide layers keep their last two rows of sums in the first two rows; in halved ones, a
+// pixel of the picture lies between two pixels along each axis.
 inline float4 light_at(const Strip *s, int layer, int x, int y)
 {
     const int pitch = pitch_of(s, layer);
