@@ -28,6 +28,7 @@ LEAST_HIGHLIGHT = 2.0**-24
 UNEVEN = 0.08
 """Baked light that differs by such a share from the middle of two opposite neighbours has no
 coarser levels."""
+_SHIFTS = np.arange(3, dtype=np.uint32) * TEXEL_BITS
 
 
 @dataclass(frozen=True)
@@ -192,28 +193,34 @@ def pack_textures(
     for number, (entry, texture) in enumerate(zip(levels, textures, strict=True)):
         codes = np.arange(256) / 255.0
         linear = (codes if number in data else srgb_decode(codes)).astype(np.float32)
-        chain = list(itertools.islice(_mip_chain(linear[texture[..., :3]]), limit))
-        for level, linear in enumerate(chain):
-            height, width = linear.shape[:2]
-            entry[level] = offset, width, height, len(chain)
-            most = (1 << TEXEL_BITS) - 1
-            codes = np.rint(np.sqrt(np.clip(linear, 0, 1)) * most).astype(np.uint32)
-            codes <<= np.arange(3, dtype=np.uint32) * TEXEL_BITS
-            chunks.append(np.bitwise_or.reduce(codes, axis=-1).ravel())
+        chain = itertools.islice(_mip_chain(texture[..., :3], linear), limit)
+        for level, packed in enumerate(chain):
+            height, width = packed.shape
+            entry[level:] = offset, width, height, 0
+            chunks.append(packed.ravel())
             offset += width * height
-        entry[len(chain) :] = entry[len(chain) - 1]
+        entry["levels"] = level + 1
     return levels, np.concatenate(chunks) if chunks else np.zeros(0, np.uint32)
 
 
-def _mip_chain(linear: np.ndarray) -> Iterator[np.ndarray]:
-    """Linear float32 (H, W, 3) itself, then halves of it down to one texel."""
+def _mip_chain(texture: np.ndarray, linear: np.ndarray) -> Iterator[np.ndarray]:
+    """The texels of a uint8 picture (H, W, 3), then of its halves down to one texel; ``linear``
+    (256,) float32 are the values of its codes."""
     import cv2  # loaded for textures alone
 
-    yield linear
+    red, green, blue = (_texels(linear)[texture[..., n]] << n * TEXEL_BITS for n in range(3))
+    yield red | green | blue
+    colours = cv2.LUT(np.ascontiguousarray(texture), linear)
     for _ in range(MIP_LEVELS - 1):
-        height, width = linear.shape[:2]
+        height, width = colours.shape[:2]
         if height == width == 1:
             return
         size = max(width // 2, 1), max(height // 2, 1)
-        linear = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
-        yield linear
+        colours = cv2.resize(colours, size, interpolation=cv2.INTER_AREA)
+        yield np.bitwise_or.reduce(_texels(colours) << _SHIFTS, axis=-1)
+
+
+def _texels(linear: np.ndarray) -> np.ndarray:
+    """Linear values as uint32 codes of TEXEL_BITS."""
+    most = (1 << TEXEL_BITS) - 1
+    return np.rint(np.sqrt(np.clip(linear, 0, 1)) * most).astype(np.uint32)
