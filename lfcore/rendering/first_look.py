@@ -24,21 +24,22 @@ from lfcore.optics.slab import Lattice, Slab
 from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 
-BANDS_PX = 1.0, 8.0
+BANDS_PX = 1.0, 16.0
 """Diameters of blur that part the bands, in pixels."""
 STRAIGHT = 17
 """The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
-SHARE = np.array([0.053, 0.0231, 0.0051, 1.74])
+SHARE = np.array([0.0993, 0.0125, 0.0061, 0.6])
 """The share of the differences that one view with one ray per pixel lacks: per band, and of
-straight edges in focus."""
-BLURRED_STRAIGHT = 3.0
-"""How much more such edges count where blur is in the middle band."""
-BY_VIEWS = np.array([2.17, 1.45, 1.45, 1.89])
+straight edges in focus.  In the last band it grows in proportion to the blur, for an edge errs over
+all of its width."""
+BY_VIEWS = np.array([2.01, 1.28, 2.93, 2.0])
 """The power of the views per side by which the share falls."""
-BY_SUBPIXELS = np.array([3.09, 1.86, 1.24, 1.96])
+BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
 """The power of a view's rays per pixel and side."""
-SURE_DB = 1.3
+SURE_DB = 1.5
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
+BRIGHTEST = 4.0
+"""Light counts up to so many times white: what is brighter saturates its pixels."""
 BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""
 
@@ -51,13 +52,13 @@ class FirstLook:
     ----------
     contrast : (H, W) mean squared difference of a pixel to its neighbours, sRGB.
     straight : (H, W) the part of it along straight edges of the pixel grid.
-    band : (P, H, W) the band of its blur on each plane.
+    blur_px : (P, H, W) the diameter of its blur on each plane, in pixels.
     narrower : (P,) the plane's aperture as a share of the lens that is traced, per side.
     """
 
     contrast: np.ndarray = field(repr=False)
     straight: np.ndarray = field(repr=False)
-    band: np.ndarray = field(repr=False)
+    blur_px: np.ndarray = field(repr=False)
     narrower: np.ndarray
 
     @classmethod
@@ -69,14 +70,14 @@ class FirstLook:
         views = plain_views(slab)
         _, _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
         inverse = 1.0 / depth[0].astype(float)
-        band, narrower = [], []
+        blur, narrower = [], []
         for plane in planes:
             scale = plane.magnification(slab) / slab.pixel_pitch
             lens = 2 * plane.lens_aperture(slab).radius_m
-            blur = np.abs(plane.delta - inverse) * lens * scale
-            band.append(np.searchsorted(BANDS_PX, blur))
+            blur.append(np.abs(plane.delta - inverse) * lens * scale)
             narrower.append(min(1.0, lens / (2 * camera.lens_radius_m)))
-        return cls(*_contrast(light[0]), np.stack(band), np.array(narrower))
+        most = min(BRIGHTEST, 2.0**tracer.needs.stops)
+        return cls(*_contrast(light[0], most), np.stack(blur), np.array(narrower))
 
     def expected_db(self, views: np.ndarray | int, subpixels: np.ndarray | float) -> np.ndarray:
         """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
@@ -98,12 +99,14 @@ class FirstLook:
 
     @property
     def _parts(self) -> np.ndarray:
-        """(P, bands + 1, H, W): the differences of each band, and of straight edges in focus."""
+        """(P, bands + 1, H, W): the differences of each band, in the last times the growth with
+        blur, and of straight edges in focus."""
         bands = np.arange(len(BANDS_PX) + 1)[:, None, None]
-        parts = np.where(self.band[:, None] == bands, self.contrast, 0.0)
-        straight = np.where(self.band == 0, self.straight, 0.0)
+        band = np.searchsorted(BANDS_PX, self.blur_px)
+        grown = self.contrast * np.maximum(self.blur_px / BANDS_PX[-1], 1)
+        parts = np.where(band[:, None] == bands, grown[:, None], 0.0)
+        straight = np.where(band == 0, self.straight, 0.0)
         parts[:, 0] -= straight
-        parts[:, 1] += np.where(self.band == 1, BLURRED_STRAIGHT * self.straight, 0.0)
         return np.concatenate([parts, straight[:, None]], axis=1)
 
     @cached_property
@@ -120,11 +123,12 @@ def inner(pictures: np.ndarray) -> np.ndarray:
     return pictures[:, rows, columns]
 
 
-def _contrast(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W) differences to neighbours, and the part of them along straight edges."""
+def _contrast(light: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) differences to neighbours, and the part of them along straight edges; light above
+    white counts up to ``most``."""
     from scipy.ndimage import minimum_filter  # slow to import
 
-    shown = srgb_encode(np.clip(light, 0, 1))
+    shown = srgb_encode(np.clip(light, 0, 1)) + np.clip(light, 1, most) ** (1 / 2.4) - 1
     total, straight = np.zeros((2, *shown.shape[:2]))
     for axis in range(2):
         apart = np.square(np.diff(shown, axis=axis)).mean(axis=-1) / 2

@@ -17,7 +17,7 @@ from lfcore.rendering.by_depth import pictures_by_depth, traced_camera
 from lfcore.rendering.first_look import FirstLook
 from lfcore.tracing.tracer import Tracer
 
-VIEWS, SUBPIXELS = range(1, 65), [k / 8 for k in range(6, 65)]
+VIEWS, SUBPIXELS = range(1, 65), [k / 8 for k in range(8, 65)]
 """The lattices to choose from: views, and a view's rays per pixel, at most as many, per side."""
 OF_A_VIEW = 2.5
 """What a view costs beside its rays, in rays per pixel (bike, bedroom and a mesh, M = 128)."""
