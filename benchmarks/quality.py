@@ -41,7 +41,8 @@ LATTICES = [
         (4, 2), (4, 3), (4, 4), (5, 2), (6, 2), (6, 3), (8, 2), (8, 3),
     )
 ]  # fmt: skip
-TARGETS_DB, FITTED = (35, 40, 45, 50), ("bike", "cabin", "bedroom", "chart")
+TARGETS_DB = 35, 40, 45, 50
+FITTED = "bike", "cabin", "bedroom", "chart", "book", "sphere", "cornell"
 MOST_OVER_DB, MOST_TIMES = 2.5, 1.3
 
 
@@ -170,7 +171,7 @@ def summary(rows: pd.DataFrame) -> str:
 
 
 def main() -> None:
-    parser = parser_of(__doc__, scenes=(*FITTED, "book", "sphere", "cornell"), pixels=128)
+    parser = parser_of(__doc__, scenes=FITTED, pixels=128)
     parser.add_argument("--stored", action="store_true", help="record light fields, too")
     asked = parser.parse_args()
     rows: list[dict] = []

@@ -36,7 +36,7 @@ BY_VIEWS = np.array([2.01, 1.28, 2.93, 2.0])
 """The power of the views per side by which the share falls."""
 BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
 """The power of a view's rays per pixel and side."""
-SURE_DB = 1.5
+SURE_DB = 2.3
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BRIGHTEST = 4.0
 """Light counts up to so many times white: what is brighter saturates its pixels."""
