@@ -31,8 +31,7 @@ def look(straight=0.5, blur_px=2 * BANDS_PX[-1]):
 
 
 def search(quality):
-    made = QualitySearch(None, None, [None, None], 50, quality)
-    made.__dict__["look"] = look()
+    vars(made := QualitySearch(None, None, [None, None], 50, quality))["look"] = look()
     return made
 
 
