@@ -239,8 +239,7 @@ def _reduced(texture: np.ndarray) -> np.ndarray:
     """A texture's colours in linear light, shrunk to at most _TEXELS a side."""
     import cv2  # loaded for textures alone
 
-    values = srgb_decode(np.arange(256) / 255.0).astype(np.float32)
-    linear = cv2.LUT(np.ascontiguousarray(texture[..., :3]), values)
+    linear = srgb_decode(texture[..., :3])
     height, width = linear.shape[:2]
     size = min(width, _TEXELS), min(height, _TEXELS)
     return cv2.resize(linear, size, interpolation=cv2.INTER_AREA)

@@ -30,8 +30,8 @@ STRAIGHT = 17
 """The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
 SHARE = np.array([0.0993, 0.0125, 0.0061, 0.6])
 """The share of the differences that one view with one ray per pixel lacks: per band, and of
-straight edges in focus.  In the last band it grows in proportion to the blur, for an edge errs over
-all of its width."""
+straight edges in focus.  In the last band it grows in proportion to the blur, because a blurred
+edge errs over its whole width."""
 BY_VIEWS = np.array([2.01, 1.28, 2.93, 2.0])
 """The power of the views per side by which the share falls."""
 BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
@@ -39,7 +39,7 @@ BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
 SURE_DB = 2.3
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BRIGHTEST = 4.0
-"""Light counts up to so many times white: what is brighter saturates its pixels."""
+"""Light above so many times white counts as that: it saturates its pixels anyway."""
 BORDER = 0.08
 """The margin, as a share of the side, that is left out: not all of the lens sees it."""
 
@@ -99,8 +99,8 @@ class FirstLook:
 
     @property
     def _parts(self) -> np.ndarray:
-        """(P, bands + 1, H, W): the differences of each band, in the last times the growth with
-        blur, and of straight edges in focus."""
+        """(P, bands + 1, H, W): the differences of each band, multiplied in the last by the growth
+        with blur, and those of straight edges in focus."""
         bands = np.arange(len(BANDS_PX) + 1)[:, None, None]
         band = np.searchsorted(BANDS_PX, self.blur_px)
         grown = self.contrast * np.maximum(self.blur_px / BANDS_PX[-1], 1)

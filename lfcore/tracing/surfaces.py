@@ -28,7 +28,6 @@ LEAST_HIGHLIGHT = 2.0**-24
 UNEVEN = 0.08
 """Baked light that differs by such a share from the middle of two opposite neighbours has no
 coarser levels."""
-_SHIFTS = np.arange(3, dtype=np.uint32) * TEXEL_BITS
 
 
 @dataclass(frozen=True)
@@ -191,8 +190,8 @@ def pack_textures(
     levels = np.zeros((len(textures), MIP_LEVELS), LEVEL)
     chunks, offset = [], 0
     for number, (entry, texture) in enumerate(zip(levels, textures, strict=True)):
-        codes = np.arange(256) / 255.0
-        linear = (codes if number in data else srgb_decode(codes)).astype(np.float32)
+        codes = np.arange(256, dtype=np.uint8)
+        linear = (codes / 255 if number in data else srgb_decode(codes)).astype(np.float32)
         chain = itertools.islice(_mip_chain(texture[..., :3], linear), limit)
         for level, packed in enumerate(chain):
             height, width = packed.shape
@@ -208,8 +207,7 @@ def _mip_chain(texture: np.ndarray, linear: np.ndarray) -> Iterator[np.ndarray]:
     (256,) float32 are the values of its codes."""
     import cv2  # loaded for textures alone
 
-    red, green, blue = (_texels(linear)[texture[..., n]] << n * TEXEL_BITS for n in range(3))
-    yield red | green | blue
+    yield _packed(_codes(linear)[texture])
     colours = cv2.LUT(np.ascontiguousarray(texture), linear)
     for _ in range(MIP_LEVELS - 1):
         height, width = colours.shape[:2]
@@ -217,10 +215,15 @@ def _mip_chain(texture: np.ndarray, linear: np.ndarray) -> Iterator[np.ndarray]:
             return
         size = max(width // 2, 1), max(height // 2, 1)
         colours = cv2.resize(colours, size, interpolation=cv2.INTER_AREA)
-        yield np.bitwise_or.reduce(_texels(colours) << _SHIFTS, axis=-1)
+        yield _packed(_codes(colours))
 
 
-def _texels(linear: np.ndarray) -> np.ndarray:
+def _codes(linear: np.ndarray) -> np.ndarray:
     """Linear values as uint32 codes of TEXEL_BITS."""
     most = (1 << TEXEL_BITS) - 1
     return np.rint(np.sqrt(np.clip(linear, 0, 1)) * most).astype(np.uint32)
+
+
+def _packed(codes: np.ndarray) -> np.ndarray:
+    """Codes (H, W, 3) of red, green and blue, side by side in one number."""
+    return codes[..., 0] | codes[..., 1] << TEXEL_BITS | codes[..., 2] << 2 * TEXEL_BITS

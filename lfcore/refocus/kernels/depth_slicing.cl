@@ -414,7 +414,7 @@ __attribute__((noinline)) static int16 add_squares(const Adding *a, const View *
     return shared;
 }
 
-// A mask of squares, as one of the squares (or rays) of half their side: those of its first or second half.
+// From a mask of sixteen squares that of the sixteen smaller ones (or rays) in a row of its first or last eight.
 #define WITHIN(squares, second) ((second) ? (squares).hi : (squares).lo).s0011223344556677
 
 // Add ABREAST squares of 2 x 2 rays, where they are wanted: as one box each, or else ray by ray, of rows whose bit is
