@@ -51,7 +51,6 @@ DOCUMENTS = (
     "docs/performance.md",
     "docs/notebook/tracer.md",
     "docs/robustness.md",
-    "benchmarks/interop/README.md",
 )
 PLACE = re.compile(
     r"(<!-- published: (\w+)(?:: ([^>\n]*?))?(?: where ([^>\n]*?))? -->\n)"
