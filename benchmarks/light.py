@@ -32,6 +32,7 @@ from benchmarks.peers.mitsuba_picture import denoised
 from benchmarks.results import with_kept
 from docs.examples.sky import sky
 from lfcore.api import load_scene
+from lfcore.baking.bake import bake_light
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import BORDER
@@ -40,7 +41,6 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.pictures import write_picture
-from lfcore.rendering.bake import bake_light
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened

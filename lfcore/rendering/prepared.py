@@ -32,7 +32,7 @@ def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene
     if scene.bake is None or scene.light is not None:
         return scene
     if scene not in _lit:
-        from lfcore.rendering.bake import bake_light  # seldom needed
+        from lfcore.baking.bake import bake_light  # seldom needed
 
         bvh = hierarchy_of(scene)
         with stage(BAKING):

@@ -14,7 +14,7 @@ LIBRARY = Path(lfcore.__file__).parent
 SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv", ".js", ".html"}
 SCENE = ("optics", "scene")
 TREE = (*SCENE, "tracing")
-TRACE = (*TREE, "opencl", "rendering", "storage", "workflow")
+TRACE = (*TREE, "opencl", "baking", "rendering", "storage", "workflow")
 PICTURE = (*TRACE, "refocus", "viewer")
 STAGES = {
     "scene": SCENE,

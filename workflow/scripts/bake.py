@@ -1,7 +1,7 @@
 """Bake the light of a scene's sky and bounces."""
 
+from lfcore.baking.bake import bake_light
 from lfcore.opencl.device import open_device
-from lfcore.rendering.bake import bake_light
 from lfcore.workflow.batch import open_scene
 from lfcore.workflow.job import job
 

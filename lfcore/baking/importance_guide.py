@@ -11,8 +11,8 @@ light is from was H. Jensen, "Importance Driven Path Tracing using the Photon Ma
 
 import numpy as np
 
-from lfcore.rendering.bake_points import Points, hashed
-from lfcore.rendering.bake_rays import samples
+from lfcore.baking.points import Points, hashed
+from lfcore.baking.rays import samples
 
 SIDE = 16
 _LEAST_RAYS, _PRIOR = 8 * SIDE * SIDE, 0.25

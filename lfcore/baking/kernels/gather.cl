@@ -1,4 +1,4 @@
-// Rays that gather light at points, and what they bring: see lfcore/rendering/bake_gather.py.
+// Rays that gather light at points, and what they bring: see lfcore/baking/gather.py.
 
 #include "kernel.cl"
 

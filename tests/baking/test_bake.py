@@ -10,12 +10,12 @@ import trimesh
 
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
+from lfcore.baking import rays
+from lfcore.baking.gather import Gatherer
+from lfcore.baking.lamps import Lamps
+from lfcore.baking.points import Points, lattice
+from lfcore.baking.rays import Surroundings
 from lfcore.optics import bundles
-from lfcore.rendering import bake_rays
-from lfcore.rendering.bake_gather import Gatherer
-from lfcore.rendering.bake_lamps import Lamps
-from lfcore.rendering.bake_points import Points, lattice
-from lfcore.rendering.bake_rays import Surroundings
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.sky import (
@@ -154,7 +154,7 @@ def test_kernels_send_the_rays_that_the_host_would():
     points = Points(places, up, up, np.zeros(50))
     gatherer = Gatherer(Lamps(around, points), np.zeros(8, bool))
     sums, is_open, (glows, faces, weights, colours) = gatherer.send(points, seeds, 0, n, -1)
-    towards = bake_rays.directions(points, *bake_rays.samples(seeds, 0, n))
+    towards = rays.directions(points, *rays.samples(seeds, 0, n))
     hit, at, _ = around.hits(points, towards)
     wanted = around.glow(hit, at, towards.reshape(-1, 3))
     np.testing.assert_array_equal(faces, hit)

@@ -1,17 +1,11 @@
 """Finer grids where baked light changes fast: contact shadows, and edges of what is lit."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from lfcore.rendering.bake_points import grid_point, lattice
-from lfcore.rendering.bake_rays import mean_colour
+from lfcore.baking.irradiance_cache import Baker
+from lfcore.baking.points import grid_point, lattice
+from lfcore.baking.rays import mean_colour
 from lfcore.scene.baked import BakedLight
-
-if TYPE_CHECKING:
-    from lfcore.rendering.bake import Baker
 
 FINER = 8
 """Cells are halved until an edge has this many times the cells that the picture needs at first,

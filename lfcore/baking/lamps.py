@@ -14,8 +14,8 @@ import math
 
 import numpy as np
 
-from lfcore.rendering.bake_points import Points, dot
-from lfcore.rendering.bake_rays import Surroundings, directions, samples
+from lfcore.baking.points import Points, dot
+from lfcore.baking.rays import Surroundings, directions, samples
 
 _OFTEN, _SELDOM, _MAIN = 2, 4, 0.25
 """A ray to lamps for every so many rays to all sides: where lamps give this share of the light,

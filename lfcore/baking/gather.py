@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.baking.importance_guide import SIDE, Guide
+from lfcore.baking.lamps import Lamps
+from lfcore.baking.points import Grids, Points, lattice
+from lfcore.baking.rays import ALONG, R2, TURNS, circle, shifts
 from lfcore.opencl.device import build_program, cl, page_aligned
-from lfcore.rendering.bake_guide import SIDE, Guide
-from lfcore.rendering.bake_lamps import Lamps
-from lfcore.rendering.bake_points import Grids, Points, lattice
-from lfcore.rendering.bake_rays import ALONG, R2, TURNS, circle, shifts
 from lfcore.tracing.header import header
 from lfcore.tracing.layouts import FLOAT, INT, UINT
 
@@ -19,7 +19,7 @@ FACE = np.dtype([("first", INT), ("side", INT), ("density", FLOAT), ("emits", np
                  ("is_seen", np.uint16)])  # fmt: skip
 MATT = np.dtype([("diffuse", FLOAT, 3), ("emission", FLOAT, 3), ("base", FLOAT), ("texture", INT),
                  ("glow_texture", INT)])  # fmt: skip
-FILE = "rendering/kernels/bake.cl"
+FILE = "baking/kernels/gather.cl"
 TEXTURE = np.dtype([("first", INT), ("width", INT), ("height", INT)])
 
 

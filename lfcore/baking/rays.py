@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
+from lfcore.baking.points import GOLDEN, Points, dot, extent, shuffled
 from lfcore.colour import srgb_decode
-from lfcore.rendering.bake_points import GOLDEN, Points, dot, extent, shuffled
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
