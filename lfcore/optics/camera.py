@@ -8,8 +8,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import OpticsError
+
+PINHOLE_F_NUMBER = 1e6
+"""The f-number of a camera that a matrix describes: its lens is 50 nm wide."""
+OFF_PX = 1.0
+"""The distance of a principal point from the middle of the picture, at most, in pixels: programs
+count pixels from their edges or from their middles."""
+RIGID = 1e-4
+"""The greatest deviation of a rotation times its transpose from the identity."""
 
 
 @dataclass(frozen=True)
@@ -26,17 +38,22 @@ class Camera:
         Focal length over the diameter of the lens.
     focus_m : float
         Distance from the lens to the plane in focus, metres; ``math.inf`` is allowed.
+    pose : array_like, optional
+        (4, 4) camera to world, rigid: the camera looks along its own -z with +y up, as in glTF,
+        Blender and nerfstudio.  It is for the functions that make a scene; a scene's own camera
+        has none, as the scene is in camera space.
 
     Raises
     ------
     OpticsError
-        A value that is not positive, or a focus inside the focal length.
+        A value that is not positive, a focus inside the focal length, or a pose with a scale.
     """
 
     focal_length_m: float
     sensor_width_m: float
     f_number: float
     focus_m: float
+    pose: Any = None
 
     def __post_init__(self) -> None:
         for key in ("focal_length_m", "sensor_width_m", "f_number"):
@@ -44,6 +61,67 @@ class Camera:
             if not (value > 0 and math.isfinite(value)):
                 raise OpticsError(f"must be positive and finite, not {value}", key=key)
         check_focus(self.focus_m, self.focal_length_m, key="focus_m")
+        if self.pose is not None:
+            rows = _matrix("pose", self.pose, (4, 4))
+            turn = rows[:3, :3]
+            rigid = np.abs(turn @ turn.T - np.eye(3)).max() <= RIGID and np.linalg.det(turn) > 0
+            if not rigid or rows[3].tolist() != [0, 0, 0, 1]:
+                remedy = "Give camera to world, without scale or mirroring, last row 0 0 0 1"
+                raise OpticsError("is no rigid motion", key="pose", remedy=remedy)
+            object.__setattr__(self, "pose", tuple(map(tuple, rows.tolist())))
+
+    @classmethod
+    def from_matrix(
+        cls,
+        K: ArrayLike,
+        pose: ArrayLike | None = None,
+        *,
+        pixels: tuple[int, int] | None = None,
+        focus_m: float = math.inf,
+        f_number: float = PINHOLE_F_NUMBER,
+        focal_length_m: float = 0.05,
+    ) -> Camera:
+        """Make a camera of the matrix of a calibrated one, as OpenCV and COLMAP have it.
+
+        Parameters
+        ----------
+        K : array_like
+            (3, 3) intrinsics in pixels, f 0 cx, 0 f cy, 0 0 1.
+        pose : array_like, optional
+            As of the class.  Of a world-to-camera matrix [R t] with x right, y down and z forward
+            (OpenCV, COLMAP) it is ``numpy.linalg.inv(M) @ numpy.diag([1, -1, -1, 1])``.
+        pixels : (int, int), optional
+            Width and height of the calibrated pictures.  Default: twice the principal point.
+        focus_m, f_number, focal_length_m : float, optional
+            The lens, of which a matrix says nothing.  Default: a pinhole, for which
+            :func:`lfcore.record` fits a lens.
+
+        Returns
+        -------
+        Camera
+            For :func:`lfcore.load_scene` and :meth:`lfcore.Scene.from_triangles`.
+
+        Raises
+        ------
+        OpticsError
+            Pixels that are not square, or a principal point off the middle of the picture.
+        """
+        from lfcore.optics.size import Size  # it knows cameras
+
+        matrix = _matrix("K", K, (3, 3))
+        (f, skew, cx), (zero, fy, cy), last = matrix.tolist()
+        if not (f > 0 and abs(fy - f) <= 1e-3 * f) or skew or zero or last != [0, 0, 1]:
+            remedy = "Give f 0 cx, 0 f cy, 0 0 1, and undistort and resample the pictures"
+            raise OpticsError(f"{matrix.tolist()} has no square pixels", key="K", remedy=remedy)
+        width, height = (2 * cx, 2 * cy) if pixels is None else Size.of(pixels)
+        off = max(abs(cx - width / 2), abs(cy - height / 2))
+        if not off <= OFF_PX or not min(width, height) > 0:
+            problem = f"the principal point ({cx:g}, {cy:g}) is not the middle of a picture"
+            remedy = "Give pixels=(width, height), and crop or pad the pictures about it"
+            raise OpticsError(problem, key="K", remedy=remedy)
+        check_focus(focus_m, focal_length_m, key="focus_m")
+        sensor = min(width, height) / f * image_distance(focal_length_m, focus_m)
+        return cls(focal_length_m, sensor, f_number, focus_m, pose)
 
     @property
     def delta(self) -> float:
@@ -67,6 +145,7 @@ class Camera:
     def to_json(self) -> dict:
         """The four numbers, named as files name them."""
         data = asdict(self)
+        del data["pose"]
         return data | {"focus_distance_m": data.pop("focus_m")}
 
     @classmethod
@@ -74,6 +153,16 @@ class Camera:
         """Inverse of :meth:`to_json`.  Raises ``KeyError`` or ``TypeError`` for other names."""
         rest = dict(data)
         return cls(focus_m=float(rest.pop("focus_distance_m")), **rest)
+
+
+def _matrix(key: str, values: ArrayLike, shape: tuple[int, int]) -> np.ndarray:
+    try:
+        matrix = np.asarray(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        matrix = np.empty(0)
+    if matrix.shape != shape or not np.isfinite(matrix).all():
+        raise OpticsError(f"must be {shape[0]} x {shape[1]} finite numbers", key=key)
+    return matrix
 
 
 def image_distance(focal_length_m: float, focus_m: float) -> float:

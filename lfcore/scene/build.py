@@ -5,14 +5,16 @@ import math
 import os
 from collections.abc import Mapping
 from functools import partial
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lfcore.errors import OpticsError, SceneError, check_kind
-from lfcore.optics.camera import check_focus
+from lfcore.optics.camera import Camera, check_focus
+from lfcore.optics.focus import exclude_twice
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
@@ -42,6 +44,11 @@ def load_scene(
     up: str | None = None,
     view_from: str | None = None,
     zoom: float | None = None,
+    position_m: ArrayLike | None = None,
+    look_at_m: ArrayLike | None = None,
+    matrix: ArrayLike | None = None,
+    camera: Camera | None = None,
+    scale: float | None = None,
     light: Mapping[str, Any] | None = None,
     bare: bool = False,
 ) -> Scene:
@@ -62,6 +69,14 @@ def load_scene(
         ``"top"``, or azimuth and elevation in degrees such as ``"30,20"``.
     zoom : float, optional
         Above 1, a narrower field of view from the same place.
+    position_m, look_at_m : array_like, optional
+        (3,) metres in world space, y up: the lens, and a point in the middle of the picture.
+    matrix : array_like, optional
+        (4, 4) camera to world, instead of the two; see :class:`lfcore.Camera`'s ``pose``.
+    camera : Camera, optional
+        The lens, and its pose if it has one: see :meth:`lfcore.Camera.from_matrix`.
+    scale : float, optional
+        Metres per unit of a mesh file, 0.001 of one in millimetres.
     light : mapping, optional
         Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
         ``bake_cells``, ``bake_mib``.  A file is relative to the scene's.
@@ -80,7 +95,11 @@ def load_scene(
         The file is missing or damaged, or describes no scene.
     """
     path = Path(path)
+    check_kind(camera, Camera | None, "camera", "a Camera")
+    pose = {"position_m": position_m, "look_at_m": look_at_m, "matrix": matrix}
+    view = {**pose, "camera": camera, "view_from": view_from, "zoom": zoom, "scale": scale}
     if path.suffix.lower() == ".npz":
+        _refuse_view(path, **view, light=light, up=up)
         return load_prepared(path)
     if light is not None:
         check_kind(light, Mapping, "light")
@@ -90,7 +109,7 @@ def load_scene(
         path = path / "scene.yaml"
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
-        _refuse_view(path, view_from=view_from, zoom=zoom, light=light)
+        _refuse_view(path, **view, light=light)
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
@@ -99,28 +118,72 @@ def load_scene(
         entry: dict = {"file": path.name}
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
+        if scale is not None:
+            if not (isinstance(scale, Real) and 0 < scale < math.inf):
+                raise SceneError(f"must be a number above 0, not {scale!r}", key="scale")
+            entry.setdefault("transform", []).append({"scale": float(scale)})
         description = complete({"objects": [entry]})
         name = path.stem
     else:
         description = complete(check(read_yaml(path), file=path))
         own = path.resolve().parent.name if path.stem == "scene" else path.stem
         name = description.get("name") or own or "scene"
+        if scale is not None:
+            remedy = "Give the object a transform: [{scale: ...}] in the file"
+            raise Where(path, "scale").error("belongs to a mesh file", remedy)
     if light:
         description = complete(check({**description, **light}, file=path))
-    camera = description["camera"]
+    description = _placed(description, path, pose, camera, view_from, zoom)
+    lens = description["camera"]
     if view_from is not None:
-        if "pose" in camera:
+        if "pose" in lens:
             _refuse_view(path, view_from=view_from)
-        camera["view_from"] = view_from
+        lens["view_from"] = view_from
     if zoom is not None:
-        camera["zoom"] *= zoom
+        lens["zoom"] *= zoom
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
     bare = bare or not mesh or bool(light)
-    return build(description, file=path, name=name, note_up=note_up, bare=bare)
+    return build(description, file=path, name=name, note_up=note_up, bare=bare, lens=camera)
 
 
 build_scene = partial(load_scene, bare=True)
 """The scene of a file without what surrounds meshes."""
+
+
+def _placed(
+    description: dict,
+    file: Path,
+    pose: dict[str, Any],
+    camera: Camera | None,
+    view_from: str | None,
+    zoom: float | None,
+) -> dict:
+    """A completed description with the caller's pose of the camera."""
+    if camera is not None:
+        exclude_twice(camera=camera, zoom=zoom)
+        if "lightfield" in description["camera"]:
+            _refuse_view(file, camera=camera)
+        if camera.pose is not None:
+            exclude_twice(camera=camera, **pose, view_from=view_from)
+            pose = {"matrix": camera.pose}
+    given = {key: _plain(key, value) for key, value in pose.items() if value is not None}
+    if not given:
+        return description
+    for key in given:
+        exclude_twice(**{key: given, "view_from": view_from})
+    lens = {key: value for key, value in description["camera"].items() if key != "view_from"}
+    if "matrix" not in given:
+        own = lens.get("pose", {})
+        given = {key: own[key] for key in own if key != "matrix"} | given
+    return complete(check({**description, "camera": {**lens, "pose": given}}, file=file))
+
+
+def _plain(key: str, values: ArrayLike) -> list:
+    """Numbers of an array as the lists that a scene.yaml has."""
+    try:
+        return np.asarray(values, np.float64).tolist()
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError("must be an array of numbers", key=key) from None
 
 
 def _refuse_view(path: Path, **asked: Any) -> None:
@@ -148,8 +211,17 @@ def _pbrt(path: Path, light_points: int) -> Scene:
     return within_limits(dataclasses.replace(scene, focus_distances_m=distances), path)
 
 
-def build(description: dict, *, file: Path, name: str, note_up: bool, bare: bool) -> Scene:
-    """The scene of a checked and completed description; paths are relative to ``file``."""
+def build(
+    description: dict,
+    *,
+    file: Path,
+    name: str,
+    note_up: bool,
+    bare: bool,
+    lens: Camera | None = None,
+) -> Scene:
+    """The scene of a checked and completed description; paths are relative to ``file``, and
+    ``lens`` takes the place of the description's."""
     where, notebook = Where(file), Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
@@ -173,7 +245,7 @@ def build(description: dict, *, file: Path, name: str, note_up: bool, bare: bool
         what = 'its own camera; --from front (view_from="front") frames all of it'
         notebook.add(ASSUMED, file, what)
     extent = framing.bounds(every, file=file)
-    camera, to_camera = framing.place_camera(description["camera"], extent, where, found)
+    camera, to_camera = framing.place_camera(description["camera"], extent, where, found, lens)
     geometry = assemble(every, to_camera)
     placed = [
         (part.transformed(to_camera), (to_camera @ start, to_camera @ end))

@@ -75,10 +75,15 @@ def bounds(parts: list[SurfaceMesh], *, file: str | Path) -> Bounds:
 
 
 def place_camera(
-    description: dict, extent: Bounds, where: Where, found: FoundCamera | None = None
+    description: dict,
+    extent: Bounds,
+    where: Where,
+    found: FoundCamera | None = None,
+    lens: Camera | None = None,
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping; ``found`` is
-    a glTF file's camera, for a description without pose and direction."""
+    a glTF file's camera, for a description without pose and direction; ``lens`` takes the place of
+    the description's."""
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
         raise where["zoom"].error(f"must be positive, not {zoom:g}", "Give 2 for twice")
@@ -93,6 +98,8 @@ def place_camera(
         to_camera = pose_from_matrix(pose["matrix"], at["matrix"])
     else:
         to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], at)
+    if lens is not None:
+        return replace(lens, pose=None), to_camera
     width = (FIELD_WIDTH if found is None else found.field_width) / zoom
     triangles = extent.points.reshape(-1, 3, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]
     try:

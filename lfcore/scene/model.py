@@ -28,7 +28,7 @@ from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
-from lfcore.scene.transforms import affine
+from lfcore.scene.transforms import affine, pose_from_matrix
 from lfcore.scene.view import View
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class Scene:
         triangles : array_like
             (T, 3, 3) corners in metres.  Without ``camera`` in world space, right-handed, y up, and
             a camera is placed that sees all of them; with one in camera space, x right, y down,
-            z forward.
+            z forward, or in world space where the camera has a pose.
         normals : array_like, optional
             (T, 3, 3) shading normals of the corners, of any length.  Default: flat shaded.
         uvs : array_like, optional
@@ -236,6 +236,9 @@ class Scene:
         if camera is None:
             extent = framing.bounds(parts, file=name)
             camera, to_camera = framing.place_camera(defaults["camera"], extent, Where(name))
+        elif camera.pose is not None:
+            to_camera = pose_from_matrix(camera.pose, Where("", "camera.pose"))
+            camera = replace(camera, pose=None)
         geometry = assemble(parts, to_camera)
         geometry.refuse_none(Where("", "triangles"))
         around: dict[str, Any] = {

@@ -65,7 +65,7 @@ def parse_transform(steps: list[dict], where: Where) -> np.ndarray:
     return chain(*matrices)
 
 
-def parse_matrix(rows: list[list[float]], where: Where) -> np.ndarray:
+def parse_matrix(rows: Sequence[Vector], where: Where) -> np.ndarray:
     """A 4x4 matrix whose last row must be 0 0 0 1 and which must be invertible."""
     matrix = np.array(rows, np.float64)
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
@@ -98,7 +98,7 @@ def rigid_to_camera(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
     return affine(rows, -rows @ position)
 
 
-def pose_from_matrix(rows: list[list[float]], where: Where) -> np.ndarray:
+def pose_from_matrix(rows: Sequence[Vector], where: Where) -> np.ndarray:
     """World to camera from a camera-to-world matrix in the file's convention.
 
     The camera looks along its own -z with +y up, as in glTF and OpenGL; scale is refused.

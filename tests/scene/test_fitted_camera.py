@@ -396,3 +396,86 @@ def test_a_pinhole_renders_sharp_unless_a_focus_is_given(pinhole):
     sharp = lfcore.render(pinhole, pixels=64)
     np.testing.assert_allclose(sharp, lfcore.render(pinhole, math.inf, 2.5e7, pixels=64), atol=1e-6)
     assert np.abs(lfcore.render(pinhole, "near", pixels=64) - sharp).max() > 0.05
+
+
+def test_a_calibrated_camera_sees_points_where_its_matrix_has_them(tmp_path):
+    point, size = np.array([0.3, -0.2, 0.1]), (64, 48)
+    trimesh.creation.icosphere(2, radius=0.05).apply_translation(point).export(tmp_path / "a.ply")
+    K = np.array([[70.0, 0, 32], [0, 70, 24], [0, 0, 1]])
+    turn = trimesh.transformations.euler_matrix(0.2, 2.9, 0.1)  # OpenCV's world to camera
+    turn[:3, 3] = 0.1, 0.05, 2.0
+    pose = np.linalg.inv(turn) @ np.diag([1, -1, -1, 1])
+    x, y, z = K @ (turn @ [*point, 1])[:3]
+    camera = lfcore.Camera.from_matrix(K, pose)
+    world = trimesh.load(tmp_path / "a.ply").triangles
+    glow = lfcore.Surface("glow", emission=(1.0, 1.0, 1.0))
+    scene = lfcore.Scene.from_triangles(world, camera=camera, surface=glow)
+    loaded = lfcore.load_scene(tmp_path / "a.ply", camera=camera, bare=True)
+    np.testing.assert_allclose(loaded.triangles, scene.triangles, atol=1e-6)
+    assert loaded.camera == scene.camera and scene.camera.pose is None and scene.is_pinhole
+    picture = lfcore.render(scene, pixels=size).mean(2) > 0.5
+    rows, columns = np.nonzero(picture)
+    assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((x / z, y / z), abs=0.3)
+    # A lens, with the same field when it is focused nearby.
+    lens = lfcore.Camera.from_matrix(K, pixels=size, focus_m=1.5, f_number=2)
+    assert lens.field_width == pytest.approx(camera.field_width) == pytest.approx(48 / 70)
+    assert lens.pose is None and lens.f_number == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        ({"K": np.diag([9, 8, 1])}, "K: .*no square pixels"),
+        ({"K": [[9, 0, 4], [0, 9, 4], [0, 0, 1]], "pixels": (16, 8)}, "K: the principal point"),
+        ({"K": np.eye(4)}, "K: must be 3 x 3 finite"),
+        ({"K": [[9, 0, 4], [0, 9, 4], [0, 0, 1]], "pose": 2 * np.eye(4)}, "pose: is no rigid"),
+        ({"K": [[9, 0, 4], [0, 9, 4], [0, 0, 1]], "pose": np.full((4, 4), np.nan)}, "pose: must"),
+    ],
+)
+def test_matrices_of_no_camera(call, words):
+    refused(words, lfcore.Camera.from_matrix, **call)
+
+
+def test_a_mesh_is_seen_from_a_place_and_in_a_unit(ball, write_scene):
+    place = {"position_m": np.array([0, 1, 9]), "look_at_m": (0, 0.2, 0)}
+    scene = lfcore.load_scene(ball, **place)
+    plain = {key: list(map(float, value)) for key, value in place.items()}
+    known = build_scene(write_scene({"objects": [{"file": ball.name}], "camera": {"pose": plain}}))
+    np.testing.assert_array_equal(scene.triangles[: known.triangle_count], known.triangles)
+    turned = lfcore.load_scene(write_scene({"objects": [{"file": ball.name}]}), **place)
+    np.testing.assert_array_equal(turned.triangles, known.triangles)
+    matrix = np.eye(4)
+    matrix[2, 3] = 9
+    ahead = lfcore.load_scene(ball, matrix=matrix, bare=True)
+    there = lfcore.load_scene(ball, position_m=(0, 0, 9), look_at_m=(0, 0, 0), bare=True)
+    np.testing.assert_allclose(ahead.triangles, there.triangles, atol=1e-6)
+    small, large = (lfcore.load_scene(ball, bare=True, scale=scale) for scale in (1e-3, 1))
+    np.testing.assert_allclose(1e3 * small.triangles, large.triangles, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"position_m": (0, 0, 9)}, "pose: needs exactly one of position_m and look_at_m"),
+        ({"position_m": (0, 0, 9), "look_at_m": (0, 0, 9)}, "coincide"),
+        ({"matrix": np.eye(3)}, "matrix"),
+        ({"matrix": "here"}, "matrix: must be an array of numbers"),
+        ({"matrix": np.eye(4), "view_from": "front"}, "view_from: excludes matrix"),
+        ({"camera": lfcore.Camera(0.05, 0.03, 2, 9, np.eye(4)), "matrix": np.eye(4)}, "excludes"),
+        ({"camera": lfcore.Camera(0.05, 0.03, 2, 9), "zoom": 2}, "zoom: excludes camera"),
+        ({"camera": 35}, "camera: must be a Camera"),
+        ({"scale": 0}, "scale: must be a number above 0"),
+        ({"scale": float("nan")}, "scale: must be a number above 0"),
+    ],
+)
+def test_places_that_are_none(ball, given, words):
+    refused(words, lfcore.load_scene, ball, **given)
+
+
+@pytest.mark.parametrize("key", ["position_m", "matrix", "camera", "scale", "zoom"])
+def test_a_scene_with_its_own_camera_takes_no_other(pinhole, tmp_path, key):
+    lfcore.scene.files.save_scene(tmp_path / "scene.npz", pinhole)
+    (tmp_path / "scene.pbrt").write_text(PBRT)
+    given = {"camera": pinhole.camera, "scale": 2, "zoom": 2}.get(key, np.eye(4))
+    for name in ("scene.npz", "scene.pbrt"):
+        refused(f"{name}: {key}: ", lfcore.load_scene, tmp_path / name, **{key: given})
