@@ -1,12 +1,17 @@
 """EXR files: colour channels and a header, through the OpenEXR library."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
 from lfcore.errors import StorageError
+
+MOST_EMPTY = 1 << 24
+"""The pixels of a display window, up to which its data window may be arbitrarily small."""
 
 
 def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = False) -> bytes:
@@ -30,30 +35,71 @@ def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = Fal
 def read_exr(path: str | Path | io.BytesIO) -> tuple[np.ndarray, dict]:
     """(H, W, 3) float32, or float16 where all channels are, and the header's attributes.
 
-    A single channel is repeated.  Raises :class:`StorageError` for a file that is no EXR.
+    The picture is the display window, black outside the data window.  A single channel is repeated;
+    colours may be those of the only layer.  Raises :class:`StorageError` for a file that is no EXR.
     """
     name = None if isinstance(path, io.BytesIO) else str(path)
-    if name and not Path(name).exists():
-        raise StorageError("no such file", file=name, remedy="Check the path")
-    try:
-        with OpenEXR.File(name or path, separate_channels=True) as file:
-            header = dict(file.header())
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except Exception as error:  # the package raises RuntimeError, ValueError and more
-        problem = f"not a readable EXR: {error}"
-        raise StorageError(problem, file=name, remedy="Write the file again") from None
-    if {"R", "G", "B"} <= set(channels):
-        planes = [channels[name] for name in "RGB"]
-    elif "Y" in channels or len(channels) == 1:
+    with _opened(path) as file:
+        header = dict(file.header())
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+    layers = [key.removesuffix("R") for key in channels if key.endswith(("R", ".R"))]
+    layers = [layer for layer in layers if {layer + "G", layer + "B"} <= set(channels)]
+    if "" in layers or len(layers) == 1:
+        layer = "" if "" in layers else layers[0]
+        planes = [channels[layer + colour] for colour in "RGB"]
+    elif len(channels) == 1 or ("Y" in channels and not {"RY", "BY"} & set(channels)):
         planes = [channels.get("Y", next(iter(channels.values())))] * 3
     else:
         raise StorageError(f"has channels {sorted(channels)}, not R, G, B", file=name)
     if len({plane.shape for plane in planes}) > 1:
         raise StorageError("has channels of different sizes", file=name)
     dtype = np.float16 if all(p.dtype == np.float16 for p in planes) else np.float32
-    return np.stack([np.asarray(plane, dtype) for plane in planes], -1), header
+    picture = np.stack([np.asarray(plane, dtype) for plane in planes], -1)
+    return _displayed(picture, header, name), header
 
 
-def read_exr_picture(path: str | Path) -> np.ndarray:
+def exr_size(path: str | Path | io.BytesIO) -> tuple[int, int]:
+    """(width, height) of the display window; raises as :func:`read_exr`."""
+    with _opened(path, header_only=True) as file:
+        low, high = _window(file.header(), "displayWindow")
+    return int(high[0] - low[0]), int(high[1] - low[1])
+
+
+@contextmanager
+def _opened(path: str | Path | io.BytesIO, **how: bool) -> Iterator[OpenEXR.File]:
+    name = None if isinstance(path, io.BytesIO) else str(path)
+    if name and not Path(name).exists():
+        raise StorageError("no such file", file=name, remedy="Check the path")
+    try:
+        with OpenEXR.File(name or path, separate_channels=True, **how) as file:
+            yield file
+    except Exception as error:  # the package raises RuntimeError, ValueError and more
+        problem = f"not a readable EXR: {error}"
+        raise StorageError(problem, file=name, remedy="Write the file again") from None
+
+
+def _window(header: dict, name: str) -> np.ndarray:
+    """(2, 2) int64: the first pixel of a window, x and y, and that after its last."""
+    return np.array(header[name], np.int64) + [[0], [1]]
+
+
+def _displayed(picture: np.ndarray, header: dict, name: str | None) -> np.ndarray:
+    """The display window of a picture that fills the data window."""
+    low, high = _window(header, "displayWindow")
+    first, last = _window(header, "dataWindow")
+    if (low == first).all() and (high == last).all():
+        return picture
+    width, height = (high - low).tolist()
+    if min(width, height) < 1 or width * height > max(MOST_EMPTY, 16 * picture[..., 0].size):
+        raise StorageError(f"has a display window of {width} x {height} pixels", file=name)
+    out = np.zeros((height, width, 3), picture.dtype)
+    (x, y), (right, bottom) = np.maximum(first, low), np.maximum(np.minimum(last, high), first)
+    if right > x and bottom > y:
+        part = picture[y - first[1] : bottom - first[1], x - first[0] : right - first[0]]
+        out[y - low[1] : bottom - low[1], x - low[0] : right - low[0]] = part
+    return out
+
+
+def read_exr_picture(path: str | Path | io.BytesIO) -> np.ndarray:
     """(H, W, 3) float32 of any EXR; raises as :func:`read_exr`."""
     return read_exr(path)[0].astype(np.float32)

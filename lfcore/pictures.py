@@ -4,6 +4,7 @@ PNG, PPM, JPEG and their like hold 8-bit sRGB codes to look at; EXR, PFM and NPY
 """
 
 import io
+import re
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,6 +23,8 @@ DEEP = (".png", ".tif", ".tiff")
 """Formats of 16-bit codes, too."""
 ALL_SUFFIXES = (*ALL_CODED, ".exr", ".npy", ".pfm")
 UNKNOWN = "of no known format"
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+PPM_HEADER = re.compile(rb"P6%b(\d{1,9})%b(\d{1,9})%b(\d{1,9})\s" % ((rb"(?:\s|#[^\n]*\n)+",) * 3))
 MOST_PIXELS = 1 << 30  # mosaics of views are large by nature
 _PNG_COMPRESSION = 3  # of 9: a third more bytes than the most, in a tenth of the time
 
@@ -129,17 +132,10 @@ def picture_bytes(suffix: str, picture: np.ndarray, *, half: bool = False, bits:
     if suffix == ".exr":
         from lfcore.exr import exr_bytes
 
-        return exr_bytes(_linear(picture), half=half)
+        return exr_bytes(linear_light(picture), half=half)
     if suffix == ".pfm":
-        return _by_opencv(suffix, _linear(picture).astype(np.float32))
+        return _by_opencv(suffix, linear_light(picture).astype(np.float32))
     return _by_opencv(suffix, picture if is_codes else srgb_codes(picture, bits))
-
-
-def _linear(picture: np.ndarray) -> np.ndarray:
-    """Linear light of codes, which integers are; floats are linear light."""
-    if picture.dtype == np.uint16:
-        return srgb_decode(picture / np.float32(65535))
-    return srgb_decode(picture) if picture.dtype == np.uint8 else picture
 
 
 def _by_opencv(suffix: str, picture: np.ndarray) -> bytes:
@@ -200,38 +196,121 @@ def _label_strips(labels: Sequence[str], width: int) -> np.ndarray:
     return np.stack(strips)
 
 
-def read_codes(path: str | Path) -> np.ndarray:
-    """(H, W, 3) RGB of a picture file: uint8 or uint16 codes, float32 of HDR and the like.
+def read_picture(path: str | Path) -> np.ndarray:
+    """(H, W, 3) of a picture file: sRGB codes, uint8 or uint16, or linear light, float32.
 
-    Transparency is dropped, and grey is repeated.
+    As :func:`decode`; :class:`LfcoreError` names the file.
     """
-    path = Path(path)
     try:
-        data = path.read_bytes()
+        return decode(Path(path).read_bytes())
     except OSError as error:
         raise LfcoreError(f"cannot be read: {error.strerror or error}", file=path) from None
+    except LfcoreError as error:
+        raise error.named(LfcoreError, file=path) from None
+
+
+def decode(data: bytes, *, alpha: bool = False) -> np.ndarray:
+    """(H, W, 3) of the bytes of a picture file: sRGB codes, uint8 or uint16, or linear light.
+
+    The first bytes decide the format, not the name.  EXR, Radiance, PFM and floats in TIFF are
+    linear light, float32; an EXR has its display window, a Radiance file its exposure undone.
+    Grey is repeated, and palettes are looked up.  With ``alpha`` there is a fourth channel, linear
+    and opaque where the file has none; otherwise transparency is dropped.
+    """
+    if data.startswith(EXR_MAGIC):
+        from lfcore.exr import read_exr_picture
+
+        return _with_channels(read_exr_picture(io.BytesIO(data)), alpha)
+    if data.startswith(b"#?"):
+        return _with_channels(_radiance(data), alpha)
+    if (head := PPM_HEADER.match(data)) and head[3] != b"255":
+        return _with_channels(_ppm(data, head), alpha)
     # Pillow refuses pictures that are cut short, where OpenCV fills them up; OpenCV knows colours
     # of 16 bits, and of floats.
-    picture, reason = _by_pillow(data)
+    picture, reason = _by_pillow(data, alpha)
     deep = data[24:25] == b"\x10" if data[:4] == b"\x89PNG" else data[:2] in (b"II", b"MM")
-    if deep or (picture is None and reason == UNKNOWN):
+    if (deep and picture is not None and picture.dtype == np.uint8) or reason == UNKNOWN:
         found = by_opencv(data)
-        if found is not None and (picture is None or found.dtype == np.uint16):
-            picture = found if found.ndim == 3 else np.repeat(found[..., None], 3, -1)
+        if found is not None and (picture is None or found.dtype in (np.uint16, np.float32)):
+            picture = found
     if picture is None:
         problem = f"cannot be decoded as a picture: {reason}"
-        raise LfcoreError(problem, file=path, remedy="Use a PNG or JPEG")
-    return picture
+        raise LfcoreError(problem, remedy="Use a PNG or JPEG")
+    return _with_channels(picture, alpha)
 
 
-def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
-    """(H, W, 3) uint8, or None and why."""
+def _with_channels(picture: np.ndarray, alpha: bool) -> np.ndarray:
+    """(H, W, 3), or 4 with ``alpha``, of grey, colours, or colours with alpha."""
+    if picture.ndim == 2:
+        picture = np.repeat(picture[..., None], 3, -1)
+    if alpha and picture.shape[2] == 3:
+        opaque = 1 if picture.dtype.kind == "f" else np.iinfo(picture.dtype).max
+        return np.dstack([picture, np.full(picture.shape[:2], opaque, picture.dtype)])
+    return np.ascontiguousarray(picture[..., : 4 if alpha else 3])
+
+
+def picture_size(file: str | Path | io.BytesIO) -> tuple[int, int]:
+    """(width, height) by a picture's header, as :func:`decode` returns it.
+
+    Raises :class:`LfcoreError` for what has none.
+    """
+    from PIL import Image
+
+    name = None if isinstance(file, io.BytesIO) else file
+    try:
+        with io.BytesIO(file.getvalue()) if isinstance(file, io.BytesIO) else open(file, "rb") as f:
+            head = f.read(1 << 16)
+            if head.startswith(EXR_MAGIC):
+                from lfcore.exr import exr_size
+
+                return exr_size(file)
+            if head.startswith(b"#?"):
+                return _radiance_head(head)[:2]
+            f.seek(0)
+            Image.MAX_IMAGE_PIXELS = MOST_PIXELS
+            with Image.open(f) as image:
+                return image.size
+    except LfcoreError as error:
+        raise error.named(LfcoreError, file=name) from None
+    except Exception as error:  # Pillow raises many kinds on damaged pictures
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120]
+        raise LfcoreError(f"cannot be read as a picture: {reason}", file=name) from None
+
+
+def codes_of(picture: np.ndarray) -> np.ndarray:
+    """uint8 sRGB codes of a picture as :func:`decode` returns it; light above 1 is 255."""
+    if picture.dtype == np.uint8:
+        return picture
+    if picture.dtype == np.uint16:
+        return ((picture.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    codes = srgb_codes(picture)
+    codes[..., 3:] = np.rint(255 * np.clip(picture[..., 3:], 0, 1))
+    return codes
+
+
+def linear_light(picture: np.ndarray) -> np.ndarray:
+    """Linear light of codes, which integers are; floats are linear light."""
+    if picture.dtype == np.uint16:
+        return srgb_decode(picture / np.float32(65535))
+    return srgb_decode(picture) if picture.dtype == np.uint8 else picture
+
+
+def _by_pillow(data: bytes, alpha: bool) -> tuple[np.ndarray | None, str]:
+    """(H, W) uint16 or float32, or (H, W, 3 or 4) uint8; None and why not."""
     from PIL import Image, UnidentifiedImageError
 
     Image.MAX_IMAGE_PIXELS = MOST_PIXELS
     try:
         with Image.open(io.BytesIO(data)) as image:
-            return np.array(image.convert("RGB"), np.uint8), ""
+            if image.mode == "F":
+                return np.array(image, np.float32), ""
+            if not image.mode.startswith("I"):
+                wide = alpha or image.mode == "P"  # whose transparency Pillow drops with a warning
+                return np.array(image.convert("RGBA" if wide else "RGB"), np.uint8), ""
+            whole = np.array(image)
+            if whole.min(initial=0) < 0 or whole.max(initial=0) > 65535:
+                return None, "it has integers of 32 bits"
+            return whole.astype(np.uint16), ""
     except UnidentifiedImageError:
         return None, UNKNOWN
     except Exception as error:  # Pillow raises many kinds on damaged pictures
@@ -239,7 +318,7 @@ def _by_pillow(data: bytes) -> tuple[np.ndarray | None, str]:
 
 
 def by_opencv(data: bytes) -> np.ndarray | None:
-    """(H, W, 3) RGB or (H, W) of a picture file's bytes, in its own type; None for other bytes."""
+    """(H, W, 3 or 4) RGB(A) or (H, W) of a picture's bytes, in its own type; None of others."""
     import cv2
 
     cv2.utils.logging.setLogLevel(0)  # else it prints why it cannot read
@@ -249,4 +328,52 @@ def by_opencv(data: bytes) -> np.ndarray | None:
         return None
     if picture is None or picture.ndim == 2:
         return picture
-    return np.ascontiguousarray(picture[..., 2::-1])
+    return np.ascontiguousarray(picture[..., [2, 1, 0, 3][: picture.shape[2]]])
+
+
+def _ppm(data: bytes, head: re.Match[bytes]) -> np.ndarray:
+    """(H, W, 3) of a binary PPM: uint8, or uint16 scaled to the full range of 16 bits."""
+    width, height, most = (int(word) for word in head.groups())
+    if not (0 < most < 65536 and width > 0 and height > 0):
+        raise LfcoreError("is no binary PPM (P6) of 1 to 16 bits")
+    item = np.dtype(np.uint8) if most < 256 else np.dtype(">u2")
+    whole = head.end() + width * height * 3 * item.itemsize
+    if len(data) < whole:
+        raise LfcoreError(f"is cut short: {len(data)} bytes, {whole} expected")
+    codes: np.ndarray = np.frombuffer(data, item, width * height * 3, head.end())
+    scaled = np.rint(codes.reshape(height, width, 3) * (65535.0 / most))
+    return scaled.clip(0, 65535).astype(np.uint16)
+
+
+def _radiance(data: bytes) -> np.ndarray:
+    """(H, W, 3) float32 radiance of a Radiance file.
+
+    Its numbers are divided by every EXPOSURE and COLORCORR of the header (G. Ward, "The RADIANCE
+    Picture File Format").  OpenCV reads neither, nor every header, so that it is given a plain one.
+    """
+    width, height, factor, rest = _radiance_head(data)
+    plain = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (height, width)
+    picture = by_opencv(plain + data[rest:])
+    if picture is None:
+        raise LfcoreError("cannot be decoded as a picture: it is damaged")
+    return picture if (factor == 1).all() else (picture / factor).astype(np.float32)
+
+
+def _radiance_head(data: bytes) -> tuple[int, int, np.ndarray, int]:
+    """Width, height, (3,) what light was multiplied by, and where the pixels begin."""
+    found = re.search(rb"\n\n([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\n", data[: 1 << 16])
+    if not found:
+        raise LfcoreError("is no Radiance HDR")
+    head = data[: found.start() + 1]
+    if (found[1], found[3]) != (b"-Y", b"+X") or b"\nFORMAT=32-bit_rle_xyze" in head:
+        problem = "has rows or columns that run the other way, or XYZ colours"
+        raise LfcoreError(problem, remedy="Save it as RGB, from top left, or as EXR")
+    factor = np.ones(3)
+    try:
+        for value in re.findall(rb"\n(?:EXPOSURE|COLORCORR)=([^\n]*)", head):
+            factor = factor * np.array(value.split(), float)
+    except ValueError:
+        factor = np.zeros(3)
+    if not (np.isfinite(factor).all() and factor.min() > 0):
+        raise LfcoreError("has an EXPOSURE or COLORCORR that is no positive number")
+    return int(found[4]), int(found[2]), factor, found.end()

@@ -10,7 +10,9 @@ from contextlib import contextmanager
 from functools import partial
 from zipfile import ZipFile
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 from plain_scenes import refused, scene, wall
@@ -20,11 +22,11 @@ from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import StorageError
 from lfcore.evaluation.true_picture import Reference, load_reference, save_reference
 from lfcore.exchange.pictures import read_pfm
-from lfcore.exr import read_exr_picture
+from lfcore.exr import exr_bytes, read_exr_picture
 from lfcore.files import draft_folder, whole_file, write_json, write_text
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.plane_sums import PlaneSums
-from lfcore.pictures import read_codes, write_pictures
+from lfcore.pictures import codes_of, decode, picture_size, read_picture, write_pictures
 from lfcore.scene.files import load_scene, save_scene
 from lfcore.storage.segment import SegmentWriter, read_segment
 from lfcore.storage.tiled_exr import read_array, write_array
@@ -107,7 +109,7 @@ KINDS = {
     "array.exr": (lambda path: write_array(path, NOISE, ARRAY), read_array),
     "segment.mp4": (write_segment, read_segment),
     # Of which OpenCV alone would fill up the rest without a word.
-    **{f"a{suffix}": (lambda path: write_picture(path, NOISE), read_codes)
+    **{f"a{suffix}": (lambda path: write_picture(path, NOISE), read_picture)
        for suffix in (".png", ".jpg", ".tif", ".webp")},
 }  # fmt: skip
 
@@ -168,16 +170,16 @@ def test_codes_come_back(tmp_path, suffix):
     write_picture(path, CODES)
     with Image.open(path) as image:  # an independent reader
         assert (np.asarray(image.convert("RGB")) == CODES).all()
-    assert (read_codes(path) == CODES).all()
+    assert (read_picture(path) == CODES).all()
     write_picture(path, LIGHT)
-    assert (read_codes(path) == srgb_codes(LIGHT)).all()
+    assert (read_picture(path) == srgb_codes(LIGHT)).all()
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 def test_sixteen_bits_come_back(tmp_path, suffix):
     deep = CODES.astype(np.uint16) * 257 + 3
     write_picture(tmp_path / f"a{suffix}", deep)
-    found = read_codes(tmp_path / f"a{suffix}")
+    found = read_picture(tmp_path / f"a{suffix}")
     assert found.dtype == np.uint16 and (found == deep).all()
 
 
@@ -194,11 +196,87 @@ def test_light_comes_back_as_floats(tmp_path):
 
 
 def test_what_is_not_there_is_said(tmp_path):
-    refused(r"none\.png: cannot be read: No such file", read_codes, tmp_path / "none.png")
+    refused(r"none\.png: cannot be read: No such file", read_picture, tmp_path / "none.png")
     refused(r"a\.gif: unknown format", write_picture, tmp_path / "a.gif", CODES)
     for shape in ((2, 2, 7), (1, 70_000, 3)):  # a JPEG has at most 65,535 columns
         refused(r"a\.jpg: ", write_picture, tmp_path / "a.jpg", np.zeros(shape, np.uint8))
     assert not list(tmp_path.iterdir())
+
+
+GREY = np.arange(256, dtype=np.uint16).reshape(16, 16)
+RAMP = GREY.astype(np.uint8)
+SAVED = {
+    "grey of 16 bits.png": Image.fromarray(GREY * 257),
+    "grey of 16 bits.tif": Image.fromarray(GREY * 257),
+    "grey of 16 bits.pgm": Image.fromarray(GREY * 257),
+    "grey.tga": Image.fromarray(RAMP),
+    "palette.png": Image.fromarray(RAMP, "P"),
+    "grey and alpha.png": Image.fromarray(np.dstack([RAMP, RAMP]), "LA"),
+}
+
+
+@pytest.mark.parametrize("name", SAVED)
+def test_every_kind_of_codes_is_read(tmp_path, name):
+    image = SAVED[name]
+    if image.mode == "P":
+        image.putpalette(np.repeat(np.arange(256, dtype=np.uint8), 3).tobytes())
+        image.info["transparency"] = bytes(range(256))
+    image.save(tmp_path / name)
+    np.testing.assert_array_equal(codes_of(read_picture(tmp_path / name))[..., 1], GREY)
+    alpha = codes_of(decode((tmp_path / name).read_bytes(), alpha=True))[..., 3]
+    np.testing.assert_array_equal(alpha, GREY if "alpha" in name or "pal" in name else 255)
+    assert picture_size(tmp_path / name) == (16, 16)
+
+
+def test_colours_of_16_bits_keep_their_alpha(tmp_path):
+    codes = np.dstack([GREY * 257, GREY * 200, GREY * 100, GREY * 50])
+    _, png = cv2.imencode(".png", codes)
+    np.testing.assert_array_equal(decode(png.tobytes(), alpha=True), codes[..., [2, 1, 0, 3]])
+
+
+def test_floats_of_a_tiff_are_light(tmp_path):
+    Image.fromarray(LIGHT[..., 0]).save(tmp_path / "a.tif")
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.tif")[..., 2], LIGHT[..., 0])
+
+
+@pytest.mark.parametrize("window", [(2, 1, 9, 7), (-3, -2, 20, 15), (30, 30, 40, 40)])
+def test_an_exr_is_its_display_window(tmp_path, window):
+    """Black outside the data window, and cut where that is larger."""
+    left, top, right, bottom = window
+    part = np.random.default_rng(1).random((bottom - top, right - left, 3)).astype(np.float32)
+    corners = [np.array(at, np.int32) for at in ((left, top), (right - 1, bottom - 1))]
+    shown = tuple(np.array(at, np.int32) for at in ((0, 0), (16, 12)))
+    data = exr_bytes(part, {"dataWindow": tuple(corners), "displayWindow": shown})
+    (tmp_path / "a.exr").write_bytes(data)
+    found = read_picture(tmp_path / "a.exr")
+    expected = np.zeros((100, 100, 3), np.float32)
+    expected[50 + top : 50 + bottom, 50 + left : 50 + right] = part
+    np.testing.assert_array_equal(found, expected[50:63, 50:67])
+    assert picture_size(tmp_path / "a.exr") == (17, 13)
+
+
+def test_colours_of_an_exrs_only_layer(tmp_path):
+    planes = {f"ViewLayer.Combined.{c}": LIGHT[..., k].copy() for k, c in enumerate("RGB")}
+    planes["ViewLayer.Depth.Z"] = LIGHT[..., 0].copy()
+    head = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(head, planes) as file:
+        file.write(str(tmp_path / "a.exr"))
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.exr"), LIGHT)
+
+
+def test_radiance_undoes_its_exposure(tmp_path):
+    (tmp_path / "a.hdr").write_bytes(cv2.imencode(".hdr", LIGHT[..., ::-1])[1].tobytes())
+    plain = read_picture(tmp_path / "a.hdr")
+    np.testing.assert_allclose(plain, LIGHT, atol=0.01)
+    data = (tmp_path / "a.hdr").read_bytes()
+    head = b"#?RGBE\nEXPOSURE=2\nFORMAT=32-bit_rle_rgbe\nEXPOSURE= 0.25\nCOLORCORR=1 2 1\n\n"
+    (tmp_path / "a.hdr").write_bytes(head + data[data.index(b"-Y") :])
+    found = read_picture(tmp_path / "a.hdr")
+    np.testing.assert_allclose(found, plain * 2 / [1, 2, 1], rtol=1e-6)
+    assert picture_size(tmp_path / "a.hdr") == (17, 13)
+    for old, new in ((b"EXPOSURE=2", b"EXPOSURE=0"), (b"-Y", b"+Y"), (b"_rgbe\n", b"_xyze\n")):
+        (tmp_path / "a.hdr").write_bytes((head + data[data.index(b"-Y") :]).replace(old, new))
+        refused(r"a\.hdr: ", read_picture, tmp_path / "a.hdr")
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".pfm"])

@@ -23,7 +23,7 @@ from lfcore.errors import LfcoreError, SceneError
 from lfcore.evaluation.metrics import picture_quality
 from lfcore.opencl.device import programs_made
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import read_codes
+from lfcore.pictures import read_picture
 from lfcore.rendering.direct import focused_camera, trace_picture
 from lfcore.scene.mitsuba import Description, thin_lens
 from lfcore.scene.model import Scene
@@ -151,7 +151,7 @@ def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendere
     found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
     if done.returncode or not found:
         raise NotRenderedError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
-    codes = read_codes(made)
+    codes = read_picture(made)
     version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
     picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
     note = f"POV-Ray {version[1].rstrip('.') if version else ''}, its own lens points"

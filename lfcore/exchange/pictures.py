@@ -6,17 +6,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
 from lfcore.exchange.reading import ExchangeError, unreadable
 from lfcore.files import whole_file
-from lfcore.pictures import MOST_PIXELS, by_opencv, read_codes
+from lfcore.pictures import by_opencv, picture_size, read_picture
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp", ".tif", ".tiff", ".webp", ".rgb", ".exr")
-PPM_HEADER = re.compile(rb"P6%b(\d{1,9})%b(\d{1,9})%b(\d{1,9})\s" % ((rb"(?:\s|#[^\n]*\n)+",) * 3))
-Image.MAX_IMAGE_PIXELS = MOST_PIXELS
+SUFFIXES = (
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".ppm",
+    ".bmp",
+    ".tif",
+    ".tiff",
+    ".webp",
+    ".rgb",
+    ".tga",
+    ".exr",
+    ".hdr",
+)
 
 
 def is_picture(path: Path) -> bool:
@@ -43,59 +53,27 @@ def pictures_of(folder: Path) -> list[Path]:
 
 def size_of(path: Path) -> tuple[int, int]:
     """(width, height) of a picture, from its header where that is cheap."""
-    if path.suffix.lower() == ".exr":
-        return read(path).shape[1::-1]
     try:
-        with Image.open(path) as picture:
-            return picture.size
-    except (OSError, UnidentifiedImageError, ValueError, SyntaxError) as error:
-        raise unreadable(path, error, "cannot be read as a picture") from None
+        return picture_size(path)
+    except LfcoreError as error:
+        raise error.named(ExchangeError) from None
 
 
 def read(path: Path, size: tuple[int, int] | None = None) -> np.ndarray:
-    """(h, w, 3) uint8 or uint16 codes, or float32 sRGB-encoded values of an EXR's linear light.
+    """(h, w, 3) uint8 or uint16 codes, or float32 sRGB-encoded values of linear light.
 
     Grey is repeated and an alpha channel left out.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".exr":
-        from lfcore.exr import read_exr_picture
-
-        picture = srgb_encode(read_exr_picture(path))
-    elif suffix == ".ppm":
-        picture = read_ppm(path)
-    else:
-        try:
-            picture = read_codes(path)
-        except LfcoreError as error:
-            raise ExchangeError(error.problem, file=path) from None
-        if picture.dtype == np.float32:
-            raise ExchangeError("holds floats, which are not codes", file=path)
+    try:
+        picture = read_picture(path)
+    except LfcoreError as error:
+        raise error.named(ExchangeError, file=path) from None
+    if picture.dtype == np.float32:
+        picture = srgb_encode(picture)
     if size is not None and picture.shape[1::-1] != tuple(size):
         problem = "is {} x {} pixels, where {} x {} are expected"
         raise ExchangeError(problem.format(*picture.shape[1::-1], *size), file=path)
     return picture
-
-
-def read_ppm(path: Path) -> np.ndarray:
-    """(h, w, 3) of a binary PPM: uint8, or uint16 scaled to the full range of 16 bits."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise unreadable(path, error, "cannot be read as a picture") from None
-    head = PPM_HEADER.match(data)
-    width, height, most = (int(word) for word in head.groups()) if head else (0, 0, 0)
-    if not (head and 0 < most < 65536 and width > 0 and height > 0):
-        raise ExchangeError("is no binary PPM (P6) of 1 to 16 bits", file=path)
-    item = np.dtype(np.uint8) if most < 256 else np.dtype(">u2")
-    whole = head.end() + width * height * 3 * item.itemsize
-    if len(data) < whole:
-        raise ExchangeError(f"is cut short: {len(data)} bytes, {whole} expected", file=path)
-    codes: np.ndarray = np.frombuffer(data, item, width * height * 3, head.end())
-    codes = codes.reshape(height, width, 3)
-    if most == 255:
-        return codes
-    return np.rint(codes * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
 
 
 def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:

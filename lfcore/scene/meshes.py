@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.colour import srgb_codes, srgb_decode
+from lfcore.colour import srgb_decode
 from lfcore.errors import LfcoreError, SceneError
-from lfcore.pictures import read_codes
+from lfcore.pictures import codes_of, read_picture
 from lfcore.scene.gltf import DRACO, GLOSSY, SUFFIXES, Document, has
 from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
@@ -315,13 +315,10 @@ def read_texture(path: Path, where: Where) -> np.ndarray:
         remedy = "Give a path relative to the scene file"
         raise where.error(f"texture {str(path)!r} not found", remedy)
     try:
-        picture = read_codes(path)
+        return codes_of(read_picture(path))
     except LfcoreError as error:
         problem = f"texture {str(path)!r} cannot be decoded: {error.problem}"
         raise where.error(problem, "Use a PNG or JPEG") from None
-    if picture.dtype == np.uint16:
-        return (picture >> 8).astype(np.uint8)
-    return picture if picture.dtype == np.uint8 else srgb_codes(picture)
 
 
 # -- triangle strips of PLY files, which trimesh reads as points without faces ------------------

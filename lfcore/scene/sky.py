@@ -7,8 +7,8 @@ d.xy over the sum of its components' sizes, and behind the camera folded outward
 
 from __future__ import annotations
 
+import io
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.errors import SceneError, StorageError
-from lfcore.pictures import by_opencv
+from lfcore.errors import LfcoreError, SceneError
+from lfcore.pictures import decode, picture_size
 from lfcore.scene.appearance import DIRECTIONAL, Light
 
 if TYPE_CHECKING:
@@ -172,7 +172,6 @@ def panorama_places(world: np.ndarray, turned: float = 0.0) -> tuple[np.ndarray,
 
 def _read_panorama(path: Path, where: Where) -> np.ndarray:
     """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file."""
-    from lfcore.exr import read_exr_picture  # for files alone
     from lfcore.scene.limits import BRIGHTEST
     from lfcore.scene.reading import read_bytes
 
@@ -184,37 +183,20 @@ def _read_panorama(path: Path, where: Where) -> np.ndarray:
         raise refuse("is no sky", "Give a Radiance HDR or an EXR file, or a colour such as #80a0c0")
     data = read_bytes(path, LARGEST_FILE, "sky")
     try:
-        width, height = _exr_size(path) if kind == ".exr" else _hdr_size(data)
+        width, height = picture_size(io.BytesIO(data))
         if width * height > MOST_TEXELS:
             raise refuse(f"has {width} x {height} texels, of {MOST_TEXELS} at most", "Shrink it")
         if width != 2 * height or not height:
             remedy = "Give an equirectangular picture, twice as wide as high"
             raise refuse(f"is no panorama: {width} x {height} texels", remedy)
-        panorama = read_exr_picture(path) if kind == ".exr" else by_opencv(data)
-        if panorama is None:
-            raise ValueError("it is damaged")
-    except (StorageError, ValueError, OSError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise refuse(f"cannot be read: {reason}", "Get it again") from None
+        panorama = decode(data)
+        if panorama.dtype != np.float32:
+            raise LfcoreError("it holds no linear light")
+    except SceneError:
+        raise
+    except LfcoreError as error:
+        raise refuse(f"cannot be read: {error.problem[:200]}", "Get it again") from None
     if not np.isfinite(panorama).all() or panorama.min() < 0 or panorama.max() > BRIGHTEST:
         found = f"has values from {panorama.min():g} to {panorama.max():g}"
         raise refuse(found, f"Give radiance from 0 to {BRIGHTEST:g}")
     return panorama
-
-
-def _hdr_size(data: bytes) -> tuple[int, int]:
-    found = re.search(rb"\n[-+]Y (\d+) [-+]X (\d+)\n", data[: 1 << 16])
-    if not data.startswith(b"#?") or not found:
-        raise ValueError("it is no Radiance HDR")
-    return int(found[2]), int(found[1])
-
-
-def _exr_size(path: Path) -> tuple[int, int]:
-    import OpenEXR
-
-    try:
-        with OpenEXR.File(str(path), header_only=True) as found:
-            low, high = found.header()["dataWindow"]
-    except Exception as error:  # the package raises RuntimeError, ValueError and more
-        raise ValueError(str(error)) from None
-    return int(high[0] - low[0] + 1), int(high[1] - low[1] + 1)

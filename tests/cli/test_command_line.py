@@ -18,7 +18,7 @@ from lfcore.cli import COMMANDS, main, parser, values
 from lfcore.colour import srgb_encode
 from lfcore.exchange.pictures import read_pfm
 from lfcore.exr import read_exr_picture
-from lfcore.pictures import read_codes
+from lfcore.pictures import read_picture
 
 SIZE, VIEWS = 24, 4
 
@@ -315,7 +315,7 @@ def test_a_stack_without_a_number(recorded, run, capsys):
 
 def test_pictures_of_other_formats(recorded, run):
     run("refocus FILE --bits 16 -o a.png")
-    codes = read_codes("a.png")
+    codes = read_picture("a.png")
     assert codes.dtype == np.uint16
     light = lfcore.LightField.open(recorded).refocus()
     np.testing.assert_array_equal(codes, np.rint(65535 * srgb_encode(light.astype(np.float64))))

@@ -15,7 +15,7 @@ from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
 from lfcore.exchange import arrays, hci
 from lfcore.exr import read_exr
-from lfcore.pictures import read_codes
+from lfcore.pictures import read_picture
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
@@ -46,7 +46,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     tracer, camera = open_tracer(scene, device), camera_of(of)
     plane = SensorPlane(of.lens.focus_m[0], camera.f_number)
     true = pictures_by_depth(tracer, camera, [plane], of.pixels, Lattice(24, 2))[0]
-    found = srgb_decode(read_codes(folder / "focus00.tif"))
+    found = srgb_decode(read_picture(folder / "focus00.tif"))
     assert db(found[4:-4, 4:-4], true[4:-4, 4:-4]) > of.quality_db
     assert item.record["expected_db"] >= of.quality_db
     depth = read_exr(folder / "depth.exr")[0]
@@ -72,7 +72,7 @@ def test_pairs(device, tmp_path):
     record = json.loads((folder / "json").read_text())
     assert record["focus_m"] == [of.lens.focus_m[1]]
     assert np.allclose(coc, items.blur_px(camera_of(of), 48, depth, of.lens.focus_m[1]))
-    sharp, soft = (read_codes(folder / f"{name}.png") for name in ("sharp", "defocused"))
+    sharp, soft = (read_picture(folder / f"{name}.png") for name in ("sharp", "defocused"))
     assert sharp.shape == soft.shape == (48, 48, 3) and (sharp != soft).any()
 
 

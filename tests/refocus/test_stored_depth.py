@@ -17,7 +17,7 @@ from lfcore.exchange.pictures import read_pfm
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.ray_cells import views_of
 from lfcore.oracle.depth_slicing import slice_by_depth
-from lfcore.pictures import read_codes
+from lfcore.pictures import read_picture
 from lfcore.refocus import depth_slicing, stored_depth
 from lfcore.refocus.depth_slicing import DepthSlicer
 from lfcore.refocus.free_views import inverse_depth
@@ -222,7 +222,7 @@ def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
     for number, (j, i) in enumerate(np.ndindex(5, 5)):
         point = (np.array([i, j]) - 2) / 2 * 0.75 * CAMERA.lens_radius_m
         truth = truth_from(tracer, point)
-        view = read_codes(tmp_path / "hci" / f"input_Cam{number:03d}.png") / 255
+        view = read_picture(tmp_path / "hci" / f"input_Cam{number:03d}.png") / 255
         worst = min(worst, psnr(view, srgb_encode(truth), peak=1))
         found = read_pfm(tmp_path / "hci" / f"gt_depth_lowres_Cam{number:03d}.pfm")
         right = tracer.bundle_hits(seen_from(point, 24, over=1))[1][0]
@@ -231,7 +231,7 @@ def test_a_file_of_few_views_gives_any(tmp_path, tracer, capsys):
         apart = max(apart, np.mean(np.abs(1 / found[both] - 1 / right[both]) > 0.02))
     assert abs(worst - float(expected)) < 4 and apart < 0.06
     assert main([*export, "--format", "quilt:8x6", "-o", str(tmp_path / "q")]) == 0
-    assert read_codes(tmp_path / "q" / "test_qs8x6a1.png").shape == (6 * 24, 8 * 24, 3)
+    assert read_picture(tmp_path / "q" / "test_qs8x6a1.png").shape == (6 * 24, 8 * 24, 3)
     # Depth without the scene is the file's own.
     depth = tmp_path / "depth.npz"
     assert main(["depth", "--lightfield", str(field.path), "-o", str(depth)]) == 0

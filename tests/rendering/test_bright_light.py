@@ -11,7 +11,7 @@ from lfcore import FrameLayout, Material
 from lfcore.colour import pq_decode, pq_encode, srgb_codes
 from lfcore.exr import read_exr_picture
 from lfcore.oracle import colour as truth
-from lfcore.pictures import read_codes
+from lfcore.pictures import read_picture
 
 CAMERA = lfcore.Camera(focal_length_m=0.1, sensor_width_m=0.05, f_number=1.0, focus_m=1.0)
 PIXELS, RADIANCE, DISTANCE = 96, 50.0, 4.0
@@ -105,7 +105,7 @@ def test_exposure(tmp_path):
     np.testing.assert_allclose(soft[0, 1], np.array([1, 0.5, 0.25]) * (1 - 1 / 32))
     light = np.full((4, 4, 3), 8.0, np.float32)
     lfcore.write_picture(tmp_path / "a.png", light, exposure_ev=-4)
-    np.testing.assert_array_equal(read_codes(tmp_path / "a.png"), srgb_codes(light / 16))
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.png"), srgb_codes(light / 16))
     lfcore.write_picture(tmp_path / "a.exr", light, exposure_ev=-4)
     assert read_exr_picture(tmp_path / "a.exr").max() == 8
 

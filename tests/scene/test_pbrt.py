@@ -15,6 +15,7 @@ from plain_scenes import refused
 import lfcore
 from lfcore import BakeOptions
 from lfcore.cli import main
+from lfcore.colour import srgb_decode
 from lfcore.exr import read_exr_picture
 from lfcore.oracle.shading import arriving
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
@@ -231,6 +232,29 @@ def test_textures_scale_and_place(read, tmp_path):
     assert scene.materials[0].diffuse == (0.5, 0.5, 0.5)
     corners = {tuple(c) for c in scene.uvs[0].tolist()}
     assert corners == {(0.0, 0.5), (2.0, 0.5), (0.0, 1.5)}
+
+
+@pytest.mark.parametrize("deep", [False, True])
+@pytest.mark.parametrize(
+    ("encoding", "light"),
+    [("sRGB", 0.2140), ("linear", 0.5), ("gamma 1.0", 0.5), ("gamma 2.2", 0.5**2.2)],
+)
+def test_an_encoding_is_of_codes(read, tmp_path, encoding, light, deep):
+    code = np.full((2, 2, 3), 0.5 * (65535 if deep else 255))
+    cv2.imwrite(str(tmp_path / "t.png"), code.astype(np.uint16 if deep else np.uint8))
+    scene = read(
+        f'Texture "i" "spectrum" "imagemap" "string filename" "t.png" '
+        f'"string encoding" "{encoding}"\n'
+        'Material "diffuse" "texture reflectance" "i"\n' + TRIANGLE
+    )
+    found = srgb_decode(scene.textures[0]) * scene.materials[0].diffuse
+    np.testing.assert_allclose(found, light, atol=0.005)
+
+
+def test_an_unknown_encoding_is_refused(read, tmp_path):
+    cv2.imwrite(str(tmp_path / "t.png"), np.zeros((2, 2, 3), np.uint8))
+    what = 'Texture "i" "spectrum" "imagemap" "string filename" "t.png" "string encoding" "gamma x"'
+    refused("'gamma x' is none of sRGB", read, f"{what}\n{TRIANGLE}")
 
 
 def test_checkerboard_colours_the_first_field(read):

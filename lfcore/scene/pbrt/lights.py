@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.colour import srgb_decode
+from lfcore.pictures import linear_light
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.emitters import EmitterPoints
@@ -18,7 +18,7 @@ from lfcore.scene.limits import BRIGHTEST
 from lfcore.scene.notes import LEFT_OUT
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.scene.pbrt.spectra import parameter_rgb
-from lfcore.scene.pbrt.textures import read_picture
+from lfcore.scene.pbrt.textures import read_image
 from lfcore.scene.sky import LARGEST_SIDE, octahedral
 from lfcore.scene.surface_mesh import Colour, triple
 
@@ -90,9 +90,7 @@ class LightRig:
             file = parameters.string(name)
             if file is None:
                 continue
-            picture = read_picture(self.folder / file, parameters.place_of(name))
-            if picture.dtype == np.uint8:
-                picture = srgb_decode(picture / 255.0)
+            picture = linear_light(read_image(self.folder / file, parameters.place_of(name)))
             light = np.ascontiguousarray(picture * radiance, np.float32)
             if not (light.min() >= 0 and light.max() <= BRIGHTEST):
                 problem = f"{file!r} has values that are no light"

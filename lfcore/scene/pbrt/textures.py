@@ -1,5 +1,6 @@
 """pbrt textures as what the tracer has: one colour, times one image with a uv transform."""
 
+import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
-from lfcore.pictures import read_codes
+from lfcore.pictures import linear_light, read_picture
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.pbrt.lexer import Place
 from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
@@ -48,23 +49,15 @@ def encode(linear: np.ndarray) -> tuple[np.ndarray, float]:
     return srgb_codes(linear / top), top
 
 
-def read_picture(path: Path, place: Place) -> np.ndarray:
-    """A picture as (H, W, 3), RGB, row 0 on top: uint8 sRGB codes, or linear float32 of all else
-    (EXR, PFM, HDR, 16 bit)."""
+def read_image(path: Path, place: Place) -> np.ndarray:
+    """(H, W, 3) of an image as :func:`lfcore.pictures.read_picture`, row 0 on top."""
     if not os.path.isfile(path):
         raise place.error(f"image {str(path)!r} does not exist", "Check the path")
-    if path.suffix.lower() == ".exr":
-        from lfcore.exr import read_exr_picture
-
-        return read_exr_picture(path)
     try:
-        picture = read_codes(path)
+        return read_picture(path)
     except LfcoreError:
         problem = f"image {str(path)!r} cannot be decoded"
         raise place.error(problem, "Use PNG, EXR or TGA") from None
-    if picture.dtype == np.uint16:
-        return srgb_decode(picture / 65535.0).astype(np.float32)
-    return picture
 
 
 class TextureTable:
@@ -141,11 +134,12 @@ class TextureTable:
         if name is None:
             raise parameters.error("filename", "is missing", "Name the image file")
         place = parameters.items["filename"].place
-        picture = read_picture(self.folder / name, place)
-        coding, factor = parameters.string("encoding", "sRGB"), 1.0
-        is_linear = coding == "linear" or not parameters.bool("gamma", True)
-        if picture.dtype == np.uint8 and is_linear:
-            picture = picture / 255.0
+        picture, factor = read_image(self.folder / name, place), 1.0
+        power = _power(parameters)
+        if power is not None and picture.dtype.kind == "u":
+            picture = (picture / np.iinfo(picture.dtype).max) ** power
+        elif picture.dtype == np.uint16:
+            picture = linear_light(picture)
         if picture.dtype != np.uint8:
             picture, factor = encode(picture)
         if parameters.bool("invert", False):
@@ -175,6 +169,21 @@ class TextureTable:
         u_scale, v_scale = (parameters.float(name, 1.0) / period for name in ("uscale", "vscale"))
         u, v = (parameters.float(name, 0.0) / period for name in ("udelta", "vdelta"))
         return replace(texture, uv_scale=(u_scale, v_scale), uv_offset=(u, v))
+
+
+def _power(parameters: ParameterSet) -> float | None:
+    """The exponent that makes codes of 8 or 16 bits linear; None: sRGB's curve."""
+    coding = parameters.string("encoding", "sRGB")
+    if not parameters.bool("gamma", True) or coding == "linear":
+        return 1.0
+    kind, _, power = coding.partition(" ")
+    try:
+        if coding == "sRGB" or (kind == "gamma" and 0 < float(power) < math.inf):
+            return None if coding == "sRGB" else float(power)
+    except ValueError:
+        pass
+    problem = f"{coding!r} is none of sRGB, linear, or gamma and a number"
+    raise parameters.error("encoding", problem)
 
 
 def _mean(texture: Texture, parameters: ParameterSet, name: str) -> np.ndarray:
