@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import stat
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -99,7 +100,9 @@ def read_yaml(path: str | Path) -> Any:
     try:
         text = raw.decode("utf-8")
         _check_bounds(text, where)
-        return yaml.safe_load(text)
+        loader = _Loader(text)
+        loader.where = where
+        return loader.get_single_data()
     except UnicodeDecodeError as error:
         problem = f"scene file is not text in UTF-8: {error}"
         raise where.error(problem, "Save it as UTF-8") from None
@@ -109,6 +112,43 @@ def read_yaml(path: str | Path) -> Any:
     except ValueError as error:  # a date such as 2026-99-99, or an integer of 10,000 digits
         problem = f"holds a value that YAML cannot read: {error}"
         raise where.error(problem, "Put it in quotes") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML in which every key is given once and every number means what it looks like."""
+
+    where: Where
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        keys = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+        seen: set[str] = set()
+        for key in keys:
+            if isinstance(key, yaml.ScalarNode) and key.value in seen:
+                self._refuse(key, f"has the key {key.value!r} twice", "Remove one of them")
+            seen.add(str(key.value))
+        return super().construct_mapping(node, deep)
+
+    def number(self, node: Any) -> int | float:
+        kind = node.tag.rpartition(":")[2]
+        value = getattr(self, f"construct_yaml_{kind}")(node)
+        if _ODD_NUMBER.fullmatch(node.value):
+            problem = f"has {node.value}, which YAML takes for {value}"
+            self._refuse(node, problem, "Write the number without leading zeros and colons")
+        return value
+
+    def _refuse(self, node: Any, problem: str, remedy: str) -> NoReturn:
+        raise self.where.error(f"{problem}, on line {node.start_mark.line + 1}", remedy)
+
+
+_ODD_NUMBER = re.compile(r"[-+]?0[0-9_]+|.*:.*")
+"""Numbers of base 8 and of base 60."""
+for _kind in ("int", "float"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", _Loader.number)
+_Loader.add_implicit_resolver(  # 1e-3, which YAML 1.1 takes for text
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+$"),
+    list("-+0123456789"),
+)
 
 
 def _check_bounds(text: str, where: Where) -> None:
