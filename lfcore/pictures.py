@@ -3,17 +3,23 @@
 PNG, PPM, JPEG and their like hold 8-bit sRGB codes to look at; EXR, PFM and NPY hold linear light.
 """
 
+from __future__ import annotations
+
 import io
 import re
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
 from lfcore.files import make_folder, whole_file
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 CODED = (".png", ".ppm", ".jpg", ".jpeg", ".webp")
 SUFFIXES = (*CODED, ".exr", ".npy")
@@ -25,6 +31,8 @@ ALL_SUFFIXES = (*ALL_CODED, ".exr", ".npy", ".pfm")
 UNKNOWN = "of no known format"
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 PPM_HEADER = re.compile(rb"P6%b(\d{1,9})%b(\d{1,9})%b(\d{1,9})\s" % ((rb"(?:\s|#[^\n]*\n)+",) * 3))
+PILLOWS = "PNG", "JPEG", "WEBP", "GIF", "BMP", "DIB", "TGA", "TIFF", "PPM", "SGI"
+"""The formats that Pillow may open: of EPS, which any name may hide, it starts Ghostscript."""
 MOST_PIXELS = 1 << 30  # mosaics of views are large by nature
 _PNG_COMPRESSION = 3  # of 9: a third more bytes than the most, in a tenth of the time
 
@@ -254,8 +262,6 @@ def picture_size(file: str | Path | io.BytesIO) -> tuple[int, int]:
 
     Raises :class:`LfcoreError` for what has none.
     """
-    from PIL import Image
-
     name = None if isinstance(file, io.BytesIO) else file
     try:
         with io.BytesIO(file.getvalue()) if isinstance(file, io.BytesIO) else open(file, "rb") as f:
@@ -267,8 +273,7 @@ def picture_size(file: str | Path | io.BytesIO) -> tuple[int, int]:
             if head.startswith(b"#?"):
                 return _radiance_head(head)[:2]
             f.seek(0)
-            Image.MAX_IMAGE_PIXELS = MOST_PIXELS
-            with Image.open(f) as image:
+            with open_image(f) as image:
                 return image.size
     except LfcoreError as error:
         raise error.named(LfcoreError, file=name) from None
@@ -295,13 +300,20 @@ def linear_light(picture: np.ndarray) -> np.ndarray:
     return srgb_decode(picture) if picture.dtype == np.uint8 else picture
 
 
-def _by_pillow(data: bytes, alpha: bool) -> tuple[np.ndarray | None, str]:
-    """(H, W) uint16 or float32, or (H, W, 3 or 4) uint8; None and why not."""
-    from PIL import Image, UnidentifiedImageError
+def open_image(file: BinaryIO) -> Image.Image:
+    """A Pillow image of one of :data:`PILLOWS`; raises what Pillow raises."""
+    from PIL import Image
 
     Image.MAX_IMAGE_PIXELS = MOST_PIXELS
+    return Image.open(file, formats=PILLOWS)
+
+
+def _by_pillow(data: bytes, alpha: bool) -> tuple[np.ndarray | None, str]:
+    """(H, W) uint16 or float32, or (H, W, 3 or 4) uint8; None and why not."""
+    from PIL import UnidentifiedImageError
+
     try:
-        with Image.open(io.BytesIO(data)) as image:
+        with open_image(io.BytesIO(data)) as image:
             if image.mode == "F":
                 return np.array(image, np.float32), ""
             if not image.mode.startswith("I"):

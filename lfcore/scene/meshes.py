@@ -14,7 +14,7 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import LfcoreError, SceneError
-from lfcore.pictures import codes_of, read_picture
+from lfcore.pictures import codes_of, open_image, read_picture
 from lfcore.scene.gltf import DRACO, GLOSSY, SUFFIXES, Document, has
 from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
 from lfcore.scene.notes import LEFT_OUT, Notebook
@@ -24,6 +24,7 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 STRIP_NAMES = ("vertex_indices", "vertex_index")
 NOT_MESHES = {"stl_ascii", "xyz"}
 """Mesh formats by trimesh's list only: the first is no suffix of files, the second holds points."""
+POSTSCRIPT = b"%!PS", b"\xc5\xd0\xd3\xc6"
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".tif", ".tiff", ".gif")
 
 
@@ -111,8 +112,10 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
                 else:
                     lacks(f"{'texture' if is_picture else 'file'} {name!r} not found")
                 raise
+            is_picture |= data[:4] in POSTSCRIPT
             if is_picture and (problem := _problem(data, glossy)):
                 lacks(f"texture {name!r} {problem}")
+                raise ValueError(problem)  # trimesh would give Pillow any format
             return data
 
     def lacks(problem: str) -> None:
@@ -152,6 +155,7 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
         for number, data in document.pictures() if document else ():
             if problem := _problem(data, glossy):
                 lacks(f"image {number} {problem}")
+                raise trouble[0]
         with io.BytesIO(document.readable()) if document else path.open("rb") as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
     except SceneError:  # of a file beside it, which it names
@@ -169,10 +173,8 @@ def _load(path: Path, document: Document | None, notebook: Notebook) -> Any:
 
 def _problem(data: bytes, glossy: bool) -> str:
     """What is wrong with a picture, if anything; ``glossy``: trimesh converts its material."""
-    from PIL import Image
-
     try:
-        image = Image.open(io.BytesIO(data))
+        image = open_image(io.BytesIO(data))
         image.load()
     except Exception:  # Pillow raises many kinds on damaged images
         return "cannot be decoded"
