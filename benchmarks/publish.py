@@ -41,7 +41,7 @@ from lfcore.errors import LfcoreError
 from lfcore.evaluation.work_precision.points import ON_THE_FLY
 from lfcore.evaluation.work_precision.study import BY_DEPTH, NEAREST, TO_QUALITY
 from lfcore.files import write_text
-from lfcore.scene.reading import read_yaml
+from lfcore.reading import read_yaml
 from lfcore.workflow.keys import DEFAULT_SCENES
 from lfcore.workflow.settings import check_settings
 

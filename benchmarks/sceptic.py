@@ -34,11 +34,11 @@ from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice
+from lfcore.readers.load import load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch
-from lfcore.scene.build import build_scene
 from lfcore.scene.model import Scene
 from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
@@ -158,7 +158,7 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
     kept: dict[tuple, np.ndarray] = {}
     for name in options.scenes:
         path = SCENES / name if (SCENES / name).exists() else Path(name)
-        scene = replace(build_scene(path), name=path.stem)
+        scene = replace(load_scene(path, bare=True), name=path.stem)
         for peer_name in options.peers:
             is_matt, (kinds, open_peer) = peer_name == "cycles", PEERS[peer_name]
             shown = replace(matt(scene), name=f"{scene.name}, matt") if is_matt else scene

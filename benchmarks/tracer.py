@@ -20,8 +20,8 @@ from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, SkippedError, core_seconds
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
+from lfcore.readers.load import load_scene
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.build import build_scene
 from lfcore.tracing.packets import Groups
 from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
@@ -61,7 +61,7 @@ def all_rows(options) -> list[dict]:
     rows = []
     for name in options.scenes:
         say(f"building {name}")
-        tracer = open_tracer(build_scene(SCENES / name / "scene.yaml"))
+        tracer = open_tracer(load_scene(SCENES / name / "scene.yaml", bare=True))
         with embree(tracer) as peer:
             for views in options.views:
                 say(f"{name}, N = {views}")

@@ -22,12 +22,12 @@ from lfcore.optics.planes import SensorPlane, check_keywords
 from lfcore.optics.size import Pixels, Size, whole_number
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
+from lfcore.readers.load import load_scene as load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
 from lfcore.rendering.prepared import lit, open_tracer, open_tracers, opened
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering, planes_between
 from lfcore.scene.baked import BakeOptions
-from lfcore.scene.build import load_scene as load_scene
 from lfcore.scene.description import check
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import with_sky

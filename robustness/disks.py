@@ -18,7 +18,7 @@ from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import write_picture
-from lfcore.scene.build import build_scene
+from lfcore.readers.load import load_scene
 from lfcore.scene.files import save_scene
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import FrameLayout
@@ -48,7 +48,7 @@ def writers(home: Path) -> list[Writer]:
     noise = np.random.default_rng(3)
     picture = noise.random((96, 128, 3), np.float32)
     array = CameraArray.on_grid((2, 2), (-1, 1, -1, 1), 40.0, (64, 48))
-    scene = build_scene(ROOT / "scenes/sphere")
+    scene = load_scene(ROOT / "scenes/sphere", bare=True)
     bvh = build_bvh(scene.triangles)
     layout = FrameLayout("macropixels", 16, 24, pixel_format="yuv444p")
     tiles = layout.tiles(layout.rays, least=2, small_rays=0)

@@ -27,7 +27,7 @@ from lfcore.files import draft_folder, whole_file, write_json, write_text
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.pictures import codes_of, decode, picture_size, read_picture, write_pictures
-from lfcore.scene.files import load_scene, save_scene
+from lfcore.scene.files import read_scene, save_scene
 from lfcore.storage.segment import SegmentWriter, read_segment
 from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
@@ -101,7 +101,7 @@ def write_segment(path):
 
 # What writes a file to a path, and what reads it.
 KINDS = {
-    "scene.npz": (partial(save_scene, scene=scene(wall(2.0))), load_scene),
+    "scene.npz": (partial(save_scene, scene=scene(wall(2.0))), read_scene),
     "bvh.npz": (partial(save_bvh, bvh=build_bvh(wall(2.0))), load_bvh),
     "stack.npz": (lambda path: save_stack(path, NOISE[None], PLANES), load_stack),
     "truth.npz": (lambda path: save_reference(path, TRUTH), load_reference),

@@ -17,10 +17,10 @@ sys.path[0] = str(ROOT)
 import numpy as np  # noqa: E402
 
 import lfcore  # noqa: E402
+from lfcore import load_scene  # noqa: E402
 from lfcore.optics.bundles import macropixels, views  # noqa: E402
 from lfcore.optics.planes import SensorPlane  # noqa: E402
 from lfcore.optics.slab import Slab  # noqa: E402
-from lfcore.scene.build import build_scene  # noqa: E402
 from lfcore.scene.model import Scene  # noqa: E402
 from lfcore.storage.layout import FrameLayout, Tile  # noqa: E402
 from lfcore.tracing.bvh import build_bvh  # noqa: E402
@@ -33,7 +33,7 @@ SQUARES = {"hits": 8, "radiance": 8, "frames": 4}
 
 @functools.cache
 def opened(name: str) -> tuple[Scene, Tracer]:
-    scene = build_scene(ROOT / "scenes" / name / "scene.yaml")
+    scene = load_scene(ROOT / "scenes" / name / "scene.yaml")
     return scene, Tracer(scene, build_bvh(scene.triangles))
 
 

@@ -10,7 +10,7 @@ import lfcore
 from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
 from lfcore.optics.size import Size
-from lfcore.scene.reading import SCENES
+from lfcore.reading import SCENES
 from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\

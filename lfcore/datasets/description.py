@@ -17,7 +17,7 @@ import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from lfcore.errors import SettingsError
-from lfcore.scene.reading import read_yaml
+from lfcore.reading import read_yaml
 
 SPLITS = ("train", "validation", "test")
 TEXTURES = (".png", ".jpg", ".jpeg", ".webp")

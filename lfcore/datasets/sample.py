@@ -17,18 +17,18 @@ import numpy as np
 
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
+from lfcore.readers.meshes import load_mesh, read_texture
+from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble, sound
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.limits import within_limits
-from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.procedural import furniture, textures, toys
 from lfcore.scene.procedural.basics import Parts, Rng
 from lfcore.scene.procedural.bedroom import surfaces
 from lfcore.scene.procedural.primitives import box, cushion, rectangle
 from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
-from lfcore.scene.reading import Where
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all, triple
 from lfcore.scene.transforms import look_at, rotate, scale, translate

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from lfcore.reading import Where
 from lfcore.scene.appearance import Material
-from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import (
     Surface,
     SurfaceMesh,

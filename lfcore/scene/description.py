@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from lfcore.errors import SceneError, did_you_mean
-from lfcore.scene.reading import Where
+from lfcore.reading import Where
 
 # What fits 64 bits: of larger ones numpy makes objects, or nothing.
 LARGEST_INTEGER = 2**63 - 1

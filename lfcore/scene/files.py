@@ -85,7 +85,7 @@ def read_header(path: str | Path) -> dict:
     return _read(path, _parse_header)
 
 
-def load_scene(path: str | Path) -> Scene:
+def read_scene(path: str | Path) -> Scene:
     """Inverse of :func:`save_scene`."""
     return _read(path, _scene)
 

@@ -14,9 +14,8 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus_distance
+from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, Light
-from lfcore.scene.gltf import FoundCamera
-from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range, focus_at
 from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
@@ -43,6 +42,17 @@ NEAREST_FOCUS = 1.05
 """The nearest distance of a focal stack, in focal lengths."""
 # From a camera that looks along -z with +y up to ours.
 TURNED = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class FoundCamera:
+    """A perspective camera: (4, 4) camera to world, looking along -z with +y up.
+
+    ``field_width`` is the tangent extent of its shorter side.
+    """
+
+    to_world: np.ndarray
+    field_width: float
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import LARGEST_COORDINATE
 from lfcore.scene.model import Scene
-from lfcore.scene.reading import Where
 
 BRIGHTEST = 1e12
 """The largest number of a colour: of lights, materials, and what is around the scene."""

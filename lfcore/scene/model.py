@@ -20,11 +20,11 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
 from lfcore.optics.size import Pixels
+from lfcore.reading import Where
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.notes import KINDS, Note
-from lfcore.scene.reading import Where
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
@@ -213,7 +213,7 @@ class Scene:
         SceneError
             The scene has no triangle that can be traced, or a damaged material.
         """
-        from lfcore.scene.meshes import parts_of
+        from lfcore.readers.meshes import parts_of
 
         meshes = scene if hasattr(scene, "geometry") else scene.scene()
         parts = parts_of(meshes, Path("trimesh"))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lfcore.scene.pbrt.lexer import Place
+    from lfcore.readers.pbrt.lexer import Place
 
 KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
     "left out", "approximated", "not used", "assumed"

@@ -19,11 +19,12 @@ import numpy as np
 
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import decode, picture_size
+from lfcore.reading import read_bytes
 from lfcore.scene.appearance import DIRECTIONAL, Light
 
 if TYPE_CHECKING:
+    from lfcore.reading import Where
     from lfcore.scene.model import Scene
-    from lfcore.scene.reading import Where
 
 MOST_TEXELS = 2**26
 LARGEST_FILE = 1 << 30
@@ -112,7 +113,7 @@ def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: st
     """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns; ``to_camera`` turns
     the world, y up."""
     # All that takes the kernels' header imports this module.
-    from lfcore.scene.reading import Where
+    from lfcore.reading import Where
     from lfcore.scene.surface_mesh import parse_colour
 
     strength, file = description.get("strength", 1.0), Path(file)
@@ -173,7 +174,6 @@ def panorama_places(world: np.ndarray, turned: float = 0.0) -> tuple[np.ndarray,
 def _read_panorama(path: Path, where: Where) -> np.ndarray:
     """(H, 2 H, 3) float32 linear radiance of a Radiance HDR or EXR file."""
     from lfcore.scene.limits import BRIGHTEST
-    from lfcore.scene.reading import read_bytes
 
     def refuse(problem: str, remedy: str) -> SceneError:
         return where.error(f"{str(path)!r} {problem}", remedy)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.scene.reading import NOWHERE, Where
+from lfcore.reading import NOWHERE, Where
 
 Vector = Sequence[float]
 

@@ -13,7 +13,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.rendering.direct import finished
 from lfcore.scene.baked import BakedLight
-from lfcore.scene.files import load_scene
+from lfcore.scene.files import read_scene
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import Tile
@@ -23,7 +23,7 @@ from lfcore.tracing.tracer import Tracer
 
 def open_scene(files: Any) -> tuple[Scene, Bvh]:
     """The scene ``files.scene``, with its light in the list ``files.light``, and ``files.bvh``."""
-    scene = load_scene(files.scene)
+    scene = read_scene(files.scene)
     for light in getattr(files, "light", ()):
         scene = replace(scene, light=BakedLight.load(light))
     return scene, load_bvh(files.bvh)

@@ -17,13 +17,13 @@ TREE = (*SCENE, "tracing")
 TRACE = (*TREE, "opencl", "baking", "rendering", "storage", "workflow")
 PICTURE = (*TRACE, "refocus", "viewer")
 STAGES = {
-    "scene": SCENE,
+    "scene": (*SCENE, "readers"),
     "tree": TREE,
     "trace": TRACE,
     "store": (*SCENE, "storage", "workflow"),
     "picture": PICTURE,
-    "dataset": (*PICTURE, "exchange", "datasets"),
-    "report": (*PICTURE, "evaluation", "oracle"),
+    "dataset": (*PICTURE, "readers", "exchange", "datasets"),
+    "report": (*PICTURE, "readers", "evaluation", "oracle"),
 }
 """The packages of each stage, beside the modules of lfcore itself."""
 

@@ -8,7 +8,7 @@ from random import Random
 
 import trimesh
 
-from lfcore.scene.build import build_scene
+from lfcore.readers.load import load_scene
 from robustness.mutate import damage_bytes, damage_text, mixed
 from robustness.outcome import SEEDS, Outcome, outcome_of
 from robustness.sound import check_scene
@@ -49,7 +49,7 @@ def judge(kind: str, data: bytes, folder: Path) -> Outcome:
         data, _, materials = data.partition(MATERIALS)
         (folder / "mesh.mtl").write_bytes(materials)
     file.write_bytes(data)
-    return outcome_of(lambda: check_scene(build_scene(file)), names=str(folder))
+    return outcome_of(lambda: check_scene(load_scene(file, bare=True)), names=str(folder))
 
 
 def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:

@@ -9,9 +9,9 @@ from random import Random
 import numpy as np
 from PIL import Image
 
-from lfcore.scene.build import build_scene
+from lfcore.readers.load import load_scene
 from lfcore.scene.description import schema
-from lfcore.scene.files import load_scene, save_scene
+from lfcore.scene.files import read_scene, save_scene
 from robustness import extremes
 from robustness.children import Limits
 from robustness.mutate import damage_bytes, damage_text, mixed
@@ -41,7 +41,7 @@ def write_sides(folder: Path) -> None:
         (folder / name).write_text(text)
     (folder / "folder").mkdir(exist_ok=True)
     os.mkfifo(folder / "fifo")
-    shutil.copy(ROOT / "tests/scene/public_style/geometry/quad.ply", folder / "x.ply")
+    shutil.copy(ROOT / "tests/readers/public_style/geometry/quad.ply", folder / "x.ply")
 
 
 def yaml_seeds(folder: Path) -> list[bytes]:
@@ -50,7 +50,7 @@ def yaml_seeds(folder: Path) -> list[bytes]:
 
 
 def pbrt_seeds(folder: Path) -> list[bytes]:
-    public = (ROOT / "tests/scene/public_style/scene.pbrt").read_bytes()
+    public = (ROOT / "tests/readers/public_style/scene.pbrt").read_bytes()
     public = public.replace(b"geometry/quad.ply", b"x.ply").replace(b"geometry/", b"")
     moving = (ROOT / "scenes/sphere/moving.pbrt").read_bytes()
     return [PBRT_SPHERE.encode(), public.replace(b"textures/grid.png", b"skin.png"), moving]
@@ -58,7 +58,7 @@ def pbrt_seeds(folder: Path) -> list[bytes]:
 
 def check_built(file: Path) -> None:
     """Build the scene of a file; what is taken must be sound and survive saving."""
-    scene = build_scene(file)
+    scene = load_scene(file, bare=True)
     check_scene(scene)
     if scene.triangle_count < 5000:
         check_saved(scene, file.parent)
@@ -66,7 +66,7 @@ def check_built(file: Path) -> None:
 
 def check_saved(scene, folder: Path) -> None:
     save_scene(folder / "scene.npz", scene)
-    again = load_scene(folder / "scene.npz")
+    again = read_scene(folder / "scene.npz")
     for name in ("triangles", "normals", "uvs", "colours", "material_ids"):
         if getattr(again, name).tobytes() != getattr(scene, name).tobytes():
             raise SilentlyWrong(f"{name} differ after saving")
@@ -101,7 +101,7 @@ def saved_seeds(folder: Path) -> list[bytes]:
     seeds = []
     for text in (PLAIN, BUILT):
         (folder / "seed.yaml").write_text(text)
-        save_scene(folder / "seed.npz", build_scene(folder / "seed.yaml"))
+        save_scene(folder / "seed.npz", load_scene(folder / "seed.yaml", bare=True))
         seeds.append((folder / "seed.npz").read_bytes())
     return seeds
 
@@ -114,7 +114,7 @@ def check_traced(file: Path) -> None:
     from lfcore.tracing.bvh import build_bvh
     from lfcore.tracing.tracer import Tracer
 
-    scene = build_scene(file)
+    scene = load_scene(file, bare=True)
     if scene.triangle_count > MOST_TRIANGLES:
         return
     tracer = Tracer(scene, build_bvh(scene.triangles), open_device(threads=1))
@@ -135,7 +135,7 @@ def targets() -> list[Target]:
     traced = of_file("input.yaml", check_traced, named=False)
     # Programs are built in a child, and drivers map much: no limit of the address space.
     limits = Limits(cpu=60, wall=300, memory=None)
-    saved = of_file("input.npz", lambda file: check_scene(load_scene(file)))
+    saved = of_file("input.npz", lambda file: check_scene(read_scene(file)))
     return [
         Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
         Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),

@@ -7,14 +7,14 @@ from plain_scenes import CHART
 
 from lfcore import Lattice, SensorPlane, open_device
 from lfcore.evaluation.true_picture import true_pictures
+from lfcore.readers.load import load_scene
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.build import build_scene
 
 
 @pytest.fixture(scope="session")
 def chart():
     """The chart's tracer, of one thread."""
-    return open_tracer(build_scene(CHART), open_device(threads=1))
+    return open_tracer(load_scene(CHART, bare=True), open_device(threads=1))
 
 
 @pytest.fixture(scope="session")

@@ -24,12 +24,12 @@ from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of
 from lfcore.pictures import write_picture
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens, trace_array
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.scene.needs import Needs
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.view import lightfield_view
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_surfaces

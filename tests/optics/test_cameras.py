@@ -13,10 +13,10 @@ from lfcore import Camera, CameraArray, SensorPlane, Slab
 from lfcore.optics import bundles
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture, sub_apertures
+from lfcore.readers.load import load_scene
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.plenoptic import photograph, refocus_photograph
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.build import build_scene
 
 
 def test_the_assignments_grid():
@@ -154,7 +154,7 @@ def test_sub_apertures_by_hand():
 
 def test_photograph_and_what_is_made_of_it():
     """Odd sizes, so that frames do not fill the picture; against planes formed on the fly."""
-    tracer = open_tracer(build_scene(CHART))
+    tracer = open_tracer(load_scene(CHART, bare=True))
     camera = PlenopticCamera(CAMERA, 45, 4)
     seen = []
     picture = photograph(tracer, camera, progress=lambda *at: seen.append(at))

@@ -9,9 +9,9 @@ from lfcore.optics.bundles import Bundles
 from lfcore.oracle.colour import srgb_decode, srgb_encode, ycbcr
 from lfcore.oracle.shading import radiance
 from lfcore.oracle.textures import bilinear
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.emitters import POINTS
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.tracing.bvh import build_bvh
 
 AXIS = np.float32([[0.3, 0.2, 0]]), np.float32([[0, 0, 1]])

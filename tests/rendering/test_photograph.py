@@ -9,6 +9,7 @@ from plain_scenes import refused
 from lfcore import CameraArray, Device, open_device
 from lfcore.cli import main
 from lfcore.exr import read_exr_picture
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import (
     array_bundles,
@@ -20,7 +21,6 @@ from lfcore.rendering.photograph import (
     trace_shutter,
 )
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.storage.tiled_exr import read_array
 from lfcore.tracing import arrays
 

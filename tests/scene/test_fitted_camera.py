@@ -9,10 +9,10 @@ from plain_scenes import balls, refused
 
 import lfcore
 from lfcore import Slab
+from lfcore.readers.load import load_scene
 from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene import studio
-from lfcore.scene.build import build_scene
 from lfcore.scene.files import scene_digest
 from lfcore.scene.framing import BLUR
 from lfcore.scene.seen import SIDE, _depths, focus_at
@@ -33,7 +33,7 @@ def blurs(scene, focus_m=None, f_number=None):
 
 
 def test_depths_seen_are_those_of_traced_rays(ball):
-    scene = build_scene(ball)
+    scene = load_scene(ball, bare=True)
     width = scene.camera.field_width
     ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
     found = _depths(scene.triangles, (ticks, ticks))
@@ -50,13 +50,13 @@ def test_depths_of_triangles_that_cross_the_lens_plane():
 
 
 def test_a_mesh_is_blurred_visibly_at_both_ends_also_when_zoomed(ball):
-    scene = build_scene(ball)
+    scene = load_scene(ball, bare=True)
     np.testing.assert_allclose(blurs(scene), BLUR, rtol=0.05)
     assert scene.camera.f_number == pytest.approx(2)
     near, far = scene.depth_range
     assert near < scene.camera.focus_m < far
     assert scene.camera.focal_length_m < near / 2
-    twice = build_scene(ball, zoom=2)
+    twice = load_scene(ball, zoom=2, bare=True)
     np.testing.assert_array_equal(scene.triangles, twice.triangles)
     assert twice.camera.field_width == pytest.approx(scene.camera.field_width / 2)
     np.testing.assert_allclose(blurs(twice), BLUR, rtol=0.05)
@@ -75,14 +75,14 @@ def test_a_mesh_is_blurred_visibly_at_both_ends_also_when_zoomed(ball):
 )
 def test_the_lens_stays_what_it_is_when_a_part_is_given(write_scene, ball, given):
     """Focused in the middle, the far end has the same blur: not an f/2 of a lens made of air."""
-    scene = build_scene(write_scene({"objects": [{"file": ball.name}], "camera": given}))
+    scene = load_scene(write_scene({"objects": [{"file": ball.name}], "camera": given}), bare=True)
     np.testing.assert_allclose(blurs(scene, scene.depth_range.middle_m), BLUR, rtol=0.1)
 
 
 def test_a_flat_scene_has_a_lens(tmp_path):
     path = tmp_path / "card.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n")
-    scene = build_scene(path, view_from="front")
+    scene = load_scene(path, view_from="front", bare=True)
     assert scene.camera.lens_radius_m < scene.camera.focus_m / 8
 
 
@@ -109,7 +109,7 @@ def test_a_scaled_model_gives_the_same_picture(tmp_path, ball, scale):
 )
 @pytest.mark.parametrize("blur", [0.03, "3%"])
 def test_words_for_a_focus_and_blur_of_the_end_farther_from_it(ball, focus, share, blur):
-    scene = build_scene(ball)
+    scene = load_scene(ball, bare=True)
     near, far = scene.depth_range
     plane = scene.plane(focus, blur=blur)
     wanted = float(focus) if share is None else 1 / ((1 - share) / near + share / far)
@@ -137,7 +137,7 @@ def test_words_for_a_focus_and_blur_of_the_end_farther_from_it(ball, focus, shar
     ],
 )
 def test_settings_that_make_no_picture(ball, settings, key):
-    caught = refused(None, build_scene(ball).plane, **settings)
+    caught = refused(None, load_scene(ball, bare=True).plane, **settings)
     assert caught.key == key and caught.remedy
 
 
@@ -155,7 +155,7 @@ def test_a_side_to_see_from(tmp_path, side):
     tip = trimesh.creation.icosphere(1, radius=0.01).apply_translation(1.2 * towards)
     path = tmp_path / "ball.ply"
     trimesh.util.concatenate([mesh, tip]).export(path)
-    scene = build_scene(path, view_from=side)
+    scene = load_scene(path, view_from=side, bare=True)
     nearest = scene.triangles.reshape(-1, 3)[scene.triangles[..., 2].argmin()]
     assert np.abs(nearest[:2] / nearest[2]).max() < 0.01
 
@@ -164,7 +164,9 @@ def test_up_is_up_from_every_side(tmp_path):
     lines = ["v 0 0 0", "v 0.1 0 0", "v 0 1 0", "v 0 0 0.1", "f 1 2 3", "f 1 4 3", "f 2 4 3"]
     (tmp_path / "spike.obj").write_text("\n".join(lines))
     for side in ("front", "back", "left", "right", "30,40", "120,-20"):
-        points = build_scene(tmp_path / "spike.obj", view_from=side).triangles.reshape(-1, 3)
+        points = load_scene(tmp_path / "spike.obj", view_from=side, bare=True).triangles.reshape(
+            -1, 3
+        )
         tip = points[np.argmin(points[:, 1] / points[:, 2])]
         assert tip[1] < 0 and np.sum(points[:, 1] < 0) == 3
 
@@ -173,7 +175,7 @@ def test_up_is_up_from_every_side(tmp_path):
 def test_a_view_that_cannot_be(write_scene, ball, camera):
     pose = {"position_m": [0, 1, 9], "look_at_m": [0, 0, 0]}
     path = write_scene({"objects": [{"file": ball.name}], "camera": {"pose": pose}})
-    caught = refused(None, build_scene, path, **camera)
+    caught = refused(None, load_scene, path, **camera)
     assert caught.key == next(iter(camera)) and caught.remedy
 
 
@@ -189,14 +191,16 @@ def test_where_z_is_up_a_note_says_so(tmp_path, tetrahedron, ball):
     standing.apply_translation(-standing.bounds[0] * [0, 0, 1]).export(tmp_path / "standing.stl")
     (tmp_path / "word.obj").write_text("# up axis: Z\nv 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n")
     for name in ("cone.stl", "standing.stl", "terrain.obj", "word.obj"):
-        scene, y, z = (build_scene(tmp_path / name, **up) for up in ({}, {"up": "y"}, {"up": "z"}))
+        scene, y, z = (
+            load_scene(tmp_path / name, **up, bare=True) for up in ({}, {"up": "y"}, {"up": "z"})
+        )
         assert [str(one.notes).count("z seems") for one in (scene, y, z)] == [1, 0, 0]
         assert not np.array_equal(z.triangles, scene.triangles)
     cone.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
     cone.export(tmp_path / "cone.stl")
     trimesh.creation.box().export(tmp_path / "box.stl")
     for path in (tmp_path / "cone.stl", tmp_path / "box.stl", tetrahedron, ball):
-        assert "z seems" not in str(build_scene(path).notes), "y is up"
+        assert "z seems" not in str(load_scene(path, bare=True).notes), "y is up"
 
 
 @pytest.fixture
@@ -239,7 +243,7 @@ def test_camera_and_distances_are_those_of_the_mesh_alone(mesh, size, up):
 def test_no_floor_hides_a_mesh_that_is_seen_from_below_and_the_workflow_has_none(mesh):
     scene = lfcore.load_scene(mesh(), view_from="0,-20")
     assert scene.floor_material == -1 and scene.bake is not None
-    assert build_scene(mesh()).bake is None
+    assert load_scene(mesh(), bare=True).bake is None
 
 
 def test_what_has_a_light_or_walls_around_the_camera_is_left_alone(tmp_path):
@@ -440,7 +444,9 @@ def test_a_mesh_is_seen_from_a_place_and_in_a_unit(ball, write_scene):
     place = {"position_m": np.array([0, 1, 9]), "look_at_m": (0, 0.2, 0)}
     scene = lfcore.load_scene(ball, **place)
     plain = {key: list(map(float, value)) for key, value in place.items()}
-    known = build_scene(write_scene({"objects": [{"file": ball.name}], "camera": {"pose": plain}}))
+    known = load_scene(
+        write_scene({"objects": [{"file": ball.name}], "camera": {"pose": plain}}), bare=True
+    )
     np.testing.assert_array_equal(scene.triangles[: known.triangle_count], known.triangles)
     turned = lfcore.load_scene(write_scene({"objects": [{"file": ball.name}]}), **place)
     np.testing.assert_array_equal(turned.triangles, known.triangles)

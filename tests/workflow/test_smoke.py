@@ -13,7 +13,7 @@ from PIL import Image
 
 from benchmarks import full_size
 from lfcore.evaluation.tables import MEASURED, make_table
-from lfcore.scene.reading import read_yaml
+from lfcore.reading import read_yaml
 from lfcore.workflow.settings import check_settings
 
 pytestmark = [pytest.mark.workflow, pytest.mark.slow]

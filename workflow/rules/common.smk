@@ -103,13 +103,13 @@ def file_of_scene(name):
 
 def scene_inputs(wildcards):
     """The scene's file, and all files that it names: an edit of any parses it anew."""
-    from lfcore.scene.sources import files_of_scene
+    from lfcore.readers.sources import files_of_scene
 
     return [local(str(file)) for file in files_of_scene(file_of_scene(wildcards.scene))]
 
 
 def moving_sphere(wildcards):
-    from lfcore.scene.sources import files_of_scene
+    from lfcore.readers.sources import files_of_scene
     from lfcore.workflow.cases import ROOT
 
     return [local(str(file)) for file in files_of_scene(ROOT / "scenes/sphere/moving.pbrt")]
@@ -202,7 +202,7 @@ def of_scene(name):
     """The files with a scene's arrays in camera space, its tree and, if any, its baked light."""
 
     def light(wildcards):
-        from lfcore.scene.sources import asks_for_light
+        from lfcore.readers.sources import asks_for_light
 
         scene = name.format(**wildcards)
         return [f"results/{scene}/light.npz"] if asks_for_light(file_of_scene(scene)) else []

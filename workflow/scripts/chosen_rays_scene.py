@@ -6,11 +6,11 @@ from lfcore.evaluation.true_picture import load_reference
 from lfcore.files import read_json
 from lfcore.opencl.device import open_device
 from lfcore.optics.plane_pictures import load_stack
-from lfcore.scene.files import load_scene
+from lfcore.scene.files import read_scene
 from lfcore.workflow.job import job
 
 with job(snakemake) as (given, params, output):
-    scene, reference = load_scene(given.scene), load_reference(given.truth)
+    scene, reference = read_scene(given.scene), load_reference(given.truth)
     device = open_device(params.device or None, threads=snakemake.threads)
     jobs = [read_json(file) for file in (given.trace, given.store, given.retrieve)]
     pictures = [load_stack(file)[0] for file in (given.on_the_fly, given.from_video)]

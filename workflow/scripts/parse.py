@@ -1,11 +1,11 @@
 """Read a scene description and all it names into flat arrays in camera space."""
 
-from lfcore.scene.build import build_scene
+from lfcore.readers.load import load_scene
 from lfcore.scene.files import save_scene
 from lfcore.workflow.job import job
 
 with job(snakemake) as (given, _, output):
-    scene = build_scene(given[0])
+    scene = load_scene(given[0], bare=True)
     if scene.is_pinhole:
         scene = scene.with_lens()
         print("a lens is fitted: all views of the scene's camera, a pinhole, are the same")

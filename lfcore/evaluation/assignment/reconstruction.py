@@ -25,12 +25,12 @@ from lfcore.evaluation.assignment.book import AUTHORS_FOCUS_M, BOOK_FOCUS_M, mea
 from lfcore.evaluation.figures import Sheet
 from lfcore.evaluation.metrics import mse
 from lfcore.opencl.device import Device, programs_made
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.refocus.array.device_field import DeviceField, Synthesis
 from lfcore.refocus.array.focal_surface import parallel
 from lfcore.refocus.array.synthesis import isaksen, monte_carlo, quadrature
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens, trace_shutter
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.timing import clocked, clocked_warm
 from lfcore.tracing.tracer import Tracer
 

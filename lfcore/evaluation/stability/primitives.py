@@ -35,7 +35,7 @@ from lfcore.evaluation.stability.tested_tracer import CAMERA, ClosestHit, Found,
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.oracle.intersect import Hits, closest_hits
-from lfcore.scene.build import build_scene
+from lfcore.readers.load import load_scene
 
 LEAKING = "share of rays that leak"
 NO_GAPS = Bound(0, LEAKING, "a closed mesh has no gaps")
@@ -263,7 +263,7 @@ def _from_file(world: np.ndarray, centre: np.ndarray) -> np.ndarray:
         scene = {"camera": camera | {"pose": pose}, "objects": [{"file": "mesh.obj"}]}
         file = Path(folder, "scene.yaml")
         file.write_text(yaml.safe_dump(scene), encoding="utf-8")
-        return build_scene(file).triangles
+        return load_scene(file, bare=True).triangles
 
 
 def _or_lost(found: Found, hits: Hits) -> float:

@@ -9,7 +9,7 @@ import inspect
 from typing import Any
 
 from lfcore.errors import SceneError, did_you_mean
-from lfcore.scene.reading import NOWHERE, Where
+from lfcore.reading import NOWHERE, Where
 from lfcore.scene.surface_mesh import SurfaceMesh
 
 BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "cornell", "ecosys", "sphere")

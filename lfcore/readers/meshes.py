@@ -1,6 +1,6 @@
 """Mesh files, through trimesh: geometry, normals, textures, vertex colours, materials.
 
-Whatever trimesh loads is accepted; for materials see :mod:`lfcore.scene.gltf_materials`.
+Whatever trimesh loads is accepted; for materials see :mod:`lfcore.readers.gltf_materials`.
 """
 
 import io
@@ -15,10 +15,10 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import codes_of, open_image, read_picture
-from lfcore.scene.gltf import DRACO, GLOSSY, SUFFIXES, Document, has
-from lfcore.scene.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
+from lfcore.readers.gltf import DRACO, GLOSSY, SUFFIXES, Document, has
+from lfcore.readers.gltf_materials import GltfSurfaces, clipped, picture, surface_of_pbr
+from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, Notebook
-from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, crease_normals
 
 STRIP_NAMES = ("vertex_indices", "vertex_index")

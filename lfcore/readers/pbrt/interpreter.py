@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.readers.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
+from lfcore.readers.pbrt.lexer import Place
+from lfcore.readers.pbrt.lights import LightRig, emitted
+from lfcore.readers.pbrt.materials import Definition, MaterialTable
+from lfcore.readers.pbrt.parameters import ParameterSet
+from lfcore.readers.pbrt.parser import Directive
+from lfcore.readers.pbrt.shapes import tessellate, with_uvs
+from lfcore.readers.pbrt.textures import TextureTable
 from lfcore.scene.emitters import emitter_points
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.pbrt.camera import TO_OURS, read_camera, read_film, read_samples
-from lfcore.scene.pbrt.lexer import Place
-from lfcore.scene.pbrt.lights import LightRig, emitted
-from lfcore.scene.pbrt.materials import Definition, MaterialTable
-from lfcore.scene.pbrt.parameters import ParameterSet
-from lfcore.scene.pbrt.parser import Directive
-from lfcore.scene.pbrt.shapes import tessellate, with_uvs
-from lfcore.scene.pbrt.textures import TextureTable
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.transforms import look_at, rotate, scale, translate
 from lfcore.scene.view import View

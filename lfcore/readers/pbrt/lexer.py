@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore import reading
 from lfcore.errors import SceneError
-from lfcore.scene import reading
 
 WORD, STRING, NUMBERS, END = "word", "string", "numbers", "end"
 OPEN, CLOSE = "open", "close"

@@ -11,10 +11,10 @@ import urllib.parse
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from lfcore import reading
 from lfcore.errors import SceneError
-from lfcore.scene import reading
+from lfcore.reading import DESCRIPTIONS
 from lfcore.scene.baked import ASKS
-from lfcore.scene.reading import DESCRIPTIONS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
 _SKY = re.compile(
@@ -131,7 +131,7 @@ def _ply(file: Path) -> Iterator[str]:
 
 
 def _gltf(file: Path) -> Iterator[str]:
-    from lfcore.scene.gltf import Document  # arrays, which a build system has no need of
+    from lfcore.readers.gltf import Document  # arrays, which a build system has no need of
 
     return _strings(Document(file).tree)
 

@@ -11,10 +11,10 @@ import numpy as np
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
 from lfcore.pictures import linear_light, read_picture
+from lfcore.readers.pbrt.lexer import Place
+from lfcore.readers.pbrt.parameters import COLOUR_TYPES, ParameterSet
+from lfcore.readers.pbrt.spectra import parameter_rgb
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
-from lfcore.scene.pbrt.lexer import Place
-from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
-from lfcore.scene.pbrt.spectra import parameter_rgb
 
 # Side in texels of one field of a checkerboard: bilinear filtering blurs 1 / 64 of its edge.
 CHECK_TEXELS = 64

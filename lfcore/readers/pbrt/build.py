@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.readers.pbrt.interpreter import Interpreter, Item
+from lfcore.readers.pbrt.parser import read_directives
+from lfcore.reading import Where
 from lfcore.scene.assemble import LARGEST_COORDINATE, assemble, sound
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.pbrt.interpreter import Interpreter, Item
-from lfcore.scene.pbrt.parser import read_directives
-from lfcore.scene.reading import Where
 from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, triple
 

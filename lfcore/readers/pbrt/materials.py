@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lfcore.scene.pbrt.lexer import Place
-from lfcore.scene.pbrt.parameters import ParameterSet
-from lfcore.scene.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
-from lfcore.scene.pbrt.textures import Texture, TextureTable, constant
+from lfcore.readers.pbrt.lexer import Place
+from lfcore.readers.pbrt.parameters import ParameterSet
+from lfcore.readers.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
+from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
 from lfcore.scene.surface_mesh import Surface
 
 # Normal reflectance of a dielectric of index 1.5, pbrt's plastic.

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
-from lfcore.scene.pbrt.parameters import Parameter
-from lfcore.scene.reading import LARGEST_DESCRIPTION, read_bytes
+from lfcore.readers.pbrt.parameters import Parameter
+from lfcore.reading import LARGEST_DESCRIPTION, read_bytes
 
 # IEC 61966-2-1
 XYZ_TO_RGB = np.array(

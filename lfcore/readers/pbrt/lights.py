@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.pictures import linear_light
+from lfcore.readers.pbrt.parameters import COLOUR_TYPES, ParameterSet
+from lfcore.readers.pbrt.spectra import parameter_rgb
+from lfcore.readers.pbrt.textures import read_image
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.emitters import EmitterPoints
 from lfcore.scene.limits import BRIGHTEST
 from lfcore.scene.notes import LEFT_OUT
-from lfcore.scene.pbrt.parameters import COLOUR_TYPES, ParameterSet
-from lfcore.scene.pbrt.spectra import parameter_rgb
-from lfcore.scene.pbrt.textures import read_image
 from lfcore.scene.sky import LARGEST_SIDE, octahedral
 from lfcore.scene.surface_mesh import Colour, triple
 

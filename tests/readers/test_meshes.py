@@ -8,8 +8,8 @@ from plain_scenes import SCENES, refused
 from trimesh.visual.material import PBRMaterial
 
 from lfcore.colour import srgb_decode
-from lfcore.scene.build import build_scene
-from lfcore.scene.meshes import load_mesh
+from lfcore.readers.load import load_scene
+from lfcore.readers.meshes import load_mesh
 from lfcore.scene.needs import Needs
 from lfcore.scene.procedural import book, build, primitives, textures, turned
 from lfcore.scene.surface_mesh import Surface, crease_normals, face_normals
@@ -52,7 +52,7 @@ def test_without_its_mtl_an_obj_has_the_default_material_and_says_so(textured, n
     path, _ = textured
     path.with_name("m.mtl").unlink()
     path.write_text(SQUARE.replace("m.mtl", name))
-    scene = build_scene(path)
+    scene = load_scene(path, bare=True)
     assert scene.materials[0].diffuse == (0.8, 0.8, 0.8) and scene.textures == []
     assert scene.summary().startswith(f"{path}: left out: material library '{name}', not found")
 
@@ -88,7 +88,7 @@ def test_a_texture_for_a_mesh_without_coordinates_is_refused(write_scene, minima
     Image.new("RGB", (2, 2)).save(tmp_path / "skin.png")
     minimal["objects"][0]["material"] = {"texture": "skin.png"}
     words = r"objects\[0\]\.material\.texture.*coordinates"
-    refused(words, build_scene, write_scene(minimal))
+    refused(words, load_scene, write_scene(minimal))
 
 
 STRIPS = (
@@ -122,17 +122,17 @@ def test_a_texture_that_cannot_be_read_is_refused_not_ignored(textured, content,
     path, _ = textured
     skin = path.with_name("skin.png")
     skin.unlink() if content is None else skin.write_bytes(content)
-    assert refused(words, build_scene, path).remedy
+    assert refused(words, load_scene, path).remedy
 
 
 def test_texture_override_and_removal(textured, write_scene):
     path, _ = textured
     Image.new("L", (3, 2), 7).save(path.parent / "grey.png")
     entry = {"file": path.name, "material": {"texture": "grey.png"}}
-    scene = build_scene(write_scene({"objects": [entry]}))
+    scene = load_scene(write_scene({"objects": [entry]}), bare=True)
     assert len(scene.textures) == 1 and np.all(scene.textures[0] == 7)
     entry["material"] = {"texture": None}
-    scene = build_scene(write_scene({"objects": [entry]}))
+    scene = load_scene(write_scene({"objects": [entry]}), bare=True)
     assert scene.textures == [] and len(scene.uvs) == 0 and scene.materials[0].texture == -1
     path, _ = textured
     Image.new("RGB", (2, 2), (100, 100, 100)).save(path.parent / "skin.png")
@@ -164,7 +164,7 @@ def test_glb_with_pbr_texture_normals_and_node_transform(tmp_path):
         assert part.surface.texture.shape == (8, 8, 3)
         centre = part.triangles.reshape(-1, 3).mean(0)
         np.testing.assert_allclose(part.normals, part.triangles - centre, atol=0.05)
-    built = build_scene(path)
+    built = load_scene(path, bare=True)
     assert built.triangle_count == 160 and len(built.textures) == 1 and len(built.materials) == 1
 
 
@@ -175,7 +175,7 @@ def test_ply_vertex_colours_are_decoded(tmp_path):
     (part,) = load_mesh(tmp_path / "box.ply")
     expected = srgb_decode(np.array([188, 0, 255]) / 255)
     np.testing.assert_allclose(part.colours, np.broadcast_to(expected, (12, 3, 3)))
-    scene = build_scene(tmp_path / "box.ply")
+    scene = load_scene(tmp_path / "box.ply", bare=True)
     assert scene.colours.shape == (12, 3, 3)
 
 
@@ -205,7 +205,7 @@ def test_stl_is_smoothed_where_round_and_flat_where_not(tmp_path):
 )
 def test_unreadable_mesh(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
-    caught = refused(words, build_scene, tmp_path / name)
+    caught = refused(words, load_scene, tmp_path / name)
     assert name in str(caught)
 
 
@@ -238,7 +238,7 @@ SIZES = {"bike": 10_000, "cabin": 15_000, "bedroom": 207_000, "chart": 6}
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SIZES)
 def test_scenes_of_the_thesis(name):
-    built = build_scene(SCENES / name)
+    built = load_scene(SCENES / name, bare=True)
     check_scene(built)
     assert built.triangle_count == pytest.approx(SIZES[name], rel=0.03) and not built.dropped
     assert all(max(material.diffuse) <= 1 for material in built.materials)

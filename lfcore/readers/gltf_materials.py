@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.scene.gltf import KNOWN, Document, found
+from lfcore.readers.gltf import KNOWN, Document, found
+from lfcore.reading import Where
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
-from lfcore.scene.reading import Where
 from lfcore.scene.surface_mesh import Colour, Surface, triple
 
 _HANDLED = ("KHR_materials_unlit", "KHR_materials_emissive_strength")

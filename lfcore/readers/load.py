@@ -4,7 +4,6 @@ import dataclasses
 import math
 import os
 from collections.abc import Mapping
-from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -15,21 +14,21 @@ from numpy.typing import ArrayLike
 from lfcore.errors import OpticsError, SceneError, check_kind
 from lfcore.optics.camera import Camera, check_focus
 from lfcore.optics.focus import exclude_twice
+from lfcore.readers.gltf import SUFFIXES, moved, staging_of
+from lfcore.readers.meshes import load_mesh, read_texture
+from lfcore.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.description import check, complete
 from lfcore.scene.emitters import POINTS
-from lfcore.scene.files import load_scene as load_prepared
+from lfcore.scene.files import read_scene
 from lfcore.scene.framing import z_seems_up
-from lfcore.scene.gltf import SUFFIXES, moved, staging_of
 from lfcore.scene.limits import within_limits
-from lfcore.scene.meshes import load_mesh, read_texture
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, Notebook
-from lfcore.scene.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -100,7 +99,7 @@ def load_scene(
     view = {**pose, "camera": camera, "view_from": view_from, "zoom": zoom, "scale": scale}
     if path.suffix.lower() == ".npz":
         _refuse_view(path, **view, light=light, up=up)
-        return load_prepared(path)
+        return read_scene(path)
     if light is not None:
         check_kind(light, Mapping, "light")
     if not isinstance(light_points, Integral) or light_points < 1:
@@ -144,10 +143,6 @@ def load_scene(
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
     bare = bare or not mesh or bool(light)
     return build(description, file=path, name=name, note_up=note_up, bare=bare, lens=camera)
-
-
-build_scene = partial(load_scene, bare=True)
-"""The scene of a file without what surrounds meshes."""
 
 
 def _placed(
@@ -204,7 +199,7 @@ def _check_up(up: str | None, path: Path) -> None:
 
 
 def _pbrt(path: Path, light_points: int) -> Scene:
-    from lfcore.scene.pbrt.build import build_pbrt_scene  # a package of its own, seldom needed
+    from lfcore.readers.pbrt.build import build_pbrt_scene  # a package of its own, seldom needed
 
     scene = build_pbrt_scene(path, light_points=light_points)
     distances = framing.default_focus_distances(scene.camera, scene.triangles)

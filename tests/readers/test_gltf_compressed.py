@@ -18,11 +18,11 @@ from plain_scenes import refused
 from lfcore import Slab, Tracer
 from lfcore.optics.bundles import macropixels
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.readers.load import load_scene
+from lfcore.readers.meshes import load_mesh
+from lfcore.readers.sources import files_of_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT
-from lfcore.scene.build import build_scene
-from lfcore.scene.meshes import load_mesh
 from lfcore.scene.needs import Needs
-from lfcore.scene.sources import files_of_scene
 from lfcore.tracing.bvh import build_bvh
 
 DracoPy = pytest.importorskip("DracoPy", reason="no wheel of it for this processor")
@@ -85,7 +85,7 @@ def test_a_mesh_compressed_by_draco(tmp_path, how):
     uvs = UVS[FACES] * (1, -1) + (0, 1)  # trimesh turns v round
     np.testing.assert_allclose(part.uvs, uvs, atol=1e-3)
     assert (part.surface.texture == (0, 255, 0)).all()
-    scene = build_scene(path)
+    scene = load_scene(path, bare=True)
     assert scene.triangle_count == 2 and not scene.notes
     assert len(files_of_scene(path)) == (2 if how == "file" else 1)
 
@@ -119,7 +119,7 @@ def primitive_of(tree):
 def test_a_damaged_mesh_is_one_line(tmp_path, change):
     glb = draco()
     change(glb.tree)
-    refused(r"m\.glb: mesh cannot be read", build_scene, written(tmp_path, glb))
+    refused(r"m\.glb: mesh cannot be read", load_scene, written(tmp_path, glb))
 
 
 def test_a_buffer_that_is_not_there_is_named_itself(tmp_path):
@@ -131,7 +131,7 @@ def test_a_buffer_that_is_not_there_is_named_itself(tmp_path):
 def test_without_the_decoder_its_package_is_named(tmp_path, monkeypatch):
     path = written(tmp_path, draco())
     monkeypatch.setitem(sys.modules, "DracoPy", None)
-    refused(r"Draco.*Install the package DracoPy", build_scene, path)
+    refused(r"Draco.*Install the package DracoPy", load_scene, path)
 
 
 def textured(texture, required, form="WEBP"):
@@ -174,14 +174,14 @@ def test_a_damaged_texture_is_refused_not_ignored(tmp_path, start, how):
     else:
         text = base64.b64encode(damaged).decode()
         glb.tree["images"] = [{"uri": f"data:image/webp;base64,{text}"}]
-    refused(r"m\.glb: image 0 cannot be decoded", build_scene, written(tmp_path, glb))
+    refused(r"m\.glb: image 0 cannot be decoded", load_scene, written(tmp_path, glb))
 
 
 @pytest.mark.parametrize("required", [[], [BASIS]])
 def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
     texture = {"extensions": {BASIS: {"source": 0}}}
     path = written(tmp_path, textured(texture, required, "KTX2"))
-    refused(r"m\.glb: .*KHR_texture_basisu.*PNG, JPEG or WebP", build_scene, path)
+    refused(r"m\.glb: .*KHR_texture_basisu.*PNG, JPEG or WebP", load_scene, path)
 
 
 SAID = {
@@ -198,7 +198,7 @@ SAID = {
 def features(tmp_path_factory):
     path = tmp_path_factory.mktemp("gltf") / "features.glb"
     EXAMPLE["main"]([str(path)])
-    return build_scene(path)
+    return load_scene(path, bare=True)
 
 
 def test_everything_is_found_and_what_is_dropped_is_said(features):
@@ -232,7 +232,7 @@ def test_what_colours_of_vertices_lose_is_said(tmp_path):
         shape = EXAMPLE["square"](1, 1) | {"COLOR_0": faded}
         glb.mesh(shape, len(glb.tree["materials"]) - 1)
     glb.write(tmp_path / "colours.glb")
-    notes = build_scene(tmp_path / "colours.glb").notes
+    notes = load_scene(tmp_path / "colours.glb", bare=True).notes
     assert {note.what for note in notes if note.kind == "left out"} == {
         "material 'mist': alpha of vertices",
         "material 'sign': colours of vertices, which unlit surfaces do not take",

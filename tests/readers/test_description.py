@@ -9,13 +9,13 @@ import pytest
 from plain_scenes import refused
 
 from lfcore import Light, write_picture
+from lfcore.readers.load import load_scene
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT
-from lfcore.scene.build import build_scene
 from lfcore.scene.description import check, complete, schema
 from lfcore.scene.framing import default_focus_distances
 from lfcore.scene.motion import scene_at
 from lfcore.scene.needs import Needs
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
 from lfcore.tracing.surfaces import pack_surfaces
 
@@ -200,7 +200,7 @@ BAD = {
 @pytest.mark.parametrize("description, key, words", BAD.values(), ids=BAD.keys())
 def test_bad_scene_names_file_key_and_remedy(write_scene, tetrahedron, description, key, words):
     path = write_scene(description)
-    caught = refused(None, build_scene, path)
+    caught = refused(None, load_scene, path)
     assert (str(caught.file), caught.key) == (str(path), key) and words in str(caught)
     assert key or caught.remedy
 
@@ -219,7 +219,7 @@ SKIES = [
 def test_a_sky_that_is_none_is_refused(write_scene, tetrahedron, tmp_path, write, message):
     write(tmp_path / "sky.exr")
     name = "sky.hdr" if (tmp_path / "sky.hdr").exists() else "sky.exr"
-    caught = refused(message, build_scene, write_scene(f"{OBJECT}\nsky: {{file: {name}}}"))
+    caught = refused(message, load_scene, write_scene(f"{OBJECT}\nsky: {{file: {name}}}"))
     assert caught.key == "sky.file" or message == "sky not found"
 
 
@@ -227,18 +227,18 @@ def test_a_sky_that_is_none_is_refused(write_scene, tetrahedron, tmp_path, write
 def test_a_direction_may_have_any_length(write_scene, minimal, length):
     minimal["camera"] = {"pose": {"position_m": [0, 0, 6], "look_at_m": [0, 0, 0]}}
     minimal["lights"] = [{"towards_light": [length] * 3, "colour": [1, 1, 1]}]
-    (light,) = build_scene(write_scene(minimal)).lights
+    (light,) = load_scene(write_scene(minimal), bare=True).lights
     np.testing.assert_allclose(light.vector, np.array([1, -1, -1]) / np.sqrt(3), atol=1e-12)
 
 
 def test_the_tracer_refuses_what_was_built_by_hand(write_scene, minimal):
-    scene = build_scene(write_scene(minimal))
+    scene = load_scene(write_scene(minimal), bare=True)
     far = dataclasses.replace(scene, lights=[Light(0, (1e36, 0.0, 0.0), (1.0, 1.0, 1.0))])
     refused(r"lights\[0\]: metres", pack_surfaces, far, Needs.of(far))
 
 
 def test_two_line_scene_is_framed_and_lit(write_scene, minimal):
-    scene = build_scene(write_scene(minimal))
+    scene = load_scene(write_scene(minimal), bare=True)
     camera = scene.camera
     points = scene.triangles.reshape(-1, 3)
     assert scene.triangle_count == 4 and not scene.dropped
@@ -257,7 +257,7 @@ def test_the_picture_lies_in_the_middle(write_scene, tmp_path, seed):
     corners = np.random.default_rng(seed).normal(size=(9, 3)) * (1, 3, 2) + (5, 0, -2)
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f 1 2 3", "f 4 5 6", "f 7 8 9"]
     (tmp_path / "a.obj").write_text("\n".join(lines))
-    scene = build_scene(tmp_path / "a.obj")
+    scene = load_scene(tmp_path / "a.obj", bare=True)
     seen = scene.triangles.reshape(-1, 3)
     seen = seen[:, :2] / seen[:, 2:] / (scene.camera.field_width / 2)
     low, high = seen.min(0), seen.max(0)
@@ -267,17 +267,19 @@ def test_the_picture_lies_in_the_middle(write_scene, tmp_path, seed):
 
 def test_an_axis_that_is_up(tetrahedron, write_scene, minimal):
     turned = minimal["objects"][0] | {"transform": [{"rotate": {"axis": "x", "angle_deg": -90}}]}
-    expected = build_scene(write_scene({"objects": [turned]}))
-    np.testing.assert_array_equal(build_scene(tetrahedron, up="z").triangles, expected.triangles)
+    expected = load_scene(write_scene({"objects": [turned]}), bare=True)
+    np.testing.assert_array_equal(
+        load_scene(tetrahedron, up="z", bare=True).triangles, expected.triangles
+    )
     for path, up in ((tetrahedron, "x"), (write_scene(minimal), "z")):
-        refused("up: ", build_scene, path, up=up)
+        refused("up: ", load_scene, path, up=up)
 
 
 def test_mesh_path_and_folder_are_scenes_too(write_scene, minimal, tetrahedron):
-    expected = build_scene(write_scene(minimal)).triangles
+    expected = load_scene(write_scene(minimal), bare=True).triangles
     for path in (tetrahedron, tetrahedron.parent):
-        np.testing.assert_array_equal(build_scene(path).triangles, expected)
-    assert build_scene(tetrahedron).name == "tetrahedron"
+        np.testing.assert_array_equal(load_scene(path, bare=True).triangles, expected)
+    assert load_scene(tetrahedron, bare=True).name == "tetrahedron"
 
 
 def test_pose_matrix_equals_look_at(write_scene, minimal):
@@ -287,9 +289,9 @@ def test_pose_matrix_equals_look_at(write_scene, minimal):
     to_world[:3, :3] = rotation.T @ np.diag([1, -1, -1])
     to_world[:3, 3] = position
     minimal["camera"] = {"pose": {"position_m": position, "look_at_m": target}}
-    expected = build_scene(write_scene(minimal)).triangles
+    expected = load_scene(write_scene(minimal), bare=True).triangles
     minimal["camera"] = {"pose": {"matrix": to_world.tolist()}}
-    found = build_scene(write_scene(minimal)).triangles
+    found = load_scene(write_scene(minimal), bare=True).triangles
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -301,7 +303,7 @@ def test_transform_steps_apply_in_order(write_scene, minimal):
     ]
     minimal["objects"][0]["transform"] = steps
     minimal["camera"] = {"pose": {"position_m": [0, 0, 0], "look_at_m": [0, 0, -1]}}
-    scene = build_scene(write_scene(minimal))
+    scene = load_scene(write_scene(minimal), bare=True)
     matrix = chain(scale(1, 2, 3), rotate("y", 90), translate(0, 0, -5))
     corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]) @ matrix.T
     expected = corners[:, :3] * (1, -1, -1)
@@ -314,7 +316,7 @@ def test_rounding_happens_once_in_camera_space(write_scene, tmp_path):
     corners = "v 1000000.001 0 0\nv 1000000.002 0 0\nv 1000000.001 0.001 0.5\n"
     (tmp_path / "far.obj").write_text(f"{corners}f 1 2 3\n")
     camera = {"pose": {"position_m": [1e6, 0, 1], "look_at_m": [1e6, 0, 0]}}
-    scene = build_scene(write_scene({"camera": camera, "objects": [{"file": "far.obj"}]}))
+    scene = load_scene(write_scene({"camera": camera, "objects": [{"file": "far.obj"}]}), bare=True)
     # x stays, y turns over, z becomes the distance from the lens.
     expected = [[0.001, 0, 1], [0.002, 0, 1], [0.001, -0.001, 0.5]]
     np.testing.assert_allclose(scene.triangles[0], expected, atol=1e-8)
@@ -325,7 +327,7 @@ def test_bad_triangles_are_dropped_and_counted(write_scene, tmp_path):
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nv inf 0 0\nv 1e20 0 0\nv 2 0 0\n"
         "f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 3 6\nf 1 2 7\nf 1 1 2\n"
     )
-    scene = build_scene(write_scene({"objects": [{"file": "dirty.obj"}]}))
+    scene = load_scene(write_scene({"objects": [{"file": "dirty.obj"}]}), bare=True)
     assert scene.dropped == {"not finite": 2, "out of range": 1, "zero area": 2}
     assert np.isfinite(scene.triangles).all() and np.isfinite(scene.normals).all()
 
@@ -336,19 +338,19 @@ def test_lights_follow_the_camera(write_scene, minimal):
         {"position_m": [1, 2, 3], "colour": [1, 0.5, 0.25], "reference_distance_m": 2},
         {"towards_light": [0, 4, 0], "colour": "#ffffff", "casts_shadows": False},
     ]
-    point, sun = build_scene(write_scene(minimal)).lights
+    point, sun = load_scene(write_scene(minimal), bare=True).lights
     assert point.kind == POINT and point.vector == pytest.approx((1, -2, 2))
     assert point.casts_shadows and point.reference_distance_m == 2
     assert sun.kind == DIRECTIONAL and sun.vector == pytest.approx((0, -1, 0))
     assert sun.colour == pytest.approx((1, 1, 1)) and not sun.casts_shadows
     minimal["lights"] = []
-    assert build_scene(write_scene(minimal)).lights == [], "none is not the default"
+    assert load_scene(write_scene(minimal), bare=True).lights == [], "none is not the default"
 
 
 def test_material_overrides(write_scene, minimal):
     minimal["objects"][0]["material"] = {"diffuse": "#ff0000", "specular": [0.5, 0.5, 0.5]}
     minimal["objects"].append({**minimal["objects"][0], "material": {"emission": [0, 1, 0]}})
-    scene = build_scene(write_scene(minimal))
+    scene = load_scene(write_scene(minimal), bare=True)
     first, second = scene.materials
     assert first.diffuse == (1, 0, 0) and first.specular == (0.5, 0.5, 0.5)
     assert second.emission == (0, 1, 0)
@@ -356,7 +358,7 @@ def test_material_overrides(write_scene, minimal):
 
 
 def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
-    scene = build_scene(write_scene(minimal))
+    scene = load_scene(write_scene(minimal), bare=True)
     distances = np.array(scene.focus_distances_m)
     depth = scene.triangles[..., 2]
     assert len(distances) == 5 and np.all(np.diff(distances) > 0)
@@ -392,7 +394,7 @@ def test_yaml_and_pbrt_mean_the_same(tmp_path, write_scene):
     move = [{"translate_m": [0, 1, 0]}]
     turn = [{"rotate": {"axis": "z", "angle_deg": 30}}, {"translate_m": [0.5, 0, 0]}]
     entry = {"file": "triangle.obj", "transform": move, "motion": turn}
-    ours = build_scene(write_scene({"camera": CAMERA, "objects": [entry]}))
+    ours = load_scene(write_scene({"camera": CAMERA, "objects": [entry]}), bare=True)
     assert ours.view == pbrt.view
     assert ours.view.shutter == (0.0, 0.5) and ours.view.samples_per_pixel == 6
     assert ours.view.array.tile == (16, 16)

@@ -12,8 +12,8 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.optics.array import CameraArray, thin_lens
+from lfcore.readers.pbrt.parameters import ParameterSet
 from lfcore.scene.notes import NOT_USED
-from lfcore.scene.pbrt.parameters import ParameterSet
 from lfcore.scene.view import FOV_DEG, LIGHTFIELD, PERSPECTIVE, SHUTTER, View, lightfield_view
 
 TO_OURS = np.diag([1.0, -1.0, 1.0, 1.0])

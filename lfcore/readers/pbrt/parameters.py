@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.errors import SceneError, did_you_mean
+from lfcore.readers.pbrt.lexer import Place
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.pbrt.lexer import Place
 
 COLOUR_TYPES = ("rgb", "color", "spectrum", "blackbody", "xyz")
 _POINTS = ("point", "point3", "vector", "vector3", "normal", "normal3")

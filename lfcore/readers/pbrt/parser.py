@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import did_you_mean
+from lfcore.readers.pbrt import lexer
+from lfcore.readers.pbrt.lexer import Place, Token
+from lfcore.readers.pbrt.parameters import Parameter, ParameterSet, declare
 from lfcore.scene.notes import APPROXIMATED, Notebook
-from lfcore.scene.pbrt import lexer
-from lfcore.scene.pbrt.lexer import Place, Token
-from lfcore.scene.pbrt.parameters import Parameter, ParameterSet, declare
 
 # What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two
 # strings.  Versions 3 and 4 together.

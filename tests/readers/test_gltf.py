@@ -10,10 +10,10 @@ from PIL import Image
 from plain_scenes import refused
 from trimesh.visual.material import PBRMaterial
 
+from lfcore.readers.gltf import GLOSSY, Document
+from lfcore.readers.load import load_scene
+from lfcore.readers.meshes import load_mesh
 from lfcore.scene.appearance import DIRECTIONAL, POINT
-from lfcore.scene.build import build_scene
-from lfcore.scene.gltf import GLOSSY, Document
-from lfcore.scene.meshes import load_mesh
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Notebook
 
@@ -82,21 +82,21 @@ def test_punctual_lights(write):
     # It shines along +y, so it stands below.
     assert sun.kind == DIRECTIONAL
     np.testing.assert_allclose(sun.vector, (0, -1, 0), atol=1e-12)
-    assert spot.kind == POINT and not build_scene(path).notes
+    assert spot.kind == POINT and not load_scene(path, bare=True).notes
     np.testing.assert_allclose(spot.normal, (0, 1, 0), atol=1e-12)
     np.testing.assert_allclose(spot.cone, (1, math.sqrt(0.5)))
 
 
 def test_lights_of_a_file_replace_the_default_and_move_with_their_object(write, write_scene):
     path = write(lights("point", "point"))
-    assert [light.kind for light in build_scene(path).lights] == [POINT, POINT]
+    assert [light.kind for light in load_scene(path, bare=True).lights] == [POINT, POINT]
     sun = [{"towards_light": [0, 1, 0], "colour": [1, 1, 1]}]
-    scene = build_scene(write_scene({"objects": [{"file": path.name}], "lights": sun}))
+    scene = load_scene(write_scene({"objects": [{"file": path.name}], "lights": sun}), bare=True)
     assert [light.kind for light in scene.lights] == [DIRECTIONAL]
     assert "2 lights: the scene has its own" in scene.summary()
     entry = {"file": write(lights("point")).name, "transform": [{"translate_m": [5, 0, 0]}]}
     pose = {"position_m": [6, 2, 9], "look_at_m": [6, 2, 0]}
-    scene = build_scene(write_scene({"objects": [entry], "camera": {"pose": pose}}))
+    scene = load_scene(write_scene({"objects": [entry], "camera": {"pose": pose}}), bare=True)
     np.testing.assert_allclose(scene.lights[0].vector, (0, 0, 6), atol=1e-12)
 
 
@@ -111,7 +111,7 @@ def camera(tree):
 
 
 def test_the_first_perspective_camera_looks_unless_the_scene_has_a_pose(write, write_scene):
-    scene = build_scene(write(camera))
+    scene = load_scene(write(camera), bare=True)
     assert scene.camera.field_width == pytest.approx(2 * math.tan(0.5))
     assert scene.camera.focus_m == pytest.approx(5)
     # From (0.5, 0.5, 5) along -z: x to the right, y down.
@@ -119,7 +119,7 @@ def test_the_first_perspective_camera_looks_unless_the_scene_has_a_pose(write, w
     assert "camera 'plan'" in scene.summary() and "camera 2" in scene.summary()
     pose = {"position_m": [0, 0, 9], "look_at_m": [0, 0, 0]}
     description = {"objects": [{"file": write(camera).name}], "camera": {"pose": pose}}
-    scene = build_scene(write_scene(description))
+    scene = load_scene(write_scene(description), bare=True)
     np.testing.assert_allclose(scene.triangles[0, 0], (0, 0, 9), atol=1e-6)
     assert "the scene has another" in scene.summary()
 
@@ -179,8 +179,8 @@ def test_bumps_with_their_scale(write, made):
     part, notes = made(scale, normalTexture=picture(colour=(128, 128, 255)))
     assert part.surface.normal_scale == 0.3 and notes == []
     assert (part.surface.normal_texture == (128, 128, 255)).all()
-    scene = build_scene(write(scale, normalTexture=picture(), emissiveTexture=picture(),
-                              emissiveFactor=[1.0, 1, 1]))  # fmt: skip
+    scene = load_scene(write(scale, normalTexture=picture(), emissiveTexture=picture(),
+                              emissiveFactor=[1.0, 1, 1]), bare=True)  # fmt: skip
     # One picture, once as numbers and once as colours.
     (material,) = scene.materials
     assert {material.normal_texture, material.emission_texture} == {0, 1}
@@ -219,7 +219,7 @@ def test_a_description_may_ask_for_metal_or_for_none(write, write_scene):
         ({"metallic": 1, "roughness": 0.2}, (1, 0.2)), ({"roughness": 0.3}, (0.5, 0.3)),
         ({"shininess": 9}, (-1, 1)),
     ):  # fmt: skip
-        scene = build_scene(write_scene({"objects": [{"file": name, "material": given}]}))
+        scene = load_scene(write_scene({"objects": [{"file": name, "material": given}]}), bare=True)
         assert (scene.materials[0].metallic, scene.materials[0].roughness) == expected
 
 
@@ -253,7 +253,7 @@ def test_a_texture_cuts_holes_by_its_alpha(write, made, mode, factor, cutoff):
     assert part.surface.alpha_cutoff == pytest.approx(cutoff, rel=4e-3)  # trimesh rounds factors
     assert part.surface.texture.shape == (4, 4, 4) and part.surface.texture[2, 1, 3] == 40
     assert [note.split(":")[0] for note in notes] == ["approximated"] * (mode == "BLEND")
-    scene = build_scene(write(baseColorTexture=image, **alpha))
+    scene = load_scene(write(baseColorTexture=image, **alpha), bare=True)
     assert Needs.of(scene).cut_outs and scene.is_cut_out(scene.materials[0])
 
 
@@ -285,7 +285,7 @@ def test_a_required_extension_that_is_not_known_is_refused(write):
     def change(tree):
         tree["extensionsRequired"] = ["KHR_texture_transform", "KHR_mesh_quantization"]
 
-    refused(r"m\.glb: extensionsRequired: .*KHR_mesh_quantization", build_scene, write(change))
+    refused(r"m\.glb: extensionsRequired: .*KHR_mesh_quantization", load_scene, write(change))
 
 
 def test_names_of_materials_stay(made):

@@ -18,10 +18,10 @@ from lfcore.cli import main
 from lfcore.colour import srgb_decode
 from lfcore.exr import read_exr_picture
 from lfcore.oracle.shading import arriving
+from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
 from lfcore.scene.motion import scene_at
-from lfcore.scene.pbrt.build import build_pbrt_scene
 from lfcore.scene.sky import radiance
 
 HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
@@ -126,7 +126,7 @@ def closed(scene):
 )
 def test_curved_shapes_keep_their_tolerance(read, shape, expected, monkeypatch):
     for tolerance in (1e-2, 1e-3):
-        monkeypatch.setattr("lfcore.scene.pbrt.shapes.TOLERANCE", tolerance)
+        monkeypatch.setattr("lfcore.readers.pbrt.shapes.TOLERANCE", tolerance)
         scene = read(f"Translate 0 0 9\nShape {shape}")
         assert expected * (1 - 4 * tolerance) < area(scene) < expected
     if "sphere" in shape:
@@ -470,7 +470,7 @@ def test_errors_are_one_line_that_names_file_line_and_token(read, world, words):
 
 def test_includes_that_multiply_end(tmp_path, monkeypatch):
     """Each of a few files includes the next twice: as many as two to the power of them."""
-    monkeypatch.setattr("lfcore.scene.pbrt.parser.MOST_FILES", 1000)
+    monkeypatch.setattr("lfcore.readers.pbrt.parser.MOST_FILES", 1000)
     for number in range(40):
         (tmp_path / f"{number}.pbrt").write_text(f'Include "{number + 1}.pbrt"\n' * 2)
     (tmp_path / "40.pbrt").touch()

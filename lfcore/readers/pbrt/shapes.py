@@ -14,10 +14,10 @@ import numpy as np
 from scipy import sparse
 
 from lfcore.errors import SceneError
-from lfcore.scene.meshes import vertex_columns, with_strips
+from lfcore.readers.meshes import vertex_columns, with_strips
+from lfcore.readers.pbrt.parameters import ParameterSet
+from lfcore.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
-from lfcore.scene.pbrt.parameters import ParameterSet
-from lfcore.scene.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, grid_triangles, normalise, xyz
 
 TOLERANCE = 1e-3

@@ -11,7 +11,7 @@ import math
 import struct
 import urllib.parse
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
+from lfcore.scene.framing import FoundCamera
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.surface_mesh import normalise, triple
 from lfcore.scene.transforms import affine, parse_transform
 
@@ -47,17 +48,6 @@ DEEPEST_NODE = 200
 _HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 _JSON = 0x4E4F534A
 _TRIANGLES = (None, 4, 5)  # trimesh reads no fans
-
-
-@dataclass(frozen=True)
-class FoundCamera:
-    """A perspective camera: (4, 4) camera to world, looking along -z with +y up.
-
-    ``field_width`` is the tangent extent of its shorter side.
-    """
-
-    to_world: np.ndarray
-    field_width: float
 
 
 def found(holder: Any, kind: Any, *keys: str) -> Any:
