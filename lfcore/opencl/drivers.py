@@ -5,10 +5,12 @@
 looks into a single directory, ``OCL_ICD_VENDORS``: this module fills one with what there is.
 """
 
+import atexit
 import contextlib
 import ctypes
 import hashlib
 import os
+import shutil
 import sys
 import sysconfig
 import tempfile
@@ -16,7 +18,7 @@ from pathlib import Path
 
 from lfcore.errors import StorageError
 from lfcore.files import write_text
-from lfcore.opencl.program_cache import cache_home
+from lfcore.opencl.program_cache import cache_home, own_folder
 
 SYSTEM_VENDORS, NVIDIA = Path("/etc/OpenCL/vendors"), "libnvidia-opencl.so.1"
 
@@ -35,6 +37,8 @@ def prepare() -> Path | None:
     if not entries:
         return None
     directory = _write(entries)
+    if directory is None:
+        return None
     os.environ["OCL_ICD_VENDORS"] = os.environ["LFCORE_ICD_VENDORS"] = f"{directory}/"
     return directory
 
@@ -70,17 +74,24 @@ def _entries() -> dict[str, str]:
     return entries
 
 
-def _write(entries: dict[str, str]) -> Path:
-    """Write the vendor directory once per set of entries; safe against parallel jobs."""
+def _write(entries: dict[str, str]) -> Path | None:
+    """Write the vendor directory once per set of entries; safe against parallel jobs.
+
+    It is the user's alone: a name that others know, such as one below ``TMPDIR``, may be theirs.
+    """
     digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()[:16]
-    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    for root in (cache_home() / "lfcore", Path(tempfile.gettempdir()) / f"lfcore-{user}"):
-        directory = root / f"opencl-vendors-{digest}"
-        try:
+    for make in (lambda: own_folder(cache_home() / "lfcore" / f"opencl-vendors-{digest}"), _fresh):
+        with contextlib.suppress(StorageError, OSError):
+            directory = make()
             for name, library in entries.items():
-                if not (directory / name).exists():
-                    write_text(directory / name, library + "\n")
+                path = directory / name
+                if not path.exists() or path.read_text(encoding="utf-8") != f"{library}\n":
+                    write_text(path, f"{library}\n")
             return directory
-        except (StorageError, OSError):
-            continue
-    return Path(tempfile.mkdtemp(prefix="lfcore-opencl-"))
+    return None
+
+
+def _fresh() -> Path:
+    directory = Path(tempfile.mkdtemp(prefix="lfcore-opencl-"))
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    return directory

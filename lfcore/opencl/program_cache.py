@@ -2,9 +2,9 @@
 
 An entry's name is a digest of all that its binary depends on: source with what it includes,
 options, driver, its version, device, and the processor's instruction set.  So a processor never
-finds what was built for another.  An entry carries a digest of its contents: one that is damaged,
-cut short or refused by the driver is built again.  Where no folder can be written, programs are
-kept by the process alone.
+finds what was built for another.  An entry carries a digest of its name and contents: one that is
+damaged, cut short, under another's name or refused by the driver is built again.  Where no folder
+can be written, or others could write into it, programs are kept by the process alone.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import logging
 import os
 import platform
 import re
+import stat
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -34,8 +35,8 @@ Program = TypeVar("Program")
 
 LIMIT_BYTES = 256 << 20
 """Of all entries: those that were not used for longest make room for new ones."""
-_MAGIC = b"lfcore program 1\n"
-_DIGEST = hashlib.sha256().digest_size
+_MAGIC = b"lfcore program 2\n"
+_DIGEST_BYTES = hashlib.sha256().digest_size
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
 _HELD = ("CL_CONFIG_", "POCL_", "PYOPENCL_BUILD_OPTIONS")
 """Beginnings of variables by which a user tells a driver how to build."""
@@ -49,13 +50,33 @@ def cache_home() -> Path:
         return Path(os.devnull)
 
 
+def own_folder(path: Path) -> Path:
+    """``path``, a folder that only this user can change, made if need be; raises OSError.
+
+    What others could have put into it is removed.
+    """
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if hasattr(os, "getuid"):
+        found = path.stat()
+        if found.st_uid != os.getuid():
+            raise PermissionError(f"{path} belongs to another user")
+        for above in path.resolve().parents:
+            mode = above.stat().st_mode
+            if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+                raise PermissionError(f"any user can replace what is in {above}")
+        if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            path.chmod(0o700)
+            for file in path.iterdir():
+                file.unlink(missing_ok=True)
+    tempfile.TemporaryFile(dir=path).close()
+    return path
+
+
 @functools.cache
 def folder() -> Path | None:
     """Where entries are, made if need be; None, with a line in the log, where none can be."""
-    path = cache_home() / "lfcore" / "programs"
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path).close()
+        return own_folder(cache_home() / "lfcore" / "programs")
     except OSError as error:
         log.warning(
             "OpenCL programs are built anew by each process: no folder for them (%s). "
@@ -63,7 +84,6 @@ def folder() -> Path | None:
             error,
         )
         return None
-    return path
 
 
 @functools.cache
@@ -94,7 +114,7 @@ def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
     held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
     driver = device.platform.name, device.platform.version, device.driver_version
     processor = device.vendor, device.name, device.version, instruction_set()
-    whole = "\0".join([*driver, *processor, *held, *options, source])
+    whole = "\0".join([_MAGIC.decode(), *driver, *processor, *held, *options, source])
     return hashlib.sha256(whole.encode()).hexdigest()
 
 
@@ -128,9 +148,9 @@ def _read(entry: Path, load: Callable[[bytes], Program | None]) -> Program | Non
         contents = entry.read_bytes()
     except OSError:
         return None
-    head = len(_MAGIC) + _DIGEST
+    head = len(_MAGIC) + _DIGEST_BYTES
     binary, digest = contents[head:], contents[len(_MAGIC) : head]
-    if contents[: len(_MAGIC)] == _MAGIC and hashlib.sha256(binary).digest() == digest:
+    if contents[: len(_MAGIC)] == _MAGIC and _digest(entry, binary) == digest:
         program = load(binary)
         if program is not None:
             with contextlib.suppress(OSError):
@@ -140,11 +160,15 @@ def _read(entry: Path, load: Callable[[bytes], Program | None]) -> Program | Non
     return None
 
 
+def _digest(entry: Path, binary: bytes) -> bytes:
+    return hashlib.sha256(entry.name.encode() + b"\0" + binary).digest()
+
+
 def _write(entry: Path, binary: bytes) -> None:
     """Give an entry its name when it is whole; a full disk costs the entry alone."""
     try:
         with whole_file(entry) as file:
-            file.write(_MAGIC + hashlib.sha256(binary).digest() + binary)
+            file.write(_MAGIC + _digest(entry, binary) + binary)
     except StorageError as error:
         log.warning("a built OpenCL program was not kept: %s", error)
     _make_room(entry.parent, LIMIT_BYTES)

@@ -2,8 +2,10 @@
 
 import logging
 import os
+import stat
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -84,6 +86,41 @@ def test_drivers_of_an_environment_are_found_and_places_that_are_none_left_out(
     monkeypatch.setattr(drivers, "SYSTEM_VENDORS", tmp_path / "none")
     found = drivers._entries()
     assert found["pocl.icd"] == str(library) and "intel-cpu.icd" not in found
+
+
+def test_a_folder_of_drivers_that_others_can_fill_is_not_used(tmp_path, monkeypatch):
+    """Neither one of a name that anybody can compute, nor one into which others may write."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    entries = {"a.icd": "liba.so"}
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
+    first, second = drivers._write(entries), drivers._write(entries)
+    assert first != second and {first.parent, second.parent} == {tmp_path}
+    assert stat.S_IMODE(first.stat().st_mode) == 0o700
+    assert [icd.read_text() for icd in first.iterdir()] == ["liba.so\n"]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    own = drivers._write(entries)
+    assert own == drivers._write(entries) and own.is_relative_to(tmp_path / "home")
+    own.chmod(0o777)
+    (own / "planted.icd").write_text("/tmp/evil.so\n")
+    (own / "a.icd").write_text("/tmp/evil.so\n")
+    assert drivers._write(entries) == own and stat.S_IMODE(own.stat().st_mode) == 0o700
+    assert [icd.read_text() for icd in own.iterdir()] == ["liba.so\n"]
+    own.parent.chmod(0o777)
+    assert not drivers._write(entries).is_relative_to(tmp_path / "home")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="needs two users")
+def test_a_folder_that_another_user_owns_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    path = tmp_path / "lfcore" / "programs"
+    path.mkdir(parents=True)
+    os.chown(path, 65534, 65534)
+    program_cache.folder.cache_clear()
+    assert program_cache.folder() is None
+    os.chown(path, 0, 0)
+    program_cache.folder.cache_clear()
+    assert program_cache.folder() == path
+    program_cache.folder.cache_clear()
 
 
 LANES = "tracing/kernels/simd/lanes.cl"
@@ -192,6 +229,19 @@ def test_damaged_entries_are_built_again(device, cache, damage):
         assert twice(device) == 42
     twice(device, SOURCE + " // another")
     assert told == [True, False], "built once, whole again, and told while watched"
+
+
+def test_entries_that_were_exchanged_are_built_again(device, cache):
+    other = SOURCE.replace("twice", "thrice")
+    assert twice(device) == 42
+    (first,) = entries(cache)
+    devices._compile(device.context, other, (), ())
+    (second,) = set(entries(cache)) - {first}
+    one, two = first.read_bytes(), second.read_bytes()
+    first.write_bytes(two)
+    second.write_bytes(one)
+    assert twice(device) == 42
+    assert first.read_bytes() != two
 
 
 def test_every_thing_that_a_binary_depends_on_is_in_its_name(device, cache, monkeypatch):
