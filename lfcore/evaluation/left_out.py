@@ -80,10 +80,7 @@ def _in_the_dark(scene: Scene) -> Scene:
 FEATURES = (
     Feature("textures", ("TEXTURES",), "texture coordinates, texels, and their lookup",
             _unused_texture),
-    # With holes, a block's rays are shadowed one by one, not by regions, which rounds otherwise.
-    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles (no shadows)",
-            part=lambda scene: replace(
-                scene, lights=[replace(light, casts_shadows=False) for light in scene.lights])),
+    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles"),
     Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),

@@ -1,12 +1,7 @@
 // What kernels compute where a bound counts its error, of one candidate of CANDIDATE numbers per
 // work-item: a number that has the error, and the bound.  `leaf` holds equal triangles.
 #include "numerics.cl"
-#ifdef HALF_COLUMNS
-#undef MOST_COLUMNS
-#define MOST_COLUMNS (PACKET_COLUMNS / 4)
-#endif
 #include "light_space.cl"
-#include "occluder_cache.cl"
 
 #define CANDIDATE 16
 #define FIRST(v) ((const float *)&(v))[0]
@@ -44,31 +39,6 @@ inline Bundle rays_about(global const float *in, float c, float half_extent)
                     s, s, t, t, 0, 0, half_extent};
 }
 
-// An edge function opposite r at a ray on the diagonal of a block.
-inline float edge_at(const Bundle *r, global const Leaf *leaf, float at, vf *packet)
-{
-    Vec v[3];
-    load_corners(leaf, 0.0f, v);
-    shear_corners(r, v);
-    const WideAffine wide = edge_function(r, v[0], v[1]);
-    *packet = packet_error(r, v[0], v[1]);
-    const vf value = bilinear_row(affine_of(&wide, 0), (Row){at, at, 0, 0});
-    return FIRST(value);
-}
-
-// An element, the places in it of a packet's centre and a block's, and of a ray from the latter:
-// how much more the packet's widened edge function is than the block's.
-kernel void packets(global const float *in, global const Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    leaf += get_global_id(0);
-    const Bundle all = rays_about(in, in[6], 31.5f), one = rays_about(in, in[7], 7.5f);
-    vf error, unused;
-    const float wide = edge_at(&all, leaf, in[7] + in[8] - in[6], &error) + FIRST(error);
-    const float own = edge_at(&one, leaf, in[8], &unused);
-    vstore2((float2)(wide - own, FIRST(error)), get_global_id(0), out);
-}
-
 // How a leaf's triangles lie along x among a bundle's rays.
 inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
 {
@@ -77,7 +47,7 @@ inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
     return t.x;
 }
 
-// Likewise: the first corner's x from the packet's centre ray.
+// Rays about a packet's centre and a triangle: the first corner's x from the packet's centre ray.
 kernel void corners(global const float *in, global const Leaf *leaf, global float *out)
 {
     in += CANDIDATE * get_global_id(0);
@@ -95,20 +65,8 @@ kernel void samples(global const float *in, global const Leaf *leaf, global floa
     r.b = in[9];
     const Axis x = axis_of(&r, leaf + get_global_id(0));
     vf lo, hi;
-    find_span(&x, 1.0f, 0, &lo, &hi);
+    find_span(&x, 0, &lo, &hi);
     vstore2((float2)(FIRST(lo), 0.0f), get_global_id(0), out);
-}
-
-// Likewise, of a packet and a block of it.
-kernel void reaches(global const float *in, global const Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    leaf += get_global_id(0);
-    const Bundle all = rays_about(in, in[6], 31.5f), r = rays_about(in, in[7], 7.5f);
-    const Axis x = axis_of(&r, leaf);
-    vf lo, hi;
-    find_span(&x, 1.0f, 0, &lo, &hi);
-    vstore2((float2)(FIRST(lo), columns_at(axis_of(&all, leaf)).x), get_global_id(0), out);
 }
 
 // An affine function, a rectangle and the place of a ray in it: the value there, and the least that
@@ -120,53 +78,6 @@ kernel void sides(global const float *in, global const Leaf *leaf, global float 
     const vf value = bilinear_row(f, (Row){in[7], in[8], 0, 0});
     const float least = least_over(f, (Rectangle){in[3], in[4], in[5], in[6]});
     vstore2((float2)(FIRST(value), least), get_global_id(0), out);
-}
-
-// A triangle, o, d, s and t of both axes, the place of a packet's first block, and a ray of that:
-// how far the hit point is within the box that the packet's shadows assume, in its slack.
-kernel void hits(global const float *in, global Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    leaf += get_global_id(0);
-    const float rays[6] = {in[9], in[9], in[10], in[10], in[11], in[12]};
-    const Bundle all = {rays[0], rays[1], rays[2], rays[3], rays[4], rays[4], rays[5], rays[5],
-                        0, 0, 31.5f};
-    const float4 first = fma((float4)(-24.0f), (float4)(all.sx, all.sy, all.tx, all.ty),
-                             (float4)(all.ox, all.oy, all.dx, all.dy));
-    const Bundle r = {first.x, first.y, first.z, first.w, all.sx, all.sy, all.tx, all.ty,
-                      0, 0, 7.5f};
-    const Row row = {in[14], in[15], 0, 0};
-    Triangles t;
-    set_up_triangles(&r, leaf, FAR, &t);
-    float share = -FAR;
-    if (t.keep & 1) {
-        float inside = FAR;
-        for (int k = 0; k < FUNCTIONS; ++k) {
-            const vf e = bilinear_row(affine_of(t.functions + k, 0), row);
-            if (k != NUMERATOR) inside = min(inside, FIRST(e));
-        }
-        const Scene scene = {.corners = in, .material_ids = (global const int *)in};
-        global PlaneEquations *equations = (global PlaneEquations *)leaf;
-        const float3 v[3] = {vload3(0, in), vload3(1, in), vload3(2, in)};
-        const TriangleRow first = {1};
-        set_up_equations(&scene, &all, &first, equations);
-        const Rectangle over = rays_at(&all, v);
-        const Receiver receiver = make_receiver(&all, equations);
-        const Box box = hits_at(&all, v, &receiver, over);
-        const int even = evenly_weighted(equations->denominator, over);
-        const float least = least_over(equations->denominator, over);
-        set_up_equations(&scene, &r, &first, equations);
-        const SampleRow s = interpolate(equations, row);
-        const Vec d = direction_row(&r, row);
-        const vf x = fma(s.depth, d.x, row_ox(&r, row));
-        const vf y = fma(s.depth, d.y, (vf)(row_oy(&r, row)));
-        const float3 point = (float3)(FIRST(x), FIRST(y), FIRST(s.depth));
-        const float3 slack = hit_slack(&all, v, least);
-        const float3 within = min(point - vload3(0, box.lo), vload3(0, box.hi) - point) / slack;
-        if (even && inside >= 0.0f && largest_component(slack) < FAR)
-            share = 1.0f - min(within.x, min(within.y, within.z));
-    }
-    vstore2((float2)(share, 0.0f), get_global_id(0), out);
 }
 
 // A corner of a box, where it is after a time of 1, and the places of an obstacle's sides in its
@@ -212,40 +123,6 @@ kernel void frusta(global const float *in, global Boxes *box, global float *out)
         else high = middle - 1;
     }
     vstore2((float2)(float_of(low), FRUSTUM_SLACK), get_global_id(0), out);
-}
-
-// A function that is zero along a row of a packet, its row, and the first column and row of a
-// block: the rays that it and its negative, as an occluder's edge, leave lit.
-kernel void columns(global const float *in, global const Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    ShadowMask m;
-    m.first = (float2)(in[4], in[5]);
-    for (int k = 0; k < ROW_GROUPS; ++k) m.lit[k] = (1 << BLOCK) - 1;
-    for (int side = -1; side < 2; side += 2) {
-        private float lines[4][LINE_ROWS][LANES];
-        for (int k = 0; k < 4; ++k) {
-            WideAffine e;
-            for (int term = 0; term < 3; ++term) e.of[term] = k ? term == ONE : side * in[term];
-            store_line(e, m.first.x, lines[k]);
-        }
-        mask_out(lines, 0, &m);
-    }
-    private int lit[BLOCK];
-    for (int k = 0; k < ROW_GROUPS; ++k) VSTORE(m.lit[k], lit + k * LANES);
-    vstore2((float2)(lit[(int)(in[3] - m.first.y)], 0.0f), get_global_id(0), out);
-}
-
-// A block's affine numerator and denominator, and a ray: its depth, and the least of the block.
-kernel void depths(global const float *in, global const Leaf *leaf, global float *out)
-{
-    in += CANDIDATE * get_global_id(0);
-    const Affine numerator = {{in[0], in[1], in[2]}}, denominator = {{in[3], in[4], in[5]}};
-    const Row row = {in[6], in[7], 0, 0};
-    const Rectangle grid = {0.0f, 0.0f, 7.5f, 7.5f};
-    const vf depth = bilinear_row(numerator, row) * reciprocal(bilinear_row(denominator, row));
-    const float least = depth_range(numerator, denominator, grid).x;
-    vstore2((float2)(FIRST(depth), least), get_global_id(0), out);
 }
 
 // A function a u + b v + g d + c, and the extremes of u, v and d over hit points: its value where

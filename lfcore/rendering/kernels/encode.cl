@@ -45,6 +45,6 @@ void encode_rows(global const float *restrict light,  // (E, rows, columns, 3)
                 to[k] = CODES_OF(, depth[at + k]);
             }
         }
-        write_frames(&out, element, (int2)(x, first_row + y0), inside, 0, colours);
+        write_frames(&out, element, (int2)(x, first_row + y0), inside, colours);
     }
 }

@@ -58,6 +58,5 @@ inline void follow_packet(const Tree *tree, const Packet *p, Coverage *blocks)
             c->z[at] = hit.t;
             c->ids[at] = hit.id;
         }
-        c->covering_triangle = BUFFERED;
     }
 }

@@ -1,6 +1,4 @@
-// Coverage: the triangles that a block is known to see while others are tested.  Most blocks of a
-// dense slab lie wholly on one triangle: such a block keeps it and the two affine functions of its
-// depth, and writes no depth buffer until another triangle may be seen, too.
+// The depth buffer of a block: the nearest triangle and its depth per ray.
 #pragma once
 #include "cut_outs.cl"
 #include "triangles.cl"
@@ -8,65 +6,19 @@
 // Depths and triangles; infinity and -1 where no triangle is hit.
 typedef struct { float z[BLOCK_RAYS]; int ids[BLOCK_RAYS]; } DepthBuffer;
 
-#define NOTHING -1   // no triangle yet, depth buffer not written
-#define BUFFERED -2  // depth buffer in use; any other value: the one triangle that covers the block
 typedef struct {
-    int covering_triangle;          // NOTHING, BUFFERED or a triangle
-    float half_extent;              // of the block's rays
-    float z_near, z_far;            // least and greatest depth; z_far is FAR while a ray has no hit
-    Affine numerator, denominator;  // of the covering triangle's depth
-    global float *z;                // of the depth buffer
+    float z_far;    // greatest depth; FAR while a ray has no hit
+    global float *z;  // of the depth buffer
     global int *ids;
 } Coverage;
 
-inline void clear_coverage(global DepthBuffer *memory, float half_extent, Coverage *c)
+inline void clear_coverage(global DepthBuffer *memory, Coverage *c)
 {
-    *c = (Coverage){NOTHING, half_extent, FAR, FAR, .z = memory->z, .ids = memory->ids};
-}
-
-// Write the depth buffer of a block that so far had none.
-inline void use_buffer(Coverage *c)
-{
-    if (c->covering_triangle == BUFFERED) return;
+    *c = (Coverage){.z_far = FAR, .z = memory->z, .ids = memory->ids};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const Row row = row_at(at, c->half_extent);
-        const vf z = affine_row(c->numerator, row) * reciprocal(affine_row(c->denominator, row));
-        VSTORE((vi)(c->covering_triangle), c->ids + at);
-        VSTORE(c->covering_triangle == NOTHING ? (vf)(INFINITY) : z, c->z + at);
+        VSTORE((vf)(INFINITY), c->z + at);
+        VSTORE((vi)(-1), c->ids + at);
     }
-    c->covering_triangle = BUFFERED;
-}
-
-// Whether corner values are positive and within a factor of two: errors are in proportion to each.
-inline int are_even(float4 a) { return least_of(a) > 0.0f && most_of(a) <= 2.0f * least_of(a); }
-
-// Least and most depth over a rectangle; (0, 0) where rounding errors may be large.
-inline float2 depth_range(Affine numerator, Affine denominator, Rectangle grid)
-{
-    const int even = are_even(corner_values(numerator, grid)) &&
-                     are_even(corner_values(denominator, grid));
-    const float2 slack = (float2)(1.0f - DEPTH_SLACK, 1.0f + DEPTH_SLACK);
-    return even ? slack * quotient_range(numerator, denominator, grid) : 0.0f;
-}
-
-// Accept or reject at once a triangle that every ray of a block of one element passes through;
-// false if its range of depths and that of the block's hits overlap.
-inline int try_full_cover(const Triangles *t, uint lane, int id, Coverage *c)
-{
-    if (OUTER > 1 || c->covering_triangle == BUFFERED) return 0;
-    const Affine numerator = affine_of(t->functions + NUMERATOR, lane);
-    const Affine denominator = affine_of(t->functions + DENOMINATOR, lane);
-    const Rectangle grid = {0.0f, 0.0f, c->half_extent, c->half_extent};
-    const float2 z = depth_range(numerator, denominator, grid);
-    if (!(z.x > 0.0f)) return 0;
-    if (z.x > c->z_far) return 1;
-    if (!(z.y < c->z_near)) return 0;
-    c->covering_triangle = id;
-    c->z_near = z.x;
-    c->z_far = z.y;
-    c->numerator = numerator;
-    c->denominator = denominator;
-    return 1;
 }
 
 // Whether depth `z` of triangle `id` is nearer than what is there; of equal depths the lower number

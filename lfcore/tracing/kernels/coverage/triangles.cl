@@ -71,10 +71,10 @@ inline vi beside_rays(const Axis *a)
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 
-// Between which columns (rows, along y) of an element triangles lie, `slack` errors beyond, counted
-// from its first ray.  The map from a triangle to the grid is projective: where s + z t keeps its
+// Between which columns (rows, along y) of an element triangles lie, counted from its first
+// ray.  The map from a triangle to the grid is projective: where s + z t keeps its
 // sign over the triangle, which the mask says, the first and last column belong to corners.
-inline vi find_span(const Axis *a, float slack, int element, vf *lo, vf *hi)
+inline vi find_span(const Axis *a, int element, vf *lo, vf *hi)
 {
     Triple step, inverse, column;
     for (int k = 0; k < 3; ++k) {
@@ -85,7 +85,7 @@ inline vi find_span(const Axis *a, float slack, int element, vf *lo, vf *hi)
         if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
         column.of[k] = at * inverse.of[k];
     }
-    const vf beyond = slack * a->error * largest3(inverse);
+    const vf beyond = a->error * largest3(inverse);
     *lo = least3(column) - beyond + a->half_extent;
     *hi = most3(column) + beyond + a->half_extent;
     return GT(step.of[0] * step.of[1], (vf)(0.0f)) & GT(step.of[1] * step.of[2], (vf)(0.0f));
@@ -97,7 +97,7 @@ inline vi reached_columns(const Axis *a)
     vi reached = 0, one_sided = 0;
     for (int element = 0; element < OUTER; ++element) {
         vf lo, hi;
-        one_sided = find_span(a, 1.0f, element, &lo, &hi);
+        one_sided = find_span(a, element, &lo, &hi);
         const vi first = TO_VI(clamp(ceil(lo), (vf)(0.0f), (vf)(INNER)));
         const vi end = TO_VI(clamp(floor(hi) + 1.0f, (vf)(0.0f), (vf)(INNER)));
         reached |= max(((vi)(1) << end) - ((vi)(1) << first), (vi)(0)) << (element * INNER);
@@ -168,7 +168,6 @@ typedef struct {
     Axis x, y;
     vi flip;                          // sign bit of those that are seen from behind
     uint keep;                        // lanes that may be hit
-    uint covers;                      // lanes that every ray of the block is inside of
     uint edge_on;                     // lanes that some ray sees edge-on: n . D changes its sign
     float near[LANES], far[LANES];    // where each begins and ends
     float slack[LANES];               // edge functions' error of those that are edge-on
@@ -186,7 +185,7 @@ inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
     const vf centre = sum.of[ONE], change = affine_spread(sum, r->half_extent);
     const vi flat = EQ(centre, (vf)(0.0f)) & EQ(change, (vf)(0.0f));
     const vi edge_on = LE(fabs(centre), change * BOUND_SLACK);
-    vi outside = 0, covers = ~edge_on;
+    vi outside = 0;
     out->flip = LT(centre, (vf)(0.0f)) & ~edge_on & (vi)(0x80000000);
     for (int k = 0; k < 3; ++k) {
         for (int term = 0; term < AFFINE_TERMS; ++term)
@@ -194,10 +193,8 @@ inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
         e[k].of[ONE] += pick((vf)(0.0f), error[k], ~edge_on);
         const vf c = e[k].of[ONE], spread = affine_spread(e[k], r->half_extent) * BOUND_SLACK;
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
-        covers &= GE(c, spread + NOTHING_LEFT);
     }
     VSTORE(pick((vf)(0.0f), max(error[0], max(error[1], error[2])), edge_on), out->slack);
-    out->covers = row_bits(covers);
     out->edge_on = row_bits(edge_on);
     return ~(flat | (outside & ~edge_on));
 }

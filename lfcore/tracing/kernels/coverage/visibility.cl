@@ -4,18 +4,16 @@
 // candidates; every block culls these by its own frustum, and triangles by their edge functions.
 #pragma once
 #include "camera_rays.cl"
-#include "compaction.cl"
 
 // A worker's own memory.
 typedef struct {
     DepthBuffer buffers[MOST_BLOCKS];
     ListedLeaves candidates;
-    CompactedLeaves compacted;
 } VisibilityMemory;
 
 typedef struct { Coverage block[MOST_BLOCKS]; global VisibilityMemory *memory; } Visibility;
 
-// Test a block against a leaf, covering triangles first: these may need no depth buffer.
+// Merge a leaf's triangles into a block's depth buffer.
 inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverage *c)
 {
     Triangles t;
@@ -23,15 +21,9 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const int *ids = triangle_ids(tree, leaf, lane);
         set_up_triangles(bundle, leaf_corners(tree, leaf, lane), c->z_far, &t);
-        for (uint whole = t.keep & t.covers; whole; whole &= whole - 1) {
-            const uint k = lowest(whole);
-            if (has_holes(&tree->cut_outs, ids[k])) continue;
-            if (try_full_cover(&t, k, ids[k], c)) t.keep ^= 1u << k;
-        }
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
             if (t.near[k] > c->z_far) continue;
-            use_buffer(c);
             changed |= hit_triangle(&t, k, ids[k], bundle, &tree->cut_outs, c);
         }
     }
@@ -62,7 +54,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
 {
     const int blocks = p->rays->blocks;
     for (int block = 0; block < blocks; ++block)
-        clear_coverage(v->memory->buffers + block, p->rays->half_extent, v->block + block);
+        clear_coverage(v->memory->buffers + block, v->block + block);
     if (SINGLE_RAYS) {
         follow_packet(tree, p, v->block);
         return;
@@ -71,18 +63,16 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     const Volume volume = {&frustum, 0, 0};
     Stack stack;
     start_walk(&stack);
-    Compaction compaction = start_compaction(tree, p, &v->memory->compacted);
     while (stack.size) {
         float z_far = 0.0f;  // beyond which no block can hit anything
         for (int block = 0; block < blocks; ++block)
             if (has_block(p, block)) z_far = max(z_far, v->block[block].z_far);
         LeafList list = {&v->memory->candidates, 0};
         gather_leaves(tree, &volume, z_far, &stack, &list);
-        const Tree *leaves = compact_candidates(tree, p, z_far, &compaction, &list);
         for (int block = 0; block < blocks; ++block) {
             if (!has_block(p, block)) continue;
             const Bundle bundle = block_bundle(p, block);
-            visit_block(leaves, &bundle, &list, v->block + block);
+            visit_block(tree, &bundle, &list, v->block + block);
         }
     }
 }
@@ -138,9 +128,12 @@ inline int find_region(private int *table, int triangle, Regions *regions)
     return table[slot];
 }
 
-// Sort a depth buffer's rays by their triangles.
-inline void sort_rays(const Coverage *c, int columns, int2 inside, Regions *out)
+// The regions of a block, whose `inside` columns and rows alone lie in the inner grid: a depth
+// buffer's rays, sorted by their triangles.
+inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 {
+    const int columns = columns_inside(inside);
+    out->count = 0;
     private int table[TABLE];
     for (int k = 0; k < TABLE; k += LANES) VSTORE((vi)(-1), table + k);
     int last = -1, k = -1;
@@ -158,25 +151,6 @@ inline void sort_rays(const Coverage *c, int columns, int2 inside, Regions *out)
             out->row_regions[at / LANES][out->row_count[at / LANES]++] = k;
         }
     }
-}
-
-// The regions of a block, whose `inside` columns and rows alone lie in the inner grid.
-inline void find_regions(const Coverage *c, int2 inside, Regions *out)
-{
-    out->count = 0;
-    for (int row = 0; row < RAY_ROWS; ++row) {
-        out->row_count[row] = c->covering_triangle != NOTHING;
-        out->row_regions[row][0] = 0;
-    }
-    if (c->covering_triangle == NOTHING) return;
-    const int columns = columns_inside(inside);
-    if (c->covering_triangle == BUFFERED) {
-        sort_rays(c, columns, inside, out);
-        return;
-    }
-    global Region *all = add_region(out, c->covering_triangle);
-    for (int row = 0; row < BLOCK; ++row)
-        if (row_inside(row, inside)) add_rays(all, row, columns);
 }
 
 // Mask of a region's rays in the row of LANES that begins with ray `at`.

@@ -6,7 +6,7 @@
 #include "shade.cl"
 #include "shadows.cl"
 #include "arrays.cl"
-#include "cubic.cl"
+#include "frames.cl"
 #include "packet_sums.cl"
 
 // The sink FRAMES: a packet's colours by cells, 16 x 16 inner rays of one element, and their use.
@@ -42,9 +42,7 @@ inline void finish_packet(const Packet *packet, Cells *c)
         global float *colours = c->colours + cell * COLOURS;
         if (PLANES == 2) add_view(&c->planes, (int2)(placed->column, placed->row), where, colours);
         if (!BITS) continue;
-        CubicEncoding e;
-        const int even = all(inside == BLOCK) && make_cubic(colours, &e);
-        write_frames(&c->frames, element, where, inside, even ? &e : 0, colours);
+        write_frames(&c->frames, element, where, inside, colours);
     }
 }
 
@@ -68,7 +66,6 @@ typedef struct {
     global Memory *memory;
     Visibility visibility;
     Block block;
-    OccluderCache cache;
     Shadows shadows;
 } Pipeline;
 
@@ -119,9 +116,7 @@ KERNEL void trace_packets(PARAMETERS)
         .visibility = {.memory = &memory->visibility},
         .block = {.regions = {memory->regions}, .equations = memory->equations,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
-        .cache = {.pool = shadows->pool},
-        .shadows = {&tree, &scene, 0, shadows->active, shadows->seen, 0, &pipeline.cache,
-                    &shadows->element_equations}};
+        .shadows = {&tree, &scene, shadows->active, shadows->seen}};
     Sink sink = {
         {triangle, depth, &image, radiance},
         {memory->cells, memory->prefix, {placements, frames, &frame_numbers},
@@ -140,8 +135,6 @@ KERNEL void trace_packets(PARAMETERS)
                 drop_closed_blocks(&sink.cells.planes, &packet);
             if (!packet.blocks) continue;
             find_visible(&tree, &packet, &pipeline.visibility);
-            pipeline.shadows.packet = &packet;
-            pipeline.cache.element = -1;
             for (int block = 0; block < rays.blocks; ++block)
                 if (has_block(&packet, block)) take_block(&packet, block, &pipeline, &sink);
             if (SINK == FRAMES) finish_packet(&packet, &sink.cells);

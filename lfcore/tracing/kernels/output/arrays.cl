@@ -91,14 +91,11 @@ typedef struct {
     global float *radiance;
 } Arrays;
 
-inline void write_arrays(const Packet *packet, int block, Coverage *seen,
+inline void write_arrays(const Packet *packet, int block, const Coverage *seen,
                          global const float *colours, const Arrays *to)
 {
     if (SINK == IMAGE) write_radiance(packet, block, colours, to->image, to->radiance);
-    if (to->depth) {
-        use_buffer(seen);  // last: a block that one triangle covers is shaded without
-        write_rays(packet, block, (global uint *)seen->z, (global uint *)to->depth);
-    }
+    if (to->depth) write_rays(packet, block, (global uint *)seen->z, (global uint *)to->depth);
     if (SINK == HITS)
         write_rays(packet, block, (global uint *)seen->ids, (global uint *)to->triangle);
 }

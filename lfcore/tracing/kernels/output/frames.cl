@@ -20,20 +20,12 @@ inline vf encode_srgb(vf x)
     return pick(12.92f * x, p, GT(x, (vf)(LINEAR_END)));
 }
 
-// The encoding over a block as a cubic: coefficients of red, green and blue, and nothing.
-typedef struct { float4 c[4]; } CubicEncoding;
-
-// A row of colours encoded, by a cubic if there is one.
-inline Vec encode_row(Vec c, const CubicEncoding *e)
+// A row of colours encoded.
+inline Vec encode_row(Vec c)
 {
     const float scale = 1.0f / (float)(PEAK);
     if (PEAK > 0) return (Vec){encode_pq(c.x, scale), encode_pq(c.y, scale), encode_pq(c.z, scale)};
-    if (!e) return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
-    Vec sum = spread3(e->c[3].xyz);
-    for (int k = 2; k >= 0; --k)
-        sum = (Vec){fma(sum.x, c.x, (vf)(e->c[k].x)), fma(sum.y, c.y, (vf)(e->c[k].y)),
-                    fma(sum.z, c.z, (vf)(e->c[k].z))};
-    return sum;
+    return (Vec){encode_srgb(c.x), encode_srgb(c.y), encode_srgb(c.z)};
 }
 
 // Planar frames, and where each element's inner grid goes in them.
@@ -74,13 +66,13 @@ inline Vec codes_of(Vec c, const FrameArguments *n)
 }
 
 // Write columns and rows of a block to a frame.  Codes replace the colours in memory.
-inline void write_rows(const CubicEncoding *e, const FrameArguments *n, int columns, int rows,
-                       global float *colours, global sample *to)
+inline void write_rows(const FrameArguments *n, int columns, int rows, global float *colours,
+                       global sample *to)
 {
     const ulong pixels = (ulong)n->width * n->height;
     for (int y = 0; y < rows; ++y, colours += BLOCK, to += n->width) {
         for (int at = 0; at < BLOCK; at += LANES)
-            store3(codes_of(encode_row(load3(colours, at), e), n), colours, at);
+            store3(codes_of(encode_row(load3(colours, at)), n), colours, at);
         for (int channel = 0; channel < (n->subsampling > 1 ? 1 : 3); ++channel)
             store_codes(as_uint16(vload16(0, colours + channel * BLOCK_RAYS)), columns,
                         to + channel * pixels);
@@ -103,9 +95,9 @@ inline void average_chroma(global float *chroma, int2 inside, global sample *to,
 }
 
 // Write a cell of linear colours (3, BLOCK_RAYS), and overwrite them.  Its first ray is at `at` of
-// the inner grid, in which `inside` columns and rows lie: all of them if there is a cubic.
+// the inner grid, in which `inside` columns and rows lie.
 inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
-                         const CubicEncoding *e, global float *colours)
+                         global float *colours)
 {
     const FrameArguments *n = out->numbers;
     global const Placement *placed = out->placements + element;
@@ -114,8 +106,7 @@ inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
     global sample *frame = out->frames + placed->frame * (pixels + 2 * chroma);
     const int x0 = placed->x + at.x, y0 = placed->y + at.y;
     global sample *to = frame + (ulong)y0 * n->width + x0;
-    if (e) write_rows(e, n, BLOCK, BLOCK, colours, to);
-    else write_rows(0, n, inside.x, inside.y, colours, to);
+    write_rows(n, inside.x, inside.y, colours, to);
     if (step == 1) return;
     for (int channel = 0; channel < 2; ++channel)
         average_chroma(colours + (1 + channel) * BLOCK_RAYS, inside,

@@ -1,7 +1,6 @@
 // Colours of a block's rays, row by row: ambient, emission, and what each visible light adds.
 #pragma once
 #include "sky_gloss.cl"
-#include "texel_patch.cl"
 
 // The unit vector to a light.  `attenuation` receives the share of the light that distance, the
 // cosine at the emitter and a spot's cone leave.
@@ -58,13 +57,11 @@ inline Vec ambient_and_emission(const Scene *scene, const Surface *s)
 }
 
 // The material's own colour, times that of texture and corners.
-inline Vec albedo_row(const Scene *scene, const TexelPatch *patch, const Material *m,
-                      global const Samples *samples, int at)
+inline Vec albedo_row(const Scene *scene, const Material *m, global const Samples *samples, int at)
 {
     Vec c = spread3(vload3(0, m->of.diffuse));
     if (TEXTURED && m->maps[MAP_BASE].height)
-        c = times3(c, patch->columns ? patch_row(patch, samples, at)
-                                     : map_row(scene, m, MAP_BASE, samples, at));
+        c = times3(c, map_row(scene, m, MAP_BASE, samples, at));
     if (VERTEX_COLOURS) c = times3(c, load3(samples->of[TINT], at));
     return c;
 }
@@ -113,8 +110,6 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
     global const MaterialRecord *record = scene->materials + key / MIP_LEVELS;
     Material material = {*record};
     if (TEXTURED) read_maps(scene, record, key % MIP_LEVELS, material.maps);
-    TexelPatch patch;
-    read_patch(scene, b, key, &material, &patch);
     Surface s;
     s.material = &material;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
@@ -127,7 +122,7 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
             s.to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
         }
         if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);
-        s.albedo = albedo_row(scene, &patch, &material, b->samples, at);
+        s.albedo = albedo_row(scene, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }

@@ -3,16 +3,13 @@
 #include "shadow_origins.cl"
 #include "walk.cl"
 
-// The scene, the packet and a worker's memory for shadows.
+// The scene and a worker's memory for shadows.
 typedef struct {
     const Tree *tree;
     const Scene *scene;
-    const Packet *packet;
     global int *active;                     // scratch: (2, BLOCK_RAYS)
     global float *seen;                     // scratch: (2, 3, BLOCK_RAYS)
     global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
-    struct OccluderCache *cache;
-    global PlaneEquations *element_equations;  // scratch: of one triangle
 } Shadows;
 
 inline global const LightRecord *shadow_light(const Scene *s, int number)

@@ -1,38 +1,7 @@
 // Shadows: which rays of a block see each light that casts them.
 #pragma once
 #include "light_space.cl"
-#include "occluder_cache.cl"
 #include "single_rays.cl"
-
-inline int faces_light(const Block *b, global const Region *r, global const LightRecord *light)
-{
-    vi facing = 0;
-    for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        facing |= region_row(r, at) & facing_row(b->samples, light, at);
-    return row_any(facing);
-}
-
-// Find the rays of each region that see light `number`; false if the cache does not keep what may
-// stand before one of them.
-inline int light_regions(Shadows *s, const Block *b, int number, global int *lit)
-{
-    const uint lights = s->scene->numbers->shadow_lights;
-    clear_lit(lit);
-    for (int k = 0; k < b->regions.count; ++k) {
-        global const Region *r = b->regions.of + k;
-        CacheEntry *entry = s->cache->entry + ((uint)r->triangle * lights + number) % ENTRIES;
-        if (entry->triangle != r->triangle || entry->light != number) {
-            if (!faces_light(b, r, shadow_light(s->scene, number))) continue;
-            make_entry(s, r->triangle, number, entry);
-        }
-        if (entry->count == NOT_KEPT) return 0;
-        ShadowMask m = no_shadow(r, b->bundle.half_extent, block_offset(s->packet, b->number));
-        if (!cast_entry(s->cache, entry, &m)) continue;
-        for (int row = 0; row < BLOCK; row += LANES)
-            VSTORE(VLOAD(lit + row) | m.lit[row / LANES], lit + row);
-    }
-    return 1;
-}
 
 // Hit points are taken by spans of depth, each to this multiple of where it begins.
 #define SPAN 1.1f
@@ -79,26 +48,18 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
     }
 }
 
-// A worker's memory: see Shadows and OccluderCache.
+// A worker's memory: see Shadows.
 typedef struct {
     int active[2 * BLOCK_RAYS];
     float seen[6 * BLOCK_RAYS];
-    OccluderRow pool[POOL / LANES];
-    PlaneEquations element_equations;
     float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
-// Find which of a block's rays see each light.  Holes are looked into ray by ray.
-#define FEW_REGIONS 6
+// Find which of a block's rays see each light.
 inline void find_lit(Shadows *s, const Block *b, global float *lifted)
 {
     const int curved = CURVED && lift_origins(s->scene, b, lifted);
-    const int few = OUTER == 1 && !SINGLE_RAYS && !CUT_OUTS && !curved &&
-                    b->regions.count <= FEW_REGIONS;
     s->origins = curved ? lifted : b->samples->point;
-    if (few) enter_element(s->packet, b->number, s->cache);
-    for (int k = 0; k < s->scene->numbers->shadow_lights; ++k) {
-        global int *lit = b->lit + k * BLOCK;
-        if (!few || !light_regions(s, b, k, lit)) light_block(s, b, shadow_light(s->scene, k), lit);
-    }
+    for (int k = 0; k < s->scene->numbers->shadow_lights; ++k)
+        light_block(s, b, shadow_light(s->scene, k), b->lit + k * BLOCK);
 }

@@ -14,20 +14,10 @@
 
 #define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))  // of an edge function at a ray
 #define CORNER_ERROR GAMMA(4.0f)           // of corners in a packet and in its blocks
-#define PACKET_ERROR GAMMA(5.0f)           // of edge functions in a packet, against its blocks'
 #define BOUND_SLACK (1.0f + GAMMA(6.0f))   // of half extents and spreads, of five magnitudes
 #define SWEEP_SLACK (1.0f + GAMMA(9.0f))   // of when a ray or a shaft enters a box
 #define FRUSTUM_SLACK GAMMA(7.0f)          // of frusta against boxes
-#define HIT_SLACK GAMMA(14.0f)             // of hit points, in the terms of n . P over n . D
-#define COLUMN_SLACK 3.0f                  // of a packet's columns, in errors of its corners
 #define SIDE_SLACK GAMMA(6.0f)             // of the least of an affine function over rays
 #define LIGHT_SPACE_ERROR GAMMA(7.0f)      // of functions of occluders in light space
-#define DEPTH_SLACK GAMMA(10.0f)           // of depths at corners of blocks, if terms are even
 // Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it.
 #define SHADOW_MARGIN 1.0e-6f
-// A function whose slope in a row is below this share of its size is constant: over the 64 columns
-// of a packet it changes by less than a thousandth of one rounding.
-#define LEAST_SLOPE 9.0e-13f
-// A constant function that is zero along a row is not negative so many columns to either side: as
-// many as a packet has to either side of its centre.
-#define MOST_COLUMNS (PACKET_COLUMNS / 2)
