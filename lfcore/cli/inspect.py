@@ -98,6 +98,7 @@ def info_of_scene(arguments: argparse.Namespace) -> None:
     note(
         file=arguments.lightfield, name=scene.name, triangles=scene.triangle_count,
         camera=camera.to_json(), notes=[str(one) for one in scene.notes],
+        account=[vars(count) | {"file": str(count.file)} for count in scene.account],
         **({f"{end}_m": distance for end, distance in seen.ends().items()} if seen else {}),
     )  # fmt: skip
     view = f", film {scene.view.film[0]} x {scene.view.film[1]}" if scene.view else ""
@@ -108,7 +109,8 @@ def info_of_scene(arguments: argparse.Namespace) -> None:
         "camera": ("a pinhole" if scene.is_pinhole else _lens(camera)) + view,
         "focus": f"{camera.focus_m:g} m", "seen": str(seen or "nothing"),
     }  # fmt: skip
-    found |= {"notes": scene.summary().replace("\n", "\n" + 16 * " ")} if scene.notes else {}
+    lists = {"account": scene.account_text(), "notes": scene.summary()}
+    found |= {key: text.replace("\n", "\n" + 16 * " ") for key, text in lists.items() if text}
     for name, value in () if arguments.json else found.items():
         print(f"{name:<15} {value}")
 

@@ -274,6 +274,7 @@ def build(
         if focus
         else framing.default_focus_distances(camera, geometry.triangles),
         notes=notebook.notes(),
+        account=tuple(count for counts in notebook.counts.values() for count in counts),
         **vars(geometry),
     )
     if "sky" in description:

@@ -24,7 +24,7 @@ from lfcore.reading import Where
 from lfcore.scene.appearance import Light, Material
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
-from lfcore.scene.notes import KINDS, Note
+from lfcore.scene.notes import KINDS, Count, Note
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
@@ -96,6 +96,8 @@ class Scene:
     floor_material : of the floor that was put under a mesh, -1 without; the floor is no part of
         ``depth_range``.
     notes : what could not be mapped exactly from another program's format, with file and line.
+    account : how many things of each kind the files hold, and how many of them are here; of a
+        scene that was read just now, as it is not saved.
     """
 
     name: str
@@ -116,6 +118,7 @@ class Scene:
     view: View | None = None
     motions: tuple[Motion, ...] = ()
     notes: tuple[Note, ...] = ()
+    account: tuple[Count, ...] = ()
     floor_material: int = -1
     sky: np.ndarray = field(default_factory=lambda: NO_SKY)
     bake: BakeOptions | None = None
@@ -362,6 +365,14 @@ class Scene:
         if material.alpha_cutoff <= 0 or material.texture < 0 or not len(self.uvs):
             return False
         return self.textures[material.texture].shape[2] == 4
+
+    def account_text(self) -> str:
+        """The account as text, a line per file."""
+        files = dict.fromkeys(count.file for count in self.account)
+        return "\n".join(
+            f"{file}: {', '.join(str(one) for one in self.account if one.file == file)}"
+            for file in files
+        )
 
     def summary(self) -> str:
         """The notes as text, one a line, what is missing first."""

@@ -1,4 +1,4 @@
-"""What a scene file asked for and did not get: one list, with file and line."""
+"""What a scene file holds, and what of it is not in the scene: one list, with file and line."""
 
 from __future__ import annotations
 
@@ -34,11 +34,29 @@ class Note:
         return f"{place}: {self.kind}: {self.what}"
 
 
+@dataclass(frozen=True)
+class Count:
+    """The number of things of a kind that a file holds, and of those that are in the scene."""
+
+    file: Path
+    what: str
+    held: int
+    used: int
+
+    def __str__(self) -> str:
+        unused = "" if self.used == self.held else f" ({self.used or 'none'} used)"
+        return f"{self.held:,} {self.what}{unused}"
+
+
 class Notebook:
-    """Collects notes while a scene is read; the same words at the same line count once."""
+    """Collects notes while a scene is read; the same words at the same line count once.
+
+    ``counts`` has the account of each file.
+    """
 
     def __init__(self) -> None:
         self._notes: dict[Note, None] = {}
+        self.counts: dict[Path, tuple[Count, ...]] = {}
 
     def add(self, kind: str, place: Place | Path, what: str) -> None:
         """Note what happened to a place, or to a file whose lines do not matter."""
