@@ -1,22 +1,20 @@
-"""Bake light: what surfaces get from the sky and, in bounces, from one another.
+"""Bake light: irradiance from the sky, from emitters and, in bounces, from other surfaces.
 
-Rays gather light at points of the surfaces that the camera sees, and at those that these rays hit,
-of which few are needed: each is averaged over many rays.  Bounces iterate over the stored hits.
-In the picture, more rays follow where two halves of them disagree, more points where neighbours do.
-
-Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010, for the storage;
-G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interreflection", SIGGRAPH
-1988, for irradiance as what is kept.
+Rays gather light at points of the surfaces that the camera sees, and at points of the surfaces that
+these rays hit; few of the latter suffice, since each is averaged over many rays.  Bounces iterate
+over the stored hits.  Then seen points send more rays where two halves of their rays disagree, and
+grids are refined where neighbours differ.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from lfcore.baking.irradiance_cache import Baker
-from lfcore.baking.points import Grids, corner_normals, dot, extent, longest_edge
-from lfcore.baking.rays import FIELD, Surroundings
-from lfcore.baking.refinement import Refinement
+from lfcore.baking.adaptive_refinement import Refinement
+from lfcore.baking.denoising import denoised
+from lfcore.baking.irradiance_cache import IrradianceCache
+from lfcore.baking.mesh_colours import Grids, corner_normals, dot, extent, longest_edge
+from lfcore.baking.surroundings import FIELD, Surroundings
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
@@ -27,9 +25,18 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.tracer import Tracer
 
-_LARGEST_SIDE, _OF_DIRECT, _DIRECT_CELLS = 256, 4, 128
-"""The most cells along an edge; the cells of direct light, whose edges are sharp, per cell, and
-over the width of the picture, at most."""
+_RAYS_PER_CELL = 32
+"""Sample rays per cell, per side of the picture, that find seen faces."""
+_LARGEST_SIDE = 256
+"""The most cells along an edge before refinement: 33,000 points per face."""
+_LEAST_CELL, _LARGEST_CELL = 1 / 1024, 1 / 24
+"""Bounds of a cell, shares of the scene's size; unseen faces have the largest."""
+_DIRECT_FINER = 4
+"""Cells of direct light per cell, per side: its edges are sharp."""
+_DIRECT_CELLS = 128
+"""The most cells of direct light over the width of the picture."""
+_ROUND_UP = 0.25
+"""Added to base-2 logarithms of cells before they are rounded down."""
 
 
 def bake_light(
@@ -40,31 +47,32 @@ def bake_light(
     *,
     progress: Progress | None = None,
 ) -> BakedLight:
-    """The light of a scene's sky and bounces on all its surfaces.
+    """Bake the light of a scene's sky, emitters and bounces on all its surfaces.
 
-    ``progress`` is called with (steps done, of all).  Raises :class:`SceneError` for a material
-    that reflects more light than it gets.
+    ``progress`` is called with (steps done, number of steps).  Raises :class:`SceneError` for a
+    material that reflects more light than it receives.
     """
     _check_albedo(scene)
-    bare = replace(scene, bake=None, light=None, sky=NO_SKY)
-    if not Needs.of(bare).cut_outs:  # else texels say what rays hit
-        bare = replace(bare, uvs=bare.uvs[:0])
-    around = Surroundings(scene, Tracer(bare, bvh, device))
-    seen, spots, distance = _seen_faces(scene, around, 32 * options.cells)
-    sides, fine, wanted = _sides(scene, distance, options.cells)
+    unlit = replace(scene, bake=None, light=None, sky=NO_SKY)
+    if not Needs.of(unlit).cut_outs:  # otherwise hits depend on texels
+        unlit = replace(unlit, uvs=unlit.uvs[:0])
+    around = Surroundings(scene, Tracer(unlit, bvh, device))
+    faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
+    sides, direct_sides, cells = _grid_sides(scene, distance, options.cells)
     normals = corner_normals(scene, around.lens)
-    grids, lit = (Grids(scene, each, *normals) for each in (sides, fine))
-    baker = Baker(grids, lit, around, options)
+    grids, direct_grids = (Grids(scene, each, *normals) for each in (sides, direct_sides))
+    cache = IrradianceCache(grids, direct_grids, around, options)
     report = progress or (lambda done, of: None)
-    baker.find(seen, spots)
+    cache.find_points(faces, weights)
     report(1, 4)
-    baker.bounce()
+    cache.bounce()
     report(2, 4)
-    baker.converge()
+    cache.converge()
     report(3, 4)
-    finished = Refinement(baker, wanted).light()
+    irradiance, error = denoised(cache)
+    light = Refinement(cache, irradiance, cells).refine()
     report(4, 4)
-    return replace(finished, error=baker.error, rays=around.rays)
+    return replace(light, error=error, rays=around.rays)
 
 
 def _check_albedo(scene: Scene) -> None:
@@ -79,48 +87,65 @@ def _check_albedo(scene: Scene) -> None:
 
 
 def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndarray, ...]:
-    """Faces that the camera sees, in its field and a little beside it, the mean barycentric weights
-    (F, 3) of where it does, and each triangle's least distance; by ``count`` rays per side."""
+    """Find what the camera sees, in its field and a little beside it, by ``count`` rays per side.
+
+    Returns the seen faces (F,), the mean barycentric weights (F, 3) where each is seen, and the
+    least distance (T,) of each triangle, infinite if it is not seen.
+    """
     camera, corners = scene.camera, scene.triangles.astype(np.float64)
     step, distance = FIELD * camera.field_width / count, np.full(len(corners), np.inf)
     sums = np.zeros((4, 2 * len(corners)))
     for number, (x, y) in enumerate(around.lens):
-        apart = 2 if number else 1
-        # All lens points see what is in focus in the same direction: their rays interleave.
+        spacing = 2 if number else 1
+        # Rays of all lens points to one place in focus have the same direction: they interleave.
         u, v = step * (number % 2), step * (number // 2 % 2)
-        centre = [[x, y, u - x / camera.focus_m, v - y / camera.focus_m]]
-        given = np.array(centre, np.float32), apart * np.array([0, 0, step, step], np.float32)
-        rays = Bundles(*given, count // apart, count // apart, step)
-        hit, depth = (found[0].ravel() for found in around.tracer.bundle_hits(rays))
-        around.rays += len(hit)
-        on = np.flatnonzero(hit >= 0)
-        hit, depth = hit[on], depth[on].astype(np.float64)
-        np.minimum.at(distance, hit, depth)
-        behind = dot(around.unit, scene.triangles[:, 0] - np.array([x, y, 0], np.float32)) > 0
-        origins, towards = (ways.reshape(-1, 3)[on] for ways in rays.rays())
+        centre = np.array([[x, y, u - x / camera.focus_m, v - y / camera.focus_m]], np.float32)
+        steps = spacing * np.array([0, 0, step, step], np.float32)
+        rays = Bundles(centre, steps, count // spacing, count // spacing, step)
+        triangle, depth = (array[0].ravel() for array in around.tracer.bundle_hits(rays))
+        around.rays += len(triangle)
+        on = np.flatnonzero(triangle >= 0)
+        triangle, depth = triangle[on], depth[on].astype(np.float64)
+        np.minimum.at(distance, triangle, depth)
+        lens_point = np.array([x, y, 0], np.float32)
+        behind = dot(around.unit, scene.triangles[:, 0] - lens_point) > 0
+        origins, towards = (vectors.reshape(-1, 3)[on] for vectors in rays.rays())
         places = origins + depth[:, None] * towards
-        for total, of_rays in zip(sums, (*places.T, np.ones(len(on))), strict=True):
-            total += np.bincount(2 * hit + behind[hit], of_rays, len(total))
+        faces = 2 * triangle + behind[triangle]
+        for total, values in zip(sums, (*places.T, np.ones(len(on))), strict=True):
+            total += np.bincount(faces, values, len(total))
     faces = np.flatnonzero(sums[3])
-    p, q, r = corners[faces // 2].swapaxes(0, 1)
-    across, at = np.cross(q - p, r - p), (sums[:3, faces] / sums[3, faces]).T - p
-    parts = np.stack([dot(np.cross(at, r - p), across), dot(np.cross(q - p, at), across)], -1)
-    parts = np.clip(parts / np.maximum(dot(across, across), 1e-300)[:, None], 0, 1)
+    return faces, _barycentric(corners[faces // 2], (sums[:3, faces] / sums[3, faces]).T), distance
+
+
+def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return barycentric weights (F, 3) of places (F, 3) on triangles (F, 3, 3)."""
+    p, q, r = corners.swapaxes(0, 1)
+    normal, offset = np.cross(q - p, r - p), places - p
+    parts = [dot(np.cross(offset, r - p), normal), dot(np.cross(q - p, offset), normal)]
+    squared = np.maximum(dot(normal, normal), 1e-300)[:, None]
+    parts = np.clip(np.stack(parts, -1) / squared, 0, 1)
     weights = np.column_stack([np.maximum(1 - parts.sum(1), 0), parts])
-    return faces, weights / weights.sum(1, keepdims=True), distance
+    return weights / weights.sum(1, keepdims=True)
 
 
-def _sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
-    """(T,) cells along an edge: powers of 2, as many as the picture needs to begin with and as
-    many as direct light needs; and as many as it needs in the mean, of triangles that it shows."""
+def _grid_sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
+    """Choose cells along an edge (T,) of triangles at a ``distance`` (T,), for ``cells`` over the
+    width of the picture.
+
+    Returns powers of 2 for irradiance, and for direct light; and the number for irradiance in the
+    mean over directions, not rounded, 0 for unseen triangles.
+    """
     corners = scene.triangles.astype(np.float64)
     edge, size = longest_edge(corners), extent(scene.triangles)[1]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.sqrt(dot(across, across)) / 2
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.sqrt(dot(normal, normal)) / 2
     seen = np.isfinite(distance)
-    cell = np.where(seen, scene.camera.field_width * np.where(seen, distance, 0) / cells, np.inf)
-    cell = np.clip(cell, size / 1024, size / 24)
-    finer = min(_OF_DIRECT, max(1, _DIRECT_CELLS / cells))
-    wanted = [np.log2(np.maximum(many * edge / cell, 1)) + 0.25 for many in (1, finer)]
-    sides, fine = (np.minimum(1 << power.astype(np.int64), _LARGEST_SIDE) for power in wanted)
-    return sides, fine, np.where(seen, np.sqrt(2 * area) / cell, 0)
+    width = scene.camera.field_width * np.where(seen, distance, 0)
+    cell = np.clip(np.where(seen, width / cells, np.inf), size * _LEAST_CELL, size * _LARGEST_CELL)
+    finer = min(_DIRECT_FINER, max(1, _DIRECT_CELLS / cells))
+    powers = [np.log2(np.maximum(many * edge / cell, 1)) + _ROUND_UP for many in (1, finer)]
+    sides, direct_sides = (
+        np.minimum(1 << power.astype(np.int64), _LARGEST_SIDE) for power in powers
+    )
+    return sides, direct_sides, np.where(seen, np.sqrt(2 * area) / cell, 0)

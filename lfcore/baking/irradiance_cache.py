@@ -1,252 +1,234 @@
-"""Points where irradiance is kept, and the rays that estimate it."""
+"""The irradiance cache: points on surfaces, the rays that estimate their light, and bounces.
 
-import math
+Source: G. Ward, F. Rubinstein and R. Clear, "A Ray Tracing Solution for Diffuse Interreflection",
+SIGGRAPH 1988, for irradiance as the stored quantity.
+"""
 
 import numpy as np
 
+from lfcore.baking.emitters import Emitters
 from lfcore.baking.gather import Gatherer
-from lfcore.baking.importance_guide import Guide
-from lfcore.baking.lamps import Lamps
-from lfcore.baking.points import Grids, Points, grid_point, lattice
-from lfcore.baking.rays import BATCH, Surroundings, mean_colour
+from lfcore.baking.importance_guide import ImportanceGuide
+from lfcore.baking.mesh_colours import Grids, Points
+from lfcore.baking.surroundings import Surroundings, mean_colour
 from lfcore.scene.baked import BakeOptions
 
-_FEWEST, _MOST, _FIRST = 32, 1024, 2**20
-"""Rays per point; and of all points at first, from which guides learn."""
-_OF_HIDDEN = 16
-_ROUNDS, _DARK = 4, 0.25
+_BATCH = 1 << 19
+"""Rays per launch: their arrays stay in tens of MB."""
+_MOST_RAYS = 1024
+"""The largest number of rays per point."""
+_FIRST_RAYS = 2**20
+"""First rays of all points, from which the guide learns."""
+_LEAST_FIRST_RAYS = 32
+"""First rays per point, at least."""
+_RAYS_OF_HIDDEN = 16
+"""Rays per point that the camera does not see: their errors average over many hits."""
+_ROUNDS = 4
+"""Rounds of adding grids where rays hit; faces that later rounds would reach use substitutes."""
+_DARK = 0.25
+"""Errors are shares of the light, or of this share of its mean in darker places."""
 _HIT_BYTES = 18
+"""The size of a stored hit, bytes."""
 _INSIDE = 0.9
-"""The share of the way to a corner that a surface must leave free."""
-_SMOOTHED, _STEPS, _CUT, _LIKE_NORMALS = 3.0, 4, 7.5, 0.95
-"""How much more noise rays may leave at first than is asked for; steps of averaging neighbours,
-where the square of what they differ by is not so many times their noise, take it."""
+"""The share of the way from the centre of a face to its corner that must be free."""
+_BEFORE_SMOOTHING = 3.0
+"""The noise that rays may leave, as a multiple of the required error: averaging over neighbours
+divides noise by about as much."""
 
 
-class Baker:
-    """Points, the light that reaches them from surfaces nearby, and sums of their rays.
+class IrradianceCache:
+    """Points, sums of their rays, and the light that surfaces reflect.
+
+    The first points are the seen ones, S of them: points of faces that the camera sees.
+
+    Parameters
+    ----------
+    grids : the grids of irradiance.
+    direct_grids : finer grids for light of the scene's lights alone, whose edges are sharp.
 
     Attributes
     ----------
-    source : (P, 3) the light at points, without the scene's lights, that they send on last.
-    direct : (P + D, 3) light of the scene's lights, at points and at points of ``fine`` grids.
-    sums : (2, P, 3) sums of two halves of the rays; ``counts`` (P,) rays of each half.
-    open : (S,) of points of seen faces, whether they are outside of things and not covered.
+    seen : (2 T,) the mask of faces that the camera sees.
+    sums : (2, P, 3) sums of two halves of the rays.
+    counts : (P,) rays per half.
+    is_open : (S,) the mask of seen points outside of objects and not covered.
+    in_view : (S,) the mask of seen points in the camera's field.
+    guide : the importance guide, after :meth:`bounce`.
     """
 
-    def __init__(self, grids: Grids, fine: Grids, around: Surroundings, options: BakeOptions):
-        self.grids, self.fine, self.around, self.options = grids, fine, around, options
+    def __init__(
+        self, grids: Grids, direct_grids: Grids, around: Surroundings, options: BakeOptions
+    ):
+        self.grids, self.direct_grids = grids, direct_grids
+        self.around, self.options = around, options
         self.sums = np.zeros((2, 0, 3), np.float32)
-        self.counts, self.open = np.zeros(0, np.int64), np.zeros(0, bool)
-        self.source = self.direct = np.zeros((0, 3), np.float32)
-        self.error = 0.0
+        self.counts, self.is_open = np.zeros(0, np.int64), np.zeros(0, bool)
         self._hits: list[tuple] = []
 
-    def find(self, seen: np.ndarray, spots: np.ndarray) -> None:
-        """Gather at faces, seen at ``spots`` (F, 3), and at those that rays from there hit."""
+    def find_points(self, faces: np.ndarray, weights: np.ndarray) -> None:
+        """Make points on the seen faces, and on faces that their rays hit.  The camera sees a face
+        at barycentric ``weights`` (F, 3) in the mean."""
         self.seen = np.zeros(2 * self.grids.scene.triangle_count, bool)
-        self.seen[seen] = True
-        fresh = self.grids.add(seen)
-        most = self.options.fineness * min(_MOST // 4, _FIRST / max(fresh.stop, 1))
-        count = max(_FEWEST, int(most) // 8 * 8)  # halves have whole rays to lamps
+        self.seen[faces] = True
+        new = self.grids.add(faces)
+        limit = self.options.fineness * min(_MOST_RAYS // 4, _FIRST_RAYS / max(new.stop, 1))
+        count = max(_LEAST_FIRST_RAYS, int(limit) // 8 * 8)  # each half has whole emitter samples
         hidden = self.around.covered(self.grids.points)
-        hidden &= ~self.grids.move(seen, spots, hidden)
+        hidden &= ~self.grids.move(faces, weights, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)
-        self.gatherer = Gatherer(Lamps(self.around, self.grids.points), self.seen)
-        room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * max(fresh.stop, 1))
+        self.gatherer = Gatherer(Emitters(self.around, self.grids.points), self.seen)
+        room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * max(new.stop, 1))
         count = min(count, max(8, room // 8 * 8))
-        self._seen_points, self._first = fresh.stop, count
+        self._seen_points, self._first_rays = new.stop, count
         for turn in range(_ROUNDS):
-            found = self._look(fresh, count)
+            hit_faces = self._send_first_rays(new, count)
             if not turn:
-                self.open &= ~hidden
-                self.open |= not self.open.any()
-                self.grids.replace(~self.open)
-            if not self.options.bounces or not len(found):
+                self.is_open &= ~hidden
+                self.is_open |= not self.is_open.any()
+                self.grids.substitute_points(~self.is_open)
+            if not self.options.bounces or not len(hit_faces):
                 break
-            fresh, count = self.grids.add(found), min(count, _OF_HIDDEN)
-            self._pull_in(found, fresh.start)
+            new, count = self.grids.add(hit_faces), min(count, _RAYS_OF_HIDDEN)
+            self._pull_in(hit_faces, new.start)
         self._extend()
-        self.grids.stand_in()
+        self.grids.find_substitutes()
 
     def _pull_in(self, faces: np.ndarray, first: int) -> None:
-        """Move points from the ``first`` on that a surface cuts off from the middle of their small
-        face to the middle: beyond that surface is other light."""
+        """Move points from number ``first`` on to the centre of their face, if that has one cell
+        and a surface cuts them off from the centre: beyond that surface is other light."""
         faces = faces[self.grids.sides[faces // 2] == 1]
         index = self.grids.index[self.grids.first[faces, None] + np.arange(3)].ravel()
         corners = self.grids.scene.triangles[faces // 2]
-        middle = np.repeat(corners.mean(1), 3, axis=0)
-        towards = corners.reshape(-1, 3) - middle
+        centres = np.repeat(corners.mean(1), 3, axis=0)
+        towards = corners.reshape(-1, 3) - centres
         flat = np.repeat(self.around.flat_of(faces), 3, axis=0)
-        starts = self.around.starts(
-            Points(middle, flat, flat, self.grids.points.cells[index]), slice(None), towards
-        )
-        hit, _, far = self.around.cast(starts, towards)
-        cut = (hit >= 0) & (far < _INSIDE) & (index >= first)
-        self.grids.points.places[index[cut]] = middle[cut]
+        points = Points(centres, flat, flat, self.grids.points.cells[index])
+        starts = self.around.starts(points, slice(None), towards)
+        hit, _, distance = self.around.cast(starts, towards)
+        cut_off = (hit >= 0) & (distance < _INSIDE) & (index >= first)
+        self.grids.points.places[index[cut_off]] = centres[cut_off]
 
     def _extend(self) -> None:
+        """Extend sums and counts to all points."""
         more = len(self.grids.points) - len(self.counts)
         self.counts = np.pad(self.counts, (0, more))
         self.sums = np.pad(self.sums, ((0, 0), (0, more), (0, 0)))
 
-    def _look(self, fresh: slice, count: int) -> np.ndarray:
-        """Send the first rays of fresh points and keep their hits; returns faces without grids."""
+    def _send_first_rays(self, new: slice, count: int) -> np.ndarray:
+        """Send rays from new points and keep their hits; returns hit faces that have no grid."""
         self._extend()
-        found, is_open = np.zeros(len(self.seen), bool), []
-        for part in _batches(fresh, count):
-            points, seeds = self.grids.points.of(part), np.arange(part.start, part.stop)
-            sums, seeing, hits = self.gatherer.send(points, seeds, 0, count, -1)
+        hit, is_open = np.zeros(len(self.seen), bool), []
+        for part in _batches(new, count):
+            points, seeds = self.grids.points.take(part), np.arange(part.start, part.stop)
+            sums, sees, hits = self.gatherer.send(points, seeds, 0, count, -1)
             self.sums[:, part] += sums
             self.counts[part] += count // 2
             self._hits.append((part, count, hits))
-            is_open.append(seeing)
-            faces = hits[1].reshape(-1, count)[seeing]
-            found[faces[faces >= 0]] = True
-        if not len(self.open):
-            self.open = np.concatenate([self.open, *is_open])
-        return np.flatnonzero(found & (self.grids.first < 0))
+            is_open.append(sees)
+            faces = hits[1].reshape(-1, count)[sees]
+            hit[faces[faces >= 0]] = True
+        if not len(self.is_open):
+            self.is_open = np.concatenate([self.is_open, *is_open])
+        return np.flatnonzero(hit & (self.grids.first < 0))
 
     def mean(self) -> np.ndarray:
-        """(P, 3) light at the points."""
+        """Return the irradiance over pi (P, 3) at points."""
         return self.sums.sum(0) / np.maximum(2 * self.counts, 1)[:, None]
 
     def bounce(self) -> None:
-        """Let light go from surface to surface."""
+        """Let light go from surface to surface, and make the guide."""
         gridded = np.flatnonzero(self.grids.first >= 0)
-        self.fine.add(gridded[(self.fine.sides > self.grids.sides)[gridded // 2]])
-        self.direct = np.concatenate(
-            [self.around.direct(grids.points) for grids in (self.grids, self.fine)]
+        is_finer = (self.direct_grids.sides > self.grids.sides)[gridded // 2]
+        self.direct_grids.add(gridded[is_finer])
+        direct = np.concatenate(
+            [self.around.of_lights(grids.points) for grids in (self.grids, self.direct_grids)]
         )
-        self.gatherer.surfaces(self.grids, self.fine)
-        del self.fine  # its light is all that is needed
-        fixed, found = self.sums, [hits[0] for *_, hits in self._hits]
-        self.source = np.zeros_like(self.mean())
+        self.gatherer.set_grids(self.grids, self.direct_grids)
+        del self.direct_grids  # frees memory: only its light is needed from here on
+        unreflected, ray_light = self.sums, [hits[0] for *_, hits in self._hits]
         for _ in range(self.options.bounces):
-            self.source, self.sums = self.mean(), fixed.copy()
-            self.gatherer.light(self.source, self.direct)
+            irradiance, self.sums = self.mean(), unreflected.copy()
+            self.gatherer.set_light(irradiance, direct)
             for number, (part, count, hits) in enumerate(self._hits):
-                sums, found[number] = self.gatherer.reflect(part.stop - part.start, count, hits)
+                sums, ray_light[number] = self.gatherer.reflect(part.stop - part.start, count, hits)
                 self.sums[:, part] += sums
-        looks = [(look[0], light) for look, light in zip(self._hits, found, strict=True)]
-        points = self.grids.points.of(slice(0, self._seen_points))
-        self.guide = Guide(points, self._first, looks)
-        self.gatherer.guided(self.guide)
+        parts = [part for part, *_ in self._hits]
+        points = self.grids.points.take(slice(0, self._seen_points))
+        first_rays = list(zip(parts, ray_light, strict=True))
+        self.guide = ImportanceGuide(points, self._first_rays, first_rays)
+        self.gatherer.set_guide(self.guide)
         self._hits = []
 
     def gather(
         self, points: Points, near: np.ndarray, seeds: np.ndarray, first: int, count: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(2, P, 3) sums of halves of rays from ``first`` on, of points ``near`` seen ones (P,);
-        and whether the points are open."""
-        made, is_open = np.zeros((2, len(points), 3), np.float32), np.zeros(len(points), bool)
+        """Send guided rays from points (P,) ``near`` seen ones (P,), from number ``first`` on.
+
+        Returns sums (2, P, 3) of both halves, and the mask (P,) of points in the open.
+        """
+        sums, is_open = np.zeros((2, len(points), 3), np.float32), np.zeros(len(points), bool)
         for part in _batches(slice(0, len(points)), count):
-            some, table = points.of(part), self.guide.of[near[part]]
-            sent = self.gatherer.send(some, seeds[part], first, count, table)
-            made[:, part], is_open[part], _ = sent
-        return made, is_open
+            tables = self.guide.table[near[part]]
+            sent = self.gatherer.send(points.take(part), seeds[part], first, count, tables)
+            sums[:, part], is_open[part], _ = sent
+        return sums, is_open
 
     def converge(self) -> None:
-        """Send more rays from seen points, while the halves disagree."""
+        """Send more rays from seen points, while their halves disagree."""
         seen = slice(0, self._seen_points)
-        sent, blind = 2 * self.counts[seen], self.sums[:, seen].copy()
+        sent, unguided = 2 * self.counts[seen], self.sums[:, seen].copy()
         while True:
-            wanted = self._uncertain(sent)
-            if not len(wanted):
+            uncertain = self._uncertain(sent)
+            if not len(uncertain):
                 return
-            for size in np.unique(sent[wanted]).tolist():
-                some = wanted[sent[wanted] == size]
-                points = self.grids.points.of(some)
-                self.sums[:, some] += self.gather(points, some, some, size, size)[0]
-                self.counts[some] += size // 2
-                if size == 2 * self._first:
-                    # The first rays had no guide, and add more noise than they take.
-                    self.sums[:, some] -= blind[:, some]
-                    self.counts[some] -= self._first // 2
-                sent[some] += size
+            for size in np.unique(sent[uncertain]).tolist():
+                which = uncertain[sent[uncertain] == size]
+                points = self.grids.points.take(which)
+                self.sums[:, which] += self.gather(points, which, which, size, size)[0]
+                self.counts[which] += size // 2
+                if size == 2 * self._first_rays:
+                    # The first rays had no guide: they add more noise than they remove.
+                    self.sums[:, which] -= unguided[:, which]
+                    self.counts[which] -= self._first_rays // 2
+                sent[which] += size
 
-    def _light(self) -> tuple[np.ndarray, np.ndarray]:
-        """(S,) light at seen points, and half of what their halves differ by: its error; 0 at
-        those that are not open."""
+    def estimate(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the light (S,) at seen points, and half the difference of its halves, an estimate
+        of its error; both are 0 at points that are not open."""
         seen = slice(0, self._seen_points)
-        half = mean_colour(self.sums[:, seen]) / np.maximum(self.counts[seen], 1) * self.open
-        return half.mean(0), (half[0] - half[1]) / 2
+        halves = mean_colour(self.sums[:, seen]) / np.maximum(self.counts[seen], 1) * self.is_open
+        return halves.mean(0), (halves[0] - halves[1]) / 2
 
-    def pooled(self, error: np.ndarray, near: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """(P,) expected squares of errors (P,) of points ``near`` seen ones, as means over points
-        that share a table of the guide: one alone says little."""
-        return _mean_of_table(error**2, self.guide.of[near])
+    def variance(self, error: np.ndarray, near: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return the variance (P,) of errors (P,) of points ``near`` seen ones: the mean over
+        points that share a table of the guide, since a single point says little."""
+        return _mean_by_table(error**2, self.guide.table[near])
 
-    def _level(self, light: np.ndarray) -> np.ndarray:
-        """(S,) what errors are shares of: light nearby, where it is more than a part of the mean.
-        That of a point alone would let points stop that were lucky."""
-        near = _mean_of_table(light, self.guide.of)
-        return np.maximum(near, _DARK * light[self.open].mean()) if len(light) else light
+    def reference_level(self, light: np.ndarray) -> np.ndarray:
+        """Return the light (S,) of which errors are shares: the mean nearby, or a part of the mean
+        of all.  With a point's own light, points that were too dark by chance would stop early."""
+        if not len(light):
+            return light
+        nearby = _mean_by_table(light, self.guide.table)
+        return np.maximum(nearby, _DARK * light[self.is_open].mean())
 
     def _uncertain(self, sent: np.ndarray) -> np.ndarray:
-        light, error = self._light()
-        least = _SMOOTHED * self.options.error * self._level(light)
-        of = self.guide.of
-        # One more ray may have found the brightest light.
-        unseen = (self.guide.brightest / np.maximum(np.bincount(of, sent), 1))[of]
-        uncertain = self.pooled(error) + unseen**2 > least**2
-        return np.flatnonzero(self.open & self.in_view & (sent < _MOST) & uncertain)
-
-    def smoothed(self) -> np.ndarray:
-        """(P, 3) light, averaged with that of neighbours on the surface as far as noise can be
-        what they differ by; sets ``error``, what is expected at seen points."""
-        light, error = self._light()
-        # The halves' difference is averaged in the same way: what stays of it is the error.
-        every = self.mean()
-        values = np.column_stack([every[: len(light)].astype(np.float64), error])
-        a, b = self._edges()
-        degree = np.bincount(a, minlength=len(light)) + np.bincount(b, minlength=len(light))
-        most = 1 + np.maximum(degree[a], degree[b])
-        noise = self.pooled(error)
-        for _ in range(_STEPS):
-            level = values[:, :3].mean(1)
-            off = (level[a] - level[b]) ** 2
-            # As much from a to b as from b to a: the sum of all light stays.
-            share = np.maximum(1 - off / (_CUT * (noise[a] + noise[b]) + 1e-30), 0) / most
-            keep = 1 - np.bincount(a, share, len(light)) - np.bincount(b, share, len(light))
-            mixed = keep[:, None] * values
-            for column in range(4):
-                mixed[:, column] += np.bincount(a, share * values[b, column], len(light))
-                mixed[:, column] += np.bincount(b, share * values[a, column], len(light))
-            values, noise = mixed, self.pooled(mixed[:, 3])
-        square = (noise / np.maximum(self._level(light), 1e-30) ** 2)[self.open & self.in_view]
-        self.error = float(math.sqrt(square.mean())) if len(square) else 0.0
-        every[: len(light)] = values[:, :3]
-        return every
-
-    def _edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of neighbouring points of seen faces, each once, whose normals are alike."""
-        pairs = []
-        faces = np.flatnonzero(self.seen)
-        for side in np.unique(self.grids.sides[faces // 2]).tolist():
-            some = faces[self.grids.sides[faces // 2] == side]
-            index = self.grids.index[
-                self.grids.first[some][:, None] + np.arange(len(lattice(side)))
-            ]
-            for step in ((1, 0), (0, 1), (-1, 1)):
-                to = lattice(side) + step
-                inside = (to >= 0).all(1) & (to.sum(1) <= side)
-                ends = grid_point(to[inside, 0], to[inside, 1], np.int64(side))
-                pairs.append(np.stack([index[:, inside], index[:, ends]], -1).reshape(-1, 2))
-        pair = np.concatenate(pairs) if pairs else np.zeros((0, 2), np.int64)
-        pair.sort(axis=1)
-        pair = np.unique(pair[:, 0] * len(self.counts) + pair[:, 1])
-        a, b = np.divmod(pair, len(self.counts))
-        normals = self.grids.points.normals
-        alike = (normals[a] * normals[b]).sum(1) > _LIKE_NORMALS
-        return a[alike], b[alike]
+        """Return the seen points that need more than the rays ``sent`` (S,)."""
+        light, error = self.estimate()
+        limit = _BEFORE_SMOOTHING * self.options.error * self.reference_level(light)
+        table = self.guide.table
+        # One more ray might hit the brightest light.
+        unseen = (self.guide.brightest / np.maximum(np.bincount(table, sent), 1))[table]
+        uncertain = self.variance(error) + unseen**2 > limit**2
+        return np.flatnonzero(self.is_open & self.in_view & (sent < _MOST_RAYS) & uncertain)
 
 
-def _mean_of_table(values: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """(P,) mean of values (P,) over the points of the same table, ``of`` (P,)."""
-    return (np.bincount(of, values) / np.maximum(np.bincount(of), 1))[of]
+def _mean_by_table(values: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Return the mean (P,) of values (P,) over all points with the same table (P,)."""
+    return (np.bincount(table, values) / np.maximum(np.bincount(table), 1))[table]
 
 
 def _batches(points: slice, count: int) -> list[slice]:
-    step = max(1, BATCH // count)
+    """Split a range of points into parts that send about _BATCH rays."""
+    step = max(1, _BATCH // count)
     return [slice(k, min(k + step, points.stop)) for k in range(points.start, points.stop, step)]

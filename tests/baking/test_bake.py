@@ -10,11 +10,11 @@ import trimesh
 
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene
-from lfcore.baking import rays
+from lfcore.baking.emitters import Emitters
 from lfcore.baking.gather import Gatherer
-from lfcore.baking.lamps import Lamps
-from lfcore.baking.points import Points, lattice
-from lfcore.baking.rays import Surroundings
+from lfcore.baking.mesh_colours import Points, lattice
+from lfcore.baking.sampling import directions, samples
+from lfcore.baking.surroundings import Surroundings
 from lfcore.optics import bundles
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.baked import NO_SKY
@@ -152,20 +152,20 @@ def test_kernels_send_the_rays_that_the_host_would():
     places = np.float32([0.1, 0.1, 1.3]) + 0.1 * random.random((50, 3), np.float32)
     up = np.tile(np.float32([0.6, 0, -0.8]), (50, 1)) * np.float32((-1) ** seeds)[:, None]
     points = Points(places, up, up, np.zeros(50))
-    gatherer = Gatherer(Lamps(around, points), np.zeros(8, bool))
-    sums, is_open, (glows, faces, weights, colours) = gatherer.send(points, seeds, 0, n, -1)
-    towards = rays.directions(points, *rays.samples(seeds, 0, n))
+    gatherer = Gatherer(Emitters(around, points), np.zeros(8, bool))
+    sums, is_open, (emitted, faces, weights, colours) = gatherer.send(points, seeds, 0, n, -1)
+    towards = directions(points, *samples(seeds, 0, n))
     hit, at, _ = around.hits(points, towards)
-    wanted = around.glow(hit, at, towards.reshape(-1, 3))
+    wanted = around.emitted(hit, at, towards.reshape(-1, 3))
     np.testing.assert_array_equal(faces, hit)
     np.testing.assert_allclose(sums.sum(0), wanted.reshape(-1, n, 3).sum(1), rtol=2e-4, atol=1e-4)
     np.testing.assert_array_equal(is_open, (hit < 0).reshape(-1, n).any(1))
     np.testing.assert_allclose(weights, at, atol=1e-3)
     tint = sum(at[:, k, None] * scene.colours[hit // 2][:, k] for k in range(3))
-    texels = around._texels(np.zeros(1, int), np.maximum(hit, 0) // 2, at)
+    texels = around.texels(np.zeros(1, int), np.maximum(hit, 0) // 2, at)
     share = np.where((hit < 0)[:, None], 0, np.float32([0.5, 0.6, 0.7]) * tint * texels)
     assert (abs(colours - share).max(1) < 2e-3).mean() > 0.99
-    assert 0.2 < (hit < 0).mean() < 0.8 and abs(glows - wanted.mean(1)).max() < 2e-3
+    assert 0.2 < (hit < 0).mean() < 0.8 and abs(emitted - wanted.mean(1)).max() < 2e-3
 
 
 def test_a_bright_part_of_the_sky_gives_its_share():

@@ -1,0 +1,306 @@
+"""Mesh colours: points on triangles where irradiance is kept, shared between neighbours.
+
+A *face* is one side of a triangle: face 2 t is its front (corners counter-clockwise), 2 t + 1 its
+back.  A face's grid has the layout of :class:`lfcore.scene.baked.BakedLight`.
+
+Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from lfcore.scene.model import Scene
+
+_SAME_PLACE = 2.0**-22
+"""The distance below which two points are one, a share of the scene's size: rounding of float32."""
+_SAME_NORMAL = 2.0**-8
+"""The difference of unit normals, per component, below which two points are one."""
+_ROUNDING_OFFSET = 0.37
+"""Added before keys are rounded: round numbers, which models prefer, are then no boundaries."""
+_INSET = 0.02
+"""How far points are moved into their triangle, a share of a cell: corners touch other walls."""
+_NORMAL_WEIGHT = 0.1
+"""The distance, a share of the scene's size, that counts as much as unit normals 1 apart."""
+_NEXT_TO = 1 / 64
+"""The largest distance of a point that is next to a face, a share of the scene's size."""
+_SUBSTITUTE_CUBES = 256
+"""Cubes along the scene; faces in one cube with about the same normal share a substitute."""
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""The increment of splitmix64: 2^64 over the golden ratio."""
+
+
+@cache
+def lattice(side: int) -> np.ndarray:
+    """((side + 1) (side + 2) / 2, 2) columns and rows of a grid's points, in their order."""
+    rows = [
+        np.stack([np.arange(side + 1 - j), np.full(side + 1 - j, j)], 1) for j in range(side + 1)
+    ]
+    return np.concatenate(rows)
+
+
+def lattice_weights(side: int) -> np.ndarray:
+    """(n, 3) barycentric weights of a grid's points."""
+    places = lattice(side)
+    return np.column_stack([side - places.sum(1), places]) / side
+
+
+def grid_point(i: np.ndarray, j: np.ndarray, side: np.ndarray | np.int64) -> np.ndarray:
+    """The index on its grid of the point in column i and row j."""
+    return j * (2 * side + 3 - j) // 2 + i
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points that gather light.
+
+    Attributes
+    ----------
+    places : (P, 3) float32, metres.
+    normals : (P, 3) float32 unit shading normals, on the side of the face.
+    flat : (P, 3) float32 unit normals of the triangles, on the side of the face.
+    cells : (P,) the longest edge of a cell, metres.
+    """
+
+    places: np.ndarray
+    normals: np.ndarray
+    flat: np.ndarray
+    cells: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def take(self, which: np.ndarray | slice) -> Points:
+        return Points(*(array[which] for array in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: list[Points]) -> Points:
+        return cls(*map(np.concatenate, zip(*(vars(p).values() for p in parts), strict=True)))
+
+
+def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return shading normals (T, 2, 3, 3) at the corners of both faces, and the triangles' own
+    normals (T, 3) in front; unit float64.
+
+    A shading normal is on the side of its face.  If a face is turned to a point of the ``lens``
+    (n, 2), but its normals are turned away from all of them, the kernels flip the normals; so does
+    this function.
+    """
+    p, q, r = scene.triangles.astype(np.float64).swapaxes(0, 1)
+    flat = _unit(np.cross(q - p, r - p))
+    front = np.repeat(flat[:, None], 3, axis=1)
+    if len(scene.normals):
+        front = scene.normals.astype(np.float64)
+        is_reversed = dot(front, flat[:, None]).max(1) < 0
+        front = np.where(is_reversed[:, None, None], -front, front)
+    both = np.stack([front, -front], 1)
+    faces_lens, turned_away = np.zeros((len(flat), 2), bool), np.ones((len(flat), 2), bool)
+    for lens_point in lens:
+        rays = scene.triangles - np.append(lens_point, 0)
+        front_seen = dot(flat, rays[:, 0]) < 0
+        faces_lens |= np.stack([front_seen, ~front_seen], 1)
+        cosines = dot(front, rays)
+        turned_away &= np.stack([(cosines > 0).all(1), (cosines < 0).all(1)], 1)
+    return np.where((faces_lens & turned_away)[..., None, None], -both, both), flat
+
+
+class Grids:
+    """The grids of faces; points at the same place with the same normal are one.
+
+    Attributes
+    ----------
+    sides : (T,) cells along an edge.
+    first : (2 T,) where a face's grid begins in ``index``; -1 without a grid.
+    index : (G,) the point of each grid point.
+    substituted : (G,) whether a grid point uses the point of another place.
+    substitute : (2 T,) for a face without a grid: a point that has about its light.
+    points : the points.
+    """
+
+    def __init__(self, scene: Scene, sides: np.ndarray, normals: np.ndarray, flat: np.ndarray):
+        self.scene, self.sides = scene, sides
+        self.first = np.full(2 * len(sides), -1, np.int64)
+        self.substitute = np.zeros(2 * len(sides), np.int64)
+        self.index, self.substituted = np.zeros(0, np.int64), np.zeros(0, bool)
+        self._hashes = np.zeros(0, np.uint64)
+        empty = np.zeros((0, 3), np.float32)
+        self.points = Points(empty, empty, empty, np.zeros(0))
+        self._normals, self._flat = normals, flat
+        self._low, self._size = extent(scene.triangles)
+
+    def add(self, faces: np.ndarray) -> slice:
+        """Make grids for faces that have none; returns the range of their new points."""
+        faces = np.unique(faces[self.first[faces] < 0])
+        before, hashes, parts = len(self.points), [self._hashes], [self.points]
+        length = len(self.index)
+        for side in np.unique(self.sides[faces // 2]).tolist():
+            of_side = faces[self.sides[faces // 2] == side]
+            points, keys = self.points_at(of_side, lattice(side), side)
+            count = len(lattice(side))
+            self.first[of_side] = length + count * np.arange(len(of_side))
+            length += count * len(of_side)
+            hashes.append(keys)
+            parts.append(points)
+        all_hashes = np.concatenate(hashes)
+        unique, first, where = np.unique(all_hashes, return_index=True, return_inverse=True)
+        # Old points keep their numbers, new ones follow in order.
+        order = np.argsort(first, kind="stable")
+        number = np.empty(len(unique), np.int64)
+        number[order] = np.arange(len(unique))
+        self.points = Points.joined(parts).take(first[order])
+        self._hashes = all_hashes[first[order]]
+        self.index = np.concatenate([self.index, number[where[before:]]])
+        added = len(self.index) - len(self.substituted)
+        self.substituted = np.pad(self.substituted, (0, added))
+        return slice(before, len(self.points))
+
+    def points_at(
+        self, faces: np.ndarray, places: np.ndarray, side: int
+    ) -> tuple[Points, np.ndarray]:
+        """Return the points (F n) at columns and rows ``places``, (n, 2) or (F, n, 2), of the
+        grids of faces (F,), and the hashes of place and normal."""
+        rest, number = side - places.sum(-1, keepdims=True), places.shape[-2]
+        weights = np.concatenate([rest, places], -1).astype(np.float64)
+        triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
+        corners = self.scene.triangles[triangle].astype(np.float64)
+        exact = _interpolated(weights, corners) / side
+        normals = _unit(_interpolated(weights, self._normals[triangle, faces % 2]))
+        flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
+        inset = exact + _INSET / side * (corners.mean(1, keepdims=True) - exact)
+        edge = longest_edge(corners) / side
+        place_step = self._size * _SAME_PLACE
+        key = np.concatenate(
+            [np.rint((exact - self._low) / place_step + _ROUNDING_OFFSET),
+             np.rint(normals / _SAME_NORMAL + _ROUNDING_OFFSET)], -1
+        ).astype(np.int64)  # fmt: skip
+        vectors = (array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat))
+        return Points(*vectors, np.repeat(edge, number)), hashed(key.reshape(-1, 6))
+
+    def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return the points (R,) nearest to hits on faces (R,) with barycentric ``weights`` (R, 3);
+        a face without a grid has its substitute."""
+        side = self.sides[faces // 2]
+        i = np.rint(weights[:, 1] * side).astype(np.int64)
+        j = np.rint(weights[:, 2] * side).astype(np.int64)
+        over = i + j > side
+        i = np.clip(i - (over & (weights[:, 1] >= weights[:, 2])), 0, side)
+        j = np.clip(j, 0, side - i)
+        first = self.first[faces]
+        at = np.maximum(first, 0) + grid_point(i, j, side)
+        return np.where(first < 0, self.substitute[faces], self.index[np.where(first < 0, 0, at)])
+
+    def move(self, faces: np.ndarray, weights: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Move the points in the mask ``which`` (P,), of faces of one cell, to barycentric
+        ``weights`` (F, 3) of their face; returns the mask of moved points."""
+        is_one_cell = self.sides[faces // 2] == 1
+        index = self.index[self.first[faces[is_one_cell], None] + np.arange(3)]
+        row, corner = np.nonzero(which[index])
+        at, target, face = (
+            index[row, corner],
+            weights[is_one_cell][row, None],
+            faces[is_one_cell][row],
+        )
+        corners, normals = self.scene.triangles[face // 2], self._normals[face // 2, face % 2]
+        self.points.places[at] = _interpolated(target, corners.astype(np.float64))[:, 0]
+        self.points.normals[at] = _unit(_interpolated(target, normals)[:, 0])
+        self.points.flat[at] = self._flat[face // 2] * (1 - 2 * (face % 2))[:, None]
+        return np.isin(np.arange(len(which)), at)
+
+    def substitute_points(self, which: np.ndarray) -> None:
+        """Use, for the points in the mask ``which`` (P,), the nearest other points with like
+        normals."""
+        if which.any() and not which.all():
+            new = np.arange(len(which))
+            kept, replaced = np.flatnonzero(~which), self.points.take(which)
+            found = self._most_alike(self.points.take(kept), replaced.places, replaced.normals)
+            new[which] = kept[found]
+            self.substituted = which[self.index]
+            self.index = new[self.index]
+
+    def find_substitutes(self) -> None:
+        """Find, for faces without a grid, the nearest points with like normals."""
+        lacking, used = np.flatnonzero(self.first < 0), np.unique(self.index)
+        places, normals = self._centres(lacking)
+        cube = (places - self._low) * (_SUBSTITUTE_CUBES / self._size)
+        keys = hashed(np.rint(np.concatenate([cube, 1.5 * normals], 1)).astype(np.int64))
+        _, first, group = np.unique(keys, return_index=True, return_inverse=True)
+        found = self._most_alike(self.points.take(used), places[first], normals[first])
+        self.substitute[lacking] = used[found][group]
+
+    def prefer_adjacent(
+        self, faces: np.ndarray, candidates: np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Return ``points`` (F, n) of faces (F,), where faces next to a candidate point use it."""
+        places, normals = self._centres(faces)
+        found = self._most_alike(self.points.take(candidates), places, normals, _NEXT_TO)
+        near = found < len(candidates)
+        points[near] = candidates[found[near], None]
+        return points
+
+    def _centres(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the centres (F, 3) of faces, and the shading normals there."""
+        triangle = faces // 2
+        attributes = self.scene.triangles[triangle], self._normals[triangle, faces % 2]
+        places, normals = ((at[:, 0] + at[:, 1] + at[:, 2]) / 3 for at in attributes)
+        return places, normals
+
+    def _most_alike(
+        self, points: Points, places: np.ndarray, normals: np.ndarray, within: float = np.inf
+    ) -> np.ndarray:
+        """Return the index (P,) of the point nearest in place and normal (P, 3); ``len(points)``
+        where none is nearer than ``within``, a share of the scene's size."""
+        from scipy.spatial import cKDTree  # slow to import
+
+        scale = np.float64(1 / self._size)
+        tree = cKDTree(np.concatenate([points.places * scale, _NORMAL_WEIGHT * points.normals], 1))
+        sought = np.concatenate([places * scale, _NORMAL_WEIGHT * normals], 1)
+        return tree.query(sought, distance_upper_bound=within)[1]
+
+
+def extent(triangles: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the low corner (3,) of the box around triangles (T, 3, 3), and its longest side."""
+    axes = triangles.reshape(-1, 3).T  # one by one: numpy takes ten times as long for all three
+    low, high = (np.array([float(of(axis)) for axis in axes]) for of in (np.min, np.max))
+    return low, float((high - low).max())
+
+
+def longest_edge(corners: np.ndarray) -> np.ndarray:
+    """Return the longest edge (T,) of triangles (T, 3, 3)."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    a, b, c = np.sqrt(dot(edges, edges)).T
+    return np.maximum(np.maximum(a, b), c)
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the scalar products of vectors (..., 3), term by term: libraries add in other orders
+    on other processors, and numpy takes longer."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.sqrt(dot(vectors, vectors))[..., None]
+
+
+def _interpolated(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Interpolate corners (F, 3, 3) by weights, (n, 3) or (F, n, 3), to (F, n, 3).  The sum is
+    taken term by term, so that points of shared edges agree to the last bit."""
+    a, b, c = (weights[..., k, None] * corners[:, None, k] for k in range(3))
+    return a + b + c
+
+
+def hashed(keys: np.ndarray) -> np.ndarray:
+    """Return uint64 hashes (P,) of integers (P, n)."""
+    hashes = np.zeros(len(keys), np.uint64)
+    for column in keys.T.astype(np.uint64):
+        hashes = shuffled((hashes ^ column) + GOLDEN)
+    return hashes
+
+
+def shuffled(x: np.ndarray) -> np.ndarray:
+    """Return uint64 (P,) after the finaliser of splitmix64 (G. Steele et al., 2014)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))

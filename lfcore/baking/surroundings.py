@@ -1,0 +1,219 @@
+"""What gather rays see: sky, emission, reflectance, and the scene's lights."""
+
+import numpy as np
+
+from lfcore.baking.mesh_colours import Points, dot, extent
+from lfcore.colour import srgb_decode
+from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.model import Scene
+from lfcore.scene.sky import radiance, suns
+from lfcore.tracing.tracer import Tracer
+
+_TEXELS = 64
+"""The largest side of textures that colour reflected light, texels: averages suffice."""
+_DIELECTRIC = 0.04
+"""The reflectance of dielectrics at normal incidence; source: glTF 2.0, appendix B."""
+_LENS_POINTS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
+"""Lens points from which visibility is tested, shares of the lens radius."""
+ALONG_SURFACE = np.float32(1e-5)
+"""The cosine to the triangle's normal below which a ray starts behind the triangle."""
+_LEAST_LIFT = 2e-6
+"""The least distance of a ray's start from its triangle, a share of the largest coordinate: 16 ulp
+of float32."""
+_LIFT_PER_CELL = 1e-4
+"""The distance of a ray's start from its triangle, a share of a cell: it covers interpolation
+errors and is too small to see."""
+_NEAR = 1 / 512
+"""The distance, a share of the scene's size, across a surface, below which an occluder is near."""
+_ASLANT = 4.0
+"""Along a ray, near is this many times as far."""
+FIELD = 1.05
+"""The part of the camera's field of view, per side, where irradiance has the required error."""
+
+
+def mean_colour(a: np.ndarray) -> np.ndarray:
+    """Return the mean of red, green and blue of (..., 3); numpy's takes several times as long."""
+    return (a[..., 0] + a[..., 1] + a[..., 2]) / 3
+
+
+class Surroundings:
+    """What rays from a scene's points see.
+
+    Attributes
+    ----------
+    sky : (S, S, 3) the octahedral map without its suns, or None.
+    unit : (T, 3) unit normals of the triangles, in front.
+    small : the scene's textures, shrunk, in linear light.
+    diffuse, emission : (M, 3) of materials.
+    base : (M,) ambient reflectance that is added to the diffuse colour.
+    emits : (T,) whether a triangle emits, and is not part of a light.
+    lens : (n, 2) lens points from which visibility is tested, metres.
+    rays : the number of rays traced so far.
+    """
+
+    def __init__(self, scene: Scene, tracer: Tracer):
+        self.scene, self.tracer = scene, tracer
+        self.sky = suns(scene.sky)[0] if len(scene.sky) else None
+        p, q, r = scene.triangles.swapaxes(0, 1)
+        flat = np.cross(q - p, r - p)
+        self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
+        self._near = _NEAR * extent(scene.triangles)[1]
+        self._least_lift = np.float32(_LEAST_LIFT * np.abs(scene.triangles).max(initial=0))
+        self.small = [_reduced(texture) for texture in scene.textures]
+        self.rays = 0
+        self.lens = scene.camera.lens_radius_m * np.array(_LENS_POINTS)
+        self._read_materials()
+        of_light = np.zeros(scene.triangle_count, bool)
+        for light in scene.lights:
+            of_light[light.own[0] : light.own[1]] = True
+        self.emits = (self.emission.max(1, initial=0) > 0)[scene.material_ids] & ~of_light
+
+    def _read_materials(self) -> None:
+        materials, has_uvs = self.scene.materials, len(self.scene.uvs)
+        self.diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
+        self.emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
+        metal = [
+            max(m.metallic, 0.0)
+            * (
+                self.small[m.metal_texture][..., 2].mean()
+                if m.metal_texture >= 0 < has_uvs
+                else 1.0
+            )
+            for m in materials
+        ]
+        # The kernels reflect ambient light in the same way: diffuse, and specular at normal
+        # incidence.
+        parts = zip(materials, metal, strict=True)
+        self.base = [_DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
+
+    def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Trace rays (P, n, 3) from points; returns what :meth:`cast` returns."""
+        owners = np.repeat(np.arange(len(points)), towards.shape[1])
+        towards = towards.reshape(-1, 3)
+        return self.cast(self.starts(points, owners, towards), towards)
+
+    def starts(self, points: Points, owners: np.ndarray | slice, towards: np.ndarray) -> np.ndarray:
+        """Return the starts (R, 3), float32, of rays from points ``owners``: off the triangle, on
+        the side to which the ray goes.  With a bent normal, that side can be the back."""
+        lift, flat = self.lifts(points)[owners], points.flat[owners]
+        lift = np.where(dot(flat, towards) < -ALONG_SURFACE, -lift, lift)
+        return points.places[owners] + lift[:, None] * flat
+
+    def lifts(self, points: Points) -> np.ndarray:
+        """Return the distances (P,) of the rays' starts from the points' triangles, metres."""
+        per_cell = np.float32(_LIFT_PER_CELL) * points.cells.astype(np.float32)
+        return np.maximum(self._least_lift, per_cell)
+
+    def flat_of(self, faces: np.ndarray) -> np.ndarray:
+        """Return the unit normals (F, 3) of the triangles, on the side of faces."""
+        return self.unit[faces // 2] * np.array([1, -1], np.float32)[faces % 2, None]
+
+    def covered(self, points: Points) -> np.ndarray:
+        """Return the mask (P,) of points that a near surface hides from the whole lens.  Such a
+        point is below an object that touches its surface, and is darker than the surface beside
+        that object."""
+        hidden, within = np.arange(len(points)), np.minimum(points.cells, self._near)
+        for lens_point in self.lens:
+            tested = points.take(hidden)
+            towards = np.append(lens_point, 0).astype(np.float32) - tested.places
+            length = np.sqrt(dot(towards, towards))
+            faces, _, far = self.cast(self.starts(tested, slice(None), towards), towards)
+            far, limit = np.where(faces < 0, 0, far * length), within[hidden]
+            cosine = dot(self.unit[faces // 2], towards) / length
+            near = (far < _ASLANT * limit) & (far * abs(cosine) < limit)
+            hidden = hidden[(faces >= 0) & near]
+        return np.isin(np.arange(len(points)), hidden)
+
+    def in_view(self, places: np.ndarray) -> np.ndarray:
+        """Return the mask (P,) of places (P, 3) in the camera's field, or a little beside it, as
+        seen from some point of the lens."""
+        camera, (x, y, depth) = self.scene.camera, places.T
+        spread = camera.lens_radius_m * abs(1 - depth / camera.focus_m)
+        half = FIELD * camera.field_width / 2 * depth + spread
+        return (depth > 0) & (abs(x) <= half) & (abs(y) <= half)
+
+    def cast(self, origins: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Trace rays (R, 3); returns the faces (R,) that they hit, -1 none, barycentric weights
+        (R, 3), and distances (R,) in units of ``towards``."""
+        triangle, distance, weights = self.tracer.closest_hit(origins, towards)
+        self.rays += len(origins)
+        behind = dot(self.unit[triangle], towards) > 0
+        faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
+        return faces, np.where((triangle < 0)[:, None], 0, weights), distance
+
+    def emitted(self, faces: np.ndarray, weights: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return the radiance (R, 3) that sky and emitters send back along rays."""
+        light = np.zeros((len(faces), 3), np.float32)
+        if self.sky is not None:
+            missed = faces < 0
+            light[missed] = radiance(self.sky, towards[missed])
+        triangle = faces // 2
+        material = self.scene.material_ids[triangle]
+        on = np.flatnonzero((faces >= 0) & self.emits[triangle])
+        if len(on):
+            textures = np.array([m.emission_texture for m in self.scene.materials])
+            light[on] = self.emission[material[on]]
+            light[on] *= self.texels(textures, triangle[on], weights[on])
+        return light
+
+    def texels(
+        self, textures: np.ndarray, triangle: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray | float:
+        """Return the colours (R, 3) of textures at hits, 1 without; ``textures`` has one number per
+        material."""
+        if not len(self.scene.uvs) or (textures < 0).all():
+            return 1.0
+        number = textures[self.scene.material_ids[triangle]]
+        colours = np.ones((len(triangle), 3), np.float32)
+        for texture in np.unique(number[number >= 0]).tolist():
+            rows = np.flatnonzero(number == texture)
+            corners, small = self.scene.uvs[triangle[rows]], self.small[texture]
+            uv = sum(weights[rows, k, None] * corners[:, k] for k in range(3))
+            size = np.array(small.shape[1::-1])
+            at = np.clip(((uv - np.floor(uv)) * size).astype(np.int64), 0, size - 1)
+            colours[rows] = small[size[1] - 1 - at[:, 1], at[:, 0]]
+        return colours
+
+    def of_lights(self, points: Points) -> np.ndarray:
+        """Return the irradiance over pi (P, 3) from the scene's lights."""
+        total = np.zeros((len(points), 3), np.float32)
+        for light in self.scene.lights:
+            if any(light.colour):
+                total += self._of_light(light, points)
+        return total
+
+    def _of_light(self, light: Light, points: Points) -> np.ndarray:
+        vector = np.array(light.vector, np.float32)
+        towards = (
+            vector - points.places if light.kind == POINT else np.tile(vector, (len(points), 1))
+        )
+        distance = np.sqrt(dot(towards, towards))
+        unit = towards / distance[:, None]
+        strength = np.maximum(dot(unit, points.normals), 0)
+        if light.kind == POINT and light.reference_distance_m:
+            strength *= (np.float32(light.reference_distance_m) / distance) ** 2
+        if any(light.normal):
+            cosine = -dot(unit, np.array(light.normal, np.float32))
+            if light.is_spot:
+                inner, outer = light.cone
+                cosine = np.clip((cosine - outer) / max(inner - outer, 0.001), 0, 1) ** 2
+            strength *= np.maximum(cosine, 0)
+        lit = np.flatnonzero(strength > 0)
+        if light.casts_shadows and len(lit):
+            start = self.starts(points, lit, unit[lit])
+            triangle, far, _ = self.tracer.closest_hit(start, towards[lit])
+            self.rays += len(lit)
+            own = (triangle >= light.own[0]) & (triangle < light.own[1])
+            dark = (triangle >= 0) & ~own & ((far < 1) | (light.kind != POINT))
+            strength[lit[dark]] = 0
+        return strength[:, None] * np.array(light.colour, np.float32)
+
+
+def _reduced(texture: np.ndarray) -> np.ndarray:
+    """Return a texture's colours in linear light, shrunk to at most _TEXELS per side."""
+    import cv2  # loaded for textures alone
+
+    linear = srgb_decode(texture[..., :3])
+    height, width = linear.shape[:2]
+    size = min(width, _TEXELS), min(height, _TEXELS)
+    return cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
