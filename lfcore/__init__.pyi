@@ -1,11 +1,20 @@
 from .api import bake, load_scene, record, render, render_to_quality, trace_array
 from .colour import exposed
+from .datasets.description import Description
 from .datasets.sample import sample_scene
-from .errors import DeviceError, LfcoreError, OpticsError, SceneError, StorageError
+from .errors import (
+    DeviceError,
+    LfcoreError,
+    OpticsError,
+    SceneError,
+    SettingsError,
+    StorageError,
+)
 from .exchange.exporting import WriteOptions, export_lightfield
 from .exchange.grid import Order
 from .exchange.importing import ReadOptions, import_lightfield
 from .exchange.source import Selection
+from .exr import read_exr
 from .lightfield import LightField
 from .opencl.device import Device, open_device
 from .optics.array import CameraArray
@@ -15,6 +24,7 @@ from .optics.grid_geometry import Geometry
 from .optics.planes import Aperture, SensorPlane
 from .optics.slab import Extent, Lattice, Slab
 from .pictures import write_picture
+from .rendering.depth import disparity
 from .rendering.quality import Quality, Rendering
 from .scene.appearance import Light, Material
 from .scene.baked import BakedLight, BakeOptions
@@ -24,11 +34,7 @@ from .scene.surface_mesh import Surface
 from .scene.view import View
 from .storage.codecs import Encoding
 from .storage.depth_stream import StoredDepth
-from .storage.index import Segment
-from .storage.layout import FrameLayout
 from .storage.metadata import Metadata
-from .storage.stored_video import Damage
-from .tracing.tracer import Tracer
 from .viewer.page import ViewerPage
 
 __version__: str
@@ -36,12 +42,12 @@ __version__: str
 __all__ = [
     "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "exposed", "import_lightfield", "export_lightfield", "open_device",
-    "sample_scene",
+    "sample_scene", "disparity", "read_exr",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
-    "Rendering", "Encoding", "Device", "Tracer", "ViewerPage",
+    "Rendering", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",
     "DepthRange",
     "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
-    "Metadata", "FrameLayout", "Segment", "StoredDepth", "Damage",
-    "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError",
+    "Metadata", "StoredDepth", "Description",
+    "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError", "SettingsError",
 ]  # fmt: skip

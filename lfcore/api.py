@@ -1,6 +1,6 @@
-"""What the library does, one function each: scenes from files, pictures and light fields of them.
+"""One function per task: read a scene, bake its light, render pictures, record a light field.
 
-Distances are metres, pictures float32 arrays of linear light, rows from the top.
+Distances are in metres.  Pictures are float32 arrays of linear light, rows from the top.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
-from lfcore.optics.planes import SensorPlane, check_keywords
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size, whole_number
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
@@ -39,11 +39,9 @@ if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
 FILTERS = ("depth", "nearest")
-OF_LENS = ("focus_at", "blur")
-"""Settings of :meth:`Scene.plane` that stand for a focus and an f-number."""
 VIEWS = 16
-"""The default lens samples per side where rays count in the pixel that they fall on."""
-# Video and exposure are imported by the functions that need them: a picture is there sooner.
+"""The default lens samples per side without depth: those of the thesis's tables."""
+# Functions that need video import it themselves, so that a picture starts sooner.
 
 
 def bake(
@@ -57,53 +55,53 @@ def bake(
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> Scene:
-    """Bake the light of a sky, of glowing surfaces and of all bounces between matt surfaces.
+    """Bake the light of a sky, of emitters and of all bounces between matt surfaces.
 
-    What reaches a matt surface does not depend on the viewer: it is computed once, and every ray
-    reads it.  :func:`render` and :func:`record` bake scenes that ask for it, if they are not baked.
+    The irradiance of a matt surface does not depend on the viewer: it is computed once, and every
+    ray reads it.  :func:`render` and :func:`record` bake a scene with ``bake`` options themselves.
 
     Parameters
     ----------
     scene : Scene
-        What :func:`load_scene` returns.
+        From :func:`load_scene` or :meth:`Scene.from_triangles`.
     sky : mapping, optional
-        As ``sky`` of a scene.yaml, upright before the camera.  Default: the scene's, if any.
+        As ``sky`` in a scene.yaml, upright before the camera.  Default: the scene's, if any.
     bounces : int, optional
         Default: the scene's, or 3.
     error : float, optional
-        The root mean square error, a share of the light, where the camera sees it.
+        The root mean square error in the picture, relative to the light.
         Default: the scene's, or 0.02.
     cells : int, optional
-        Cells over the width of the picture on which light is kept to begin with; small shadows
-        need more.  Default: the scene's, or 32.
+        First cells of the irradiance cache per picture width; small shadows need more.
+        Default: the scene's, or 32.
     mib : int, optional
-        Memory that this may use, MiB.  Default: the scene's, or 1024.
+        The memory that baking may use, MiB.  Default: the scene's, or 1024.
     device, progress : optional
         As in :func:`render`.
 
     Returns
     -------
     Scene
-        The scene with its ``light``, which has the expected error.
+        The scene with its ``light``, which holds the expected error.
 
     Raises
     ------
     SceneError
-        No such sky, a setting out of range, or a material that reflects more than it gets.
+        The sky is missing, a setting is out of range, or a material reflects more than it receives.
     DeviceError
-        There is no device, or none of that name.
+        No device has that name, or there is none.
 
     Notes
     -----
     Source: docs/notebook/true-picture.md.
     """
     _check_scene(scene)
-    asked: dict[str, Any] = {
+    keys: dict[str, Any] = {
         "bounces": bounces, "bake_error": error, "bake_cells": cells, "bake_mib": mib, "sky": sky,
     }  # fmt: skip
-    given = {name: value for name, value in asked.items() if value is not None}
-    check({"objects": [{"file": "-"}], **given}, file=scene.name)
-    options = {key.removeprefix("bake_"): value for key, value in given.items() if key != "sky"}
+    changes = {key: value for key, value in keys.items() if value is not None}
+    check({"objects": [{"file": "-"}], **changes}, file=scene.name)
+    options = {key.removeprefix("bake_"): value for key, value in changes.items() if key != "sky"}
     scene = replace(scene, bake=replace(scene.bake or BakeOptions(), **options), light=None)
     if sky is not None:
         upright = np.diag([1.0, -1.0, -1.0])
@@ -116,6 +114,9 @@ def render(
     focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
+    aperture: str = "circle",
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: Pixels = 256,
     views: int | Lattice | None = None,
@@ -123,82 +124,84 @@ def render(
     quality: Quality | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
-    **more: Any,
 ) -> np.ndarray:
     """Render pictures of a scene through its lens, without storing a light field.
 
     Parameters
     ----------
     scene : Scene
-        What :func:`load_scene` returns.
+        As in :func:`bake`.
     focus_m : float or str, optional
-        Focus distance in metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"`` or
-        ``"40%"`` of the depth that is seen.  Default: the scene's.
+        Focus distance in metres, ``math.inf`` included; ``"near"``, ``"middle"``, ``"far"`` or
+        ``"40%"`` of the visible depth.  Default: the scene's.
     f_number : float, optional
         Default: the scene's.
+    aperture : str
+        ``circle``, ``square``, ``diamond`` or ``polygon``.
+    focus_at, blur : optional
+        Instead of ``focus_m`` and ``f_number``, as in :meth:`Scene.plane`.
     planes : sequence of SensorPlane, optional
-        Several pictures from the same rays, instead of focus and aperture; see
-        :meth:`Scene.plane`.
+        Instead of focus and aperture: several pictures from the same rays; see
+        :meth:`Scene.plane`, which has more settings.
     pixels : int or (int, int)
-        The side of square pictures, or width and height.  The camera's field is that of the shorter
-        side.
+        The side of square pictures, or width and height.  The camera's field of view is that of
+        the shorter side.
     views : int or Lattice, optional
-        Lens samples per side, with 2 x 2 rays per pixel each, or the whole lattice.  Default: 4;
-        with the filter ``nearest`` 16, with 1 ray per pixel each.
+        Lens samples per side, each with 2 x 2 rays per pixel, or the whole lattice.  Default: 4;
+        with the filter ``nearest`` 16, each with 1 ray per pixel.
     filter : str
-        ``depth`` spreads a ray over the part of the picture that its part of lens and pixel sweeps
-        at the ray's depth.  With ``nearest`` a ray counts in the pixel that it falls on
-        (Algorithm 1), and views are not displaced.
+        ``depth`` spreads each ray over the area of the picture that its share of lens and pixel
+        covers at the ray's depth.  ``nearest`` counts each ray in the pixel that it hits
+        (Algorithm 1), and needs views that are not displaced.
     quality : Quality, optional
         Choose the rays for a quality, instead of ``views``; see :func:`render_to_quality`.
     device : Device or str, optional
         An open device, or part of its name.
     progress : callable, optional
-        Called with (done, of all), first while light is baked, for a scene that asks for that.
-    **more
-        Other settings of :meth:`Scene.plane`, such as ``blur`` and ``focus_at``.
+        Called with (done, total): first while light is baked, for a scene with ``bake`` options.
 
     Returns
     -------
     ndarray
-        (height, width, 3) float32, linear light; with ``planes`` (P, height, width, 3).  A single
-        picture is traced at its own focus.
+        (height, width, 3) float32, linear light; with ``planes`` (P, height, width, 3).
 
     Raises
     ------
     OpticsError
-        The lens cannot form a plane, the filter is unknown, or it does not take these rays.
+        The lens cannot form a plane, or the filter is unknown or does not suit the lattice.
     DeviceError
-        There is no device, or none of that name.
+        No device has that name, or there is none.
 
     Notes
     -----
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
     """
-    check_keywords("render", more, ("aperture", *OF_LENS))
     _check_scene(scene)
     size = Size.of(pixels)
     if quality is not None:
         if views is not None or filter != "depth":
             problem = "chooses the rays itself, for the filter 'depth'"
             raise OpticsError(problem, key="quality", remedy="Leave out views and filter")
-        found = render_to_quality(
-            scene, quality, focus_m, f_number, planes=planes, pixels=size, device=device,
-            progress=progress, **more,
+        pictures = render_to_quality(
+            scene, quality, focus_m, f_number, aperture=aperture, focus_at=focus_at, blur=blur,
+            planes=planes, pixels=size, device=device, progress=progress,
         ).pictures  # fmt: skip
-        return found[0] if planes is None else found
+        return pictures[0] if planes is None else pictures
     lattice = lattice_to_trace(filter, views)
-    wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
+    chosen, camera = _chosen_planes(
+        scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
+        focus_at=focus_at, blur=blur,
+    )  # fmt: skip
     tracer = open_tracer(scene, device, progress)
-    coarse = [replace(plane, pixels=size.longer) for plane in wanted]
+    by_side = [replace(plane, pixels=size.longer) for plane in chosen]
     if filter == "depth":
-        made = pictures_by_depth(tracer, camera, wanted, size, lattice, progress=progress)
-    elif len(wanted) > 1:
-        made = trace_planes(tracer, Slab.of(camera, lattice, size), coarse, progress=progress)
+        pictures = pictures_by_depth(tracer, camera, chosen, size, lattice, progress=progress)
+    elif len(chosen) > 1:
+        pictures = trace_planes(tracer, Slab.of(camera, lattice, size), by_side, progress=progress)
     else:
-        one = trace_picture(tracer, camera, size, coarse[0], views=lattice, progress=progress)
-        made = one[None]
-    return made[0] if planes is None else made
+        traced = trace_picture(tracer, camera, size, by_side[0], views=lattice, progress=progress)
+        pictures = traced[None]
+    return pictures[0] if planes is None else pictures
 
 
 def _check_scene(scene: object) -> None:
@@ -215,7 +218,7 @@ def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
 
 
 def _plain(views: int | Lattice | None, problem: str, remedy: str) -> Lattice:
-    """Views that are not displaced, by default with one ray per pixel."""
+    """A lattice without displaced views, by default with one ray per pixel."""
     if not isinstance(views, Lattice):
         return Lattice(VIEWS if views is None else views, 1, displaced=False)
     if views.displaced:
@@ -229,22 +232,24 @@ def render_to_quality(
     focus_m: float | str | None = None,
     f_number: float | None = None,
     *,
+    aperture: str = "circle",
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     planes: Sequence[SensorPlane] | None = None,
     pixels: Pixels = 256,
     device: Device | str | None = None,
     progress: Progress | None = None,
-    **more: Any,
 ) -> Rendering:
-    """Render as :func:`render`, with about as few rays as every picture needs for a quality.
+    """Render like :func:`render`, with the fewest rays that reach a quality in every picture.
 
-    One view predicts the error of any lattice of rays; the cheapest that reaches the quality is
-    traced.
+    One traced view predicts the error of every lattice; the cheapest lattice that reaches the
+    quality is traced.
 
     Parameters
     ----------
     quality : Quality
-        The PSNR and the budget.  Its ``focus_range_m`` belongs to :func:`record`.
-    scene, focus_m, f_number, planes, pixels, device, progress, **more
+        The PSNR and the budget, without ``focus_range_m``, which is for :func:`record`.
+    scene, focus_m, f_number, aperture, focus_at, blur, planes, pixels, device, progress
         As in :func:`render`.
 
     Returns
@@ -255,9 +260,9 @@ def render_to_quality(
     Raises
     ------
     OpticsError
-        The lens cannot form a plane, or the quality is beyond the budget.
+        The lens cannot form a plane, or the budget is too small for the quality.
     DeviceError
-        There is no device, or none of that name.
+        No device has that name, or there is none.
 
     Notes
     -----
@@ -266,25 +271,33 @@ def render_to_quality(
     _check_scene(scene)
     check_kind(quality, Quality, "quality")
     if quality.focus_range_m is not None:
-        raise OpticsError("belongs to a light field", key="focus_range_m", remedy="Give planes")
+        problem = "is a setting of record"
+        raise OpticsError(problem, key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
-    wanted, camera = _wanted(scene, planes, size, focus_m=focus_m, f_number=f_number, **more)
+    chosen, camera = _chosen_planes(
+        scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
+        focus_at=focus_at, blur=blur,
+    )  # fmt: skip
     tracer = open_tracer(scene, device, progress)
-    return QualitySearch(tracer, camera, wanted, size, quality).pictures(progress)
+    return QualitySearch(tracer, camera, chosen, size, quality).pictures(progress)
 
 
-def _wanted(
-    scene: Scene, planes: Sequence[SensorPlane] | None, size: Size, **asked: Any
+def _chosen_planes(
+    scene: Scene, planes: Sequence[SensorPlane] | None, size: Size, **lens: Any
 ) -> tuple[list[SensorPlane], Camera]:
-    """The planes, and the scene's camera with their widest aperture, as it knows all its light."""
+    """The planes, and the scene's camera, which is opened as wide as any plane needs.
+
+    ``lens`` has the settings of :meth:`Scene.plane` that :func:`render` takes.
+    """
     if planes is None:
-        planes = [scene.plane(pixels=size, **asked)]
+        planes = [scene.plane(pixels=size, **lens)]
     else:
-        for name, value in asked.items():
-            exclude_twice(**{name: value, "planes": planes})
+        for name, value in lens.items():
+            is_default = name == "aperture" and value == "circle"
+            exclude_twice(**{name: None if is_default else value, "planes": planes})
     check_kind(planes, Sequence, "planes", "a sequence of SensorPlanes")
     if not planes:
-        raise OpticsError("no planes were asked for", key="planes")
+        raise OpticsError("there are no planes", key="planes")
     for plane in planes:
         check_kind(plane, SensorPlane, "planes")
     widest = min(plane.f_number for plane in planes)
@@ -303,49 +316,48 @@ def record(
     pixels: Pixels = 256,
     focus_m: float | str | None = None,
     f_number: float | None = None,
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
     quality: Quality | None = None,
     encoding: Encoding | None = None,
     device: Device | str | None = None,
     progress: Progress | None = None,
-    **more: Any,
 ) -> LightField:
     """Record a light field of a scene as video (Algorithm 3): trace, encode, join.
 
     By default the file holds 4 x 4 views of twice the pixels, and the inverse depth of every ray.
-    Pictures are then sliced by depth: at the bytes of 16 x 16 plain views they are 12 dB nearer to
-    the true ones (docs/notebook/true-picture.md).  Views between the recorded ones are made by
-    depth, too.
+    Depth gives 12 dB better pictures than 16 x 16 plain views in the same number of bytes, and
+    views between the recorded ones (docs/notebook/true-picture.md).
 
-    All views of a pinhole are the same.  Where the scene's camera is one, a lens is fitted as for a
-    mesh without a camera, and the file says so in ``content["lens"]``.
+    All views of a pinhole camera are the same.  Such a scene gets a fitted lens, like a mesh
+    without a camera, and ``content["lens"]`` of the file says so.
 
     Parameters
     ----------
     scene : Scene
-        What :func:`load_scene` returns.
+        As in :func:`bake`.
     path : str or Path
         The file to write, ``.mkv``; it appears when it is whole.
     views : int or Lattice, optional
-        A number N is of the views that the file gives, to exports and the like: N x N.  By depth
-        it stores fewer, 4 x 4 up to N = 16 and the root of N beyond.  A :class:`Lattice` is stored
-        as it is.  With ``encoding.depth=False`` N x N views are stored as they are, without depth;
-        16 x 16 by default.
+        N: the file provides N x N views.  With depth it stores fewer views and makes the others:
+        4 x 4 up to N = 16, then the square root of N per side.  With ``encoding.depth=False`` it
+        stores all N x N; default 16.  A :class:`Lattice` is stored as it is.
     pixels : int or (int, int)
-        As in :func:`render`, of the pictures that the file is for.
+        The size of pictures that the file is made for, as in :func:`render`.
     focus_m : float or str, optional
         As in :func:`render`.
     f_number : float, optional
-        The widest aperture that can be refocused later.  Default: the scene's.
+        The widest aperture that pictures can have later.  Default: the scene's.
+    focus_at, blur : optional
+        Instead of ``focus_m`` and ``f_number``, as in :meth:`Scene.plane`.
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
-        ``views``.  One view predicts the rays that are needed, small light fields what the codec
-        loses; the file has the prediction in ``content["expected"]``.
+        ``views``.  One traced view predicts the error of each lattice, small light fields predict
+        the codec's error.  ``content["expected"]`` of the file has the prediction.
     encoding : Encoding, optional
-        Codec, layout and whether depth is stored.  Default: as measured best.
+        Codec, layout and whether depth is stored.  Default: the best measured ones.
     device, progress : optional
         As in :func:`render`.
-    **more
-        ``focus_at`` and ``blur`` of :meth:`Scene.plane`.
 
     Returns
     -------
@@ -355,11 +367,11 @@ def record(
     Raises
     ------
     OpticsError
-        An impossible lens, or a quality beyond the budget.
+        The lens is impossible, or the budget is too small for the quality.
     StorageError
-        The codec does not take the settings, or the file cannot be written.
+        The codec refuses the settings, or the file cannot be written.
     DeviceError
-        There is no device, or none of that name.
+        No device has that name, or there is none.
 
     Notes
     -----
@@ -369,21 +381,22 @@ def record(
     from lfcore.rendering.record import peak_to_store, record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
-    check_keywords("record", more, OF_LENS, ())
     _check_scene(scene)
     check_kind(quality, Quality | None, "quality", "a Quality")
     check_kind(encoding, Encoding | None, "encoding", "an Encoding")
     size = Size.of(pixels)
-    scene, camera, content = recorded_lens(scene, size, focus_m, f_number, **more)
+    scene, camera, content = recorded_lens(
+        scene, size, focus_m, f_number, focus_at=focus_at, blur=blur
+    )
     encoding = encoding or Encoding()
     tracer = open_tracer(scene, device, progress)
     peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
     encoding = replace(encoding, transfer="pq" if peak else "srgb")
     if quality is not None:
         if encoding.depth is False or views is not None:
-            problem = "chooses the rays itself, and stores their depths"
+            problem = "chooses the rays itself, and stores depth"
             raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
-        views, encoding, content["expected"] = _planned(
+        views, encoding, content["expected"] = _plan_quality(
             tracer, camera, size, quality, encoding, peak
         )
     by_depth, lattice = lattice_to_store(encoding.depth, views)
@@ -410,23 +423,25 @@ def recorded_lens(
     pixels: Pixels,
     focus_m: float | str | None = None,
     f_number: float | None = None,
-    **more: Any,
+    *,
+    focus_at: Sequence[float] | None = None,
+    blur: float | str | None = None,
 ) -> tuple[Scene, Camera, dict[str, Any]]:
-    """The scene, the camera that :func:`record` traces, and what the file says of its lens.
+    """The scene, the camera that :func:`record` traces, and the file's note on its lens.
 
-    A pinhole gets a lens unless one is asked for: all its views are the same. The extent of the
-    picture stays.
+    A pinhole camera gets a fitted lens unless an aperture is given.  The field of view stays.
     """
     content = {}
-    if f_number is None and more.get("blur") is None and scene.is_pinhole:
+    if f_number is None and blur is None and scene.is_pinhole:
         scene, content = scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
-    camera = focused_camera(scene.camera, scene.plane(focus_m, f_number, pixels=pixels, **more))
+    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=pixels)
+    camera = focused_camera(scene.camera, plane)
     if not np.isfinite(camera.field_width):
         raise OpticsError("the picture has no extent", key="focus_m")
     return scene, camera, content
 
 
-def _planned(
+def _plan_quality(
     tracer: Tracer,
     camera: Camera,
     size: Size,
@@ -434,22 +449,21 @@ def _planned(
     encoding: Encoding,
     peak: float | None,
 ) -> tuple[Lattice, Encoding, dict]:
-    """The lattice that one view chooses, the encoding that trials choose, and what the file says of
-    its quality."""
+    """The lattice that one view chooses, the encoding that trials choose, and their expected dB."""
     from lfcore.rendering.depth import seen_range
     from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
 
     near_far = quality.focus_range_m or seen_range(tracer, Slab.of(camera, 4, size))
     planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
-    codec_takes = encoding.crf is None and not encoding.lossless
+    crf_is_free = encoding.crf is None and not encoding.lossless
     search = QualitySearch(tracer, camera, planes, size, quality)
-    lattice = search.plan(share_db(0.0, OF_RAYS) if codec_takes else 0.0)
+    lattice = search.plan(share_db(0.0, OF_RAYS) if crf_is_free else 0.0)
     rays_db = float(search.look.expected_db(lattice.views, lattice.subpixels).min())
     width = Slab.of(camera, lattice, size).size.width
     spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=width)
-    found = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
+    expected = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
     if encoding.lossless:
-        return lattice, encoding, found | {"db": round(rays_db, 2)}
+        return lattice, encoding, expected | {"db": round(rays_db, 2)}
     trials = Trials(tracer, camera, lattice, size, planes, spec, peak)
     if encoding.crf is None:
         crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
@@ -457,7 +471,7 @@ def _planned(
     else:
         codec_db = trials.codec_db(encoding.crf)
     db = together_db(rays_db, codec_db)
-    return lattice, encoding, found | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
+    return lattice, encoding, expected | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
 
 
 def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:
@@ -465,9 +479,9 @@ def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[b
     if depth is not False:
         if isinstance(views, Lattice):
             return True, views
-        # Views between them are made by depth: 36 to 47 dB from 4 x 4, 0.7 dB more from 6 x 6.
-        served = whole_number("views", 4 if views is None else views, 4096)
-        return True, Lattice(max(4, math.isqrt(served)))
+        # Views between 4 x 4 stored ones reach 36 to 47 dB; 6 x 6 add only 0.7 dB.
+        provided = whole_number("views", 4 if views is None else views, 4096)
+        return True, Lattice(max(4, math.isqrt(provided)))
     remedy = "Store depth, or give a Lattice with displaced=False"
     return False, _plain(views, "displaced views need their depths", remedy)
 
@@ -481,34 +495,34 @@ def trace_array(
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """Trace parallel pinhole cameras on a grid, side by side in one picture: a light field camera.
+    """Trace parallel pinhole cameras on a grid, a light field camera, side by side in one picture.
 
     Parameters
     ----------
     scene : Scene
-        What :func:`load_scene` returns.
+        As in :func:`bake`.
     array : CameraArray, optional
         The cameras, in the scene's camera space.  Default: those of the scene's own film
         (``Camera "lightfield"`` of pbrt, or ``camera.lightfield`` of a scene.yaml).
     samples_per_pixel : int, optional
         Rays per pixel.  Default: the film's, or 1.
     instants : int, optional
-        Instants of the shutter while objects move.  Default: 1 at rest, else up to 16.
+        Instants of the open shutter, for moving objects.  Default: 1 at rest, else up to 16.
     device, progress : optional
         As in :func:`render`.
 
     Returns
     -------
     ndarray
-        (Ny h, Nx w, 3) float32, linear radiance, not clamped; for
-        :meth:`LightField.from_views`.  The array of the scene's own film is ``scene.view.array``.
+        (Ny h, Nx w, 3) float32, linear radiance, not clamped; :meth:`LightField.from_views`
+        stores it.  The array of the scene's own film is ``scene.view.array``.
 
     Raises
     ------
     OpticsError
-        Neither an array nor a film, or no samples.
+        There is neither an array nor a film, or the samples are out of range.
     DeviceError
-        There is no device, or none of that name.
+        No device has that name, or there is none.
 
     Notes
     -----

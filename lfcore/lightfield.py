@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
-from lfcore.optics.planes import SensorPlane, check_keywords
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Extent, Slab
 from lfcore.progress import Progress
@@ -40,8 +40,6 @@ if TYPE_CHECKING:  # what most uses of a file do without is imported where it is
     from lfcore.scene.model import Scene
     from lfcore.viewer.page import ViewerPage
 
-PLANE_KEYWORDS = ("focus_at", "blur", "disparity_px", "aperture_views")
-"""The keywords of :meth:`LightField.plane` beside those of :class:`PlaneOptions`."""
 METHODS = {"slicing": ("bilinear", "shift-sum"), "shift-sum": ("depth", "slicing")}
 """The methods, each with the filter that it lacks and the method that has it."""
 MOST_PLANES = 100
@@ -138,23 +136,24 @@ class LightField(FieldPlanes):
         f_number: float | None = None,
         aperture: str = "circle",
         *,
+        focus_at: Sequence[float] | None = None,
+        blur: float | str | None = None,
+        disparity_px: float | None = None,
+        aperture_views: float | None = None,
         method: str | None = None,
         filter: str | None = None,
         pixels: Pixels | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
-        **more: Any,
     ) -> np.ndarray:
         """Make one picture.
 
         Parameters
         ----------
-        focus_m, f_number, aperture : float or str, optional
-            As in :meth:`plane`.
+        focus_m, f_number, aperture, focus_at, blur, disparity_px, aperture_views : optional
+            As in :meth:`plane`, which has more settings.
         method, filter, pixels, device, progress : optional
             As in :meth:`refocus_many`.
-        **more
-            Other settings of :meth:`plane`.
 
         Returns
         -------
@@ -168,8 +167,10 @@ class LightField(FieldPlanes):
         StorageError
             The file is damaged.
         """
-        check_keywords("LightField.refocus", more, PLANE_KEYWORDS)
-        plane = self.plane(focus_m, f_number, aperture, **more)
+        plane = self.plane(
+            focus_m, f_number, aperture, focus_at=focus_at, blur=blur,
+            disparity_px=disparity_px, aperture_views=aperture_views,
+        )  # fmt: skip
         return self.refocus_many(
             [plane], method=method, filter=filter, pixels=pixels, device=device,
             progress=progress,
@@ -251,12 +252,15 @@ class LightField(FieldPlanes):
         f_numbers: Sequence[float] | None = None,
         aperture: str = "circle",
         *,
+        focus_at: Sequence[float] | None = None,
+        blur: float | str | None = None,
+        disparity_px: float | None = None,
+        aperture_views: float | None = None,
         fast: bool = False,
         filter: str | None = None,
         pixels: Pixels | None = None,
         device: Device | str | None = None,
         progress: Progress | None = None,
-        **more: Any,
     ) -> np.ndarray:
         """Make a focal stack, an aperture stack or both from one pass over the file.
 
@@ -266,15 +270,13 @@ class LightField(FieldPlanes):
             Focus distances in metres.  Default: as recorded.
         f_numbers : sequence of float, optional
             Default: the whole lens.
-        aperture : str
-            As in :meth:`plane`.
+        aperture, focus_at, blur, disparity_px, aperture_views : optional
+            As in :meth:`plane`, for all pictures.
         fast : bool
             Add the views in blocks first: many pictures of one aperture at the cost of a few,
             within half a pixel of blur at the rim of the lens.  Takes neither filter nor pixels.
         filter, pixels, device, progress : optional
             As in :meth:`refocus_many`.
-        **more
-            Other settings of :meth:`plane`.
 
         Returns
         -------
@@ -293,12 +295,14 @@ class LightField(FieldPlanes):
         -----
         Source: thesis, figures 4.2 to 4.4; for ``fast`` :mod:`lfcore.refocus.focal_stack`.
         """
-        check_keywords("LightField.stack", more, PLANE_KEYWORDS)
         planes = [
-            self.plane(distance, number, aperture, **more)
-            for distance in _numbers(focus_m)
-            for number in _numbers(f_numbers)
-        ]
+            self.plane(
+                distance, f_number, aperture, focus_at=focus_at, blur=blur,
+                disparity_px=disparity_px, aperture_views=aperture_views,
+            )
+            for distance in _values(focus_m)
+            for f_number in _values(f_numbers)
+        ]  # fmt: skip
         if fast:
             for key, value in (("filter", filter), ("pixels", pixels)):
                 if value is not None:
@@ -478,7 +482,8 @@ class LightField(FieldPlanes):
         return viewer_page(self, grid, pixels, format, jpeg_quality, device, progress)
 
 
-def _numbers(given: Sequence | np.ndarray | None) -> list:
-    """The numbers of a stack; None for the one that is recorded."""
-    found = [] if given is None else [given] if isinstance(given, str) else list(given)
-    return found or [None]
+def _values(setting: Sequence | np.ndarray | None) -> list:
+    """The values of a stack's setting; by default None, the recorded one."""
+    if setting is None:
+        return [None]
+    return ([setting] if isinstance(setting, str) else list(setting)) or [None]

@@ -38,7 +38,7 @@ _PNG_COMPRESSION = 3  # of 9: a third more bytes than the most, in a tenth of th
 
 
 def check_suffix(
-    path: str | Path, suffixes: Sequence[str] = SUFFIXES, key: str | None = "--output"
+    path: str | Path, suffixes: Sequence[str] = SUFFIXES, key: str | None = "path"
 ) -> None:
     """Raise :class:`LfcoreError` for a name of no known format, before any work is done."""
     suffix = Path(path).suffix
@@ -53,13 +53,13 @@ def check_codes(path: str | Path, bits: int, exposure: bool) -> None:
     exposure of one that holds all light."""
     if exposure and Path(path).suffix.lower() not in ALL_CODED:
         raise LfcoreError(
-            "holds all light", file=path, key="--exposure", remedy="Leave it out, or write a .png"
+            "holds all light", file=path, key="exposure_ev", remedy="Leave it out, or write a .png"
         )
     if bits not in (8, 16):
         raise LfcoreError(f"must be 8 or 16, not {bits!r}", key="bits")
     if bits != 8 and Path(path).suffix.lower() not in DEEP:
         problem = f"has no codes of {bits} bits"
-        raise LfcoreError(problem, file=path, key="--bits", remedy="Write a .png")
+        raise LfcoreError(problem, file=path, key="bits", remedy="Write a .png")
 
 
 def write_picture(

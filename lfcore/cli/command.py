@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ import lfcore
 from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import LfcoreError, OpticsError
+from lfcore.optics.planes import NORMALISATIONS
 from lfcore.pictures import write_pictures
 from lfcore.storage.codecs import CODECS
 
@@ -53,8 +54,9 @@ KINDS: dict[str, dict[str, Any]] = {
                  "at white; -2, 0:soft"},
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
                  "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
-    "no_normalise": {"action": "store_const", "const": False, "dest": "normalise",
-                     "help": "dim as the lens stops down"},
+    "normalise": {"choices": NORMALISATIONS,
+                  "help": "by the open samples of the aperture, or by all of the lens, so that the "
+                  "picture dims as the lens stops down (aperture)"},
     "crf": {"type": values.number(0, 63),
             "help": "constant rate factor; lower is better and larger"},
     "white": {"type": values.positive, "metavar": "L",
@@ -64,6 +66,17 @@ KINDS: dict[str, dict[str, Any]] = {
     "view": {"nargs": 2, "type": values.count(0), "metavar": ("I", "J")},
 }  # fmt: skip
 """The options by name, as argparse takes them."""
+FLAGS = {
+    "view_from": "--from", "path": "--output", "folder": "--output", "port": "--serve",
+    "focus_m": "--focus", "disparity_px": "--focus", "aperture_views": "--f-number",
+    "blades": "--aperture", "rotation_deg": "--aperture", "preset": "--codec",
+    "pixel_format": "--codec", "layout": "--codec", "exposure_ev": "--exposure",
+    "roll_off": "--exposure", "fov_deg": "--field-of-view", "variable": "--format",
+    "pitch_m": "--baseline", "baseline_m": "--baseline", "pixel_pitch": "--field-of-view",
+    "delta": "--focus", "tiles": "--format",
+    "focus_range_m": "--focus-range",
+}  # fmt: skip
+"""The option that sets a parameter of the library, where it has another name."""
 
 
 def add(group: Options, *names: str, **helps: str) -> None:
@@ -72,9 +85,9 @@ def add(group: Options, *names: str, **helps: str) -> None:
         group.add_argument(flag(name), **(KINDS[name] | ({"help": help} if help else {})))
 
 
-def flag(name: str) -> str:
-    """The option of an argument's name."""
-    return "--from" if name == "view_from" else f"--{name.replace('_', '-')}"
+def flag(parameter: str) -> str:
+    """The option of a parameter of the library."""
+    return FLAGS.get(parameter, f"--{parameter.replace('_', '-')}")
 
 
 def add_lightfield(command: Options, help: str = "light field file (.mkv), or its URL") -> None:
@@ -123,10 +136,11 @@ def form(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
-    """The flags of these names that were given."""
-    found = given(arguments, *names)
+    """The flags among these names that were given."""
     return [
-        flag(name) for name, value in found.items() if value is not False and value not in ([], {})
+        flag(name)
+        for name, value in given(arguments, *names).items()
+        if value is not False and value not in ([], {})
     ]
 
 
@@ -149,14 +163,22 @@ class Command:
         )
         self.options(parser)
         if self.run is not None:
-            parser.set_defaults(run=partial(_run, self.run), command=name)
+            of_flag = {flag: each.dest for each in parser._actions for flag in each.option_strings}
+            parser.set_defaults(run=partial(_run, self.run, of_flag), command=name)
             parser.add_argument(
                 "--json", action="store_true", help="print one JSON object for programs, no words"
             )
 
 
-def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespace) -> None:
-    """Run a command; with ``--json``, print the record as one line when all is done."""
+def _run(
+    run: Callable[[argparse.Namespace], None],
+    of_flag: Mapping[str, str],
+    arguments: argparse.Namespace,
+) -> None:
+    """Run a command; with ``--json``, print the record as one line when all is done.
+
+    ``of_flag`` has the argument's name of each flag.
+    """
     try:
         # First of all: a device that is not there is an error also where it has nothing to do.
         if getattr(arguments, "device", None) is not None:
@@ -167,17 +189,40 @@ def _run(run: Callable[[argparse.Namespace], None], arguments: argparse.Namespac
         with recorded(arguments.command) as record:
             run(arguments)
     except LfcoreError as error:
-        if not (error.key in KINDS and flags(arguments, error.key)):
-            raise
-        words = "|".join(name for name in KINDS if "_" in name)  # as Python has them
-        problem, remedy = (
-            re.sub(words, lambda name: flag(name[0]), text or "")
-            for text in (error.problem, error.remedy)
-        )
-        raise type(error)(problem, file=error.file, key=flag(error.key), remedy=remedy) from None
+        raise _with_flags(error, of_flag, arguments) from None
     # JSON lacks infinity: "inf" is in its place.
     finite = json.loads(json.dumps(record), parse_constant=lambda name: str(float(name)))
     print(json.dumps(finite))
+
+
+def _with_flags(
+    error: LfcoreError, of_flag: Mapping[str, str], arguments: argparse.Namespace
+) -> LfcoreError:
+    """The library's error with the command's flags in place of parameters.
+
+    Its key is a parameter if the user gave that option, or if it is about no file.
+    """
+
+    def in_words(text: str | None) -> str | None:
+        return text and re.sub(
+            r"(?<![\w.'\"])[a-z]+(_[a-z]+)+(?![\w.'\"=:])",
+            lambda name: flag(name[0]) if flag(name[0]) in of_flag else name[0],
+            text,
+        )
+
+    key, option = error.key, flag(error.key or "")
+    if key and key.startswith("--"):  # the command's own error
+        return error
+    if option in of_flag and (error.file is None or flags(arguments, of_flag[option])):
+        key = option
+    problem, remedy = in_words(error.problem), in_words(error.remedy)
+    return type(error)(problem or "", file=error.file, key=key, remedy=remedy)
+
+
+def _as_options(notes: str) -> str:
+    """The text with options in place of the library's keywords: ``up="z"`` is ``--up z``."""
+    keyword = re.compile(r'\b(up|view_from|bare)=(?:True|"(\w+)")')
+    return keyword.sub(lambda it: f"{flag(it[1])} {it[2] or ''}".rstrip(), notes)
 
 
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
@@ -193,7 +238,7 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     how = given(arguments, "light_points", "up", "view_from", "zoom", "bare")
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     if scene.notes:
-        say(scene.summary())
+        say(_as_options(scene.summary()))
     seen = scene.depth_range
     say(f"{scene.name}: {scene.triangle_count} triangles" + (f", {seen}" if seen else ""))
     note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})

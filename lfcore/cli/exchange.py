@@ -5,7 +5,16 @@ from pathlib import Path
 
 import lfcore
 from lfcore.cli import values
-from lfcore.cli.command import Command, add, add_encoder, add_output, add_scene, encoder, open_scene
+from lfcore.cli.command import (
+    Command,
+    add,
+    add_encoder,
+    add_output,
+    add_scene,
+    encoder,
+    flag,
+    open_scene,
+)
 from lfcore.cli.progress import progress, say, wrote
 from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
@@ -108,8 +117,8 @@ def run_import(arguments: argparse.Namespace) -> None:
         say(note)
     if not field.metric:
         known = {key: source.get(key) for key in ("pitch_m", "pixel_pitch", "delta")}
-        say(f"the geometry is not known: {', '.join(Geometry(**known).missing)} would give it; "
-            "refocus in pixels, --focus 1.5px")  # fmt: skip
+        missing = ", ".join(map(flag, Geometry(**known).missing))
+        say(f"the geometry is not known; give {missing}, or refocus in pixels, --focus 1.5px")
     size, (columns, rows) = arguments.output.stat().st_size, field.grid
     *_, width, height = field.require_slab().held.pixels
     wrote(arguments.output, f": {FORMATS[source['format']].title.split(':')[0]}, {columns} x "

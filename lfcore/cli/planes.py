@@ -26,25 +26,19 @@ READ = {
     "f_number": values.f_number,
     "blur": values.blur,
     "aperture": values.aperture,
-    "normalise": lambda text: {"normalise": values.truth(text)},
+    "normalise": lambda text: {"normalise": text},
     "keep_magnification": lambda text: {"keep_magnification": values.truth(text)},
 }
 """The keys of ``--plane`` and of files of planes: text to settings of a plane."""
 INSTEAD = {"focus_at": "focus", "blur": "f_number"}
 """The keys that stand for others."""
-FLAGS = {
-    "focus_at": "--focus-at", "blur": "--blur",
-    "focus_m": "--focus", "disparity_px": "--focus", "f_number": "--f-number",
-    "aperture_views": "--f-number", "blades": "--aperture", "rotation_deg": "--aperture",
-}  # fmt: skip
-"""The flag of a setting that an error names."""
 
 
 def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Options of the pictures that a command makes, of a light field file or of a scene."""
     one = command.add_argument_group("the picture")
     add_focus(one, of_file=of_file)
-    add(one, "aperture", "no_normalise", "bits", "exposure")
+    add(one, "aperture", "normalise", "bits", "exposure")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -129,14 +123,13 @@ def make_plane(
     try:
         return source.plane(**merged)
     except OpticsError as error:
-        place = key or (FLAGS.get(error.key, error.key) if error.key else None)
-        raise error.named(OpticsError, file=file, key=place) from None
+        raise error.named(OpticsError, file=file, key=key) from None
 
 
 def _refuse_views(settings: Mapping[str, Any], key: str | None = None) -> None:
     """Raise :class:`OpticsError` for settings that a scene lacks."""
     for name in settings.keys() & {"disparity_px", "aperture_views"}:
-        refuse(key or FLAGS[name], "pixels and views belong to a light field file",
+        refuse(key or name, "pixels and views belong to a light field file",
                "Give metres and an f-number")  # fmt: skip
 
 

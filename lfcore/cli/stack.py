@@ -106,7 +106,7 @@ examples:
       a film through the scene, evenly in dioptres
   lfcore stack bike.mkv --focus 2 3 4 6 -o focal.png
       focal_00_focus2m_f2_circle.png and so on
-  lfcore stack bike.mkv --f-number 2 2.8 4 5.6 --focus 3 --no-normalise --sheet -o stops.png
+  lfcore stack bike.mkv --f-number 2 2.8 4 5.6 --focus 3 --normalise lens --sheet -o stops.png
       side by side in one picture; they dim as the lens stops down
   lfcore stack chess.mkv --focus -2px:2px:9 --sheet
       from an imported light field whose cameras are not known
@@ -144,7 +144,7 @@ def options(command: argparse.ArgumentParser) -> None:
         "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
-    add(what, "aperture", "no_normalise")
+    add(what, "aperture", "normalise")
     made = command.add_argument_group("form")
     made.add_argument("--sheet", action="store_true", help="all pictures in one")
     made.add_argument(

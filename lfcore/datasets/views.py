@@ -21,7 +21,7 @@ Pattern = tuple[int, int]
 PATTERNS: tuple[Pattern, ...] = ((2, 1), (2, 2), (3, 2), (4, 2), (6, 2), (8, 2), (12, 2))
 FOOTPRINT = {1: 1.0, 2: 0.7}
 """The width that textures are filtered over, in steps of a grid, by the number of grids."""
-SURE_DB = 1.0
+MARGIN_DB = 1.0
 """What is subtracted from the disagreement with the next pattern, in dB."""
 
 
@@ -61,7 +61,7 @@ def chosen(
     for pattern, following in pairwise(PATTERNS):
         finer = [srgb_encode(view(tracer, slab, number, following)) for number in numbers]
         apart = [np.square(a - b).mean() for a, b in zip(shown, finer, strict=True)]
-        expected = [round(-10 * math.log10(max(float(e), 1e-12)) - SURE_DB, 2) for e in apart]
+        expected = [round(-10 * math.log10(max(float(e), 1e-12)) - MARGIN_DB, 2) for e in apart]
         if min(expected) >= quality_db:
             return pattern, expected
         shown = finer

@@ -20,8 +20,8 @@ VARIABLE = "LF"
 def _grid(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
     """The grid of integers, which are sRGB codes, or of sRGB-encoded floats in [0, 1]."""
     if values is None:
-        remedy = "Name it: --format mat:NAME, or hdf5:NAME"
-        raise ExchangeError(f"holds no variable {name}", file=path, remedy=remedy)
+        remedy = "Name its variable"
+        raise ExchangeError(f"holds no variable {name}", file=path, key="variable", remedy=remedy)
     if values.ndim == 4:
         values = values[..., None]
     if values.ndim != 5 or values.shape[-1] not in (1, 3, 4) or 0 in values.shape:
@@ -68,7 +68,7 @@ def _h5py() -> ModuleType:
         import h5py
     except ImportError:
         problem = "HDF5 needs the package h5py"
-        raise ExchangeError(problem, key="--format", remedy="pip install 'lfcore[hdf5]'") from None
+        raise ExchangeError(problem, key="format", remedy="pip install 'lfcore[hdf5]'") from None
     return h5py
 
 
@@ -103,7 +103,7 @@ def write_hdf5(source: Source, folder: Path, options: WriteOptions) -> None:
         if source.geometry is not None:
             views.attrs.update(vars(source.geometry))
         if not source.has_depth:
-            options.notes.append("no depth was written: --scene adds it")
+            options.notes.append("no depth was written: give the scene to add it")
             return
         depths = file.create_dataset("depth_lowres", shape, np.float32)
         moved = file.create_dataset("disp_lowres", shape, np.float32)

@@ -63,7 +63,7 @@ def export_lightfield(
     opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise ExchangeError(
-            "exists already", file=folder, key="--output", remedy="Name a folder that is not there"
+            "exists already", file=folder, key="folder", remedy="Name a folder that is not there"
         )
     device = open_device(device) if isinstance(device, str) else device
     source = Source(opened, selection or Selection(), device, scene)
@@ -88,6 +88,6 @@ def _quality(source: Source, free: FreeViews) -> str:
     if max(source.columns_m.max(), source.rows_m.max()) > outermost:
         note += ", and less beyond the outermost recorded views"
     if expected < POOR_DB:
-        more = f"--depth displaced --views {free.slab.views + 2}"
-        note += f". Below {POOR_DB:g} dB, edges show: record with {more}"
+        side = free.slab.views + 2
+        note += f". Below {POOR_DB:g} dB, edges show: record {side} x {side} views with depth"
     return note

@@ -3,8 +3,8 @@
 - Any folder: PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) is an example.
 - Our own plain format has the geometry in ``views.json``.
 - JPEG Pleno's test material is one PPM of 10 bits per view, ``000_000.ppm``.  Two orders are in
-  use: the verification model names views column_row (``--order columns``, the default), other
-  programs row_column (``--order rows``).
+  use: the verification model names views column_row (order ``columns``, the default), other
+  programs row_column (``rows``).
 - The Stanford light field archive has ``out_YY_XX_y_x.png``: two indices and two coordinates, y
   down and x to the right, read as millimetres.  The positions decide, in whatever direction the
   indices run.  The names hold neither the plane that the pictures are rectified to nor the field of
@@ -44,8 +44,8 @@ def read_folder(path: Path, options: ReadOptions) -> ViewGrid:
     if not files:
         raise ExchangeError("holds no pictures", file=path)
     order = options.order or Order()
-    numbered = None if options.grid else by_numbers(files, path, order)
-    return of_files(numbered or _in_order(files, path, options.grid, order), path.name)
+    numbered = None if options.views else by_numbers(files, path, order)
+    return of_files(numbered or _in_order(files, path, options.views, order), path.name)
 
 
 def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
@@ -93,8 +93,8 @@ def _in_order(
             ", which is no square number, and their names do not number rows and columns"
         )  # fmt: skip
         problem = f"holds {len(files)} pictures{asked}"
-        remedy = "Give --views COLUMNSxROWS"
-        raise ExchangeError(problem, file=folder, key="--views" if grid else None, remedy=remedy)
+        remedy = "Give the columns and rows of views"
+        raise ExchangeError(problem, file=folder, key="views" if grid else None, remedy=remedy)
     out = [[files[0]] * columns for _ in range(rows)]
     for index, file in enumerate(files):
         column, row = order.place(index, columns, rows)

@@ -62,9 +62,16 @@ class ViewGrid:
 class Order:
     """The order of views in a list of files, or of the two numbers in their names.
 
-    ``rows`` (row after row; the first number is the row) or ``columns``; with ``left``, columns run
-    from right to left, with ``up`` rows from bottom to top, with ``snake`` every second run is
-    backwards.
+    Parameters
+    ----------
+    columns_first : bool
+        Column after column, or the column's number first.  Default: row after row.
+    left : bool
+        Columns run from right to left.
+    up : bool
+        Rows run from bottom to top.
+    snake : bool
+        Every second run is backwards.
     """
 
     columns_first: bool = False
@@ -79,7 +86,7 @@ class Order:
         if first not in ("rows", "columns") or set(rest) - {"left", "up", "snake"}:
             problem = f"unknown order {text!r}"
             remedy = "Use rows or columns, then -left, -up, -snake as needed: rows-up"
-            raise ExchangeError(problem, key="--order", remedy=remedy)
+            raise ExchangeError(problem, key="order", remedy=remedy)
         return cls(first == "columns", "left" in rest, "up" in rest, "snake" in rest)
 
     def place(self, index: int, columns: int, rows: int) -> tuple[int, int]:
@@ -92,13 +99,23 @@ class Order:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What a format may not say of itself.
+    """Facts that a format may lack.
 
-    grid : (columns, rows); order : of views, None for the format's own; geometry : what the user
-    says of it, which goes before what the format says; fov_deg : of the picture's width.
+    Parameters
+    ----------
+    views : (int, int), optional
+        Columns and rows of views.
+    order : Order, optional
+        The order of views.  Default: the format's own.
+    geometry : Geometry
+        Values that replace the format's.
+    fov_deg : float, optional
+        Field of view of a picture's width, degrees.
+    variable : str, optional
+        The variable of a MAT or HDF5 file.  Default: LF.
     """
 
-    grid: tuple[int, int] | None = None
+    views: tuple[int, int] | None = None
     order: Order | None = None
     geometry: Geometry = field(default_factory=Geometry)
     fov_deg: float | None = None
@@ -107,10 +124,18 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """What is asked for beside the format.
+    """Settings of single formats.
 
-    order : of two numbers in names (JPEG Pleno); tiles : of a quilt, (columns, rows); near_m,
-    far_m : depths, where the file does not hold them.
+    Parameters
+    ----------
+    order : Order, optional
+        The order of the two numbers in the names (JPEG Pleno).
+    tiles : (int, int), optional
+        Columns and rows of a quilt.
+    near_m, far_m : float, optional
+        Depths, in metres, for a file that lacks them.
+    progress : callable, optional
+        Called with (views done, total).
     """
 
     order: Order | None = None

@@ -92,7 +92,7 @@ def write_hci(source: Source, folder: Path, options: WriteOptions) -> None:
         reach = _write_depth(source, folder, names)
     else:
         options.notes.append(
-            "no depth was written: --scene adds the depth and disparity of every view"
+            "no depth was written: give the scene to add depth and disparity of every view"
         )
     if reach is None:
         options.notes.append(

@@ -24,7 +24,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
         raise ExchangeError("no such file or folder", file=source)
     if source.is_dir() and len(inside := list(source.iterdir())) == 1 and inside[0].is_file():
         source = inside[0]
-    if format is None and options.grid and is_picture(source):
+    if format is None and options.views and is_picture(source):
         format = "eslf" if ".eslf." in source.name.lower() else "mosaic"
     row = table.find(format, imports=True) if format else table.recognise(source)
     folder = source.parent if source.name in row.marks else source
@@ -32,22 +32,22 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
         grid = replace(row.call("read")(folder, options), format=row.name)
     except NOT_OF_THE_FORMAT as error:
         problem = f"holds what {row.name} does not ({type(error).__name__}: {error})"
-        remedy = "Name another --format, or mend what describes the views"
+        remedy = "Name another format, or mend what describes the views"
         raise ExchangeError(problem, file=source, remedy=remedy) from error
     asked = options.geometry
     if options.fov_deg is not None:
         if not 0 < options.fov_deg < 180:
             raise ExchangeError(f"must lie between 0 and 180, not {options.fov_deg:g}",
-                                key="--field-of-view")  # fmt: skip
+                                key="fov_deg")  # fmt: skip
         extent = 2 * np.tan(np.radians(options.fov_deg) / 2)
         asked = replace(asked, pixel_pitch=float(extent) / grid.width)
     geometry = asked.or_else(grid.geometry)
     if asked.pixel_pitch is not None:
         geometry = replace(geometry, sensor_m=None)
     values = geometry.pitch_m, geometry.pixel_pitch, geometry.delta
-    for option, value in zip(("--baseline", "--field-of-view", "--focus"), values, strict=True):
-        if value is not None and not (0 < value < np.inf or (option == "--focus" and value == 0)):
-            raise ExchangeError(f"cannot be {value:g}", key=option)
+    for key, value in zip(("pitch_m", "pixel_pitch", "delta"), values, strict=True):
+        if value is not None and not (0 < value < np.inf or (key == "delta" and value == 0)):
+            raise ExchangeError(f"cannot be {value:g}", key=key)
     order = options.order or Order()
     return replace(grid, geometry=geometry).turned(order.left, order.up)
 
@@ -141,7 +141,7 @@ def check_order(grid: ViewGrid) -> str | None:
     if power > 1e-9 and np.sum(across * down) < -0.5 * power:
         return (
             "points move the other way from row to row than from column to column: the order of "
-            "one of them is wrong, see --order"
+            "one of them is wrong"
         )
     return None
 

@@ -128,7 +128,7 @@ def parallel_views(source: Source, options: WriteOptions) -> tuple[list[int], It
     half = np.minimum(rounded, size - rounded).min(0).astype(int).tolist()
     if min(half) < 1:
         problem = "the views have no part in common about their axes"
-        remedy = "Use fewer views, nearer to the middle, with --views; or another format"
+        remedy = "Choose fewer views, nearer to the middle, or another format"
         raise ExchangeError(problem, file=source.field.path, remedy=remedy)
     places = [source.centre(i, 0)[0] for i in range(source.columns)]
     places += [source.centre(0, j)[1] for j in range(source.rows)]

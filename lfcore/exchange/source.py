@@ -12,7 +12,7 @@ from lfcore.exchange.reading import ExchangeError
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
-from lfcore.optics.grid_geometry import KnownGeometry
+from lfcore.optics.grid_geometry import GIVE_GEOMETRY, KnownGeometry
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
 from lfcore.refocus.free_views import FreeViews, served_positions
@@ -99,7 +99,7 @@ class Source:
         left, top, across, down = selection.crop or (0, 0, width, height)
         if not (0 <= left < left + across <= width and 0 <= top < top + down <= height):
             problem = f"{across}x{down}+{left}+{top} is not within {width} x {height}"
-            raise ExchangeError(problem, file=field.path, key="--crop")
+            raise ExchangeError(problem, file=field.path, key="crop")
         self.left, self.top, self.width, self.height = left, top, across, down
         self._window = np.s_[top : top + down, left : left + across]
         first_column, first_row = slab.held.pixels[:2]
@@ -119,14 +119,14 @@ class Source:
             if field.metadata.scene["digest"] not in digests:
                 problem = f"is not the scene of {field.path}, {field.metadata.scene['name']!r}"
                 remedy = "Give the scene as it was, or record it again"
-                raise ExchangeError(problem, file=scene.name, key="--scene", remedy=remedy)
+                raise ExchangeError(problem, file=scene.name, key="scene", remedy=remedy)
             self._tracer, self._materials = open_dark_tracer(scene, device), scene.material_ids
 
     def require_geometry(self, what: str) -> KnownGeometry:
         """The geometry; :class:`ExchangeError` where it is not known."""
         if self.geometry is None:
             problem = f"does not hold its geometry, which {what} needs"
-            remedy = "Import it with --baseline, --field-of-view and --focus, or use another format"
+            remedy = f"{GIVE_GEOMETRY}, or use another format"
             raise ExchangeError(problem, file=self.field.path, remedy=remedy)
         return self.geometry
 
@@ -203,7 +203,9 @@ class Source:
         """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
         if self.field.depth_range is None:
             problem = f"does not hold its range of depths, which {what} needs"
-            raise ExchangeError(problem, file=self.field.path, remedy="Give --depth-range, metres")
+            raise ExchangeError(
+                problem, file=self.field.path, remedy="Give the nearest and farthest depth"
+            )
         return self.field.depth_range
 
     def pose(self, column: int, row: int) -> np.ndarray:
@@ -233,7 +235,7 @@ def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
     if field.displaced or (has_depth and selection.pixels not in recorded):
         return None
     if selection.pixels is not None and not has_depth:
-        raise ExchangeError("needs a file with depth", file=field.path, key="--pixels")
+        raise ExchangeError("needs a file with depth", file=field.path, key="pixels")
     try:
         i, j = (_stored(selection, axis, field) for axis in range(2))
     except ExchangeError:
@@ -250,14 +252,14 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
     count, slab = field.grid[axis], field.require_slab()
     step, remedy = 1, "record with depth, which gives any views"
     if selection.baseline_m is not None:
-        field.require_metric("--baseline")
+        field.require_metric("baseline_m")
         ratio = selection.baseline_m / slab.lens_pitch_m
         step = round(ratio)
         if step < 1 or abs(ratio - step) > _ON_STEP * max(1, ratio):
             raise ExchangeError(
                 f"{1e3 * selection.baseline_m:g} mm is not a multiple of the "
                 f"{1e3 * slab.lens_pitch_m:.6g} mm between its views",
-                file=field.path, key="--baseline", remedy=f"Give a multiple, or {remedy}",
+                file=field.path, key="baseline_m", remedy=f"Give a multiple, or {remedy}",
             )  # fmt: skip
         wanted = wanted or (count - 1) // step + 1
     elif wanted and wanted > 1 and selection.views:
@@ -269,7 +271,7 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
     if reach > count:
         problem = f"{wanted} views with a step of {step} need {reach}; the file has {count}"
         remedy = f"Give fewer, or {remedy}"
-        raise ExchangeError(problem, file=field.path, key="--views", remedy=remedy)
+        raise ExchangeError(problem, file=field.path, key="views", remedy=remedy)
     return (count - reach + 1) // 2 + np.arange(wanted) * step
 
 
@@ -285,8 +287,8 @@ def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
     if (most - 1) * pitch > lens * (1 + _ON_STEP):
         raise ExchangeError(
             f"{most} views {1e3 * pitch:g} mm apart do not fit on the lens of {1e3 * lens:.4g} mm",
-            file=field.path, key="--baseline",
-            remedy="Give fewer --views or a smaller --baseline",
+            file=field.path, key="baseline_m" if baseline else "views",
+            remedy="Choose fewer views, or a smaller distance between them",
         )  # fmt: skip
     across, down = (pitch * (np.arange(n) - (n - 1) / 2) for n in (columns, rows))
     return across, down, pitch

@@ -73,7 +73,7 @@ def find(name: str, *, imports: bool = False) -> Format:
     if name not in able:
         why = f"cannot be {what}" if name in FORMATS else "is no known format"
         problem = f"{name!r} {why}"
-        raise ExchangeError(problem, key="--format", remedy=f"Use one of {', '.join(able)}")
+        raise ExchangeError(problem, key="format", remedy=f"Use one of {', '.join(able)}")
     return FORMATS[name]
 
 
@@ -84,5 +84,5 @@ def recognise(path: Path) -> Format:
             return row
     what = "folder" if path.is_dir() else "file"
     problem = f"is not a {what} of a known format"
-    remedy = "Name it with --format, and the grid with --views COLUMNSxROWS"
+    remedy = "Name its format, and the columns and rows of views"
     raise ExchangeError(problem, file=path, remedy=remedy)

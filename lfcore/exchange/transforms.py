@@ -87,7 +87,7 @@ def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> Non
         shared |= dict(zip(("cx", "cy"), map(float, source.axis_px), strict=True))
     write_json(folder / NERFSTUDIO, {**shared, "frames": frames})
     if not source.has_depth:
-        options.notes.append("no depth was written: --scene adds it")
+        options.notes.append("no depth was written: give the scene to add it")
 
 
 def read_blender(path: Path, options: ReadOptions) -> ViewGrid:

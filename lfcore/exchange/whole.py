@@ -38,7 +38,7 @@ FINE = 16
 VIGNETTING = 0.9
 """The share of light that the rim of the main lens loses; the loss grows with the square of the
 radius.  A calibration finds no centre in micro images of even light."""
-GIVE_GRID = "Give --views COLUMNSxROWS"
+GIVE_GRID = "Give the columns and rows of views"
 
 
 def _divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[], np.ndarray]]:
@@ -46,7 +46,7 @@ def _divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[]
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
         problem = f"is {width} x {height} pixels, which {columns} x {rows} views do not divide"
-        raise ExchangeError(problem, file=path, key="--views", remedy=GIVE_GRID)
+        raise ExchangeError(problem, file=path, key="views", remedy=GIVE_GRID)
     return width // columns, height // rows, cache(lambda: pictures.read(path, (width, height)))
 
 
@@ -60,10 +60,10 @@ def _tiles(path: Path, columns: int, rows: int) -> ViewGrid:
 
 
 def read_mosaic(path: Path, options: ReadOptions) -> ViewGrid:
-    if not options.grid:
+    if not options.views:
         problem = "a mosaic does not hold its number of views"
         raise ExchangeError(problem, file=path, remedy=GIVE_GRID)
-    return _tiles(path, *options.grid)
+    return _tiles(path, *options.views)
 
 
 def write_mosaic(source: Source, folder: Path, options: WriteOptions) -> None:
@@ -78,9 +78,9 @@ def recognise_eslf(path: Path) -> bool:
 
 
 def read_eslf(path: Path, options: ReadOptions) -> ViewGrid:
-    columns, rows = options.grid or (LYTRO, LYTRO)
+    columns, rows = options.views or (LYTRO, LYTRO)
     width, height, whole = _divided(path, columns, rows)
-    notes = () if options.grid else (f"taken for Lytro's {LYTRO} x {LYTRO} views; else --views",)
+    notes = () if options.views else (f"taken for Lytro's {LYTRO} x {LYTRO} views",)
     read = lambda i, j: whole()[j::rows, i::columns]  # noqa: E731
     name = path.stem.removesuffix(".eslf")
     return ViewGrid(columns, rows, width, height, read, name, notes=notes)
@@ -103,10 +103,10 @@ def recognise_quilt(path: Path) -> bool:
 
 def read_quilt(path: Path, options: ReadOptions) -> ViewGrid:
     match = QUILT.search(path.name)
-    if not (options.grid or match):
+    if not (options.views or match):
         problem = "its name does not hold columns and rows, as in name_qs8x6a0.75.png"
         raise ExchangeError(problem, file=path, remedy=GIVE_GRID)
-    columns, rows = options.grid or (int(match[1]), int(match[2]))  # type: ignore[index]
+    columns, rows = options.views or (int(match[1]), int(match[2]))  # type: ignore[index]
     tiles = _tiles(path, columns, rows)
 
     def read_tile(column: int, row: int) -> np.ndarray:
@@ -150,7 +150,7 @@ def write_plenoptic(source: Source, folder: Path, options: WriteOptions) -> None
     count, width, height = source.columns, source.width, source.height
     if count != source.rows:
         problem = f"{count} x {source.rows} views do not make square micro images"
-        raise ExchangeError(problem, file=source.field.path, key="--views")
+        raise ExchangeError(problem, file=source.field.path, key="views")
     share = _lit(count)
     raw = np.empty((height * count, width * count, 3), np.uint16)
     for column, row, picture in source.views(options.progress):

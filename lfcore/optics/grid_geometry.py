@@ -11,6 +11,8 @@ from lfcore.optics.slab import Extent, Slab
 
 NOMINAL_PITCH_M, NOMINAL_FIELD, NOMINAL_DELTA = 1.0, 1.0, 1.0
 """The lengths of a slab of unknown geometry: only its disparities count, from -M pixels on."""
+GIVE_GEOMETRY = "Import it again with its baseline, field of view and focus"
+"""The remedy for a file of unknown geometry."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +38,8 @@ class Geometry:
 
     @property
     def missing(self) -> list[str]:
-        """The options that give the unknown values."""
-        named = {"--baseline": self.pitch_m, "--field-of-view": self.pixel_pitch,
-                 "--focus": self.delta}  # fmt: skip
-        return [option for option, value in named.items() if value is None]
+        """The names of the unknown values that a slab needs."""
+        return [name for name in ("pitch_m", "pixel_pitch", "delta") if getattr(self, name) is None]
 
     def or_else(self, other: Geometry) -> Geometry:
         """This geometry, with its unknown values taken from ``other``."""

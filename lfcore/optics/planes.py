@@ -11,14 +11,12 @@ the sensor's magnification kept, tangents are further multiplied by v'/v about t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from numbers import Real
-from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, check_kind, check_known, unknown_keyword
+from lfcore.errors import OpticsError, answers_typos, check_kind, check_known
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
@@ -79,30 +77,6 @@ class Aperture:
         return inside
 
 
-class PlaneOptions(TypedDict, total=False):
-    """What may be said of a plane beside its focus, f-number and shape."""
-
-    blades: int
-    rotation_deg: float
-    normalise: bool
-    keep_magnification: bool
-
-
-def check_keywords(
-    call: str,
-    given: Mapping[str, object],
-    more: Sequence[str] = (),
-    options: Sequence[str] = tuple(PlaneOptions.__annotations__),
-) -> None:
-    """Raise :class:`TypeError` naming the public ``call`` for a keyword that is neither one of
-    ``options`` nor of ``more``."""
-    known = [*options, *more]
-    for name in given:
-        if name not in known:
-            every = ["focus_m", "f_number", "aperture", *known]
-            raise unknown_keyword(call, name, [one for one in every if one != name])
-
-
 @answers_typos
 @dataclass(frozen=True)
 class SensorPlane:
@@ -151,24 +125,24 @@ class SensorPlane:
         focus_m: float | None = None,
         f_number: float | None = None,
         aperture: str = "circle",
-        **options: Unpack[PlaneOptions],
+        *,
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: str = "aperture",
+        keep_magnification: bool = False,
     ) -> SensorPlane:
-        """The plane of these settings; focus and f-number are the camera's where not given.
+        """Make a plane whose focus and f-number are the camera's by default.
 
-        ``normalise=False`` is the normalisation ``lens``, else it is ``aperture``.
-        Not checked against what the camera can form: see :meth:`check`.
+        Parameters are the fields'.  Not checked against what the camera can form: see
+        :meth:`check`.
         """
-        check_keywords("SensorPlane.of", options)
         for key, value in (("focus_m", focus_m), ("f_number", f_number)):
             check_kind(value, Real | None, key, "a number")
-        more: dict[str, Any] = {**options}
-        more["normalise"] = "aperture" if more.get("normalise", True) else "lens"
         return cls(
             camera.focus_m if focus_m is None else float(focus_m),
             camera.f_number if f_number is None else float(f_number),
-            aperture,
-            **more,
-        )
+            aperture, blades, rotation_deg, normalise, keep_magnification,
+        )  # fmt: skip
 
     @property
     def delta(self) -> float:

@@ -55,7 +55,7 @@ def plain_views(slab: Slab) -> ViewSet:
     return ViewSet(slab, np.zeros((slab.views**2, 2)))
 
 
-def crossed_views(slab: Slab) -> ViewSet:
+def displaced_views(slab: Slab) -> ViewSet:
     """Views displaced by multiples of 1 / N^2 of a pixel, every multiple once along each axis.
 
     The column of a view decides first how far its grid moves along v, and its row how far along
@@ -74,8 +74,8 @@ def crossed_views(slab: Slab) -> ViewSet:
 
 
 def views_of(slab: Slab, *, displaced: bool) -> ViewSet:
-    """:func:`crossed_views` where views are displaced, else :func:`plain_views`."""
-    return crossed_views(slab) if displaced else plain_views(slab)
+    """:func:`displaced_views` where views are displaced, else :func:`plain_views`."""
+    return displaced_views(slab) if displaced else plain_views(slab)
 
 
 def radical_order(count: int) -> np.ndarray:

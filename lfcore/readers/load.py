@@ -234,10 +234,10 @@ def build(
             parts += made
     every = parts + [part for part, _ in moving]
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
-        notebook.add(ASSUMED, file, 'y is up, but z seems to be; --up z (up="z") turns it')
+        notebook.add(ASSUMED, file, 'y is up, but z seems to be; up="z" turns it')
     lamps, found = staging_of(description, file, notebook)
     if found and file.suffix.lower() in SUFFIXES and "view_from" not in description["camera"]:
-        what = 'its own camera; --from front (view_from="front") frames all of it'
+        what = 'its own camera; view_from="front" frames all of it'
         notebook.add(ASSUMED, file, what)
     extent = framing.bounds(every, file=file)
     camera, to_camera = framing.place_camera(description["camera"], extent, where, found, lens)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Unpack
 
 import numpy as np
 
@@ -18,7 +17,8 @@ from lfcore.optics.focus import (
     f_number_of_blur,
     focus_distance,
 )
-from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
+from lfcore.optics.grid_geometry import GIVE_GEOMETRY
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
@@ -42,7 +42,10 @@ class FieldPlanes(LightFieldFile):
         blur: float | str | None = None,
         disparity_px: float | None = None,
         aperture_views: float | None = None,
-        **options: Unpack[PlaneOptions],
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: str = "aperture",
+        keep_magnification: bool = False,
     ) -> SensorPlane:
         """Describe one picture: its focus and aperture.
 
@@ -66,10 +69,8 @@ class FieldPlanes(LightFieldFile):
             0 as recorded, more is nearer.
         aperture_views : float, optional
             Instead of an f-number: the aperture's diameter in views.
-        **options
-            ``blades`` (of a polygon, 6), ``rotation_deg`` (of a polygon), ``normalise`` (divide by
-            the open aperture, default; else the picture dims as the lens stops down) and
-            ``keep_magnification`` (of the physical sensor, which moves when it is focused).
+        blades, rotation_deg, normalise, keep_magnification : optional
+            As in :class:`SensorPlane`.
 
         Returns
         -------
@@ -82,12 +83,11 @@ class FieldPlanes(LightFieldFile):
             The light field does not hold such a picture; names file and key.
         """
         slab = self.require_slab()
-        check_keywords("LightField.plane", options)
         try:
             exclude_twice(focus_m=focus_m, focus_at=focus_at, disparity_px=disparity_px)
             exclude_twice(f_number=f_number, blur=blur, aperture_views=aperture_views)
             asked = {"focus_m": focus_m, "focus_at": focus_at, "f_number": f_number, "blur": blur}
-            asked["keep_magnification"] = options.get("keep_magnification") or None
+            asked["keep_magnification"] = keep_magnification or None
             for key, value in asked.items():
                 if value is not None:
                     self.require_metric(key)
@@ -102,7 +102,11 @@ class FieldPlanes(LightFieldFile):
                     slab.camera.focus_m if distance is None else distance,
                     slab.camera.field_width * (slab.size.shorter / slab.pixels), self._seen,
                 )  # fmt: skip
-            plane = SensorPlane.of(slab.camera, distance, f_number, aperture, **options)
+            plane = SensorPlane.of(
+                slab.camera, distance, f_number, aperture, blades=blades,
+                rotation_deg=rotation_deg, normalise=normalise,
+                keep_magnification=keep_magnification,
+            )  # fmt: skip
             plane.check(slab)
             plane.lens_aperture(slab)
         except OpticsError as error:
@@ -286,6 +290,5 @@ class FieldPlanes(LightFieldFile):
                 "does not hold its geometry: there are neither distances nor f-numbers",
                 file=self.path,
                 key=key,
-                remedy="Focus by disparity, stop down by views, or import it again with "
-                "--baseline, --field-of-view and --focus",
+                remedy=f"Focus by disparity and stop down by views. {GIVE_GEOMETRY}",
             )

@@ -10,6 +10,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
 from lfcore.optics.array import CameraArray
+from lfcore.optics.grid_geometry import GIVE_GEOMETRY
 from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
@@ -228,7 +229,7 @@ def read_stored(
     if not field.metric:
         raise OpticsError(
             "does not hold its geometry, which a camera array needs", file=field.path,
-            remedy="Import it again with --baseline, --field-of-view and --focus",
+            remedy=GIVE_GEOMETRY,
         )  # fmt: skip
     slab, (columns, rows) = field.metadata.slab, field.grid
     array = field.array if slab is None else CameraArray.from_slab(slab)

@@ -104,12 +104,23 @@ def check_samples(slab: Slab, samples: np.ndarray | None) -> np.ndarray:
 
 
 def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
-    """Pixels by which a point moves from one view to the next, float32, of ``depth`` in metres.
+    """Convert depth to disparity: the pixels by which a point moves from view to view.
 
-    A point at depth z is in view s at the tangent ``X / z - s (1 / z - delta)``, so it moves
-    *against* the lens sample: by ``-(1 / z - delta) lens pitch / pixel pitch`` pixels a sample.
-    Disparity is that without the sign: 0 in the recorded plane of focus, positive before it,
-    ``-delta lens pitch / pixel pitch`` at infinity.
+    A view at lens point s shows a point of depth z at the tangent ``X / z - s (1 / z - delta)``.
+    The point moves against the lens point, by ``-(1 / z - delta) lens pitch / pixel pitch`` pixels
+    per lens sample.  Disparity has the other sign: it is positive before the plane of focus.
+
+    Parameters
+    ----------
+    slab : Slab
+        The lens and its views.
+    depth : ndarray
+        Metres along the axis, infinity for a miss.
+
+    Returns
+    -------
+    ndarray
+        float32 pixels, of the same shape; 0 in the plane of focus.
     """
     scale = slab.lens_pitch_m / slab.pixel_pitch
     with np.errstate(divide="ignore"):

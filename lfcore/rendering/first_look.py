@@ -36,7 +36,7 @@ BY_VIEWS = np.array([2.01, 1.28, 2.93, 2.0])
 """The power of the views per side by which the share falls."""
 BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
 """The power of a view's rays per pixel and side."""
-SURE_DB = 2.3
+MARGIN_DB = 2.3
 """What is subtracted, so that nine of ten pictures are as good as expected or better."""
 BRIGHTEST = 4.0
 """Light above so many times white counts as that: it saturates its pixels anyway."""
@@ -83,7 +83,7 @@ class FirstLook:
         """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
         lacking = self._shares(np.asarray(views, float), np.asarray(subpixels, float))
         error = np.einsum("pb,pb...->p...", self._differences, lacking)
-        return -10 * np.log10(np.maximum(error, 1e-12)) - SURE_DB
+        return -10 * np.log10(np.maximum(error, 1e-12)) - MARGIN_DB
 
     def error_map(self, lattice: Lattice) -> np.ndarray:
         """(P, H, W) float32: each pixel's expected error, sRGB, root mean square."""

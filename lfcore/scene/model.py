@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from lfcore.errors import OpticsError, SceneError
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
-from lfcore.optics.planes import PlaneOptions, SensorPlane, check_keywords
+from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.reading import Where
 from lfcore.scene.appearance import Light, Material
@@ -302,7 +302,10 @@ class Scene:
         focus_at: Sequence[float] | None = None,
         blur: float | str | None = None,
         pixels: Pixels = 1,
-        **options: Unpack[PlaneOptions],
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: str = "aperture",
+        keep_magnification: bool = False,
     ) -> SensorPlane:
         """A picture's focus and aperture, for :func:`lfcore.render`.
 
@@ -324,15 +327,14 @@ class Scene:
             more out of focus, a share of the picture's shorter side: 0.03 or ``"3%"``.
         pixels : int or (int, int)
             The picture's width and height where they differ, for ``focus_at``.
-        **options
-            As of :meth:`lfcore.SensorPlane.of`.
+        blades, rotation_deg, normalise, keep_magnification : optional
+            As in :class:`lfcore.SensorPlane`.
 
         Raises
         ------
         OpticsError
             A setting is given in two ways, or cannot be met.
         """
-        check_keywords("Scene.plane", options)
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)
         camera = self.camera
@@ -358,7 +360,10 @@ class Scene:
                 f"{focus_m:.4g} m is nearer than the lens can focus: what is seen is {near:.4g} to "
                 f"{far:.4g} m away", key="focus_m", remedy="Give a distance there, or near or far",
             )  # fmt: skip
-        return SensorPlane.of(camera, focus_m, f_number, aperture, **options)
+        return SensorPlane.of(
+            camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
+            normalise=normalise, keep_magnification=keep_magnification,
+        )  # fmt: skip
 
     def is_cut_out(self, material: Material) -> bool:
         """Whether the alpha of its texture cuts holes into what is made of it."""

@@ -52,7 +52,7 @@ def around(scene: Scene, extent: Bounds, to_camera: np.ndarray, *, file: Path) -
     place = _camera(to_camera)
     if ((extent.low < place) & (place < extent.high)).all():
         return scene
-    note = Note(ASSUMED, file, 0, "a sky and a floor; --bare (bare=True) for neither")
+    note = Note(ASSUMED, file, 0, "a sky and a floor; bare=True leaves them out")
     scene = replace(
         scene, sky=sky(to_camera), lights=[lamp()], bake=BAKE, notes=(*scene.notes, note)
     )

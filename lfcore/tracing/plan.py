@@ -23,7 +23,7 @@ def probed_elements(bundles: Bundles) -> np.ndarray:
     return bundles.elements[np.unique(np.linspace(0, last, PROBED_BLOCKS).astype(int))]
 
 
-def leaves_a_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> float:
+def mean_leaves_per_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1) -> float:
     """The mean number of leaves per ray that a block of at most 256 rays overlaps.
 
     ``leaf_boxes`` is (L, 6).  PROBED_BLOCKS blocks of ``outer`` x ``outer`` elements are counted,
@@ -197,5 +197,7 @@ class Plan:
             return False
         key = outer, *_seen(bundles)
         if key not in self._known:
-            self._known[key] = leaves_a_ray(self._leaf_boxes, bundles, outer) > SINGLE_RAY_LEAVES
+            self._known[key] = (
+                mean_leaves_per_ray(self._leaf_boxes, bundles, outer) > SINGLE_RAY_LEAVES
+            )
         return bool(self._known[key])

@@ -78,7 +78,7 @@ class ViewerPage:
         except (OSError, OverflowError) as error:
             problem = f"port {port} cannot be used: {getattr(error, 'strerror', None) or error}"
             remedy = "Name another port, or none"
-            raise StorageError(problem, key="--serve", remedy=remedy) from None
+            raise StorageError(problem, key="port", remedy=remedy) from None
 
     def _repr_html_(self) -> str:
         source = html.escape(self.html, quote=True)

@@ -36,7 +36,7 @@ COMMANDS = (
     "plenoptic scene.yaml -o out/p.png", "depth scene.yaml -o out/d.npz --pixels 16",
     "render scene.yaml -o out/p.png --quality-db 40 --pixels 16 --bits 16",
     "render scene.pbrt -o out/p.exr --samples 2:2 --light-points 4",
-    "refocus store.mkv -o out/r.png --plane planes.yaml --aperture polygon:6:10 --no-normalise",
+    "refocus store.mkv -o out/r.png --plane planes.yaml --aperture polygon:6:10 --normalise lens",
     "export store.mkv --format hci -o out/h --views 2x2 --baseline 6.25mm --crop 4x4+1+1",
     "export store.mkv --format quilt:2x2 -o out/q",
     "export store.mkv --format nerfstudio -o out/n",

@@ -104,7 +104,7 @@ def judge(data: bytes, folder: Path) -> Outcome:
 
 
 def _read(source: Path, named: str | None) -> None:
-    options = ReadOptions(grid=GRID if named in UNRECOGNISED else None)
+    options = ReadOptions(views=GRID if named in UNRECOGNISED else None)
     grid = read_grid(source, named, options)
     if min(grid.columns, grid.rows, grid.width, grid.height) < 1:
         raise SilentlyWrong("a grid without views or pixels")

@@ -26,6 +26,7 @@ from lfcore.scene.sky import (
     suns,
     texel_directions,
 )
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 WHITE = np.ones((2, 2, 3), np.float32)
@@ -255,7 +256,7 @@ def test_the_same_light_from_any_number_of_threads(tmp_path):
 def test_what_cannot_be_baked_or_traced_is_refused():
     scene = world(plain_scenes.wall(2.0))
     with pytest.raises(lfcore.SceneError, match="not baked"):
-        lfcore.Tracer(scene, None)
+        Tracer(scene, None)
     with pytest.raises(lfcore.SceneError, match=r"material matt: diffuse.*1\.5.*Give at most 1"):
         lfcore.bake(world(plain_scenes.wall(2.0), 1.5))
 

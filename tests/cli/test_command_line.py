@@ -89,7 +89,7 @@ def test_what_a_terminal_cannot_show_is_shown_as_its_code(recorded, tmp_path):
 def test_many_planes_from_options_and_files(run, tmp_path):
     run(
         "refocus FILE --plane focus=1,aperture=square --aperture polygon:5 "
-        "--plane focus=2,f_number=4,normalise=no -o a.png"
+        "--plane focus=2,f_number=4,normalise=lens -o a.png"
     )
     assert names(tmp_path) == ["a_00_focus1m_f1_square.png", "a_01_focus2m_f4_polygon.png"]
     bright, dim = (np.asarray(Image.open(name)).mean() for name in names(tmp_path))
@@ -168,7 +168,7 @@ def test_stacks(run, tmp_path):
     run("stack FILE --focus 1:2:7 -o film.mp4")
     with av.open("film.mp4") as container:
         assert sum(1 for _ in container.decode(video=0)) == 7
-    run("stack FILE --f-number 1 2 4 8 16 --no-normalise --sheet -o sheet.png")
+    run("stack FILE --f-number 1 2 4 8 16 --normalise lens --sheet -o sheet.png")
     rows = np.asarray(Image.open("sheet.png").convert("L"))
     strip = (len(rows) - 4) // 2 - SIZE
     assert rows.shape[1] == 4 * SIZE + 12 and strip > 8

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scattered_planes import form_plane
 
-from lfcore import DeviceError, SceneError, StorageError, Tracer
+from lfcore import DeviceError, SceneError, StorageError
 from lfcore.evaluation.stability import light, measurement, naive, primitives, shapes, tested_tracer
 from lfcore.evaluation.stability.measurement import (
     LIMITS,
@@ -21,6 +21,7 @@ from lfcore.evaluation.stability.report import CASES
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, slab_hits, trace
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.slow
 

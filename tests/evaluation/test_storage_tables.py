@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stored_fields import LOSSLESS, write_field
 
-from lfcore import Encoding, FrameLayout, Slab
+from lfcore import Encoding, Slab
 from lfcore.evaluation.metrics import psnr, ssim
 from lfcore.evaluation.storage import rate_distortion, retrieval
 from lfcore.evaluation.storage.figures import (
@@ -31,6 +31,7 @@ from lfcore.evaluation.storage.rate_distortion import (
 from lfcore.evaluation.table_files import TableError, read_rows, table_of, write_rows
 from lfcore.rendering.direct import trace_planes
 from lfcore.storage.defaults import default_kind, default_pack
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_frames
 from lfcore.workflow.settings import check_settings
 

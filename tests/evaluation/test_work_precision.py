@@ -15,7 +15,7 @@ from lfcore.evaluation.work_precision import figure, in_memory, points, study
 from lfcore.evaluation.work_precision.figure import pareto
 from lfcore.evaluation.work_precision.points import COLUMNS, NOT_JUDGED, point, timed_point
 from lfcore.evaluation.work_precision.study import peer_rows
-from lfcore.optics.ray_cells import crossed_views
+from lfcore.optics.ray_cells import displaced_views
 from lfcore.refocus.focal_stack import focal_stack_views
 from lfcore.refocus.resampling import coverage
 from lfcore.rendering.direct import focused_camera, trace_planes
@@ -189,7 +189,7 @@ def test_the_truth_does_not_depend_on_how_it_is_traced(chart, reference):
     plane, side = reference.planes[0], reference.size.width
     slab = Slab(focused_camera(chart.scene.camera, plane), 24, 3 * side)
     inside = plane.mask(slab).ravel()
-    light = chart.bundle_radiance(crossed_views(slab).bundles())[inside].clip(0, 1).mean(0)
+    light = chart.bundle_radiance(displaced_views(slab).bundles())[inside].clip(0, 1).mean(0)
     plain = light.reshape(side, 3, side, 3, 3).mean((1, 3))
     assert inner_psnr(plain, reference.pictures[0]) > 40
 

@@ -14,7 +14,7 @@ from PIL import Image
 from plain_scenes import CHART, refused
 from stored_fields import LOSSLESS, tile_frames, write_field
 
-from lfcore import Encoding, FrameLayout, LightField, load_scene, record
+from lfcore import Encoding, LightField, load_scene, record
 from lfcore.cli import main
 from lfcore.colour import srgb_codes
 from lfcore.exchange.exporting import export_lightfield
@@ -26,6 +26,7 @@ from lfcore.exchange.table import FORMATS
 from lfcore.pictures import read_picture
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
+from lfcore.storage.layout import FrameLayout
 
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 
@@ -159,7 +160,7 @@ def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
         expected = stored.views[row, column, row : row + 14, column : column + 14]
         np.testing.assert_array_equal(view, expected)
     assert check_parallel_cameras(stored, "llff", tmp_path).depth_range == (1, 4)
-    refused("--depth-range", export_lightfield, stored.path, "llff", tmp_path / "b")
+    refused("nearest and farthest depth", export_lightfield, stored.path, "llff", tmp_path / "b")
 
 
 @pytest.mark.parametrize("order", ["rows", "columns", "rows-up", "columns-left-up", "rows-snake"])
@@ -315,7 +316,7 @@ def test_a_wrong_order_is_told(tmp_path):
     views = np.array([[view(i, j) for i in range(3)] for j in range(3)])
     grid = ViewGrid.of_array(views, "waves")
     assert check_order(grid) is None
-    assert "--order" in check_order(grid.turned(up=True))
+    assert "the order of one of them is wrong" in check_order(grid.turned(up=True))
     assert check_order(grid.turned(left=True, up=True)) is None
 
 
@@ -397,7 +398,7 @@ def test_nerfstudio_has_millimetres_and_without_the_scene_it_is_said(chart, trac
     np.testing.assert_array_equal(mm, expected)
     for name in ("hci", "nerfstudio"):
         (note,) = export_lightfield(traced, name, tmp_path / name)
-        assert "--scene" in note
+        assert "give the scene" in note
         assert not list((tmp_path / name).glob("gt_*"))
 
 
@@ -456,7 +457,7 @@ def test_numbered_views(tmp_path):
 def test_nothing_is_recognised(tmp_path):
     import_fails(tmp_path / "nowhere", "no such file")
     (tmp_path / "in").mkdir()
-    import_fails(tmp_path / "in", "known format", "--format")
+    import_fails(tmp_path / "in", "known format", "Name its format")
     for name in ("notes.txt", "more.txt"):
         (tmp_path / "in" / name).write_text("views\n")
     import_fails(tmp_path / "in", "known format")
@@ -507,7 +508,7 @@ SPOILT = [
     ("hci", CONFIG, edited("[extrinsics]", "[extrinsics"), [CONFIG]),
     ("hci", CONFIG, edited("focal_length_mm = ", "focal_length_mm = -"), ["focal_length_mm"]),
     ("hci", CONFIG, edited("baseline_mm = ", "baseline_mm = nan #"), ["baseline_mm"]),
-    ("hci", CONFIG, edited("baseline_mm = ", "baseline_mm = -"), ["--baseline"]),
+    ("hci", CONFIG, edited("baseline_mm = ", "baseline_mm = -"), ["pitch_m"]),
     ("stanford", "out_01_02_*", Path.unlink, ["row 1 and column 2", "8 of 3 x 3"]),
     ("jpeg-pleno", "002_001.ppm", cut_short(-1), ["002_001.ppm", "1550 expected"]),
     ("jpeg-pleno", "002_001.ppm", edited("P6", "P9"), ["002_001.ppm"]),
@@ -548,11 +549,11 @@ def test_exports_that_cannot_be(square, chart, tmp_path):
         assert list(tmp_path.iterdir()) == [unknown.path]
 
     for name in ("hci", "nerfstudio", "colmap", "llff", "blender"):
-        fails("does not hold its geometry.*--baseline", unknown.path, name)
+        fails("does not hold its geometry.*baseline", unknown.path, name)
     fails("'folder' cannot be exported", square.path, "folder")
     fails("not a multiple of the 4 mm", square.path, "hci", selection=Selection(baseline_m=0.006))
-    fails("--views", square.path, "hci", selection=Selection((4, 4)))
-    fails("--crop", square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
+    fails("mkv: views:", square.path, "hci", selection=Selection((4, 4)))
+    fails("mkv: crop:", square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
     fails("is not the scene of", square.path, "hci", scene=chart)
     for name in (name for name in FORMATS if FORMATS[name].exports):
         fails("nosuch", square.path, name, device="nosuch")
@@ -569,7 +570,7 @@ def test_the_command_line(tmp_path, capsys):
     stored = store(tmp_path, noise(2, 2, 16, 16), Geometry())
     out = str(tmp_path / "out")
     assert main(["export", str(stored.path), "--format", "hci", "-o", out]) == 1
-    assert "--field-of-view" in capsys.readouterr().err
+    assert "field of view" in capsys.readouterr().err
     assert main(["export", str(stored.path), "--format", "stanford", "-o", out]) == 0
     lf = tmp_path / "lf.mkv"
     assert main(["import", out, "-o", str(lf), "--codec", "ffv1"]) == 0
@@ -578,6 +579,10 @@ def test_the_command_line(tmp_path, capsys):
     assert main([*command, "--focus", "1.5"]) == 0
     assert "not known" not in capsys.readouterr().err
     assert main(["import", out, "-o", str(lf), "--order", "across"]) == 1
-    assert "--order" in capsys.readouterr().err
+    assert capsys.readouterr().err.startswith("--order: unknown order")
+    export = ["export", str(stored.path), "--format", "json", "-o", str(tmp_path / "json")]
+    for option, value in (("--views", "4x4"), ("--crop", "9x9+9+9"), ("--pixels", "8")):
+        assert main([*export, option, value]) == 1
+        assert f": {option}: " in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*command, "--focus", "x"])

@@ -18,7 +18,7 @@ from lfcore.optics import bundles
 from lfcore.optics.camera import check_focus, image_distance
 from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums, ray_counts, targets, total
 from lfcore.optics.planes import SHAPES
-from lfcore.optics.ray_cells import crossed_views, lens_cells, plain_views
+from lfcore.optics.ray_cells import displaced_views, lens_cells, plain_views
 from lfcore.oracle.slab import all_pixels, slab_rays
 
 
@@ -126,7 +126,7 @@ CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 
 @pytest.mark.parametrize("views", [1, 2, 3, 5, 8, 17])
 def test_displacements_are_every_multiple_once_along_each_axis(views):
-    moved = crossed_views(Slab(CAMERA, views, 8)).displacement
+    moved = displaced_views(Slab(CAMERA, views, 8)).displacement
     expected = (np.arange(views**2) + 0.5) / views**2 - 0.5
     for axis in range(2):
         np.testing.assert_allclose(np.sort(moved[:, axis]), expected, atol=1e-12)
@@ -134,13 +134,13 @@ def test_displacements_are_every_multiple_once_along_each_axis(views):
 
 @pytest.mark.parametrize("views", [4, 8])
 def test_a_row_of_views_has_all_places_to_within_its_number(views):
-    along_u = crossed_views(Slab(CAMERA, views, 8)).displacement[:, 0].reshape(views, views)
+    along_u = displaced_views(Slab(CAMERA, views, 8)).displacement[:, 0].reshape(views, views)
     for line in along_u.T:  # the views of one lens column, row by row
         assert sorted(np.floor((line + 0.5) * views).astype(int)) == list(range(views))
 
 
 def test_displaced_rays_lie_where_the_displacement_says():
-    views = crossed_views(Slab(CAMERA, 3, 5))
+    views = displaced_views(Slab(CAMERA, 3, 5))
     plain, moved = (each.bundles(slice(2, 7)) for each in (plain_views(views.slab), views))
     found = (moved.rays()[1] - plain.rays()[1])[..., :2] / views.slab.pixel_pitch
     expected = views.displacement[2:7, None, None]

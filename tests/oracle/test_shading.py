@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from plain_scenes import scene, wall
 
-from lfcore import Tracer
 from lfcore.optics.bundles import Bundles
 from lfcore.oracle.colour import srgb_decode, srgb_encode, ycbcr
 from lfcore.oracle.shading import radiance
@@ -13,6 +12,7 @@ from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.emitters import POINTS
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 AXIS = np.float32([[0.3, 0.2, 0]]), np.float32([[0, 0, 1]])
 

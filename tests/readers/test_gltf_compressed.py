@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from plain_scenes import refused
 
-from lfcore import Slab, Tracer
+from lfcore import Slab
 from lfcore.optics.bundles import macropixels
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.readers.load import load_scene
@@ -24,6 +24,7 @@ from lfcore.readers.sources import files_of_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 DracoPy = pytest.importorskip("DracoPy", reason="no wheel of it for this processor")
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "docs/examples/gltf_features.py"))

@@ -8,7 +8,7 @@ from plain_scenes import refused
 
 from lfcore import Camera, SensorPlane, Slab, open_device
 from lfcore.evaluation.metrics import psnr
-from lfcore.optics.ray_cells import crossed_views, plain_views
+from lfcore.optics.ray_cells import displaced_views, plain_views
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.refocus.depth_slicing import COARSE_PX, DepthSlicer
 from lfcore.rendering.direct import focused_camera
@@ -71,7 +71,7 @@ focused = st.builds(SensorPlane, st.floats(1.05, 50), st.sampled_from([1.0, 1.7,
 @given(seed=st.integers(0, 99), plane=focused)
 @settings(max_examples=3)
 def test_equal_to_the_reference(pixels, size, seed, plane):
-    views = crossed_views(Slab.of(CAMERA, 3, size))
+    views = displaced_views(Slab.of(CAMERA, 3, size))
     (light, depth), size = noise(views, seed), views.slab.pixels
     planes = [plane, *PLANES]
     bounds = DepthSlicer(views, planes, pixels).bounds_px
@@ -90,7 +90,7 @@ def test_equal_to_the_reference(pixels, size, seed, plane):
 
 
 def test_the_same_bits_in_any_parts_and_on_any_number_of_threads():
-    views = crossed_views(Slab(CAMERA, 4, 16))
+    views = displaced_views(Slab(CAMERA, 4, 16))
     light, depth = noise(views)
     whole = sliced(views, PLANES, 9, light, depth, device=open_device(threads=1))
     parts = [slice(9, 16), slice(0, 2), slice(2, 9)]
@@ -100,7 +100,7 @@ def test_the_same_bits_in_any_parts_and_on_any_number_of_threads():
 @pytest.mark.parametrize("stops", [0, 3])
 def test_dim_light_far_from_focus_is_not_rounded_away(stops):
     """Boxes of which a ray adds a fraction of a unit to each pixel."""
-    views, light = crossed_views(Slab(CAMERA, 4, 64)), 3e-7
+    views, light = displaced_views(Slab(CAMERA, 4, 64)), 3e-7
     rays = seen(views, [(20.0, grey(lambda x, y: 0 * x + light), everywhere)])
     picture = sliced(views, [SensorPlane(1.1, 1.0, "square")], 16, *rays, stops=stops)[0]
     np.testing.assert_allclose(picture[4:-4, 4:-4], light, rtol=0.1)
@@ -111,7 +111,7 @@ def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(large_from, 
     """A slanted wall before another: 2 x 2 or 4 x 4 rays share each of this plane's boxes, which in
     large pictures are added to pixels of 2 x 2; in strips of any height."""
     monkeypatch.setattr("lfcore.refocus.depth_slicing.LARGE_FROM", large_from)
-    views, plane = crossed_views(Slab(CAMERA, 2, 193)), SensorPlane(1.0, 1.0, "square")
+    views, plane = displaced_views(Slab(CAMERA, 2, 193)), SensorPlane(1.0, 1.0, "square")
     light, depth = noise(views)
     depth[...] = np.linspace(6, 9, 193, dtype=np.float32)
     depth[:, 60:101, 70:130] = 4.0
@@ -132,7 +132,7 @@ def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(large_from, 
 @pytest.mark.parametrize("focus", [1.8, 4.0, 7.0])
 def test_a_ramp_at_one_depth_is_exact(focus):
     """What is linear along the surface is its own average over any pixel and lens."""
-    views, z = crossed_views(Slab(CAMERA, 4, 32)), 3.0
+    views, z = displaced_views(Slab(CAMERA, 4, 32)), 3.0
     ramp = [(z, grey(lambda x, y: 0.5 + 0.1 * x - 0.2 * y), everywhere)]
     picture = sliced(views, [SensorPlane(focus, 1.0, "square")], 16, *seen(views, ramp))[0]
     tangent = (np.arange(16) - 7.5) * CAMERA.field_width / 16
@@ -145,7 +145,7 @@ def test_a_ramp_at_one_depth_is_exact(focus):
 @pytest.mark.parametrize("pixels", [64, 90])
 def test_a_blurred_edge_has_no_weave_in_a_larger_picture(pixels):
     """A bright card far before the focus: the picture changes across its edge and not along."""
-    views = crossed_views(Slab(CAMERA, 4, 32))
+    views = displaced_views(Slab(CAMERA, 4, 32))
     card = (1.7, grey(lambda x, y: 0 * x + 1), lambda x, y: x < 0)
     wall = (9.0, grey(lambda x, y: 0 * x), everywhere)
     planes = [SensorPlane(9.0, 1, "square"), SensorPlane(9.0, 1.3, "circle")]
@@ -155,7 +155,7 @@ def test_a_blurred_edge_has_no_weave_in_a_larger_picture(pixels):
 
 
 def test_what_lies_behind_does_not_shine_through():
-    views = crossed_views(Slab(CAMERA, 2, 64))
+    views = displaced_views(Slab(CAMERA, 2, 64))
     card = (4.0, grey(lambda x, y: 0 * x), lambda x, y: x < 0)
     wall = (12.0, grey(lambda x, y: 0 * x + 1), everywhere)
     plane = SensorPlane(4.0, 1.0, "square")
@@ -172,9 +172,9 @@ def test_what_lies_behind_does_not_shine_through():
 
 def _true_db(surfaces, plane, pixels, of_views, rays=None):
     """PSNR against many rays, each in its own pixel of a camera focused there, without a border."""
-    views = crossed_views(Slab(CAMERA, 4, of_views))
+    views = displaced_views(Slab(CAMERA, 4, of_views))
     picture = sliced(views, [plane], pixels, *rays or seen(views, surfaces))[0]
-    views = crossed_views(Slab(focused_camera(CAMERA, plane), 12, 4 * pixels))
+    views = displaced_views(Slab(focused_camera(CAMERA, plane), 12, 4 * pixels))
     light = seen(views, surfaces)[0].mean(0)
     truth = light.reshape(pixels, 4, pixels, 4, 3).mean((1, 3))
     inner = slice(pixels // 4, -pixels // 4)
@@ -188,7 +188,7 @@ def test_a_thin_rod_before_a_wall(focus, least_db):
     stripes = grey(lambda x, y: 0.5 + 0.4 * np.sin(6 * x) * np.sin(5 * y))
     rod = (4.0, grey(lambda x, y: 0 * x + 0.05), lambda x, y: np.abs(x - 0.03) < 0.08)
     surfaces = [rod, (12.0, stripes, everywhere)]
-    light, depth = seen(crossed_views(Slab(CAMERA, 4, 48)), surfaces)
+    light, depth = seen(displaced_views(Slab(CAMERA, 4, 48)), surfaces)
     found = _true_db(surfaces, plane, 24, 48)
     assert found > least_db
     assert found > 1 + _true_db(surfaces, plane, 24, 48, (light, np.full_like(depth, focus)))
@@ -218,7 +218,7 @@ def test_a_stopped_down_picture_is_that_of_the_smaller_lens(f_number):
 
 
 def test_no_light_is_lost_as_the_lens_stops_down_and_none_beyond_it_is_made():
-    views = crossed_views(Slab(CAMERA, 4, 16))
+    views = displaced_views(Slab(CAMERA, 4, 16))
     rays = seen(views, [(5.0, grey(lambda x, y: 0 * x + 0.8), everywhere)])
     planes = [SensorPlane(4.0, 2.0, "square", normalise=how) for how in ("aperture", "lens")]
     whole, dimmed = sliced(views, planes, 8, *rays)

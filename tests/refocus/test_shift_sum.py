@@ -13,7 +13,7 @@ from scattered_planes import form_plane
 from scipy.ndimage import map_coordinates
 from stored_fields import tile_frames, write_field
 
-from lfcore import Camera, Extent, FrameLayout, LightField, SensorPlane, Slab, open_device
+from lfcore import Camera, Extent, LightField, SensorPlane, Slab, open_device
 from lfcore.cli import main
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.evaluation.metrics import psnr
@@ -25,6 +25,7 @@ from lfcore.refocus.resampling import coverage
 from lfcore.refocus.shift_sum import ViewSummer, shift_sum, shift_sum_views, to_fixed
 from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_views import read_stored, read_views
+from lfcore.storage.layout import FrameLayout
 
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 PLANES = [

@@ -9,7 +9,7 @@ from plain_scenes import refused
 from scattered_planes import form_plane, scattered_sums
 from stored_fields import write_field
 
-from lfcore import Camera, FrameLayout, Lattice, SensorPlane, Slab, open_device, render
+from lfcore import Camera, Lattice, SensorPlane, Slab, open_device, render
 from lfcore.colour import srgb_decode
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.lightfield import LightField
@@ -24,6 +24,7 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record import record_slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.chunks import tile_corners
 

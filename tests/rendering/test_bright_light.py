@@ -7,11 +7,12 @@ import pytest
 from plain_scenes import refused, scene, wall
 
 import lfcore
-from lfcore import FrameLayout, Material
+from lfcore import Material
 from lfcore.colour import pq_decode, pq_encode, srgb_codes
 from lfcore.exr import read_exr_picture
 from lfcore.oracle import colour as truth
 from lfcore.pictures import read_picture
+from lfcore.storage.layout import FrameLayout
 
 CAMERA = lfcore.Camera(focal_length_m=0.1, sensor_width_m=0.05, f_number=1.0, focus_m=1.0)
 PIXELS, RADIANCE, DISTANCE = 96, 50.0, 4.0

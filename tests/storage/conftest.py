@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from stored_fields import tile_frames, write_field
 
-from lfcore import Camera, Encoding, FrameLayout, Slab
-from lfcore.storage.layout import Tile
+from lfcore import Camera, Encoding, Slab
+from lfcore.storage.layout import FrameLayout, Tile
 
 
 def waves(views: int, pixels: int) -> np.ndarray:

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from plain_scenes import refused
 from stored_fields import segment_frames
 
-from lfcore import Encoding, FrameLayout, LightField, StorageError
+from lfcore import Encoding, LightField, StorageError
 from lfcore.colour import display_values
 from lfcore.storage.codecs import SMALLEST_FRAME
 from lfcore.storage.container import join_segments, pack_segments, unpacked
 from lfcore.storage.defaults import chosen_encoding, default_kind, default_pack, macropixel_pack
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.segment import SegmentWriter, open_video
 

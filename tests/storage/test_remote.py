@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from plain_scenes import CHART, SCENES
 
-from lfcore import Encoding, FrameLayout, LightField, StorageError
+from lfcore import Encoding, LightField, StorageError
 from lfcore.cli import main
 from lfcore.storage.ebml import scan
+from lfcore.storage.layout import FrameLayout
 
 pytest.importorskip("fsspec", reason="fsspec is not installed: pip install -e '.[remote]'")
 pytest.importorskip("aiohttp", reason="aiohttp is not installed: pip install -e '.[remote]'")

@@ -13,12 +13,13 @@ from stored_fields import segment_frames
 from test_damage import remux, signed
 from test_light_field import PRESETS, read
 
-from lfcore import Camera, Encoding, FrameLayout, Metadata, Slab, StorageError
+from lfcore import Camera, Encoding, Metadata, Slab, StorageError
 from lfcore.colour import to_uint8
 from lfcore.evaluation.metrics import psnr
 from lfcore.storage.codecs import CODECS, SMALLEST_FRAME
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes, sweep_step
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.segment import SegmentWriter, open_video, read_segment

@@ -19,10 +19,12 @@ import numpy as np
 import tracing_scenes
 from tracing_scenes import LAMP, WALL, lit_soup, scene, soup, unit
 
-from lfcore import Device, FrameLayout, Scene, SensorPlane, Slab, Tracer, open_device
+from lfcore import Device, Scene, SensorPlane, Slab, open_device
 from lfcore.optics import bundles
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 TABLE = Path(__file__).with_suffix(".json")
 CAMERA = dataclasses.replace(tracing_scenes.CAMERA, focus_m=3.0)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from tracing_scenes import scene
 
-from lfcore import Tracer
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.header import header
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 

@@ -9,17 +9,19 @@ import pytest
 from plain_scenes import refused
 from tracing_scenes import CAMERA, painted_soup
 
-from lfcore import FrameLayout, SensorPlane, Slab, Tracer, open_device
+from lfcore import SensorPlane, Slab, open_device
 from lfcore.opencl import device as devices
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels, views
 from lfcore.refocus import strip_tables
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import chunks, layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.header import header
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.plan import BLOCKS_EACH, PROBED_BLOCKS, best_outer, probed_blocks
+from lfcore.tracing.tracer import Tracer
 
 SLAB = Slab(CAMERA, 8, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2)

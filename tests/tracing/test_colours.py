@@ -23,7 +23,7 @@ from tracing_scenes import (
 )
 
 import lfcore
-from lfcore import BakedLight, FrameLayout, Slab, Tracer
+from lfcore import BakedLight, Slab
 from lfcore.optics import bundles
 from lfcore.optics.bundles import Bundles, macropixels
 from lfcore.oracle import colour as truth
@@ -31,8 +31,10 @@ from lfcore.oracle.shading import radiance
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
 from lfcore.scene.sky_gloss import LEVELS, SIDE, reflected_shares, sky_gloss
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.surfaces import pack_light
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 

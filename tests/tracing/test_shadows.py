@@ -20,14 +20,16 @@ from tracing_scenes import (
     unit,
 )
 
-from lfcore import FrameLayout, SensorPlane, Slab, Tracer
+from lfcore import SensorPlane, Slab
 from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.shading import radiance, shade
 from lfcore.oracle.slab import all_pixels, slab_rays
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 

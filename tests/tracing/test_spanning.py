@@ -21,7 +21,7 @@ from tracing_scenes import (
     tracer_of,
 )
 
-from lfcore import FrameLayout, Material, SensorPlane, Slab
+from lfcore import Material, SensorPlane, Slab
 from lfcore.evaluation.stability.measurement import mismatches
 from lfcore.evaluation.stability.shapes import random_rays, single
 from lfcore.evaluation.stability.shapes import soup as measured_soup
@@ -29,6 +29,7 @@ from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
 from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import chunks, job
 from lfcore.tracing.plan import probe
 

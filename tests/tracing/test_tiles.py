@@ -20,17 +20,19 @@ from tracing_scenes import (
     tracer_of,
 )
 
-from lfcore import DeviceError, FrameLayout, SensorPlane, Slab, Tracer, open_device
+from lfcore import DeviceError, SensorPlane, Slab, open_device
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE, targets
 from lfcore.oracle import colour as truth
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.storage.defaults import frame_layout
+from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
 from lfcore.tracing import plane_buffers
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.chunks import grid_corner
 from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
+from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
 

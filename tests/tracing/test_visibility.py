@@ -10,12 +10,13 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from tracing_scenes import CAMERA, LAMP, check_hits, closed_room, colours, scene, soup, tracer_of
 
-from lfcore import Slab, Tracer
+from lfcore import Slab
 from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import slab_hits
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.packets import PACKET_ROWS
+from lfcore.tracing.tracer import Tracer
 
 # How rays are followed: as the scene asks for, by blocks of some elements, or one by one.
 WAYS = [

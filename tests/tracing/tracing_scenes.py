@@ -10,7 +10,7 @@ import numpy as np
 import plain_scenes
 import trimesh
 
-from lfcore import Scene, Slab, Tracer
+from lfcore import Scene, Slab
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.plane_sums import total
 from lfcore.oracle import colour as truth
@@ -18,6 +18,7 @@ from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
+from lfcore.tracing.tracer import Tracer
 
 WALL = np.float32([[[-9, -9, 5], [9, -9, 5], [9, 9, 5]], [[-9, -9, 5], [9, 9, 5], [-9, 9, 5]]])
 """Two triangles that fill the picture, behind all others."""

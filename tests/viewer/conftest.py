@@ -7,7 +7,8 @@ from stored_fields import tile_frames, write_field
 from two_planes import FAR, NEAR, PIXELS, SLAB, VIEWS, two_planes
 from viewer_browser import chromium
 
-from lfcore import FrameLayout, LightField
+from lfcore import LightField
+from lfcore.storage.layout import FrameLayout
 
 
 @pytest.fixture(scope="session")

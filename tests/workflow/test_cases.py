@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plain_scenes import refused
 
-from lfcore import Camera, Encoding, FrameLayout, SensorPlane, Slab, open_device
+from lfcore import Camera, Encoding, SensorPlane, Slab, open_device
 from lfcore.cli import parser
 from lfcore.cli.command import encoder
 from lfcore.errors import SettingsError
@@ -20,6 +20,7 @@ from lfcore.evaluation.sweep import sweep_figure, sweep_rows
 from lfcore.evaluation.table_files import read_rows, write_rows
 from lfcore.rendering.prepared import open_tracer
 from lfcore.storage import defaults
+from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings, schema
 from lfcore.workflow.sweep import joined, plan
