@@ -1,4 +1,4 @@
-"""The fault injector and the throw-away SLURM, and a short form of `make faults`."""
+"""The fault injector, and a short form of `python -m robustness.faults`."""
 
 import subprocess
 import sys
@@ -8,8 +8,7 @@ from random import Random
 
 import pytest
 
-from robustness import cluster, disks, faults, kills
-from robustness.cluster import Run, digests
+from robustness import disks, faults, kills
 from robustness.disks import Writer
 
 pytestmark = pytest.mark.slow
@@ -96,48 +95,3 @@ def test_surroundings_that_are_not_as_they_should(tmp_path):
              "threads: abc")  # fmt: skip
     results = dict(faults.try_all(tmp_path / "folder", names))
     assert results == dict.fromkeys(names, "")
-
-
-JOB = {
-    "number": "3", "name": "run", "state": "NODE_FAIL", "submitted": "2026-01-01T00:00:00",
-    "begun": "2026-01-01T00:00:02", "ended": "2026-01-01T00:00:12", "limit": "10:00",
-    "memory": "3000M", "comment": "rule_trace",
-}  # fmt: skip
-
-
-def a_run(**more):
-    given = Run("a", 0, "", 20.0, 5, [JOB], {"a": "1", "b": "2"})
-    return replace(given, wrong=[], **more)
-
-
-def test_a_run_is_held_to_the_undisturbed_one():
-    undisturbed = a_run()
-    same, other, failed = a_run(), a_run(digests={"a": "1", "b": "3"}), a_run(status=1, said="x")
-    for one in (same, other, failed):
-        one.compare(undisturbed)
-    assert not same.wrong and same.row()["results"] == "2 identical"
-    assert other.wrong == ["other results: ['b']"] and "DIFFERENT" in other.summary()
-    assert failed.wrong[0].startswith("status 1")
-    assert same.inside_s == 10
-
-
-def test_what_is_tried_again_must_ask_for_more():
-    more = JOB | {"number": "5", "limit": "20:00", "memory": "6000M", "state": "COMPLETED"}
-    assert not list(cluster.more_was_asked(a_run(submissions=[JOB, more]), [JOB]))
-    for less in ({"memory": "3000M"}, {"limit": "10:00"}, {"number": "2"}, {"comment": "rule_x"}):
-        done = a_run(submissions=[JOB, more | less])
-        assert list(cluster.more_was_asked(done, [JOB]))
-    limits = {"limit": "1-02:00:30", "memory": "1.5G"}
-    time, memory_kib = cluster.asked(limits)
-    assert (time.total_seconds(), memory_kib) == (26 * 3600 + 30, 1.5 * 1024**2)
-
-
-def test_tables_are_compared_without_their_seconds(tmp_path):
-    tables = tmp_path / "results" / "tables"
-    tables.mkdir(parents=True)
-
-    def written(seconds, psnr):
-        (tables / "table_7_1.csv").write_text(f"scene,N,seconds,psnr_db\nbike,8,{seconds},{psnr}\n")
-        return digests(tmp_path)
-
-    assert written(1.0, 40.5) == written(2.0, 40.5) != written(1.0, 40.6)

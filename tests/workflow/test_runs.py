@@ -1,6 +1,5 @@
-"""Runs that are killed or meet in one folder; profiles; a workflow that is deployed."""
+"""Runs that are killed or meet in one folder, and a workflow that is deployed."""
 
-import importlib.util
 import os
 import shutil
 import signal
@@ -8,12 +7,10 @@ import subprocess
 import sys
 import time
 
-import fsspec
 import pytest
 
 from lfcore.workflow.job import RUN
 from robustness.kills import make_run
-from robustness.object_storage import KEYS, server
 from robustness.outcome import ROOT
 
 pytestmark = pytest.mark.workflow
@@ -124,51 +121,6 @@ def test_a_job_that_begins_after_its_run_has_died_ends():
             capture_output=True, text=True,
         )  # fmt: skip
         assert done.stdout == words
-
-
-PLUGINS = {
-    "slurm": ["snakemake_executor_plugin_slurm"],
-    "s3": ["snakemake_storage_plugin_s3"],
-    "kubernetes": ["snakemake_executor_plugin_kubernetes", "snakemake_storage_plugin_s3"],
-}
-
-
-def needed(profile):
-    absent = [one for one in PLUGINS.get(profile, []) if importlib.util.find_spec(one) is None]
-    if absent:
-        pytest.skip(f"{', '.join(absent)} not installed")
-
-
-def test_every_key_of_every_profile_is_an_option(tmp_path, capsys):
-    from snakemake.cli import parse_args
-
-    profiles = sorted((ROOT / "profiles").iterdir())
-    assert {profile.name for profile in profiles} == {"default", *PLUGINS}
-    for profile in profiles:
-        needed(profile.name)
-        parse_args(["--workflow-profile", str(profile), "--dry-run"])
-    (tmp_path / "config.yaml").write_text("no-such-option: 1\n")
-    with pytest.raises(SystemExit):
-        parse_args(["--workflow-profile", str(tmp_path), "--dry-run"])
-    assert "no-such-option" in capsys.readouterr().err
-
-
-def test_kubernetes_is_planned_with_an_image_and_no_shared_folder(tmp_path):
-    needed("kubernetes")
-    for package in ("moto.server", "s3fs"):
-        pytest.importorskip(package)
-    with server() as url:
-        fsspec.filesystem("s3", key="any", secret="any", endpoint_url=url).mkdir("mine")
-        done = subprocess.run(
-            [sys.executable, "-m", "snakemake", "--workflow-profile", "profiles/kubernetes",
-             "--storage-s3-endpoint-url", url, "--default-storage-prefix", "s3://mine/run",
-             "--directory", str(tmp_path), "--configfile", "config/smoke.yaml", "--dry-run",
-             "--", "results/tables/index.html"],
-            cwd=ROOT, env=os.environ | KEYS, capture_output=True, text=True,
-        )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "s3://mine/run/results/tables/index.html (send to storage)" in done.stdout
-    assert not list(tmp_path.glob("results"))
 
 
 def test_the_workflow_is_linted_where_only_snakemake_is_installed(checkout, tmp_path):
