@@ -1,4 +1,4 @@
-"""How much there is to read in the tracer's kernels (make count)."""
+"""How much there is to read in the tracer's kernels."""
 
 import re
 from pathlib import Path

@@ -213,9 +213,9 @@ def copy_project(folder: Path) -> None:
 
 
 def make_run(arguments: str, directory: str = ".") -> tuple[str, ...]:
-    """The command of ``make run`` with this environment, without make itself between it and us."""
+    """The shell command of ``make tables`` in this environment."""
     said = subprocess.run(
-        ["make", "--no-print-directory", "-n", "-o", f"{sys.prefix}/installed", "run",
+        ["make", "--no-print-directory", "-n", "-o", f"{sys.prefix}/installed", "tables",
          f"VENV={sys.prefix}", f"ARGS={arguments}", f"DIRECTORY={directory}"],
         cwd=ROOT, check=True, capture_output=True, text=True,
     )  # fmt: skip

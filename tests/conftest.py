@@ -42,17 +42,6 @@ def pytest_report_header(config):
     return f"OpenCL devices: {', '.join(DEVICES) or MISSING}"
 
 
-def pytest_terminal_summary(terminalreporter, config):
-    """Keep the row of this run in the table of what was tested where, if it is asked for."""
-    if os.environ.get("SUPPORT"):
-        from benchmarks import support
-
-        counts = {name: len(found) for name, found in terminalreporter.stats.items()}
-        counts["failed"] = counts.get("failed", 0) + counts.get("error", 0)
-        chosen = [*map(os.path.relpath, config.args), config.option.markexpr]
-        support.keep(DEVICES, " ".join(filter(None, chosen)), counts)
-
-
 @pytest.fixture(
     scope="session", params=DEVICES or [pytest.param(None, marks=pytest.mark.skip(reason=MISSING))]
 )

@@ -156,7 +156,7 @@ class Configuration(Keys):
         "core minutes of tracing per job; a killed run loses no more", 2
     )
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
-    sweep: str = key("a table of cases for `make sweep`; empty: none", "")
+    sweep: str = key("a table of cases for the target `sweep`; empty: none", "")
     dataset: dict[str, Any] = key(
         "a data set to make, as `config/datasets/` has them (docs/tutorials/datasets.md); empty: "
         "none",

@@ -19,6 +19,7 @@ from lfcore.workflow import keys
 from lfcore.workflow.studies import STUDIES, Configuration
 
 ROOT = Path(__file__).resolve().parents[2]
+COMMAND = "`python -m lfcore.workflow.settings`"
 
 
 def check_settings(config: Mapping) -> dict:
@@ -90,7 +91,7 @@ def documents() -> dict[Path, str]:
     text = yaml.safe_dump(
         schema(), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
     )
-    made[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by `make settings`.\n{text}"
+    made[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by {COMMAND}.\n{text}"
     readme = ROOT / "config/README.md"
     models: dict[str, type[keys.Keys]] = {"keys": keys.Configuration, "planes": keys.Plane}
     head = "| key | meaning | default |\n|---|---|---|\n"
@@ -111,7 +112,7 @@ def main() -> None:
             if not check:
                 write_text(path, text)
     for path in stale:
-        print(f"{path}: {'stale; run `make settings`' if check else 'written'}")
+        print(f"{path}: {f'stale; run {COMMAND}' if check else 'written'}")
     sys.exit(bool(check and stale))
 
 

@@ -1,6 +1,6 @@
 """What rays of four small scenes give, to the last bit: one digest for each piece of work.
 
-    make digests
+    PYTHONPATH=tests python tests/tracing/digests.py --write
 
 remakes the table beside this file.  Every processor is held to the table, so that one that gives
 other bits is found out.  The table is remade when a change of the program means to change bits,

@@ -1,4 +1,4 @@
-"""Profiles of clusters and object storage: planned, submitted in groups, and run on an S3 server."""
+"""Profiles of clusters and object storage: planned, submitted in groups, run on an S3 server."""
 
 import logging
 import os

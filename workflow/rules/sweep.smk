@@ -1,5 +1,5 @@
 # A sweep: all its cases in one graph, joined in one table and a figure.
-#   make sweep SWEEP=config/sweeps/crf.tsv
+#   snakemake --cores 2 --config sweep=config/sweeps/crf.tsv -- sweep
 if config["sweep"]:
     SWEPT = f"results/sweeps/{Path(config['sweep']).stem}"
     POINT = "group~{group}/scene~{scene}/n~{n}"
