@@ -28,6 +28,9 @@ from lfcore.pictures import write_picture
 
 View = TypeVar("View")
 TWO = re.compile(r"(?<!\d)(\d+)_(\d+)$")
+DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
+COLUMN, ROW = ("x", "c", "col", "column"), ("y", "r", "row")
+"""The words before a number that say what it counts."""
 PLENO = re.compile(r"\d{3}_\d{3}\.ppm")
 PLENO_BITS = 10
 CONFIG, KIND = "views.json", "lfcore views"
@@ -43,9 +46,42 @@ def read_folder(path: Path, options: ReadOptions) -> ViewGrid:
     files = pictures.pictures_of(path) if path.is_dir() else []
     if not files:
         raise ExchangeError("holds no pictures", file=path)
-    order = options.order or Order()
-    numbered = None if options.views else by_numbers(files, path, order)
-    return of_files(numbered or _in_order(files, path, options.views, order), path.name)
+    pairs = None if options.views else _pairs([file.stem for file in files])
+    if pairs is None:
+        return of_files(_in_order(files, path, options.views, options.order or Order()), path.name)
+    numbers, columns_first = pairs
+    order = options.order or Order(columns_first)
+    return of_files(_by_pairs(files, numbers, path, order), path.name)
+
+
+def _pairs(stems: list[str]) -> tuple[list[tuple[int, int]], bool] | None:
+    """The two numbers of each name that count rows and columns, and whether columns are first.
+
+    Dates are left out.  Of names that differ in their numbers alone, these are the two that differ,
+    but for one that is another with each name; a number that is the same in all names is that of a
+    single row if it is written like that of the columns.
+    """
+    words = [re.split(r"(\d+)", DATE.sub("", stem.lower())) for stem in stems]
+    if len({tuple(word[::2]) for word in words}) > 1:
+        ends = [TWO.search(stem) for stem in stems]
+        return None if None in ends else ([(int(m[1]), int(m[2])) for m in ends if m], False)
+    written = list(zip(*(word[1::2] for word in words), strict=True))
+    counts = [len(set(map(int, number))) for number in written]
+    several, last = [k for k, count in enumerate(counts) if count > 1], len(written) - 1
+    if len(several) == 2 and max(counts) == len(stems):
+        return None  # the number of the picture, and another
+    if len(several) == 1 and several[0] >= last - 1 and TWO.search(stems[0]) and last:
+        other = written[2 * last - 1 - several[0]][0]
+        alike = len(other) == min(map(len, written[several[0]]))
+        if alike or math.isqrt(len(stems)) ** 2 != len(stems):
+            several = [last - 1, last]
+    elif len(several) > 2 and TWO.search(stems[0]):
+        several = [last - 1, last]
+    if len(several) != 2:
+        return None
+    labels = [re.sub(r"[^a-z]", "", words[0][2 * k]) for k in several]
+    first, second = (map(int, written[k]) for k in several)
+    return list(zip(first, second, strict=True)), labels[0] in COLUMN and labels[1] in ROW
 
 
 def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
@@ -57,12 +93,17 @@ def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
 
 def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
     """``files[row][column]`` by the two numbers that end each name; None if one has none."""
-    found = [(file, match) for file in files if (match := TWO.search(file.stem))]
-    if len(found) < len(files):
+    found = [TWO.search(file.stem) for file in files]
+    if None in found:
         return None
+    return _by_pairs(files, [(int(m[1]), int(m[2])) for m in found if m], folder, order)
+
+
+def _by_pairs(
+    files: list[Path], pairs: list[tuple[int, int]], folder: Path, order: Order
+) -> list[list[Path]]:
     places: dict[tuple[int, int], Path] = {}
-    for file, match in found:
-        first, second = int(match[1]), int(match[2])
+    for file, (first, second) in zip(files, pairs, strict=True):
         place = (second, first) if order.columns_first else (first, second)
         if place in places:
             raise ExchangeError(f"has the numbers of {places[place].name}, too", file=file)

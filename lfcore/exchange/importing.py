@@ -1,5 +1,6 @@
 """Light fields of others into ours: recognise, read, complete the geometry, encode."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,11 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.views_store import store_views
+
+MOST_ASIDE = 4.0
+"""The ratio of squared movements aside to those along from which lines count as exchanged."""
+LEAST_MOVED = 0.05
+"""The movement in pixels, root mean square, below which optical flow is of noise."""
 
 
 def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
@@ -122,23 +128,34 @@ def store_grid(
 
 
 def check_order(grid: ViewGrid) -> str | None:
-    """A warning where rows seem to run the other way than columns, by the sign of parallax.
+    """A warning where rows and columns seem exchanged, or one of them reversed, by parallax.
 
-    Points move against the camera by as much across as down.  Optical flow from the middle view to
-    its neighbours gives both movements; where they are strong their product is positive.
+    Points move against the camera: across from column to column, down from row to row, and by as
+    much.  Optical flow from the middle view to its neighbours gives both movements; where they are
+    strong their product is positive.
     """
-    if min(grid.columns, grid.rows) < 2 or min(grid.width, grid.height) < 16:
+    if max(grid.columns, grid.rows) < 2 or min(grid.width, grid.height) < 16:
         return None
     import cv2
 
     i, j = (grid.columns - 1) // 2, (grid.rows - 1) // 2
-    middle, *others = (_grey(grid.read(*at)) for at in ((i, j), (i + 1, j), (i, j + 1)))
-    across, down = (
-        cv2.calcOpticalFlowFarneback(middle, other, None, 0.5, 3, 15, 3, 5, 1.2, 0)[..., axis]  # type: ignore[call-overload]
-        for axis, other in enumerate(others)
-    )
-    power = np.sqrt(np.sum(across**2) * np.sum(down**2))
-    if power > 1e-9 and np.sum(across * down) < -0.5 * power:
+    middle = _grey(grid.read(i, j))
+    flows = [
+        cv2.calcOpticalFlowFarneback(middle, _grey(grid.read(*at)), None, 0.5, 3, 15, 3, 5, 1.2, 0)  # type: ignore[call-overload]
+        if at[0] < grid.columns and at[1] < grid.rows
+        else np.zeros((*middle.shape, 2))
+        for at in ((i + 1, j), (i, j + 1))
+    ]
+    power = np.array([np.sum(flow.astype(np.float64) ** 2, (0, 1)) for flow in flows])
+    along, aside = power.trace(), power.sum() - power.trace()
+    if aside > MOST_ASIDE * along and aside > middle.size * LEAST_MOVED**2:
+        return (
+            "points move down from column to column, or across from row to row: rows and columns "
+            "are exchanged, see --order"
+        )
+    across, down = (flow[..., axis] for axis, flow in enumerate(flows))
+    both = math.sqrt(power[0, 0] * power[1, 1])
+    if both > 1e-9 and np.sum(across * down) < -0.5 * both:
         return (
             "points move the other way from row to row than from column to column: the order of "
             "one of them is wrong"

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.exchange import pictures
-from lfcore.exchange.folder import of_files
 from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.lenses import Lens, as_pinholes
 from lfcore.exchange.reading import ExchangeError, existing, read_text, refused, unreadable
 from lfcore.exchange.source import Source, View
 from lfcore.files import write_text
@@ -26,8 +26,14 @@ from lfcore.pictures import write_picture
 
 _TURNED, _APART, _FARTHEST = 1e-3, 1e-2, 1e12
 MODEL = Path("sparse") / "0"
-PARAMETERS = {"PINHOLE": (0, 2, 3), "SIMPLE_PINHOLE": (0, 1, 2), "OPENCV": (0, 2, 3)}
-"""The places of focal length and principal point among a camera's parameters."""
+LENSES = {
+    "SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1",
+    "RADIAL": "f cx cy k1 k2", "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 d1 d2 d3",
+    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4", "SIMPLE_RADIAL_FISHEYE": "f cx cy k1",
+    "RADIAL_FISHEYE": "f cx cy k1 k2",
+}  # fmt: skip
+"""The parameters of COLMAP's camera models, by the names of :meth:`Lens.of`."""
 POSES = "poses_bounds.npy"
 
 
@@ -79,20 +85,16 @@ def _lines(values: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     return line, places
 
 
-def views(
-    poses: np.ndarray, centres: np.ndarray, focal: float, files: Sequence[Path], described: Path
-) -> ViewGrid:
-    """The light field of pictures with poses (K, 4, 4), as for :func:`on_a_plane`.
-
-    ``centres`` (K, 2) are principal points from the top left corner, ``focal`` the focal length,
-    pixels.
-    """
+def views(poses: np.ndarray, lenses: list[Lens], files: list[Path], described: Path) -> ViewGrid:
+    """The light field of pictures with poses (K, 4, 4), as for :func:`on_a_plane`, and lenses."""
     grid = on_a_plane(poses, described, [file.name for file in files])
-    size = pictures.size_of(files[0])
-    delta, notes = _delta(grid, centres[grid.index], size, focal)
-    placed = [[files[k] for k in line] for line in grid.index]
-    name = described.resolve().parent.name or "views"
-    return of_files(placed, name, geometry=Geometry(grid.pitch, 1 / focal, delta), notes=notes)
+    seen = as_pinholes(lenses, files, described)
+    delta, notes = _delta(grid, seen.centres[grid.index], seen.size, seen.focal)
+    return ViewGrid(
+        len(grid.x), len(grid.y), *seen.size, lambda i, j: seen.read(int(grid.index[j, i])),
+        described.resolve().parent.name or "views",
+        geometry=Geometry(grid.pitch, 1 / seen.focal, delta), notes=(*seen.notes, *notes),
+    )  # fmt: skip
 
 
 def _delta(
@@ -154,10 +156,9 @@ def read_colmap(path: Path, options: ReadOptions) -> ViewGrid:
     cameras = _cameras(path / MODEL / "cameras.txt")
     file = path / MODEL / "images.txt"
     poses, lenses, files = [], [], []
-    # Every second line has the points of an image, and may be empty.
-    for line in _text_lines(file)[::2]:
+    for line in _image_lines(file):
         with refused(f"has a line that is no image: {line[:60]!r}", file):
-            words = line.split()
+            words = line.split(None, 9)  # a name may have spaces
             turn, move = np.array(words[1:5], float), np.array(words[5:8], float)
             lens, name = cameras[words[8]], words[9]
             to_camera = Rotation.from_quat(turn[[1, 2, 3, 0]]).as_matrix()
@@ -169,30 +170,45 @@ def read_colmap(path: Path, options: ReadOptions) -> ViewGrid:
         files.append(existing([path / "images" / name], "images.txt asks for it"))
     if not files:
         raise ExchangeError("holds no images", file=file)
-    numbers = np.array(lenses)
-    if not np.ptp(numbers[:, 0]) <= 1e-3 * numbers[0, 0]:
-        raise ExchangeError("focal lengths differ from camera to camera", file=file)
-    return views(np.array(poses), numbers[:, 1:], float(numbers[0, 0]), files, file)
+    return views(np.array(poses), lenses, files, file)
 
 
-def _cameras(file: Path) -> dict[str, list[float]]:
-    """Focal length and principal point by the camera's number."""
+def _cameras(file: Path) -> dict[str, Lens]:
+    """Lenses by the camera's number."""
     found = {}
-    models = ", ".join(PARAMETERS)
+    models = ", ".join(LENSES)
     for line in filter(None, _text_lines(file)):
         problem = f"has a camera that cannot be read: {line[:60]!r}. Models that can be: {models}"
         with refused(problem, file):
-            words = line.split()
-            numbers = [float(words[4 + place]) for place in PARAMETERS[words[1]]]
-            if not (numbers[0] > 0 and np.isfinite(numbers).all()):
-                raise ValueError
-        found[words[0]] = numbers
+            number, model, width, height, *values = line.split()
+            given = dict(zip(LENSES[model].split(), map(float, values), strict=True))
+            found[number] = Lens.of(given, (float(width), float(height)), "FISHEYE" in model)
     return found
 
 
 def _text_lines(file: Path) -> list[str]:
-    """The lines without comments; empty lines are kept, as images have two lines each."""
-    return [line for line in read_text(file).splitlines() if not line.startswith("#")]
+    """The lines without comments and outer blanks; empty lines are kept."""
+    lines = map(str.strip, read_text(file).splitlines())
+    return [line for line in lines if not line.startswith("#")]
+
+
+def _image_lines(file: Path) -> Iterator[str]:
+    """The lines of images, each of which may be followed by one of points, x, y and number each."""
+    after_image = False
+    for line in _text_lines(file):
+        words = line.split()
+        is_points = after_image and len(words) % 3 == 0 and all(map(_is_number, words))
+        after_image = bool(line) and not is_points
+        if after_image:
+            yield line
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def write_colmap(source: Source, folder: Path, options: WriteOptions) -> None:
@@ -224,20 +240,21 @@ def read_llff(path: Path, options: ReadOptions) -> ViewGrid:
     if not np.isfinite(rows).all():
         raise ExchangeError("holds numbers that are not finite", file=file)
     files = pictures.pictures_of(path / "images") if (path / "images").is_dir() else []
+    counted, files = files, sorted(files)  # as LLFF's own reader
     if len(files) != len(rows):
         raise ExchangeError(f"has {len(rows)} poses for {len(files)} pictures", file=file)
     matrix = rows[:, :15].reshape(-1, 3, 5)
-    focal = matrix[:, 2, 4]
-    if not (focal.min() > 0 and np.ptp(focal) <= 1e-3 * focal[0]):
-        raise ExchangeError("focal lengths differ, or are not positive", file=file)
+    with refused("has focal lengths or sizes that are not positive", file):
+        lenses = [
+            Lens.of({"f": f, "cx": w / 2, "cy": h / 2}, (w, h)) for h, w, f in matrix[:, :, 4]
+        ]
     down, right, back, place = (matrix[:, :, k] for k in range(4))
     poses = np.stack([right, -down, back, place], -1)
-    width, height = pictures.size_of(files[0])
-    # The pictures may have been scaled since; the focal length is scaled alike.
-    focal_px = float(focal[0] * width / matrix[0, 1, 4]) if matrix[0, 1, 4] > 0 else float(focal[0])
-    centres = np.tile([width / 2, height / 2], (len(rows), 1))
     near, far = float(rows[:, 15].min()), float(rows[:, 16].max())
-    found = views(poses, centres, focal_px, files, file)
+    found = views(poses, lenses, files, file)
+    if counted != files:
+        what = f"poses are of pictures in the alphabet's order: {files[0].name}, {files[1].name}"
+        found = replace(found, notes=(*found.notes, what))
     return replace(found, depth_m=(near, far)) if 0 < near <= far else found
 
 

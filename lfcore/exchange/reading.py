@@ -37,7 +37,7 @@ def refused(problem: str, file: Path, key: str | None = None) -> Iterator[None]:
 
 def read_text(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8-sig")  # others write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise unreadable(file, error) from None
 

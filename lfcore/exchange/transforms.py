@@ -8,7 +8,6 @@ camera; ``base_x`` is half the width of the grid, in the scene's unit.
 """
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures, posed
 from lfcore.exchange.grid import Geometry, Order, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.lenses import Lens
 from lfcore.exchange.reading import ExchangeError, existing, load_json, read_text, refused
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
@@ -42,20 +42,26 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> ViewGrid:
         poses = np.array([frame["transform_matrix"] for frame in frames], np.float64)
         if poses.shape[1:] not in ((4, 4), (3, 4)):
             raise ValueError
-    with refused("is missing, differs from camera to camera, or is not positive", file, "fl_x"):
-        focal = np.array([data.get("fl_x", frame.get("fl_x")) for frame in frames], np.float64)
-        if not (focal.min() > 0 and np.ptp(focal) <= 1e-3 * focal.max()):
-            raise ValueError
-    middle = dict(zip(("cx", "cy"), np.array(pictures.size_of(files[0])) / 2, strict=True))
-    with refused("is no number", file, "cx, cy"):
-        centres = np.array(
-            [[float(data.get(key, frame.get(key, middle[key]))) for key in middle]
-             for frame in frames]
-        )  # fmt: skip
-    found = posed.views(poses, centres, float(focal[0]), files, file)
-    if any(data.get(key) for key in ("k1", "k2", "k3", "p1", "p2")):
-        found = replace(found, notes=(*found.notes, "the lens's distortion was not corrected"))
-    return found
+    size = pictures.size_of(files[0])
+    lenses = [_nerfstudio_lens({**frame, **data}, size, file) for frame in frames]
+    return posed.views(poses, lenses, files, file)
+
+
+def _nerfstudio_lens(given: dict, size: tuple[int, int], file: Path) -> Lens:
+    """The lens of a frame, with what the file has for all; ``size`` is the picture's."""
+    model = "OPENCV_FISHEYE" if given.get("is_fisheye") else given.get("camera_model", "OPENCV")
+    if str(model) not in posed.LENSES:
+        problem = f"{model!r} is none of {', '.join(posed.LENSES)}"
+        raise ExchangeError(problem, file=file, key="camera_model")
+    width, height = given.get("w", size[0]), given.get("h", size[1])
+    numbers = {key: given.get(key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
+    numbers |= {"cx": given.get("cx", width / 2), "cy": given.get("cy", height / 2)}
+    with refused("is missing, no number, or not positive", file, "fl_x, fl_y, cx, cy, w, h"):
+        if "fl_x" not in given and "camera_angle_x" in given:
+            given = {**given, "fl_x": width / 2 / math.tan(float(given["camera_angle_x"]) / 2)}
+        numbers |= {"fx": given["fl_x"], "fy": given.get("fl_y", given["fl_x"])}
+        numbers = {key: float(value) for key, value in numbers.items()}
+        return Lens.of(numbers, (float(width), float(height)), "FISHEYE" in model)
 
 
 def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> None:
