@@ -44,7 +44,7 @@ class LfcoreError(Exception):
         place = ": ".join(str(part) for part in (file, key) if part)
         text = f"{place}: {problem}" if place else problem
         end = f". {remedy}." if remedy else "."
-        super().__init__(one_line(text) + _printable(end))
+        super().__init__(one_line(text) + printable(end))
 
     def named(
         self, kind: type[Error], *, file: str | Path | None = None, key: str | None = None
@@ -104,14 +104,14 @@ def answers_typos(made: type[Class]) -> type[Class]:
 
 def one_line(text: str) -> str:
     """``text`` as one printable line of at most some :data:`LONGEST_TEXT` characters."""
-    text = _printable(text)
+    text = printable(text)
     if len(text) <= LONGEST_TEXT:
         return text
     # Both ends: the place, and the reason.
     return f"{text[: LONGEST_TEXT * 2 // 3]} ... {text[-(LONGEST_TEXT // 3) :]}"
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """``text`` on one line: names and values from files may hold anything, a terminal's codes too.
 
     Line ends, control characters and halves of surrogate pairs appear as escapes.

@@ -237,8 +237,8 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
     how = given(arguments, "light_points", "up", "view_from", "zoom", "bare")
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
-    if scene.notes:
-        say(_as_options(scene.summary()))
+    for line in _as_options(scene.summary()).splitlines():
+        say(line)
     seen = scene.depth_range
     say(f"{scene.name}: {scene.triangle_count} triangles" + (f", {seen}" if seen else ""))
     note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})

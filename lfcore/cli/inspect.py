@@ -9,6 +9,7 @@ from typing import Any
 import lfcore
 from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
+from lfcore.errors import printable
 from lfcore.optics.size import Size
 from lfcore.reading import SCENES
 from lfcore.storage.codecs import LOSSLESS
@@ -88,8 +89,8 @@ def info(arguments: argparse.Namespace) -> None:
         damage=[damage.reason for damage in field.damage],
         metadata=json.loads(field.metadata.to_text()),
     )  # fmt: skip
-    for name, value in () if arguments.json else facts(field).items():
-        print(f"{name:<15} {value}")
+    if not arguments.json:
+        _print(facts(field))
 
 
 def info_of_scene(arguments: argparse.Namespace) -> None:
@@ -109,10 +110,16 @@ def info_of_scene(arguments: argparse.Namespace) -> None:
         "camera": ("a pinhole" if scene.is_pinhole else _lens(camera)) + view,
         "focus": f"{camera.focus_m:g} m", "seen": str(seen or "nothing"),
     }  # fmt: skip
-    lists = {"account": scene.account_text(), "notes": scene.summary()}
-    found |= {key: text.replace("\n", "\n" + 16 * " ") for key, text in lists.items() if text}
-    for name, value in () if arguments.json else found.items():
-        print(f"{name:<15} {value}")
+    if not arguments.json:
+        _print(found)
+        for key, text in {"account": scene.account_text(), "notes": scene.summary()}.items():
+            for number, line in enumerate(text.splitlines()):
+                _print({"" if number else key: line})
+
+
+def _print(found: dict[str, str]) -> None:
+    for name, value in found.items():
+        print(f"{name:<15} {printable(value)}")
 
 
 def _lens(camera: lfcore.Camera) -> str:

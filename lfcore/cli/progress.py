@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from lfcore.errors import printable
 from lfcore.progress import BUILDING, Progress, watching
 
 SHORTEST_S = 0.05
@@ -85,7 +86,7 @@ def say(text: str) -> None:
     if _records:
         _records[-1]["said"].append(text)
     else:
-        print(text, file=sys.stderr)
+        print(printable(text), file=sys.stderr)
 
 
 def wrote(path: Path, more: str = "") -> None:

@@ -15,6 +15,7 @@ import docutils.core
 import jinja2
 import pandas as pd
 
+from lfcore.errors import printable
 from lfcore.evaluation.table_files import readable, write_markdown
 from lfcore.files import write_text
 
@@ -59,6 +60,7 @@ def write_page(
         (HERE / "page.html").read_text(encoding="utf-8"), autoescape=True,
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True,
+        finalize=lambda value: value if hasattr(value, "__html__") else printable(str(value)),
     )  # fmt: skip
     text = template.render(
         title=title,

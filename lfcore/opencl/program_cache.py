@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, printable
 from lfcore.files import whole_file
 from lfcore.progress import BUILDING, stage
 
@@ -81,7 +81,7 @@ def folder() -> Path | None:
         log.warning(
             "OpenCL programs are built anew by each process: no folder for them (%s). "
             "Set XDG_CACHE_HOME to a folder that can be written",
-            error,
+            printable(str(error)),
         )
         return None
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import OpticsError, SceneError, printable
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import SensorPlane
@@ -375,7 +375,7 @@ class Scene:
         """The account as text, a line per file."""
         files = dict.fromkeys(count.file for count in self.account)
         return "\n".join(
-            f"{file}: {', '.join(str(one) for one in self.account if one.file == file)}"
+            printable(f"{file}: {', '.join(str(one) for one in self.account if one.file == file)}")
             for file in files
         )
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfcore.errors import printable
+
 if TYPE_CHECKING:
     from lfcore.readers.pbrt.lexer import Place
 
@@ -31,7 +33,7 @@ class Note:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else str(self.file)
-        return f"{place}: {self.kind}: {self.what}"
+        return printable(f"{place}: {self.kind}: {self.what}")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import StorageError
+from lfcore.errors import StorageError, printable
 from lfcore.files import write_text
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
@@ -127,7 +127,7 @@ def viewer_page(
     scripts = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
     program = '"use strict";\n' + COMMENT.sub("", scripts)
     parts = {
-        "title": html.escape(data["name"]),
+        "title": html.escape(printable(data["name"])),
         "style": (HERE / "viewer.css").read_text(encoding="utf-8"),
         "status": status,
         # "<" would end the script element.
