@@ -66,7 +66,6 @@ lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/lint-imports
-	$(BIN)/python -m benchmarks.publish --check
 	$(BIN)/mypy
 	$(BIN)/snakemake --lint
 	$(BIN)/python -m lfcore.workflow.settings --check

@@ -23,13 +23,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.measured.rows import parser_of, report, say
-from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
 from benchmarks.peers.mitsuba_path import mitsuba_path
 from benchmarks.peers.mitsuba_picture import denoised
-from benchmarks.results import with_kept
+from benchmarks.results import parser_of, report, say, with_kept
+from benchmarks.sample import SCENES
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.baking.bake import bake_light
@@ -224,6 +223,22 @@ def figure(table: pd.DataFrame, path: Path) -> None:
     save_figure(path, drawn)
 
 
+SHOWN = {
+    "bake": ["core s", "MiB", "expected", "dB"],
+    "planes": ["core s", "bake core s", "a tenth from plane", "dB"],
+    "price": ["price"],
+}
+"""The published columns of each part."""
+
+
+def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The published tables, one per part, by the suffix of their file."""
+    return {
+        f"_{part}": table.loc[table["part"] == part, ["scene", "setting", *columns]]
+        for part, columns in SHOWN.items()
+    }
+
+
 def main() -> None:
     parser = parser_of(__doc__ or "", scenes=tuple(PATHS), pixels=128)
     parser.add_argument("--figure", type=Path)
@@ -254,7 +269,7 @@ def main() -> None:
                 contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
     made = pd.DataFrame(rows).assign(pixels=options.pixels)
     table = with_kept(made, options.out, "scene", "part")
-    report(options.out, "python -m benchmarks.light", table)
+    report(options.out, "python -m benchmarks.light", table, shown=shown(table))
     if options.figure:
         figure(table, options.figure)
 

@@ -1,10 +1,18 @@
-"""Result files: measured rows as CSV, below lines ``# key: value`` that say what they are of."""
+"""Result files: rows as CSV below lines ``# key: value`` of their run, and tables as Markdown.
 
+    python -m benchmarks.results --command "make tables" results/tables docs/results table_7_1 ...
+
+keeps tables of a run of the workflow: the CSV with what is known of the run, and the Markdown.
+"""
+
+import argparse
 import datetime
 import io
+import shlex
 import subprocess
+import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -14,47 +22,85 @@ from lfcore.files import write_text
 from lfcore.timing import machine
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "benchmarks" / "published"
 OF_RUN = ("command", "commit", "processor", "date")
-"""What is known of every result."""
+"""What is known of every run."""
 
 
-class PublishError(LfcoreError):
-    """Results that cannot be published."""
+class ResultError(LfcoreError):
+    """A result file without what is known of its run."""
 
 
-def write_result(path: Path, provenance: dict[str, str], rows: pd.DataFrame) -> None:
-    write_text(path, head(provenance) + rows.to_csv(index=False, lineterminator="\n"))
+def parser_of(
+    doc: str, *, scenes: Sequence[str] = ("bike", "cabin", "bedroom"), pixels: int | list[int]
+) -> argparse.ArgumentParser:
+    """The options of all benchmarks, with these defaults; ``pixels`` may be a list."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", default=list(scenes))
+    several = "+" if isinstance(pixels, list) else None
+    parser.add_argument("--pixels", nargs=several, type=int, default=pixels, help="M (%(default)s)")
+    parser.add_argument("--out", type=Path, required=True, help="CSV file")
+    return parser
 
 
-def head(provenance: dict[str, str]) -> str:
-    """The lines above what a run made."""
-    return "".join(f"# {key}: {value}\n" for key, value in provenance.items())
+def say(text: str) -> None:
+    """Print progress on standard error; tables go to standard output."""
+    print(text, file=sys.stderr, flush=True)
 
 
-def source(provenance: dict[str, str]) -> str:
-    """A line that says what made a result, where and when."""
-    more = "".join(f" {value}" for key, value in provenance.items() if key not in OF_RUN)
-    where = "commit {commit}, {date}, {processor}".format(**provenance)
-    return f"Made by `{provenance['command']}`: {where}.{more}"
+def report(
+    path: Path,
+    program: str,
+    rows: Sequence[dict] | pd.DataFrame,
+    note: str = "",
+    shown: Mapping[str, pd.DataFrame] | None = None,
+) -> None:
+    """Write a run's rows as CSV, its tables as Markdown beside it, and print the rows.
+
+    ``shown`` maps suffixes of the Markdown files' names to tables; by default one with all rows.
+    """
+    table = pd.DataFrame(rows).fillna("")
+    run = of_this_run(f"{program} {shlex.join(sys.argv[1:])}") | ({"note": note} if note else {})
+    write_text(path, head(run) + table.to_csv(index=False, lineterminator="\n"))
+    write_tables(path, shown or {"": table})
+    print(table.to_string(index=False), flush=True)
+
+
+def write_tables(path: Path, shown: Mapping[str, pd.DataFrame]) -> None:
+    """Tables of the result file ``path``, in Markdown files beside it whose names have suffixes."""
+    run, _ = read_result(path)
+    for suffix, table in shown.items():
+        body = table.to_markdown(index=False, disable_numparse=True)
+        write_text(path.with_name(f"{path.stem}{suffix}.md"), f"{body}\n\n{source(run)}\n")
+
+
+def head(run: Mapping[str, str]) -> str:
+    """The lines above the rows of a run."""
+    return "".join(f"# {key}: {value}\n" for key, value in run.items())
+
+
+def source(run: Mapping[str, str]) -> str:
+    """A paragraph with what made a result, where and when."""
+    more = "".join(f" {value}" for key, value in run.items() if key not in OF_RUN)
+    where = "commit {commit}, {date}, {processor}".format(**run)
+    text = f"Made by `{run['command']}`: {where}.{more}"
+    return textwrap.fill(text, 118, break_long_words=False, break_on_hyphens=False)
 
 
 def read_result(path: Path) -> tuple[dict[str, str], pd.DataFrame]:
-    """Provenance and rows of a result file.
+    """What is known of the run of a result file, and its rows, as texts.
 
-    Raises :class:`PublishError` for one that does not say what it is of.
+    Raises :class:`ResultError` where some of it is missing.
     """
     text = path.read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.startswith("# ")]
-    provenance = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
-    missing = [key for key in OF_RUN if not provenance.get(key)]
-    if missing:
-        raise PublishError(f"does not say its {', '.join(missing)}", file=path)
+    run = dict(line[2:].split(": ", 1) for line in lines if ": " in line)
+    if missing := [key for key in OF_RUN if not run.get(key)]:
+        raise ResultError(f"has no {', '.join(missing)}", file=path)
     rows = pd.read_csv(io.StringIO(text), comment="#", dtype=str, keep_default_na=False)
-    return provenance, rows
+    return run, rows
 
 
-def of_this_run(command: str, **more: str) -> dict[str, str]:
+def of_this_run(command: str) -> dict[str, str]:
     """What is known of a run on this machine, at this commit."""
 
     def git(*words: str) -> str:
@@ -68,13 +114,13 @@ def of_this_run(command: str, **more: str) -> dict[str, str]:
     here = machine()
     processor = f"{here['processor']}, {here['cores']} cores, {here['memory_gib']} GiB"
     today = datetime.date.today().isoformat()
-    return dict(zip(OF_RUN, (command, commit, processor, today), strict=True)) | more
+    return dict(zip(OF_RUN, (command, commit, processor, today), strict=True))
 
 
 def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
-    """Rows of a run that made some of a result, and those kept of others; each says its commit.
+    """Rows of a run that made some of a result, and those kept of others; each with its commit.
 
-    ``keys`` are the columns, of texts, that tell what a row is of.
+    ``keys`` are the columns, of texts, that identify a row.
     """
     found = found.assign(commit=of_this_run("")["commit"])
     if file.exists():
@@ -84,17 +130,24 @@ def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
     return found.fillna("")
 
 
-def update_result(file: Path, command: str, rows: list[dict], *keys: str) -> None:
-    """Write the rows of a run to a result file, in which rows of others stay."""
-    write_result(file, of_this_run(command), with_kept(pd.DataFrame(rows), file, *keys))
+def keep(tables: Path, folder: Path, names: Sequence[str], command: str) -> None:
+    """Copy tables that the workflow wrote, with what is known of the run."""
+    run = of_this_run(command)
+    for name in names:
+        rows, text = ((tables / f"{name}.{end}").read_text("utf-8") for end in ("csv", "md"))
+        write_text(folder / f"{name}.csv", head(run) + rows)
+        write_text(folder / f"{name}.md", f"{text}\n{source(run)}\n")
 
 
-def markdown(rows: pd.DataFrame) -> Iterator[str]:
-    yield f"| {' | '.join(rows.columns)} |"
-    yield "|" + "---|" * len(rows.columns)
-    for row in rows.itertuples(index=False):
-        yield f"| {' | '.join(map(str, row))} |"
+def main() -> None:
+    parser = argparse.ArgumentParser("benchmarks.results", description=__doc__.splitlines()[0])
+    parser.add_argument("--command", required=True, help="the command that made the tables")
+    parser.add_argument("tables", type=Path, help="folder results/tables of a run")
+    parser.add_argument("folder", type=Path, help="folder for the copies")
+    parser.add_argument("names", nargs="+", help="tables, without suffix")
+    options = parser.parse_args()
+    keep(options.tables, options.folder, options.names, options.command)
 
 
-def wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 118, break_long_words=False, break_on_hyphens=False)
+if __name__ == "__main__":
+    main()

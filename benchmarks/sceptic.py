@@ -25,11 +25,11 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from benchmarks.measured.rows import parser_of, report, say
-from benchmarks.measured.sample import SCENES
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Samples, SkippedError
 from benchmarks.peers.mitsuba_lens import mitsuba_lens
+from benchmarks.results import parser_of, report, say
+from benchmarks.sample import SCENES
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import inner_psnr, true_pictures
 from lfcore.optics.planes import SensorPlane
@@ -207,6 +207,26 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     return rows, agrees
 
 
+SHOWN = {
+    "": (["bike", "bedroom"], ["by depth", "to a quality", "Mitsuba + OIDN"],
+         ["4 x 1", "4 x 2", "40 dB", "16 samples", "64 samples"]),
+    "_matt": (["bike, matt", "bedroom, matt"], ["by depth", "Cycles + OIDN"],
+              ["4 x 1", "64 samples"]),
+}  # fmt: skip
+"""Scenes, methods and settings of the published tables, of the largest size that was run."""
+
+
+def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows that are published, by the suffix of their file."""
+    tables = {}
+    for suffix, (scenes, methods, settings) in SHOWN.items():
+        rows = table[table["scene"].isin(scenes)]
+        rows = rows[rows["M"].astype(int) == rows["M"].astype(int).max()]
+        rows = rows[rows["method"].isin(methods) & rows["setting"].isin(settings)]
+        tables[suffix] = rows.drop(columns=["rays per pixel"])
+    return tables
+
+
 def figure(table: pd.DataFrame, path: Path) -> None:
     """dB (mean of the three planes) over core seconds, a line per method; a panel per scene as it
     is, or per matt one if there are no others."""
@@ -275,7 +295,7 @@ def main() -> None:
     options = parser.parse_args()
     table, agreement, kept = study(options)
     note = f"Converged pictures of the peers agree with ours: {agreement}."
-    report(options.out, "python -m benchmarks.sceptic", table, note)
+    report(options.out, "python -m benchmarks.sceptic", table, note, shown(table))
     if options.figure:
         figure(table, options.figure)
     if options.crops:

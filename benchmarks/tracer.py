@@ -1,7 +1,7 @@
 """The tracer against Embree, in one run on one machine.
 
-    python benchmarks/tracer.py --out tracer.csv
-    python benchmarks/tracer.py --scenes bike --views 512 --out bike.csv
+    python -m benchmarks.tracer --out tracer.csv
+    python -m benchmarks.tracer --scenes bike --views 512 --out bike.csv
 
 Visibility, the closest triangle and depth of every ray, is ours and Embree's in turn on the same
 sampled rays.  See benchmarks/README.md for the columns and the rules.
@@ -13,11 +13,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.measured.rows import parser_of, report, say
-from benchmarks.measured.sample import SCENES, Sample, sample_slab
 from benchmarks.peers.embree_packets import EmbreePackets
 from benchmarks.peers.method import Method, SkippedError, core_seconds
+from benchmarks.results import parser_of, report, say
+from benchmarks.sample import SCENES, Sample, sample_slab
 from lfcore.optics.bundles import macropixels
 from lfcore.optics.slab import Slab
 from lfcore.readers.load import load_scene
@@ -27,6 +28,7 @@ from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
 
 NAME = "lfcore"
+HITS = "hits, Mrays per core-second"
 
 
 def visibility(tracer: Tracer, sample: Sample) -> Method:
@@ -96,6 +98,19 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
         }  # fmt: skip
 
 
+def beside_embree(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rates by scene and N: ours, the better of Embree's two kinds of packet, and their ratio."""
+    rows = rows.set_index(["scene", "N"])
+
+    def fastest(method: str) -> pd.Series:
+        rates = rows.mrays_per_core_second[rows.method.str.startswith(method)]
+        return rates.groupby(level=["scene", "N"], sort=False).max()
+
+    ours, embree = fastest(NAME), fastest("embree, ")
+    both = pd.DataFrame({HITS: ours, "Embree 3": embree, "times Embree": ours / embree})
+    return both.dropna().map("{:.3g}".format).reset_index()
+
+
 def main() -> None:
     parser = parser_of(__doc__, pixels=512)
     parser.add_argument("--views", nargs="+", type=int, default=[16, 64, 512], help="N")
@@ -104,7 +119,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.repeats < 1:
         parser.error("--repeats must be at least 1")
-    report(options.out, "python benchmarks/tracer.py", all_rows(options))
+    rows = pd.DataFrame(all_rows(options))
+    report(options.out, "python -m benchmarks.tracer", rows, shown={"": beside_embree(rows)})
 
 
 if __name__ == "__main__":

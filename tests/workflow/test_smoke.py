@@ -5,16 +5,13 @@ Two of its three scenes, and two of its three resolutions: `make smoke` runs all
 
 import json
 import math
-import re
 
 import pandas as pd
 import pytest
 from PIL import Image
 
-from benchmarks import full_size
+from benchmarks import results
 from lfcore.evaluation.tables import MEASURED, make_table
-from lfcore.reading import read_yaml
-from lfcore.workflow.settings import check_settings
 
 pytestmark = [pytest.mark.workflow, pytest.mark.slow]
 
@@ -63,40 +60,14 @@ def test_quality_rises_with_resolution_and_survives_storage(smoke):
     assert stored.video_bytes.tolist() == sizes
 
 
-def test_a_run_is_published_with_what_the_thesis_has_beside_it(smoke, tmp_path):
-    folder, nothing, results = tmp_path / "results", tmp_path / "none", smoke.folder / "results"
-    nothing.mkdir()
-    given = read_yaml(smoke.folder / "config" / "smoke.yaml") | CHANGED
-    provenance = dict.fromkeys(("command", "commit", "date"), "x")
-    provenance["processor"] = "a machine, 2 cores"
-    run = full_size.publish(results, provenance, check_settings(given), folder)
+def test_tables_are_kept_with_what_made_them(smoke, tmp_path):
+    tables = smoke.folder / "results" / "tables"
+    results.keep(tables, tmp_path, MEASURED, "make smoke")
     for name in MEASURED:
-        pd.testing.assert_frame_equal(
-            pd.read_csv(folder / f"{name}.csv", comment="#"), table(smoke, name)
-        )
-        assert (folder / f"{name}.csv").read_text().startswith("# command: x\n# commit: x\n")
-    page = (folder / "index.md").read_text()
-    first = table(smoke, "table_7_1").iloc[0]
-    assert f"| bike | 16 | {first.seconds:.1f} (175.0) | {first.psnr_db:.1f} (38.4) |" in page
-    cells = list(full_size.compared(run))
-    better = sum(good for _, good in cells)
-    # Five numbers of table 7.1 have an N = 512 of their own, which is not here.
-    assert len(cells) == 4 * 9
-    assert f"{better} of its {len(cells)} numbers" in page and "for M = 512" in page
-    pictures = set(re.findall(r"\]\(([\w.]+\.(?:png|jpg))\)", page))
-    assert len(pictures) == 1 + 2 * 2
-    for file in pictures:
-        with Image.open(folder / file) as picture:
-            assert picture.height >= 32
-    with Image.open(folder / "focal_stack_bike.jpg") as picture:
-        assert picture.size == (5 * 32, 32)
-    assert "Made by `x`" in page and "hours on 2 cores" in page
-    # Nothing that the run did not give.
-    with pytest.raises(full_size.PublishError, match="other scenes, N or M"):
-        full_size.publish(results, provenance, check_settings({"scenes": ["bike"]}), nothing)
-    assert not list(nothing.iterdir())
-    with pytest.raises(full_size.PublishError, match="Let the run end"):
-        full_size.read_run(nothing)
+        run, rows = results.read_result(tmp_path / f"{name}.csv")
+        assert run["command"] == "make smoke" and len(rows) == 4
+        page = (tmp_path / f"{name}.md").read_text()
+        assert page == (tables / f"{name}.md").read_text() + f"\n{results.source(run)}\n"
 
 
 def test_each_plane_is_a_picture_the_page_has_them_and_no_raw_frames_are_left(smoke):

@@ -13,7 +13,7 @@ import numpy as np
 
 from lfcore.optics.slab import Slab
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
 CELLS = 8
 SEED = 2024
 
