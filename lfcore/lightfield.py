@@ -7,128 +7,188 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.errors import OpticsError, check_known
+from lfcore.errors import OpticsError
 from lfcore.opencl.device import Device
-from lfcore.optics.array import CameraArray
-from lfcore.optics.camera import Camera
+from lfcore.optics.focus import exclude_twice, f_number_of_blur
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
-from lfcore.optics.slab import Extent, Slab
 from lfcore.progress import Progress
-from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.focal_stack import focal_stack
-from lfcore.refocus.free_views import FreeViews, views_at
-from lfcore.refocus.from_views import store_arrays
+from lfcore.refocus.forming import form_pictures
+from lfcore.refocus.free_views import views_at
 from lfcore.refocus.labelled import labelled_views
-from lfcore.refocus.resampling import FILTERS
-from lfcore.refocus.shift_sum import shift_sum
-from lfcore.refocus.slicing import form_planes
-from lfcore.refocus.stored_depth import picture_side, slice_stored
-from lfcore.refocus.stored_views import read_views
-from lfcore.storage.codecs import Encoding
+from lfcore.refocus.visible_depth import VisibleDepth, doubts
+from lfcore.storage.lightfield import LightFieldFile
 
-if TYPE_CHECKING:  # what most uses of a file do without is imported where it is used
+if TYPE_CHECKING:  # methods import what few programs need
     import xarray
 
     from lfcore.scene.model import Scene
     from lfcore.viewer.page import ViewerPage
 
-METHODS = {"slicing": ("bilinear", "shift-sum"), "shift-sum": ("depth", "slicing")}
-"""The methods, each with the filter that it lacks and the method that has it."""
-MOST_PLANES = 100
 
-
-class LightField(FieldPlanes):
+class LightField(LightFieldFile):
     """A light field file: its geometry, its rays, and pictures made of them.
 
-    Made by :meth:`open`, :meth:`from_views`, :func:`lfcore.record` and
+    From :meth:`open`, :meth:`from_views`, :func:`lfcore.record` or
     :func:`lfcore.import_lightfield`.  It pickles by path.
+
+    Examples
+    --------
+    >>> import lfcore, numpy as np
+    >>> views = np.full((3, 3, 8, 8, 3), 0.5, np.float32)
+    >>> field = lfcore.LightField.from_views(views, 0.01, "grey.mkv")
+    >>> field.grid, field.picture_size
+    ((3, 3), (8, 8))
+    >>> field.refocus(disparity_px=1.0).shape
+    (8, 8, 3)
     """
 
-    @classmethod
-    def from_views(
-        cls,
-        views: np.ndarray,
-        geometry: Camera | CameraArray | float,
-        path: str | Path,
+    @cached_property
+    def _visible(self) -> VisibleDepth:
+        return VisibleDepth(self)
+
+    def plane(
+        self,
+        focus_m: float | str | None = None,
+        f_number: float | None = None,
+        aperture: str = "circle",
         *,
-        encoding: Encoding | None = None,
-        scene: Scene | None = None,
-        name: str | None = None,
-        white: float | None = None,
-        progress: Progress | None = None,
-    ) -> LightField:
-        """Store views as a light field file.
+        focus_at: Sequence[float] | None = None,
+        blur: float | str | None = None,
+        disparity_px: float | None = None,
+        aperture_views: float | None = None,
+        blades: int = 6,
+        rotation_deg: float = 0.0,
+        normalise: str = "aperture",
+        keep_magnification: bool = False,
+    ) -> SensorPlane:
+        """Describe one picture: its focus and aperture.
 
         Parameters
         ----------
-        views : ndarray
-            (rows, columns, height, width, 3): floats are linear light, uint8 and uint16 sRGB codes.
-            Row 0 is the top camera, column 0 the leftmost.  Of a :class:`CameraArray` also the
-            mosaic that :func:`lfcore.trace_array` returns.
-        geometry : Camera, CameraArray or float
-            A lens whose samples the views are; parallel cameras; or the metres between neighbouring
-            views, where nothing else is known: then refocus by disparity.
-        path : str or Path
-            The file to write, ``.mkv``.
-        encoding : Encoding, optional
-            How the views are stored; with ``ffv1``, uint8 codes are kept exactly.
-        scene : Scene, optional
-            The scene that the views show, for :meth:`depth` and exports with depth.
-        name : str, optional
-            Default: the scene's, else the file's.
-        white : float, optional
-            Of a :class:`CameraArray`: light that the brightest code stands for; more is clipped.
-            Default: the brightest of the views, and at least 1.
-        progress : callable, optional
-            Called with (views done, of all).
+        focus_m : float or str, optional
+            Focus distance in metres, ``math.inf`` included; ``"near"``, ``"middle"``, ``"far"`` or
+            ``"40%"`` of the file's visible depth.  Default: as recorded.
+        f_number : float, optional
+            No wider than the lens.  Default: the whole lens.
+        aperture : str
+            ``circle``, ``square``, ``diamond`` or ``polygon``.
+        focus_at : (float, float), optional
+            Instead of a distance, in a file with depth: focus on the surface that the middle view
+            shows at this place, x and y from 0 to 1 from the picture's upper left corner.
+        blur : float or str, optional
+            Instead of an f-number: the diameter of the blur at the near or far end of the visible
+            depth, whichever is larger, relative to the picture's shorter side: 0.03 or ``"3%"``.
+        disparity_px : float, optional
+            Instead of a distance: the disparity of points in focus, pixels per view; 0 is the
+            recorded focus, more is nearer.
+        aperture_views : float, optional
+            Instead of an f-number: the aperture's diameter in views.
+        blades, rotation_deg, normalise, keep_magnification : optional
+            As in :class:`SensorPlane`.
 
         Returns
         -------
-        LightField
-            The file, opened.
+        SensorPlane
+            For :meth:`refocus_many`.
 
         Raises
         ------
         OpticsError
-            Views of another shape, or light that the file cannot hold.
-        StorageError
-            The codec does not take the settings, or the file cannot be written.
+            The file does not contain such a picture; names file and key.
         """
-        store_arrays(
-            Path(path), views, geometry, encoding, scene=scene, name=name, white=white,
-            progress=progress,
-        )  # fmt: skip
-        return cls.open(path)
+        slab = self.require_slab()
+        try:
+            exclude_twice(focus_m=focus_m, focus_at=focus_at, disparity_px=disparity_px)
+            exclude_twice(f_number=f_number, blur=blur, aperture_views=aperture_views)
+            metric = {
+                "focus_m": focus_m, "focus_at": focus_at, "f_number": f_number, "blur": blur,
+                "keep_magnification": keep_magnification or None,
+            }  # fmt: skip
+            for key in (key for key, value in metric.items() if value is not None):
+                self.require_metric(key)
+            distance = self._visible.focus(focus_m, focus_at)
+            if disparity_px is not None:
+                distance = self.distance_of(disparity_px)
+            if aperture_views is not None:
+                f_number = self.f_number_of(aperture_views)
+            elif blur is not None:
+                f_number = f_number_of_blur(
+                    blur, slab.camera.focal_length_m,
+                    slab.camera.focus_m if distance is None else distance,
+                    slab.camera.field_width * (slab.size.shorter / slab.pixels),
+                    self._visible.range,
+                )  # fmt: skip
+            plane = SensorPlane.of(
+                slab.camera, distance, f_number, aperture, blades=blades,
+                rotation_deg=rotation_deg, normalise=normalise,
+                keep_magnification=keep_magnification,
+            )  # fmt: skip
+            plane.check(slab)
+            plane.lens_aperture(slab)
+        except OpticsError as error:
+            raise error.named(OpticsError, file=self.path) from None
+        return plane
 
-    def to_xarray(self, *, codes: bool = False) -> xarray.DataArray:
-        """Label all views as a lazy array with named dimensions.
+    def doubts(self, plane: SensorPlane) -> list[str]:
+        """Report the limits of the file that a picture exceeds.
 
         Parameters
         ----------
-        codes : bool
-            Give the stored sRGB codes.
+        plane : SensorPlane
+            From :meth:`plane`.
 
         Returns
         -------
-        xarray.DataArray
-            Dimensions ``row``, ``column``, ``y``, ``x``, ``channel``: float32 linear light, or
-            uint8 codes.  One dask chunk per segment of the file, which is decoded when computed.
-            Of displaced views those that the file is for, a chunk per row, made by depth.
-
-        Raises
-        ------
-        LfcoreError
-            Package xarray or dask is not installed.
+        list of str
+            A line each: no surface is in focus, or the views do not resolve the f-number.
         """
-        return labelled_views(self, codes=codes)
+        return doubts(self, plane)
+
+    def distance_of(self, disparity_px: float) -> float:
+        """Convert a disparity, pixels per view, to a distance in metres.
+
+        Distances of a file without geometry are nominal: see :attr:`metric`.  Raises
+        :class:`OpticsError` for a disparity beyond infinity's.
+        """
+        slab = self.require_slab()
+        step = slab.pixel_pitch / slab.lens_pitch_m
+        delta = slab.camera.delta + disparity_px * step
+        if abs(delta) < 1e-12 * step:
+            return math.inf
+        if not delta > 0:
+            farthest = -slab.camera.delta / step
+            problem = f"{disparity_px:g} pixels is less than the {farthest:.4g} of infinity"
+            raise OpticsError(problem, file=self.path, key="disparity_px")
+        return 1.0 / delta
+
+    def disparity_of(self, distance_m: float) -> float:
+        """Convert a distance in metres to a disparity, pixels per view.
+
+        Raises :class:`OpticsError` for a distance that is not positive.
+        """
+        slab = self.require_slab()
+        if not distance_m > 0:
+            raise OpticsError(f"must be above 0, not {distance_m!r}", key="distance_m")
+        return (1.0 / distance_m - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch
+
+    def f_number_of(self, aperture_views: float) -> float:
+        """Convert an aperture's diameter in views to an f-number.
+
+        Raises :class:`OpticsError` for a diameter that is not positive or exceeds the lens.
+        """
+        slab = self.require_slab()
+        if not 0 < aperture_views <= slab.views:
+            problem = f"must be more than 0 and at most {slab.views}, not {aperture_views:g}"
+            raise OpticsError(problem, file=self.path, key="aperture_views")
+        return slab.camera.focal_length_m / (aperture_views * slab.lens_pitch_m)
 
     def refocus(
         self,
@@ -163,7 +223,7 @@ class LightField(FieldPlanes):
         Raises
         ------
         OpticsError
-            The light field does not hold such a picture.
+            The file does not contain such a picture.
         StorageError
             The file is damaged.
         """
@@ -191,22 +251,21 @@ class LightField(FieldPlanes):
         Parameters
         ----------
         planes : sequence of SensorPlane
-            What :meth:`plane` returns, one per picture.
+            One per picture, from :meth:`plane`.
         method : str, optional
-            ``slicing`` (Algorithm 4), which has the nearest filter only, or ``shift-sum``
-            (equation 6.1).  Default: slicing where the filter is the nearest.
+            ``slicing`` (Algorithm 4), which lacks the bilinear filter, or ``shift-sum`` (equation
+            6.1), which lacks depth.  Default: slicing, unless the filter is bilinear.
         filter : str, optional
-            ``depth`` spreads each ray over the part of the picture that its part of the lens
-            sweeps, as :func:`lfcore.render` does: the default where the file holds depth.
-            ``nearest``, the default else, or ``bilinear``.
+            ``depth`` spreads each ray over the area of the picture that its share of the lens
+            covers, as :func:`lfcore.render` does; the default for files with depth.  ``nearest``
+            (the default for others), or ``bilinear``.
         pixels : int or (int, int), optional
-            The longer side, or width and height.  Default: by depth the pixels that the file was
-            traced for, else those of its views.  Slicing adds rays to pictures coarser than the
-            views by their exact place.
+            The longer side, or width and height.  Default: by depth the size that the file was
+            recorded for, else the views' size.  Pictures coarser than the views need slicing.
         device : Device or str, optional
             An open device, or part of its name.
         progress : callable, optional
-            Called with (frames done, of all).
+            Called with (frames done, total).
 
         Returns
         -------
@@ -216,35 +275,14 @@ class LightField(FieldPlanes):
         Raises
         ------
         OpticsError
-            The light field does not hold such a picture, or the method lacks the filter.
+            The file does not contain such a picture, or the method lacks the filter.
         StorageError
             The file is damaged.
         """
-        self.require_slab()
-        if filter is None:
-            filter = "depth" if self.metadata.depth and method is None else "nearest"
-        if filter != "depth":
-            check_known(OpticsError, "filter", filter, FILTERS)
-        method = method or ("shift-sum" if filter == "bilinear" else "slicing")
-        check_known(OpticsError, "method", method, METHODS)
-        lacks, other = METHODS[method]
-        if filter == lacks:
-            remedy = f"Use the method {other}"
-            raise OpticsError(f"{method} has no {filter} filter", key="filter", remedy=remedy)
-        if not 1 <= len(planes) <= MOST_PLANES:
-            problem = f"{len(planes)} planes were asked for"
-            remedy = f"Ask for 1 to {MOST_PLANES} at a time"
-            raise OpticsError(problem, file=self.path, remedy=remedy)
-        if filter == "depth":
-            return slice_stored(self, planes, pixels, device=device, progress=progress)
-        if pixels is not None:
-            side = picture_side(self, pixels)
-            planes = [replace(plane, pixels=side) for plane in planes]
-        if method == "shift-sum":
-            pictures = shift_sum(self, planes, filter=filter, device=device, progress=progress)
-        else:
-            pictures = form_planes(self, planes, device=device, progress=progress).sums.pictures()
-        return pictures if self.white == 1.0 else pictures * np.float32(self.white)
+        return form_pictures(
+            self, planes, method=method, filter=filter, pixels=pixels, device=device,
+            progress=progress,
+        )  # fmt: skip
 
     def stack(
         self,
@@ -271,23 +309,24 @@ class LightField(FieldPlanes):
         f_numbers : sequence of float, optional
             Default: the whole lens.
         aperture, focus_at, blur, disparity_px, aperture_views : optional
-            As in :meth:`plane`, for all pictures.
+            As in :meth:`plane`, the same for all pictures.
         fast : bool
-            Add the views in blocks first: many pictures of one aperture at the cost of a few,
-            within half a pixel of blur at the rim of the lens.  Takes neither filter nor pixels.
+            Add the views in blocks first.  Many pictures of one aperture then cost as much as a
+            few, with at most half a pixel more blur at the rim of the lens.  Takes neither filter
+            nor pixels.
         filter, pixels, device, progress : optional
             As in :meth:`refocus_many`.
 
         Returns
         -------
         ndarray
-            (P, height, width, 3) float32, linear light: for each distance every f-number, in their
-            order.
+            (P, height, width, 3) float32, linear light: for each distance every f-number, in the
+            given order.
 
         Raises
         ------
         OpticsError
-            The light field does not hold such a picture.
+            The file does not contain such a picture.
         StorageError
             The file is damaged.
 
@@ -322,26 +361,26 @@ class LightField(FieldPlanes):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Make views from any points of the lens, between the stored ones, of a file with depth.
+        """Make views from any points of the lens, between the stored ones; needs depth.
 
         Parameters
         ----------
         points_m : array_like
             (K, 2) metres: s to the right and t down.
         pixels : int or (int, int), optional
-            The longer side, or width and height.  Default: as the file was traced for.
+            The longer side, or width and height.  Default: as the file was recorded for.
         device, progress : optional
             As in :meth:`refocus_many`; progress counts views.
 
         Returns
         -------
         ndarray
-            (K, height, width, 3) float32, linear light, all in focus.
+            (K, height, width, 3) float32, linear light, with everything in focus.
 
         Raises
         ------
         OpticsError
-            Points outside the lens, a file without depth, or too many rays to hold.
+            A point is outside the lens, or the file has no depth or too many rays for memory.
         StorageError
             The file is damaged.
         """
@@ -355,12 +394,12 @@ class LightField(FieldPlanes):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Give the depth of views: that of the file, of few bits, or traced again and exact.
+        """Give the depth of views: the file's own, in 8 or 10 bits, or traced, which is exact.
 
         Parameters
         ----------
         scene : Scene, optional
-            The scene that was recorded, to trace it; it is not compared.
+            The recorded scene, which is traced; it is not compared with the file.
         samples : array_like, optional
             (K, 2) integer lens samples (i, j).  Default: all, row by row.
         device, progress : optional
@@ -369,35 +408,17 @@ class LightField(FieldPlanes):
         Returns
         -------
         ndarray
-            (K, height, width) float32, metres along the axis, infinity for a miss; see
-            :func:`lfcore.rendering.depth.disparity` for pixels.
+            (K, height, width) float32, metres along the axis, infinity for a miss;
+            :func:`lfcore.disparity` converts it to pixels.
 
         Raises
         ------
         OpticsError
-            Samples outside the lens, or neither a scene nor depth in the file.
+            A sample is outside the lens, or there is neither a scene nor depth in the file.
         """
-        from lfcore.rendering.depth import check_samples, depth_of_views
-        from lfcore.rendering.prepared import open_dark_tracer
+        from lfcore.rendering.field_depth import field_depth
 
-        slab = self.made_views
-        if scene is None:
-            return self._stored_depth(check_samples(slab, samples), progress)
-        return depth_of_views(open_dark_tracer(scene, device), slab, samples, progress=progress)
-
-    def _stored_depth(self, samples: np.ndarray, progress: Progress | None) -> np.ndarray:
-        if self.metadata.depth is None:
-            raise self._needs_scene()
-        views, lens = FreeViews(self), self.made_views.lens_positions()
-        depth = np.empty((len(samples), *self.made_views.size[::-1]), np.float32)
-        for number, point in enumerate(lens[samples]):
-            depth[number] = self.metres(views.inverse_depth(point))
-            if progress:
-                progress(number + 1, len(samples))
-        return depth
-
-    def _needs_scene(self) -> OpticsError:
-        return OpticsError("holds no depth", file=self.path, key="scene", remedy="Give the scene")
+        return field_depth(self, scene, samples, device, progress)
 
     def all_in_focus(
         self,
@@ -406,47 +427,53 @@ class LightField(FieldPlanes):
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
-        """Make a picture with every point in focus, averaged over all views that see it.
+        """Make a picture with every point in focus, averaged over all views that show it.
 
-        A file with depth is enough: it gives the view from the middle of the lens.
+        A file with depth needs no scene: it gives the view from the middle of the lens.
 
         Parameters
         ----------
         scene : Scene, optional
-            The scene that was recorded, for a file without depth; it is not compared.
+            The recorded scene, for a file without depth; it is not compared with the file.
         device, progress : optional
             As in :meth:`refocus_many`; progress counts views.
 
         Returns
         -------
         ndarray
-            (height, width, 3) float32, linear light, as of
-            :func:`lfcore.rendering.depth.all_in_focus`.
+            (height, width, 3) float32, linear light.
+
+        Raises
+        ------
+        OpticsError
+            There is neither a scene nor depth in the file.
         """
-        from lfcore.rendering.depth import all_in_focus, all_samples, depth_of_views
-        from lfcore.rendering.prepared import open_dark_tracer
+        from lfcore.rendering.field_depth import field_in_focus
 
-        if self.metadata.depth is not None:
-            return self.views_at(np.zeros((1, 2)), device=device, progress=progress)[0]
-        if scene is None:
-            raise self._needs_scene()
-        slab, tracer = self.require_grid(), open_dark_tracer(scene, device)
-        alone = Extent((0, 0, 1, 1), slab.held.pixels)
-        centre = depth_of_views(tracer, Slab(slab.camera, 1, slab.pixels, alone))[0]
-        everything = all_samples(slab)
-        # Macropixels are decoded whole for each group of views: few, large groups.
-        step = max(1, (1 << 26) // math.prod(slab.size))
+        return field_in_focus(self, scene, device, progress)
 
-        def groups() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-            for start in range(0, len(everything), step):
-                samples = everything[start : start + step]
-                light = read_views(self, samples, device=tracer.device)
-                yield samples, light, depth_of_views(tracer, slab, samples)
-                if progress:
-                    progress(start + len(samples), len(everything))
+    def to_xarray(self, *, codes: bool = False) -> xarray.DataArray:
+        """Label all views as a lazy array with named dimensions.
 
-        picture = all_in_focus(slab, centre, groups())
-        return picture if self.white == 1.0 else picture * np.float32(self.white)
+        Parameters
+        ----------
+        codes : bool
+            Give the stored sRGB codes.
+
+        Returns
+        -------
+        xarray.DataArray
+            Dimensions ``row``, ``column``, ``y``, ``x``, ``channel``: float32 linear light, or
+            uint8 codes.  One dask chunk per segment of the file; it is decoded when computed.
+            Displaced views are replaced by the views that the file was recorded for, made by
+            depth, one chunk per row.
+
+        Raises
+        ------
+        LfcoreError
+            Package xarray or dask is not installed.
+        """
+        return labelled_views(self, codes=codes)
 
     def viewer(
         self,
@@ -465,10 +492,11 @@ class LightField(FieldPlanes):
         grid, pixels : int, optional
             Views per side, and pixels of a picture's longer side.
         format : str
-            ``jpeg``, ``avif`` or ``webp``.  Default: ``webp`` of a file with depth, else ``jpeg``.
+            ``jpeg``, ``avif`` or ``webp``.  Default: ``webp`` for a file with depth, else
+            ``jpeg``.
         jpeg_quality : int
-            The quality of the pictures' encoder, 1 to 100.  Default: 90, and of a file with
-            depth by the views' error.
+            The quality of the pictures' encoder, 1 to 100.  Default: 90; with depth, chosen by the
+            views' error.
         device, progress : optional
             As in :meth:`refocus_many`.
 

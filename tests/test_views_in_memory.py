@@ -91,7 +91,7 @@ def test_xarray_is_lazy_with_a_chunk_a_segment(tmp_path, kind, monkeypatch):
     assert len(field.segments) > 1
     with lfcore.LightField.open(tmp_path / "a.mkv") as counted:
         made = counted.to_xarray()
-        assert isinstance(made, xarray.DataArray) and counted.count.frames == 0
+        assert isinstance(made, xarray.DataArray) and counted.video.decoded_frames == 0
         assert made.dims == ("row", "column", "y", "x", "channel")
         assert made.shape == (6, 6, 24, 24, 3) and made.dtype == np.float32
         assert made.data.npartitions == len(field.segments)
@@ -104,7 +104,7 @@ def test_xarray_is_lazy_with_a_chunk_a_segment(tmp_path, kind, monkeypatch):
         if kind == "views":
             first = lfcore.LightField.open(tmp_path / "a.mkv")
             first.to_xarray().isel(row=0).compute()
-            assert first.decoded_segments == {0}
+            assert first.video.decoded_segments == {0}
 
 
 def test_xarray_that_is_missing_is_named(field, monkeypatch):

@@ -132,7 +132,7 @@ def _picture(arguments: argparse.Namespace) -> None:
         else:
             picture = field.view(*place, codes=codes)
     write_picture(arguments.output, picture, **arguments.exposure)
-    wrote(arguments.output, f"; {field.count.frames} frames were decoded")
+    wrote(arguments.output, f"; {field.video.decoded_frames} frames were decoded")
 
 
 def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray:

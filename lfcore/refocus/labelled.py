@@ -9,9 +9,9 @@ import numpy as np
 
 from lfcore.colour import srgb_codes
 from lfcore.errors import LfcoreError
-from lfcore.refocus.field_planes import FieldPlanes
 from lfcore.refocus.free_views import served_positions, views_at
 from lfcore.storage.index import FIRST
+from lfcore.storage.lightfield import LightFieldFile
 
 if TYPE_CHECKING:
     import xarray
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 DIMENSIONS = ("row", "column", "y", "x", "channel")
 
 
-def labelled_views(field: FieldPlanes, *, codes: bool = False) -> xarray.DataArray:
+def labelled_views(field: LightFieldFile, *, codes: bool = False) -> xarray.DataArray:
     """As :meth:`lfcore.LightField.to_xarray`."""
     try:
         import dask.array
@@ -46,7 +46,7 @@ def labelled_views(field: FieldPlanes, *, codes: bool = False) -> xarray.DataArr
     return xarray.DataArray(lazy, coordinates, DIMENSIONS, name=name)
 
 
-def _chunks(field: FieldPlanes) -> tuple[tuple[int, ...], ...]:
+def _chunks(field: LightFieldFile) -> tuple[tuple[int, ...], ...]:
     """Sides of the blocks along each dimension: between the edges of segments, or a row made."""
     if field.displaced:
         count, (width, height) = field.views_to_serve, field.made_views.size
@@ -65,7 +65,7 @@ def _chunks(field: FieldPlanes) -> tuple[tuple[int, ...], ...]:
     return (*sides, *whole, (3,)) if by_views else (*whole, *sides, (3,))
 
 
-def _block(field: FieldPlanes, codes: bool, block_info: dict | None = None) -> np.ndarray:
+def _block(field: LightFieldFile, codes: bool, block_info: dict | None = None) -> np.ndarray:
     (j0, j1), (i0, i1), (v0, v1), (u0, u1), _ = (block_info or {})[None]["array-location"]
     if field.displaced:
         places = served_positions(field, field.views_to_serve)

@@ -161,7 +161,7 @@ def _form_segment(
     chunk = max(1, CHUNK_BYTES // field.layout.frame_bytes)
     watch, first = Stopwatch(), 0
     room = page_aligned((min(chunk, part.frames), field.layout.frame_bytes), np.uint8)
-    decoded = field.frames(index, chunk=chunk, rooms=itertools.repeat(room))
+    decoded = field.video.frames(index, chunk=chunk, rooms=itertools.repeat(room))
     for frames in watch.each("decode", decoded):
         with watch.part("form"):
             former.add(frames, first)

@@ -147,11 +147,8 @@ class _Taker:
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
     """((E, 2) outer coordinates, E (rows, columns) codes) of each frame."""
     video = field.require_depth_video()
-    layout, readable = video.layout, {part.index for part in field.segments}
-    columns, rows = layout.inner
-    for tile, number, (plane,) in frame_planes(video):
-        if tile.index not in readable:
-            continue
+    columns, rows = video.layout.inner
+    for tile, number, (plane,) in frame_planes(video, field.segments):
         elements = tile.elements()
         places = tile.placement(elements)
         here = places[:, 0] == number

@@ -1,7 +1,7 @@
 """Frames of a stored light field, in either layout, as views in fixed-point linear light."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
@@ -12,6 +12,7 @@ from lfcore.opencl.device import Device, build_program, cl, open_device, page_al
 from lfcore.optics.array import CameraArray
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
 from lfcore.optics.slab import Rectangle
+from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
@@ -158,39 +159,44 @@ def add_frames(
     frames, done = FrameSummer(summer, field.layout, field.extent.pixels, field.corner), 0
     total = sum(part.frames for part in field.segments)
     add = frames.add_planes if frames.in_rows else frames.add
-    for tile, first, some in ahead((frame_planes if frames.in_rows else frame_chunks)(field)):
+    read = frame_planes if frames.in_rows else frame_chunks
+    for tile, first, some in prefetched(read(field.video, field.segments)):
         add(some, tile, first)
         done += 1 if frames.in_rows else len(some)
         if progress:
             progress(done, total)
 
 
-def frame_planes(field: StoredVideo) -> Iterator[tuple[Tile, int, list[np.ndarray]]]:
-    """(tile, number of the frame, its planes (h, w)), frame by frame, without a copy."""
-    for part in field.segments:
-        for number, planes in enumerate(field.planes(part.index)):
+def frame_planes(
+    video: StoredVideo, segments: Sequence[Segment]
+) -> Iterator[tuple[Tile, int, list[np.ndarray]]]:
+    """Yield the tile, the frame's number and its planes (h, w), frame by frame, without a copy."""
+    for part in segments:
+        for number, planes in enumerate(video.planes(part.index)):
             yield part.tile, number, planes
 
 
-def frame_chunks(field: StoredVideo) -> Iterator[tuple[Tile, int, np.ndarray]]:
-    """(tile, number of the first frame, frames): some views at a time, or a tile of macropixels.
+def frame_chunks(
+    video: StoredVideo, segments: Sequence[Segment]
+) -> Iterator[tuple[Tile, int, np.ndarray]]:
+    """Yield the tile, the first frame's number and frames: some views, or a tile of macropixels.
 
-    Frames are valid until the next but one are asked for: they take turns in two pieces of memory,
-    which a driver uses as they are, and whose pages come from the system once.
+    Two buffers take turns, so frames are valid until the next but one.  The driver uses the
+    buffers' pages without a copy.
     """
-    chunk = max((part.frames for part in field.segments), default=1)
-    if field.layout.kind == "views":
-        chunk = min(chunk, max(1, CHUNK_BYTES // field.layout.frame_bytes))
-    shape = chunk, field.layout.frame_bytes
+    chunk = max((part.frames for part in segments), default=1)
+    if video.layout.kind == "views":
+        chunk = min(chunk, max(1, CHUNK_BYTES // video.layout.frame_bytes))
+    shape = chunk, video.layout.frame_bytes
     rooms = itertools.cycle([page_aligned(shape, np.uint8) for _ in range(2)])
-    for part in field.segments:
+    for part in segments:
         first = 0
-        for frames in field.frames(part.index, chunk=chunk, rooms=rooms):
+        for frames in video.frames(part.index, chunk=chunk, rooms=rooms):
             yield part.tile, first, frames
             first += len(frames)
 
 
-def ahead(items: Iterator) -> Iterator:
+def prefetched(items: Iterator) -> Iterator:
     """The items, each made by another thread while the one before is in use."""
     with ThreadPoolExecutor(1) as pool:
         end = object()

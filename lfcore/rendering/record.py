@@ -13,7 +13,7 @@ from lfcore.optics import bundles
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
-from lfcore.refocus.stored_views import ahead
+from lfcore.refocus.stored_views import prefetched
 from lfcore.rendering.depth import all_samples, depth_content, spread_over
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
@@ -108,7 +108,7 @@ def record_tile(
     layout, tracing = tile.layout, tracer.trace_tile(slab, tile, planes, progress=progress)
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
-        frames = ahead(chunk.frames.copy() for chunk in tracing)
+        frames = prefetched(chunk.frames.copy() for chunk in tracing)
     watch, size = Stopwatch(), (layout.frame_width, layout.frame_height)
     with watch.part("whole"), SegmentWriter(segment, spec, *size) as writer:
         for some in frames:

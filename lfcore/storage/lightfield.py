@@ -1,34 +1,175 @@
-"""A light field on disk: open it, read views, macropixels and rectangles of rays.
+"""An open light field file: geometry, and rays as views, macropixels and rectangles.
 
 The file alone is enough: geometry, layout and an index of segments are in its metadata.
 """
 
-from bisect import bisect_left
-from collections.abc import Iterator
+from __future__ import annotations
+
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from lfcore.colour import srgb_codes, to_uint8
 from lfcore.errors import OpticsError, StorageError
 from lfcore.optics.array import CameraArray
+from lfcore.optics.camera import Camera
+from lfcore.optics.grid_geometry import GIVE_GEOMETRY
 from lfcore.optics.slab import Extent, Slab
+from lfcore.progress import Progress
+from lfcore.storage.blocks import Rectangle, read_block
+from lfcore.storage.codecs import Encoding
+from lfcore.storage.container import FRAME_MS
 from lfcore.storage.depth_stream import StoredDepth
-from lfcore.storage.index import Segment
+from lfcore.storage.ebml import scan
+from lfcore.storage.from_views import store_arrays
+from lfcore.storage.index import FIRST, Segment
+from lfcore.storage.integrity import (
+    Damage,
+    damage_error,
+    find_damage,
+    read_metadata,
+    segment_damage,
+)
 from lfcore.storage.layout import FrameLayout
-from lfcore.storage.pixels import pixel_format
+from lfcore.storage.metadata import Metadata
+from lfcore.storage.remote import located
 from lfcore.storage.stored_video import StoredVideo
-from lfcore.storage.ycbcr import rgb_from_planes
 
-CHUNK_BYTES = 4 << 20
-"""Frames that are decoded before rays are taken out of them; as floats these are some 50 MB."""
-FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
-"""Formats of as many bits whose chroma is not subsampled."""
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
+
+FARTHEST_SURFACE = 0.9
+"""The inverse depth below which a ray is a miss, relative to that of the farthest surface: the
+codec blurs surfaces into the misses around them."""
 
 
-class LightFieldFile(StoredVideo):
-    """A light field file that was opened: its geometry, and its rays as views and macropixels."""
+class LightFieldFile:
+    """An open light field file: its geometry, and its rays as views and macropixels.
+
+    Attributes
+    ----------
+    path : Path
+        The file, or a :class:`lfcore.storage.remote.RemoteFile`.
+    metadata : Metadata
+        The file's metadata.
+    video, depth_video : StoredVideo
+        The streams of colours and of inverse depths; the latter is None in a file without depth.
+    damage : list of Damage
+        Segments that cannot be read.  Only a file opened with ``salvage`` has any; else damage
+        raises an error.
+    """
+
+    def __init__(
+        self, path: Path, metadata: Metadata, keys: list[int], *, threads: int, salvage: bool
+    ):
+        self.path, self.metadata = path, metadata
+        self.video = StoredVideo(path, metadata, keys, threads)
+        self.depth_video: StoredVideo | None = None
+        if metadata.depth:
+            self.depth_video = StoredVideo(path, metadata.of_depth(), keys, threads, 1)
+        self.damage: list[Damage] = []
+        self._salvage = salvage
+
+    @classmethod
+    def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
+        """Open a light field file.
+
+        Parameters
+        ----------
+        path : str or Path
+            A file, or a URL that fsspec knows; of a URL, only the ranges that are read are fetched.
+        salvage : bool
+            Open a damaged file for its whole segments: all are checked, and ``damage`` lists those
+            that cannot be read.
+        threads : int
+            Threads of a decoder.
+
+        Returns
+        -------
+        LightField
+            The file, opened.
+
+        Raises
+        ------
+        StorageError
+            The file is missing, foreign, cut short, damaged outside the video, lacks segments or
+            contradicts itself; says what is damaged and what can still be read.
+        """
+        path = located(path)
+        structure = scan(path, clusters=False)
+        metadata = read_metadata(path, structure)
+        keys = [key // FRAME_MS for key in structure.keys]
+        field = cls(path, metadata, keys, threads=threads, salvage=salvage)
+        index = metadata.segments
+        if salvage:
+            field.damage = find_damage(field._streams)
+        elif structure.faults:
+            damage = find_damage(field._streams)
+            raise damage_error(path, len(index), structure.faults, damage)
+        else:
+            held = np.isin(index.numbers[:, FIRST], keys) | (not keys)
+            gone = np.flatnonzero(~held).tolist()
+            if missing := [Damage(index[k], f"segment {k} is missing") for k in gone]:
+                raise damage_error(path, len(index), [], missing)
+        return field
+
+    @classmethod
+    def from_views(
+        cls,
+        views: np.ndarray,
+        geometry: Camera | CameraArray | float,
+        path: str | Path,
+        *,
+        encoding: Encoding | None = None,
+        scene: Scene | None = None,
+        name: str | None = None,
+        white: float | None = None,
+        progress: Progress | None = None,
+    ) -> Self:
+        """Store views as a light field file.
+
+        Parameters
+        ----------
+        views : ndarray
+            (rows, columns, height, width, 3): floats are linear light, uint8 and uint16 sRGB codes.
+            Row 0 is the top camera, column 0 the leftmost.  Of a :class:`CameraArray` also the
+            mosaic that :func:`lfcore.trace_array` returns.
+        geometry : Camera, CameraArray or float
+            A lens whose samples the views are; parallel cameras; or the metres between neighbouring
+            views, where nothing else is known: then refocus by disparity.
+        path : str or Path
+            The file to write, ``.mkv``.
+        encoding : Encoding, optional
+            How the views are stored; with ``ffv1``, uint8 codes are kept exactly.
+        scene : Scene, optional
+            The scene that the views show, for :meth:`depth` and exports with depth.
+        name : str, optional
+            Default: the scene's, else the file's.
+        white : float, optional
+            Of a :class:`CameraArray`: light that the brightest code stands for; more is clipped.
+            Default: the brightest of the views, and at least 1.
+        progress : callable, optional
+            Called with (views done, of all).
+
+        Returns
+        -------
+        LightField
+            The file, opened.
+
+        Raises
+        ------
+        OpticsError
+            Views of another shape, or light that the file cannot hold.
+        StorageError
+            The codec does not take the settings, or the file cannot be written.
+        """
+        store_arrays(
+            Path(path), views, geometry, encoding, scene=scene, name=name, white=white,
+            progress=progress,
+        )  # fmt: skip
+        return cls.open(path)
 
     def __repr__(self) -> str:
         (columns, rows), (width, height) = self.grid, self.picture_size
@@ -37,18 +178,61 @@ class LightFieldFile(StoredVideo):
         return f"<{type(self).__name__} {str(self.path)!r}: {size}{depth}>"
 
     def __reduce__(self) -> tuple:
-        """Pickled by path: the file is opened again where the pickle is loaded."""
+        """Pickle by path: unpickling opens the file again."""
         path = self.path.absolute() if isinstance(self.path, Path) else self.path
-        again = partial(type(self).open, salvage=self._salvage, threads=self.threads)
+        again = partial(type(self).open, salvage=self._salvage, threads=self.video.threads)
         return again, (str(path),)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; it is opened again when it is read again."""
+        for stream in self._streams:
+            stream.close()
+
+    @property
+    def _streams(self) -> list[StoredVideo]:
+        return [self.video, self.depth_video] if self.depth_video else [self.video]
+
+    @property
+    def layout(self) -> FrameLayout:
+        """The positions of rays in frames."""
+        return self.metadata.layout
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """The segments that can be read, as far as is known."""
+        if not self.damage:
+            return self.metadata.segments
+        damaged = {damage.segment.index for damage in self.damage}
+        return tuple(part for part in self.metadata.segments if part.index not in damaged)
+
+    def verify(self, progress: Progress | None = None) -> None:
+        """Check every byte of the file and every segment, of colours and of depths.
+
+        ``progress`` is called with (segments done, total).  Raises :class:`StorageError` that
+        names all damaged segments and what can still be read.
+        """
+        structure, total = scan(self.path, clusters=True), len(self.metadata.segments)
+        damage: list[Damage] = []
+        for part in self.metadata.segments:
+            damage += segment_damage(self._streams, part)
+            if progress:
+                progress(part.index + 1, total)
+        if damage or structure.faults:
+            raise damage_error(self.path, total, structure.faults, damage)
 
     @property
     def slab(self) -> Slab | None:
-        """The slab; of a camera array that of the same rays, None where there is none."""
+        """The slab, or the slab with the rays of the camera array; None if there is none."""
         return self.metadata.slab or (self.array.as_slab() if self.array else None)
 
     def require_slab(self) -> Slab:
-        """The slab; :class:`OpticsError` for a camera array that is none."""
+        """The slab; raises :class:`OpticsError` for a camera array that is no slab."""
         if self.slab is None:
             problem = "holds a camera array that is no slab"
             raise OpticsError(problem, file=self.path, remedy="Use lfcore imgtool lightfield")
@@ -56,23 +240,20 @@ class LightFieldFile(StoredVideo):
 
     @property
     def displaced(self) -> bool:
-        """Whether views are displaced within a pixel against one another, for slicing by depth."""
+        """Whether each view is displaced within a pixel against all others."""
         depth = self.metadata.depth
         return depth is not None and depth.displaced
 
     def require_grid(self) -> Slab:
-        """The slab, whose views see the same places of a pixel; :class:`OpticsError` for another.
-
-        Raised for views that are displaced for slicing by depth, too.
-        """
+        """The slab; raises :class:`OpticsError` for displaced views, which are no grid."""
         if self.displaced:
-            problem = "has views that are displaced within a pixel, for pictures by depth alone"
+            problem = "has displaced views, which only pictures by depth can use"
             remedy = "Use the filter 'depth', or record it with views that are not displaced"
             raise OpticsError(problem, file=self.path, remedy=remedy)
         return self.require_slab()
 
     def require_depth(self) -> StoredDepth:
-        """What is known of the stream of depths; :class:`OpticsError` where there is none."""
+        """The description of the stream of depths; raises :class:`OpticsError` without one."""
         if self.metadata.depth is None:
             problem = "holds no depth"
             remedy = "Record it with depth, or use the filter 'nearest'"
@@ -80,7 +261,7 @@ class LightFieldFile(StoredVideo):
         return self.metadata.depth
 
     def require_depth_video(self) -> StoredVideo:
-        """The stream of depths; :class:`OpticsError` where there is none."""
+        """The stream of depths; raises :class:`OpticsError` in a file without one."""
         self.require_depth()
         assert self.depth_video is not None
         return self.depth_video
@@ -92,12 +273,12 @@ class LightFieldFile(StoredVideo):
 
     @property
     def white(self) -> float:
-        """Linear light of the brightest code: 1, but for an array of brighter."""
+        """The linear light of the brightest code: 1, or more for a brighter camera array."""
         return self.metadata.white
 
     @property
     def extent(self) -> Extent:
-        """The views and pixels that are there, of the smallest squares that hold them."""
+        """The stored views and pixels, within the smallest squares that contain them."""
         n, m = self.layout.views, self.layout.pixels
         slab = self.metadata.slab
         return slab.held if slab else Extent((0, 0, n, n), (0, 0, m, m))
@@ -120,37 +301,63 @@ class LightFieldFile(StoredVideo):
 
     @property
     def content(self) -> dict:
-        """What else is known of the light field; see :class:`Metadata`."""
+        """Facts beside the geometry; see :class:`Metadata`."""
         return self.metadata.content
 
     @property
     def depth_range(self) -> tuple[float, float] | None:
-        """The nearest and farthest depth seen, metres; None where it is not known."""
-        found = self.content.get("depth_m")
-        return tuple(found) if found else None
+        """The nearest and farthest visible depth, metres; None if the file lacks it."""
+        ends = self.content.get("depth_m")
+        return tuple(ends) if ends else None
 
     @property
     def seen_range(self) -> tuple[float, float] | None:
-        """The same without a floor that was put under a mesh."""
-        found = self.content.get("seen_m")
-        return tuple(found) if found else self.depth_range
+        """As :attr:`depth_range`, without a floor that was added under a mesh."""
+        ends = self.content.get("seen_m")
+        return tuple(ends) if ends else self.depth_range
 
     @property
     def metric(self) -> bool:
-        """Whether lens, focus and distances are known; else only disparities mean something."""
+        """Whether lens, focus and distances are known; else only disparities have a meaning."""
         return bool(self.content.get("metric", True))
 
-    def macropixel(self, u: int, v: int, *, codes: bool = False) -> np.ndarray:
-        """Read the rays of the pixel in column ``u`` and row ``v``, through all lens samples.
+    def require_metric(self, key: str) -> None:
+        """Raise :class:`OpticsError` naming ``key`` if distances and f-numbers are unknown."""
+        if not self.metric:
+            problem = "does not hold its geometry: distances and f-numbers are unknown"
+            remedy = f"Focus by disparity and stop down by views. {GIVE_GEOMETRY}"
+            raise OpticsError(problem, file=self.path, key=key, remedy=remedy)
 
-        (N, N, 3), indexed [j, i]; otherwise as :meth:`rectangle`.
+    @property
+    def made_views(self) -> Slab:
+        """The slab of the views that depth makes of displaced ones; else the file's own."""
+        slab, depth = self.require_slab(), self.metadata.depth
+        return slab.resized(depth.pixels) if depth and self.displaced else slab
+
+    @property
+    def views_to_serve(self) -> int:
+        """The views per side that the file was recorded for; it may store fewer, with depth."""
+        return int(self.content.get("views") or max(self.grid))
+
+    def metres(self, inverse: np.ndarray) -> np.ndarray:
+        """Convert the file's inverse depths, 1/m, to depths; infinity for a miss."""
+        least = FARTHEST_SURFACE / self.depth_range[1] if self.depth_range else 0.0
+        with np.errstate(divide="ignore"):
+            return np.where(inverse > least, 1.0 / inverse, np.inf)
+
+    def macropixel(self, u: int, v: int, *, codes: bool = False) -> np.ndarray:
+        """Read the rays of one pixel through all lens samples.
+
+        ``u`` is the column, ``v`` the row.  Returns (N, N, 3), indexed [j, i]; otherwise as
+        :meth:`rectangle`.
         """
         return self.rectangle(u, v, u + 1, v + 1, codes=codes)[0, 0]
 
     def view(self, i: int, j: int, *, codes: bool = False) -> np.ndarray:
-        """Read the picture from the lens sample in column ``i`` and row ``j``.
+        """Read the picture from one lens sample.
 
-        (M, M, 3), indexed [v, u]; otherwise as :meth:`views`.
+        ``i`` is the column, ``j`` the row.  Returns (M, M, 3), indexed [v, u]; otherwise as
+        :meth:`views`.
         """
         return self.views(i, j, i + 1, j + 1, codes=codes)[0, 0]
 
@@ -162,7 +369,7 @@ class LightFieldFile(StoredVideo):
         i0, j0, i1, j1 : int
             First column and row, and the column and row after the last.
         codes : bool
-            Return the stored sRGB codes, of PQ those of the light that is not above white.
+            Return sRGB codes, with light above white clipped, instead of linear light.
 
         Returns
         -------
@@ -185,7 +392,7 @@ class LightFieldFile(StoredVideo):
         u0, v0, u1, v1 : int
             First column and row, and the column and row after the last.
         codes : bool
-            Return the stored sRGB codes, of PQ those of the light that is not above white.
+            Return sRGB codes, with light above white clipped, instead of linear light.
 
         Returns
         -------
@@ -202,90 +409,24 @@ class LightFieldFile(StoredVideo):
         rays = self.block((0, 0, columns, rows), (u0, v0, u1, v1), codes=codes)
         return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
 
-    def block(self, lens: tuple, film: tuple, *, codes: bool = False) -> np.ndarray:
-        """As :meth:`views`, of the rectangle of pixels ``film`` alone."""
+    def block(self, lens: Rectangle, film: Rectangle, *, codes: bool = False) -> np.ndarray:
+        """Read the rectangle of pixels ``film`` of a rectangle of views, as :meth:`views` does.
+
+        Both are (first column, first row, column after the last, row after the last).
+        """
         moved = []
-        views, picture = self.extent.views, (*self.corner, *self.picture_size)
-        for asked, held in ((lens, views), (film, picture)):
-            (a, b, c, d), (column, row, columns, rows) = asked, held
+        held_views, held_pixels = self.extent.views, (*self.corner, *self.picture_size)
+        for rectangle, (column, row, columns, rows) in ((lens, held_views), (film, held_pixels)):
+            a, b, c, d = rectangle
             if not (0 <= a < c <= columns and 0 <= b < d <= rows):
                 problem = f"({a}, {b}) to ({c}, {d}) lies outside the {columns} x {rows} recorded"
                 raise StorageError(problem, file=self.path)
             moved.append((a + column, b + row, c + column, d + row))
         if self.layout.kind == "views":
-            return self._read(*moved, codes=codes)
-        return self._read(*moved[::-1], codes=codes).transpose(2, 3, 0, 1, 4)
+            return self._rays(*moved, codes=codes)
+        return self._rays(*moved[::-1], codes=codes).transpose(2, 3, 0, 1, 4)
 
-    def _read(self, outer: tuple, inner: tuple, *, codes: bool) -> np.ndarray:
-        """(outer rows, outer columns, inner rows, inner columns, 3) of two rectangles.
-
-        Rectangles are (column0, row0, column1, row1), half open.
-        """
-        shape = (outer[3] - outer[1], outer[2] - outer[0], inner[3] - inner[1], inner[2] - inner[0])
-        out = np.zeros((*shape, 3), np.uint8 if codes else np.float32)
-        corner = np.array(outer[:2], np.int32)
+    def _rays(self, outer: Rectangle, inner: Rectangle, *, codes: bool) -> np.ndarray:
         damaged = {damage.segment.index for damage in self.damage}
-        for index in self.metadata.segments.meeting(*outer):
-            if index in damaged:
-                continue
-            part = self.metadata.segments[index]
-            if part.index not in self._checked:  # before a list is made of what may not be there
-                self.check_segment(part.index)
-            elements = part.tile.elements()
-            inside = (elements >= corner).all(1) & (elements < outer[2:]).all(1)
-            elements = elements[inside]
-            places = part.tile.placement(elements)
-            for frames, places_of, which in self._needed(part, places[:, 0]):
-                column, line = (elements[which] - corner).T
-                found = windows(self.layout, frames, places_of, places[which, 1:], inner)
-                out[line, column] = self._read_codes(found) if codes else self.layout.decoded(found)
-        return out if codes or self.white == 1.0 else out * np.float32(self.white)
-
-    def _read_codes(self, found: np.ndarray) -> np.ndarray:
-        """uint8 sRGB of what frames hold; light above white is cut."""
-        layout = self.layout
-        return to_uint8(found) if layout.peak is None else srgb_codes(layout.decoded(found))
-
-    def _needed(
-        self, part: Segment, numbers: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, slice]]:
-        """Decode the frames ``numbers`` (ascending), some at a time.
-
-        Gives (frames of one chunk, index into them of each element, slice of ``numbers``).
-        """
-        wanted = np.unique(numbers)
-        step = max(1, CHUNK_BYTES // self.layout.frame_bytes)
-        held = slice(bisect_left(self._keys, part.first), bisect_left(self._keys, part.stop))
-        keys = np.array([key - part.first for key in self._keys[held]] or [0])
-        entry = keys[np.searchsorted(keys, wanted, side="right") - 1]
-        # On through the frames between, unless a later key frame lets us skip some.
-        for run in np.split(wanted, np.flatnonzero(entry[1:] > wanted[:-1] + 1) + 1):
-            first = int(run[0])
-            for chunk in self.frames(part.index, first, int(run[-1]) + 1, chunk=step):
-                low, high = np.searchsorted(numbers, (first, first + len(chunk)))
-                if low < high:
-                    yield chunk, numbers[low:high] - first, slice(low, high)
-                first += len(chunk)
-
-
-def windows(
-    layout: FrameLayout,
-    frames: np.ndarray,
-    which: np.ndarray,
-    corners: np.ndarray,
-    inner: tuple[int, int, int, int],
-) -> np.ndarray:
-    """(E, rows, columns, 3) float32 in [0, 1], encoded: the rectangle ``inner`` (column0, row0,
-    column1, row1) of each of E elements, whose first pixels are ``corners`` of frames ``which``."""
-    form = layout.format
-    pictures = []
-    for index, plane in enumerate(form.views(frames, layout.frame_width, layout.frame_height)):
-        # Chroma is repeated over its 2 x 2 pixels, as refocusing does: the mean of a macropixel is
-        # then what was stored, 4 dB nearer than interpolated, and nothing leaks between elements.
-        step = form.subsampling if index else 1
-        x, y = corners.T
-        columns = (x[:, None] + np.arange(inner[0], inner[2])) // step
-        rows = (y[:, None] + np.arange(inner[1], inner[3])) // step
-        pictures.append(plane[which[:, None, None], rows[:, :, None], columns[:, None, :]])
-    whole = pixel_format(FULL[form.bits]) if form.subsampling > 1 else form
-    return rgb_from_planes(pictures, whole)
+        rays = read_block(self.video, outer, inner, codes=codes, damaged=damaged)
+        return rays if codes or self.white == 1.0 else rays * np.float32(self.white)

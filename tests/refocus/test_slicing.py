@@ -133,7 +133,7 @@ def test_planes_out_of_a_file_of_512_views_are_those_of_its_rays(tmp_path):
     layout = FrameLayout("macropixels", 512, 3, pixel_format=spec.pixel_format)
     tile, path = layout.tile(0, 0, 3, 3), tmp_path / "l.mkv"
     write_field(path, slab, layout, partial(smooth_frames, seed=3), spec=spec, tiles=[tile])
-    decoded = np.concatenate(list(LightFieldFile.open(path).frames(0)))
+    decoded = np.concatenate(list(LightFieldFile.open(path).video.frames(0)))
     rays = light_of(decoded, tile, open_device())
     for plane, found in zip(
         PLANES, form_planes(LightField.open(path), PLANES).sums.sums, strict=True

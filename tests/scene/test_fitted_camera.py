@@ -337,7 +337,7 @@ def test_a_file_states_the_scenes_ends_and_an_older_one_is_decoded_for_them(scen
         assert older.plane(word).focus_m == pytest.approx(wanted, rel=0.05)
     unread = lfcore.LightField.open(field.path)
     assert unread.plane("inf").focus_m == math.inf and unread.plane(2).focus_m == 2.0
-    assert unread.plane("near", blur="1%") and not unread.require_depth_video().count.frames
+    assert unread.plane("near", blur="1%") and not unread.require_depth_video().decoded_frames
     pictures = [field.refocus(word) for word in ("near", "far")]
     assert np.abs(pictures[0] - pictures[1]).max() > 0.05
 

@@ -102,7 +102,7 @@ def test_files_that_are_too_short_or_too_long(tmp_path, whole):
 def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     data, pixels = whole
     middle = LightFieldFile.open(stored.path)
-    target = next(iter(middle.frames(2)))  # readable before
+    target = next(iter(middle.video.frames(2)))  # readable before
     assert len(target)
     changed = bytearray(data)
     with av.open(str(stored.path)) as container:
@@ -111,7 +111,7 @@ def test_a_damaged_segment_is_named_before_any_frame(tmp_path, stored, whole):
     path = tmp_path / "flipped.mkv"
     path.write_bytes(changed)
     light_field = LightFieldFile.open(path)
-    refused(r"segment 2 .*check sum", next, light_field.frames(2))
+    refused(r"segment 2 .*check sum", next, light_field.video.frames(2))
     assert (light_field.macropixel(0, 0, codes=True) == pixels[0, 0]).all()
     tile = middle.segments[2].tile
     refused("segment 2", light_field.macropixel, tile.column, tile.row, codes=True)
@@ -153,7 +153,9 @@ def test_a_missing_segment(tmp_path, stored, whole, missing):
 def test_a_missing_frame(tmp_path, stored):
     path = tmp_path / "short.mkv"
     remux(stored.path, path, lambda number: number != 41)
-    refused(r"segment 1 .* has 35 of its 36 frames", list, LightFieldFile.open(path).frames(1))
+    refused(
+        r"segment 1 .* has 35 of its 36 frames", list, LightFieldFile.open(path).video.frames(1)
+    )
 
 
 def test_foreign_files(tmp_path, stored):
@@ -179,7 +181,7 @@ def test_metadata_that_contradict(tmp_path, stored, change, words):
     else:
         text = signed(text, lambda data: data["layout"].update({key: value}))
     remux(stored.path, tmp_path / "x.mkv", text=text)
-    refused(words, lambda: next(LightFieldFile.open(tmp_path / "x.mkv").frames(0)))
+    refused(words, lambda: next(LightFieldFile.open(tmp_path / "x.mkv").video.frames(0)))
 
 
 def signed(text, change):

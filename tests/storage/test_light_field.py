@@ -56,7 +56,7 @@ def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
     assert [part.tile for part in light_field.segments] == stored.tiles and len(stored.tiles) >= 3
     made = zip(light_field.segments, stored.segments, stored.frames, strict=True)
     for part, path, frames in made:
-        joined = np.concatenate(list(light_field.frames(part.index, chunk=5)))
+        joined = np.concatenate(list(light_field.video.frames(part.index, chunk=5)))
         assert (joined == segment_frames(path)).all()
         assert codec != "ffv1" or (joined == frames).all()
         with open_video(path) as file:
@@ -69,12 +69,12 @@ def test_joining_is_bit_exact(tmp_path, make_store, codec, name):
 def test_any_start_equals_sequential(stored, start, length, chunk):
     stop = min(36, start + length)
     light_field = LightFieldFile.open(stored.path)
-    parts = list(light_field.frames(1, start, stop, chunk=chunk))
+    parts = list(light_field.video.frames(1, start, stop, chunk=chunk))
     assert all(len(part) <= chunk for part in parts)
     whole = segment_frames(stored.segments[1])[start:stop]
     assert (np.concatenate([whole[:0], *parts]) == whole).all()
     if length:
-        assert light_field.count.frames <= stop - start + 5 + 1
+        assert light_field.video.decoded_frames <= stop - start + 5 + 1
 
 
 @pytest.mark.parametrize("kind", ["macropixels", "views"])
@@ -120,7 +120,7 @@ def test_only_what_is_needed_is_decoded(stored):
     ):
         light_field = LightFieldFile.open(stored.path)
         getattr(light_field, name)(*where, codes=True)
-        assert least <= light_field.count.frames <= most
+        assert least <= light_field.video.decoded_frames <= most
 
 
 def test_outside_is_refused(stored):
@@ -129,8 +129,8 @@ def test_outside_is_refused(stored):
         lambda: light_field.macropixel(12, 0, codes=True),
         lambda: light_field.view(0, -1, codes=True),
         lambda: light_field.rectangle(3, 3, 3, 5, codes=True),
-        lambda: list(light_field.frames(4)),
-        lambda: list(light_field.frames(0, 3, 99)),
+        lambda: list(light_field.video.frames(4)),
+        lambda: list(light_field.video.frames(0, 3, 99)),
     ]:
         with pytest.raises(StorageError):
             wrong()

@@ -155,7 +155,7 @@ def store(frames: Frames, spec: Encoding, device: Device) -> dict:
         )  # fmt: skip
         size = file.stat().st_size - len(metadata.to_text())
         field = LightFieldFile.open(file)
-        decoded = np.concatenate([*watch.each("decode", field.frames(0))])
+        decoded = np.concatenate([*watch.each("decode", field.video.frames(0))])
     return {
         **sizes(rays=layout.rays, video_bytes=size),
         "bits_per_ray": 8 * size / layout.rays,

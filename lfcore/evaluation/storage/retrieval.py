@@ -110,16 +110,16 @@ def _planes(
     share = frames * rays_a_frame / layout.rays
     chunk = max(1, CHUNK_BYTES // layout.frame_bytes)
     room = page_aligned((min(chunk, frames), layout.frame_bytes), np.uint8)
-    field.check_segment(0)
+    field.video.check_segment(0)
 
     def alone() -> float:
-        for _ in field.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
+        for _ in field.video.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
             pass
         return 1.0
 
     def formed(planes: list[SensorPlane], frames: int) -> float:
         first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
-        for some in field.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
+        for some in field.video.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
             former.add(some, first)
             first += len(some)
         former.plane_sums()
@@ -165,7 +165,7 @@ def _piece(
         if in_all:  # only the first is in reach; the others read as black
             reach.metadata = replace(reach.metadata, segments=reach.metadata.segments[:1])
         read(reach)
-        return reach.count.frames / sum(part.frames for part in reach.segments)
+        return reach.video.decoded_frames / sum(part.frames for part in reach.segments)
 
     share = field.segments[0].tile.rays / field.layout.rays if in_all else 1.0
     return Measurement(what, share, read_anew)
