@@ -11,7 +11,10 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
+from lfcore.scene.arrays import check_array
 
+MOST_CELLS = 1 << 20
+"""Along an edge: a grid of so many has more points than memory."""
 FORMAT = "lfcore light 1"
 ASKS = ("sky", "bounces")
 """The keys of a scene.yaml with which light is baked."""
@@ -53,6 +56,19 @@ class BakedLight:
     values: np.ndarray
     error: float = 0.0
     rays: int = 0
+
+    def __post_init__(self) -> None:
+        check_array("grids", self.grids, (None, 3), "integers")
+        check_array("values", self.values, (None, 3))
+        first, cells = self.grids[:, :2].astype(np.int64), self.grids[:, 2:].astype(np.int64)
+        points = np.where(cells < MOST_CELLS, (cells + 1) * (cells + 2) // 2, len(self.values) + 1)
+        if (first < 0).any() or (cells < 1).any() or (first + points > len(self.values)).any():
+            problem = f"have a grid outside the {len(self.values)} points"
+            raise SceneError(problem, key="grids", remedy="Give first points and cells from 1 on")
+        if points.sum() * 2 > len(self.values):
+            each = np.stack([first, np.broadcast_to(points, first.shape)], -1).reshape(-1, 2)
+            if int(np.unique(each, axis=0)[:, 1].sum()) > len(self.values):
+                raise SceneError("overlap", key="grids", remedy="Share whole grids, or none")
 
     def save(self, path: str | Path) -> None:
         """Write it; the file appears when it is whole."""

@@ -49,6 +49,8 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
         _check([value], least, most, where[f"camera: {name}"])
     farthest = np.abs(scene.uvs).max(initial=0)
     _check([float(farthest)], 0, FARTHEST_UV, where["texture coordinates"])
+    brightest = np.abs(scene.colours).max(initial=0)
+    _check([float(brightest)], 0, BRIGHTEST, where["colours of corners"])
     for motion in scene.motions:
         poses = np.concatenate([motion.start[:3].ravel(), motion.end[:3].ravel()])
         _check(poses, -LARGEST_COORDINATE, LARGEST_COORDINATE, where["motion"])

@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError, SceneError, printable
+from lfcore.errors import OpticsError, SceneError, check_kind, printable
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.reading import Where
 from lfcore.scene.appearance import Light, Material
+from lfcore.scene.arrays import check_array
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
+from lfcore.scene.checks import check_scene
 from lfcore.scene.notes import KINDS, Count, Note
 from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
@@ -52,6 +54,10 @@ class Motion:
     count: int
     start: np.ndarray
     end: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            check_array(name, getattr(self, name), (4, 4))
 
     def pose(self, time: float) -> np.ndarray:
         """(4, 4) that moves the stored triangles to ``time`` in [0, 1]."""
@@ -124,6 +130,9 @@ class Scene:
     bake: BakeOptions | None = None
     light: BakedLight | None = None
 
+    def __post_init__(self) -> None:
+        check_scene(self)
+
     @classmethod
     def from_triangles(
         cls,
@@ -174,6 +183,7 @@ class Scene:
         SceneError
             Arrays of other shapes, or no triangle that can be traced.
         """
+        check_kind(surface, Surface | None, "surface", "a Surface")
         corners = _checked("triangles", triangles, None, 3)
         if not len(corners):
             raise SceneError("the scene is empty: no triangles were given", key="triangles")
@@ -234,7 +244,9 @@ class Scene:
         # Seldom needed, and what reads scene files is slow to import.
         from lfcore.scene import framing
         from lfcore.scene.description import complete
+        from lfcore.scene.limits import within_limits
 
+        check_kind(camera, Camera | None, "camera", "a Camera")
         defaults, to_camera = complete({"objects": []}), np.eye(4)
         if camera is None:
             extent = framing.bounds(parts, file=name)
@@ -248,7 +260,7 @@ class Scene:
             key: parse_colour(defaults[key]) if given is None else given
             for key, given in light.items()
         }
-        return cls(
+        made = cls(
             name=name,
             camera=camera,
             lights=framing.default_lights() if lights is None else list(lights),
@@ -256,6 +268,7 @@ class Scene:
             **around,
             **vars(geometry),
         )
+        return within_limits(made, name)
 
     def __repr__(self) -> str:
         materials, lights = len(self.materials), len(self.lights)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.colour import srgb_decode
+from lfcore.scene.arrays import check_texture, check_triple
 from lfcore.scene.transforms import chain, translate
 
 Colour = tuple[float, float, float]
@@ -53,6 +54,13 @@ class Surface:
     normal_scale: float = 1.0
     emission_texture: np.ndarray | None = None
     curved: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("diffuse", "specular", "emission"):
+            check_triple(name, getattr(self, name))
+        for name in ("texture", "metal_texture", "normal_texture", "emission_texture"):
+            if getattr(self, name) is not None:
+                check_texture(name, getattr(self, name))
 
     @property
     def has_textures(self) -> bool:
