@@ -94,6 +94,12 @@ def bake(
     Notes
     -----
     Source: docs/notebook/true-picture.md.
+
+    Examples
+    --------
+    >>> daylight = lfcore.bake(scene, sky={"colour": "#8090ff"}, bounces=1, error=0.2)
+    >>> daylight.light.values.dtype
+    dtype('float32')
     """
     _check_scene(scene)
     keys: dict[str, Any] = {
@@ -175,6 +181,15 @@ def render(
     Notes
     -----
     Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
+
+    Examples
+    --------
+    >>> picture = lfcore.render(scene, focus_m="near", f_number=4, pixels=(24, 16), views=2)
+    >>> picture.shape, picture.dtype
+    ((16, 24, 3), dtype('float32'))
+    >>> planes = [scene.plane("near"), scene.plane("far", blur="2%")]
+    >>> lfcore.render(scene, planes=planes, pixels=16, views=2).shape
+    (2, 16, 16, 3)
     """
     _check_scene(scene)
     size = Size.of(pixels)
@@ -267,6 +282,12 @@ def render_to_quality(
     Notes
     -----
     Source: docs/notebook/true-picture.md.
+
+    Examples
+    --------
+    >>> made = lfcore.render_to_quality(scene, lfcore.Quality(20), pixels=24)
+    >>> made.pictures.shape, bool(made.expected_db[0] >= 20)
+    ((1, 24, 24, 3), True)
     """
     _check_scene(scene)
     check_kind(quality, Quality, "quality")
@@ -376,6 +397,14 @@ def record(
     Notes
     -----
     Source: thesis, Algorithm 3.
+
+    Examples
+    --------
+    >>> field = lfcore.record(scene, "ball.mkv", views=9, pixels=16, f_number=2)
+    >>> field.views_to_serve, field.grid
+    (9, (4, 4))
+    >>> field.refocus(focus_m="far").shape
+    (16, 16, 3)
     """
     from lfcore.lightfield import LightField
     from lfcore.rendering.record import peak_to_store, record_slab
@@ -527,6 +556,12 @@ def trace_array(
     Notes
     -----
     Source: CS348b's third assignment; pbrt's light field camera.
+
+    Examples
+    --------
+    >>> array = lfcore.CameraArray.on_grid((3, 2), (-0.1, 0.1, -0.05, 0.05), 45.0, (16, 12))
+    >>> lfcore.trace_array(scene, array).shape
+    (24, 48, 3)
     """
     from lfcore.rendering.photograph import photograph, trace_shutter
 

@@ -119,6 +119,11 @@ def exposed(picture: np.ndarray, exposure_ev: float = 0.0, roll_off: bool = Fals
     ------
     OpticsError
         The exposure is not finite, or beyond 64 stops.
+
+    Examples
+    --------
+    >>> lfcore.exposed(np.array([[0.25, 0.5, 1.0]]), exposure_ev=1).tolist()
+    [[0.5, 1.0, 2.0]]
     """
     check_exposure(exposure_ev)
     picture = floating(picture)

@@ -33,10 +33,32 @@ def exr_bytes(image: np.ndarray, header: dict | None = None, *, half: bool = Fal
 
 
 def read_exr(path: str | Path | io.BytesIO) -> tuple[np.ndarray, dict]:
-    """(H, W, 3) float32, or float16 where all channels are, and the header's attributes.
+    """Read an EXR picture and its header.
 
-    The picture is the display window, black outside the data window.  A single channel is repeated;
-    colours may be those of the only layer.  Raises :class:`StorageError` for a file that is no EXR.
+    Parameters
+    ----------
+    path : str, Path or BytesIO
+        The file.
+
+    Returns
+    -------
+    picture : ndarray
+        (H, W, 3) of the display window, black outside the data window: float32, or float16 if all
+        channels are.  A single channel is repeated; colours may be in the only layer.
+    header : dict
+        The header's attributes.
+
+    Raises
+    ------
+    StorageError
+        The file is no EXR.
+
+    Examples
+    --------
+    >>> lfcore.write_picture("grey.exr", np.full((4, 6, 3), 0.5, np.float32))
+    >>> picture, header = lfcore.read_exr("grey.exr")
+    >>> picture.shape, picture.dtype
+    ((4, 6, 3), dtype('float32'))
     """
     name = None if isinstance(path, io.BytesIO) else str(path)
     with _opened(path) as file:

@@ -91,6 +91,10 @@ def write_picture(
     ------
     LfcoreError
         A name of no known format, or a file that cannot be written; none is left.
+
+    Examples
+    --------
+    >>> lfcore.write_picture("ball.png", lfcore.render(scene, pixels=16, views=2), exposure_ev=1)
     """
     named = [(path, picture)]
     write_pictures(named, half=half, bits=bits, exposure_ev=exposure_ev, roll_off=roll_off)

@@ -195,6 +195,13 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
         The description has an unknown key or an impossible value, or names an empty folder.
     SceneError
         A mesh or texture of this scene cannot be read.
+
+    Examples
+    --------
+    >>> few = {"objects": (1, 2, "even"), "least_seen": 0.01}
+    >>> description = {"name": "mine", "kind": "focal_stacks", "placement": few}
+    >>> lfcore.sample_scene(description, index=0).triangle_count > 0
+    True
     """
     return sample(description, index)[0]
 

@@ -57,6 +57,13 @@ def export_lightfield(
     ------
     StorageError
         The format or the file lacks something; no folder is left.
+
+    Examples
+    --------
+    >>> selection = lfcore.Selection(views=(3, 3), pixels=16)
+    >>> notes = lfcore.export_lightfield(field, "hci", "ball_hci", selection=selection)
+    >>> lfcore.import_lightfield("ball_hci", "again.mkv").grid
+    (3, 3)
     """
     row = table.find(format)
     folder, options = Path(folder), replace(options or WriteOptions())  # without its notes

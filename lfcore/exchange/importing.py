@@ -94,6 +94,15 @@ def import_lightfield(
     ------
     StorageError
         Names the file and what was expected; no file is left.
+
+    Examples
+    --------
+    >>> lfcore.write_picture("shots/0.png", np.zeros((16, 16, 3)))
+    >>> lfcore.write_picture("shots/1.png", np.ones((16, 16, 3)))
+    >>> geometry = lfcore.Geometry(pitch_m=0.006, delta=0.0)
+    >>> options = lfcore.ReadOptions(views=(2, 1), geometry=geometry, fov_deg=40)
+    >>> lfcore.import_lightfield("shots", "shots.mkv", options=options).metric
+    True
     """
     source, path, encoding = Path(source), Path(path), encoding or Encoding()
     grid = read_grid(source, format, options or ReadOptions())

@@ -48,10 +48,16 @@ UPDATE = "Update this driver, or name another in LFCORE_DEVICE: 'lfcore devices 
 
 @dataclass(frozen=True)
 class Device:
-    """An OpenCL device with its context and an in-order queue.
+    """An OpenCL device with its context and an in-order queue; see :func:`open_device`.
 
-    ``lanes`` is the width kernels are built for, ``threads`` the number of persistent workers
-    that a CPU job may use.
+    Attributes
+    ----------
+    device, context, queue : pyopencl objects
+        OpenCL's own.
+    lanes : int
+        The vector width for which kernels are built.
+    threads : int
+        The persistent workers that a CPU job may use.
     """
 
     device: cl.Device
@@ -238,6 +244,12 @@ def open_device(
     ------
     DeviceError
         No driver, none whose name fits, or an ``LFCORE_THREADS`` that is no number.
+
+    Examples
+    --------
+    >>> device = lfcore.open_device(threads=1)
+    >>> lfcore.render(scene, pixels=16, views=1, device=device).shape
+    (16, 16, 3)
     """
     if threads is not None and not (isinstance(threads, Integral) and threads >= 1):
         raise DeviceError(f"must be a whole number, at least 1, not {threads!r}", key="threads")

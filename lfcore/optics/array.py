@@ -52,6 +52,12 @@ class CameraArray:
     ------
     OpticsError
         Positions that are not finite or not increasing, a field outside (0, 180), an empty tile.
+
+    Examples
+    --------
+    >>> array = lfcore.CameraArray.on_grid((5, 5), (-0.1, 0.1, -0.1, 0.1), 40.0, (64, 64))
+    >>> array.cameras
+    (5, 5)
     """
 
     columns_m: tuple[float, ...]

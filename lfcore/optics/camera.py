@@ -47,6 +47,12 @@ class Camera:
     ------
     OpticsError
         A value that is not positive, a focus inside the focal length, or a pose with a scale.
+
+    Examples
+    --------
+    >>> camera = lfcore.Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=3.0)
+    >>> camera.lens_radius_m
+    0.0125
     """
 
     focal_length_m: float

@@ -102,6 +102,11 @@ class SensorPlane:
     pixels : int, optional
         Longer side of a picture coarser than the slab, on which rays fall by their exact place.
         Default: the slab's own.
+
+    Examples
+    --------
+    >>> lfcore.SensorPlane(focus_m=3.2, f_number=2.8, aperture="polygon", blades=5).normalise
+    'aperture'
     """
 
     focus_m: float

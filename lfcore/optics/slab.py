@@ -45,6 +45,12 @@ class Lattice:
     ------
     OpticsError
         A number is out of range.
+
+    Examples
+    --------
+    >>> lattice = lfcore.Lattice(views=4, subpixels=2)
+    >>> lattice.rays_per_pixel, lattice.rays(256)
+    (64, 4194304)
     """
 
     views: int
@@ -111,6 +117,13 @@ class Slab:
         N and M.
     extent : Extent, optional
         The views and pixels that there are.  Default: all.
+
+    Examples
+    --------
+    >>> camera = lfcore.Camera(focal_length_m=0.05, sensor_width_m=0.036, f_number=2.0, focus_m=3.0)
+    >>> slab = lfcore.Slab(camera, views=16, pixels=256)
+    >>> round(1e3 * slab.lens_pitch_m, 4)
+    1.5625
     """
 
     camera: Camera

@@ -92,6 +92,12 @@ def load_scene(
     ------
     SceneError
         The file is missing or damaged, or describes no scene.
+
+    Examples
+    --------
+    >>> scene = lfcore.load_scene("ball.obj", view_from="30,20", bare=True)
+    >>> scene.name, scene.triangle_count
+    ('ball', 80)
     """
     path = Path(path)
     check_kind(camera, Camera | None, "camera", "a Camera")

@@ -121,6 +121,12 @@ def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
     -------
     ndarray
         float32 pixels, of the same shape; 0 in the plane of focus.
+
+    Examples
+    --------
+    >>> slab = lfcore.Slab(lfcore.Camera(0.05, 0.036, 2.0, 3.0), views=5, pixels=64)
+    >>> lfcore.disparity(slab, np.array([3.0])).tolist()
+    [0.0]
     """
     scale = slab.lens_pitch_m / slab.pixel_pitch
     with np.errstate(divide="ignore"):

@@ -45,6 +45,11 @@ class Quality:
     ------
     OpticsError
         A number that is not positive, or distances in the wrong order.
+
+    Examples
+    --------
+    >>> lfcore.Quality(40, most_rays=256).quality_db
+    40
     """
 
     quality_db: float

@@ -1,4 +1,4 @@
-"""How triangles look and what lights them: materials and lights, as the tracer has them."""
+"""Materials and lights, as the tracer has them."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,41 @@ POINT, DIRECTIONAL = 0, 1
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface is made of, all colours linear RGB in [0, 1].
+    """A material: Blinn-Phong, or glTF's metallic-roughness model.
 
-    It reflects by Blinn-Phong: ``diffuse``, ``specular`` and ``shininess``; or, where ``metallic``
-    is not negative, as glTF's metal (1) or what is none (0) of a ``roughness``, with ``diffuse``
-    as base colour.  Textures index :attr:`Scene.textures` (-1: none).  ``metal_texture``
-    multiplies roughness by its green and metal by its blue, ``normal_texture`` bends normals, its
-    x and y ``normal_scale`` times, and ``emission_texture`` multiplies ``emission``.
+    Colours are linear RGB in [0, 1].  Textures index :attr:`Scene.textures`; -1 is none.
 
-    ``texture`` multiplies ``diffuse``.  ``emission`` is added whatever the light: a lamp shade, a
-    screen, test charts.  Where the texture's alpha, of 1, is below ``alpha_cutoff`` is a hole.
-    Of a ``curved`` material smooth normals are those of a curved surface, where shadow rays start:
-    few triangles then cast no jagged shadows on themselves.
+    Parameters
+    ----------
+    name : str
+        The material's name.
+    diffuse : (float, float, float)
+        Diffuse reflectance, or the base colour of the metallic-roughness model.
+    specular : (float, float, float)
+        Blinn-Phong's specular reflectance.
+    shininess : float
+        Blinn-Phong's exponent.
+    emission : (float, float, float)
+        Radiance that is added in any light: a lamp shade, a screen, a test chart.
+    texture : int
+        Multiplies ``diffuse``.
+    alpha_cutoff : float
+        The texture cuts a hole where its alpha, 0 to 1, is below this value.
+    metallic : float
+        0 (dielectric) to 1 (metal) selects the metallic-roughness model; below 0 Blinn-Phong.
+    roughness : float
+        Roughness of the metallic-roughness model, 0 to 1.
+    metal_texture : int
+        Its green channel multiplies ``roughness``, its blue channel ``metallic``.
+    normal_texture : int
+        The normal map.
+    normal_scale : float
+        Multiplies x and y of the normal map.
+    emission_texture : int
+        Multiplies ``emission``.
+    curved : bool
+        Shadow rays start on the curved surface that the smooth normals describe, so that a coarse
+        mesh casts no jagged shadows on itself.
     """
 
     name: str
@@ -42,32 +65,41 @@ class Material:
 
     @property
     def data_textures(self) -> tuple[int, int]:
-        """Those whose codes are numbers, and no sRGB."""
+        """The textures whose codes are linear numbers, not sRGB."""
         return self.metal_texture, self.normal_texture
 
     @property
     def textures(self) -> tuple[int, ...]:
-        """All that it has."""
+        """The numbers of all its textures."""
         every = (self.texture, *self.data_textures, self.emission_texture)
         return tuple(number for number in every if number >= 0)
 
 
 @dataclass(frozen=True)
 class Light:
-    """A point or directional light in camera space.
+    """A point, spot or directional light in camera space.
 
-    ``vector`` is the position in metres (:data:`POINT`) or the unit direction *towards* the
-    light (:data:`DIRECTIONAL`).  ``colour`` is linear RGB: for a point light the irradiance at
-    ``reference_distance_m`` (inverse-square fall-off; 0 means no fall-off), for a directional
-    light the irradiance everywhere.
-
-    A point light may be a point of a surface that glows: with a ``normal`` (unit, camera space;
-    zero: shines to all sides) it gives the cosine to it times as much, and nothing behind.  The
-    triangles ``own``, from the first to before the second number, never shadow it.
-
-    Or it is a spot along its ``normal``, with ``cone`` the cosines of the angles at which it begins
-    to fade and is dark; from the second to the first its strength grows as the square of a line,
-    as in glTF.
+    Parameters
+    ----------
+    kind : int
+        :data:`POINT` (0) or :data:`DIRECTIONAL` (1).
+    vector : (float, float, float)
+        The position of a point light, metres; the unit direction towards a directional light.
+    colour : (float, float, float)
+        Linear RGB irradiance: at ``reference_distance_m`` from a point light, everywhere for a
+        directional light.
+    reference_distance_m : float
+        The distance of ``colour``, with inverse-square fall-off; 0: no fall-off.
+    casts_shadows : bool
+        Whether triangles occlude the light.
+    normal : (float, float, float)
+        The unit normal of an emitter's point, whose light falls off with the cosine to the normal
+        and is 0 behind it; or the axis of a spot.  Zero: equal light in all directions.
+    own : (int, int)
+        The emitter's first triangle, and the one after its last: they do not occlude the light.
+    cone : (float, float)
+        A spot's cosines to its axis where it begins to fade and where it is dark.  Between them
+        the light is the square of an affine function of the cosine, as in glTF.
     """
 
     kind: int

@@ -1,4 +1,4 @@
-"""Light that was computed once for all rays: irradiance on the surfaces of a scene."""
+"""Baked light: irradiance on a scene's surfaces, computed once for all rays."""
 
 from __future__ import annotations
 
@@ -23,9 +23,20 @@ NO_SKY = np.zeros((0, 0, 3), np.float32)
 
 @dataclass(frozen=True)
 class BakeOptions:
-    """How light is baked: ``bounces`` between matt surfaces, until the root mean square ``error``
-    is such a share of the light, of a quarter of its mean at least, within ``mib`` of memory; on
-    grids of ``cells`` over the width of the picture, to begin with."""
+    """Settings of :func:`lfcore.bake`.
+
+    Parameters
+    ----------
+    bounces : int
+        Bounces between matt surfaces.
+    error : float
+        The root mean square error to reach, relative to the light, or to a quarter of its mean
+        where the light is less.
+    mib : int
+        The memory that baking may use, MiB.
+    cells : int
+        Cells of the first grids per width of the picture.
+    """
 
     bounces: int = 3
     error: float = 0.02
@@ -34,7 +45,7 @@ class BakeOptions:
 
     @property
     def fineness(self) -> float:
-        """Below 1 for errors above 0.06, which need fewer rays at first, and fewer cells."""
+        """The share of first rays and cells: below 1 for errors above 0.06, which need fewer."""
         return min(1.0, math.sqrt(0.06 / self.error))
 
 
@@ -44,12 +55,16 @@ class BakedLight:
 
     Attributes
     ----------
-    grids : (T, 3) int32, of each triangle the first point of its grid in front (where corners run
-        counter-clockwise) and behind, and the grid's cells R along an edge.
-    values : (P, 3) float32, linear RGB at the points: (i, j) with i + j <= R, row by row of j,
-        where i / R and j / R are the weights of the second and the third corner.
-    error : the expected root mean square error, such a share, where the camera sees them.
-    rays : how many were traced.
+    grids : ndarray
+        (T, 3) int32: of each triangle the first point of its grid on the front (where corners run
+        counter-clockwise) and on the back, and the grid's cells R per edge.
+    values : ndarray
+        (P, 3) float32 linear RGB at the points (i, j) with i + j <= R, row by row of j; i / R and
+        j / R are the weights of the second and the third corner.
+    error : float
+        The expected root mean square error in the picture, as in :class:`BakeOptions`.
+    rays : int
+        The number of traced rays.
     """
 
     grids: np.ndarray

@@ -44,10 +44,15 @@ PINHOLE_BLUR = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Triangles ``first .. first + count`` move rigidly.
+    """A rigid motion of some triangles while the shutter is open.
 
-    ``start`` and ``end`` are their first and last (4, 4) float64 poses in camera space; the scene's
-    arrays hold the triangles in the first.
+    Parameters
+    ----------
+    first, count : int
+        The first triangle and the number of triangles.
+    start, end : ndarray
+        (4, 4) float64: the first and last pose in camera space.  The scene's arrays have the
+        triangles in the first pose.
     """
 
     first: int
@@ -104,6 +109,11 @@ class Scene:
     notes : what could not be mapped exactly from another program's format, with file and line.
     account : how many things of each kind the files hold, and how many of them are here; of a
         scene that was read just now, as it is not saved.
+
+    Examples
+    --------
+    >>> scene.triangle_count, len(scene.materials), scene.is_pinhole
+    (80, 1, False)
     """
 
     name: str
@@ -182,6 +192,12 @@ class Scene:
         ------
         SceneError
             Arrays of other shapes, or no triangle that can be traced.
+
+        Examples
+        --------
+        >>> triangle = [[[-1, 0, 0], [1, 0, 0], [0, 1, 0]]]
+        >>> lfcore.Scene.from_triangles(triangle).triangles.shape
+        (1, 3, 3)
         """
         check_kind(surface, Surface | None, "surface", "a Surface")
         corners = _checked("triangles", triangles, None, 3)
@@ -347,6 +363,11 @@ class Scene:
         ------
         OpticsError
             A setting is given in two ways, or cannot be met.
+
+        Examples
+        --------
+        >>> scene.plane("near", 4.0, "polygon", blades=5).f_number
+        4.0
         """
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)

@@ -18,12 +18,20 @@ KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
 
 @dataclass(frozen=True)
 class Note:
-    """One thing that could not be mapped exactly.
+    """One difference between a scene and its file.
 
-    ``kind`` is :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (mapped to the
-    nearest thing there is), :data:`NOT_USED` (has no meaning here, e.g. pbrt's sampler) or
-    :data:`ASSUMED` (another choice is possible, and named).
-    ``line`` counts from 1; 0 is the whole file.
+    Parameters
+    ----------
+    kind : str
+        :data:`LEFT_OUT` (missing from the picture), :data:`APPROXIMATED` (replaced by the most
+        similar thing), :data:`NOT_USED` (without a meaning here, such as pbrt's sampler) or
+        :data:`ASSUMED` (a choice, with its alternative).
+    file : Path
+        The file.
+    line : int
+        The line, from 1; 0 is the whole file.
+    what : str
+        The difference.
     """
 
     kind: str

@@ -34,10 +34,18 @@ def triple(values: ArrayLike) -> Colour:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The material of a part, with its textures; as :class:`~lfcore.scene.appearance.Material`.
+    """A material with its textures as arrays.
 
-    Colours are linear RGB; ``texture`` is (H, W, 3) uint8, sRGB encoded, row 0 on top.  A fourth
-    channel, alpha, cuts holes where it is below ``alpha_cutoff`` of 1.
+    Fields have the meaning of :class:`lfcore.Material`.  Textures are (H, W, 3) uint8, row 0 on
+    top: sRGB codes, or linear numbers in ``metal_texture`` and ``normal_texture``.  ``texture``
+    may have a fourth channel, alpha.
+
+    Examples
+    --------
+    >>> clay = lfcore.Surface("clay", diffuse=(0.6, 0.3, 0.2))
+    >>> wall = [[[-1, 0, 3], [1, 0, 3], [0, 2, 3]]]
+    >>> lfcore.Scene.from_triangles(wall, surface=clay).materials[0].diffuse
+    (0.6, 0.3, 0.2)
     """
 
     name: str = "default"

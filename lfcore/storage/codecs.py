@@ -86,6 +86,12 @@ class Encoding:
     ------
     StorageError
         The encoder does not take these settings.
+
+    Examples
+    --------
+    >>> exact = lfcore.Encoding("ffv1", depth=False)
+    >>> lfcore.record(scene, "exact.mkv", views=2, pixels=16, encoding=exact).metadata.codec
+    'ffv1'
     """
 
     codec: str = "libx264"
