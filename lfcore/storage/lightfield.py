@@ -79,7 +79,8 @@ class LightFieldFile:
         Parameters
         ----------
         path : str or Path
-            A file, or a URL that fsspec knows; of a URL, only the ranges that are read are fetched.
+            A file, or a URL of http, https, s3 or gs, of which only the ranges that are read are
+            fetched.
         salvage : bool
             Open a damaged file for its whole segments: all are checked, and ``damage`` lists those
             that cannot be read.

@@ -1,26 +1,29 @@
 """Light field files by URL: only those ranges of bytes are fetched that are read, and each once.
 
-Any file system that fsspec knows will do (https, s3, gs, ...), if it hands out ranges.
+A server that sends no byte for 30 s is given up, after one more try.
 """
 
 from __future__ import annotations
 
 import io
 import os
+import re
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
-from typing import cast
+from typing import TypeVar, cast
 
 from lfcore.errors import LfcoreError, StorageError
+from lfcore.storage import ranges
+from lfcore.storage.ranges import DOWNLOAD, ranges_of
 
 BLOCK = 1024
 """Bytes of which a range is made: small, as structure is scattered between clusters of video."""
 MOST_BLOCKS = (256 << 20) // BLOCK
 """That are kept: a segment is read twice, to be checked and to be decoded."""
-NO_RANGES = "the server hands out no ranges of the file"
-DOWNLOAD = "Download the file, and open the copy"
+Made = TypeVar("Made")
 
 
 class RemoteFile:
@@ -33,25 +36,23 @@ class RemoteFile:
         self._blocks: OrderedDict[int, bytes] = OrderedDict()
         self._lock = threading.RLock()
         self._run = (0, 0)
-        try:
-            import fsspec
+        self._source = self._twice(lambda: ranges_of(url))
+        self._size = self._source.size
 
-            system, path = fsspec.url_to_fs(self.url)
-            self._file = system.open(path, "rb", cache_type="none")
-        except ImportError as error:
-            problem = f"cannot be opened: {error}"
-            remedy = "pip install 'lfcore[remote]', and s3fs or gcsfs for such URLs"
-            raise StorageError(problem, file=self.url, remedy=remedy) from None
-        except Exception as error:  # each file system has errors of its own
-            raise self._failed(error) from error
-        if not getattr(self._file, "size", None) or not hasattr(self._file, "cache"):
-            raise StorageError(NO_RANGES, file=self.url, remedy=DOWNLOAD)
-        self._size = int(self._file.size)
-
-    def _failed(self, error: Exception) -> StorageError:
-        if isinstance(error, FileNotFoundError):
-            return StorageError("no such file", file=self.url)
-        return StorageError(f"cannot be read: {error or type(error).__name__}", file=self.url)
+    def _twice(self, work: Callable[[], Made]) -> Made:
+        """What ``work`` makes, after one more try where a server fails."""
+        for last in (False, True):
+            try:
+                return work()
+            except LfcoreError:
+                raise
+            except FileNotFoundError:
+                raise StorageError("no such file", file=self.url) from None
+            except Exception as error:  # each file system has errors of its own
+                if last:
+                    problem = f"cannot be read: {_reason(error)}"
+                    raise StorageError(problem, file=self.url, remedy=DOWNLOAD) from error
+        raise AssertionError
 
     def __str__(self) -> str:
         return self.url
@@ -100,19 +101,21 @@ class RemoteFile:
         return self._run[1]
 
     def _fetch(self, low: int, high: int) -> bytes:
-        try:
-            self._file.seek(low)
-            data = self._file.read(high - low)
-        except LfcoreError:
-            raise
-        except Exception as error:  # each file system has errors of its own
-            if "bytes so far" in str(error) or "range" in str(error).lower():
-                raise StorageError(NO_RANGES, file=self.url, remedy=DOWNLOAD) from error
-            raise self._failed(error) from error
-        if len(data) != high - low:
-            problem = f"{len(data)} bytes came of {high - low} asked for at {low}"
-            raise StorageError(problem, file=self.url)
-        return data
+        def whole() -> bytes:
+            data = self._source.read(low, high)
+            if len(data) != high - low:
+                raise OSError(f"{len(data)} bytes came of {high - low} asked for at {low}")
+            return data
+
+        return self._twice(whole)
+
+
+def _reason(error: Exception) -> str:
+    """What a server did wrong, without the client's own names."""
+    error = getattr(error, "reason", None) or error
+    if isinstance(error, TimeoutError) or "timeout" in type(error).__name__.lower():
+        return f"no byte came for {ranges.TIMEOUT_S:g} s"
+    return re.sub(r"^\w+\(.*?\): ", "", str(error)) or type(error).__name__
 
 
 class RemoteReader(io.RawIOBase):

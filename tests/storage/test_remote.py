@@ -2,9 +2,12 @@
 
 import contextlib
 import http.server
+import logging
 import operator
 import re
+import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -12,11 +15,11 @@ from plain_scenes import CHART, SCENES
 
 from lfcore import Encoding, LightField, StorageError
 from lfcore.cli import main
+from lfcore.storage import ranges
 from lfcore.storage.ebml import scan
 from lfcore.storage.layout import FrameLayout
 
-pytest.importorskip("fsspec", reason="fsspec is not installed: pip install -e '.[remote]'")
-pytest.importorskip("aiohttp", reason="aiohttp is not installed: pip install -e '.[remote]'")
+pytest.importorskip("urllib3", reason="urllib3 is not installed: pip install -e '.[remote]'")
 
 
 class Server(http.server.ThreadingHTTPServer):
@@ -33,11 +36,31 @@ class Server(http.server.ThreadingHTTPServer):
         super().__exit__(*error)
 
 
+class Bad(Server):
+    """Serves ``good`` requests, and then fails in a way, ``failures`` times."""
+
+    def __init__(self, path, way, good=0, failures=99):
+        self.way, self.good, self.failures, self.asked = way, good, failures, 0
+        self.gone = threading.Event()
+        super().__init__(path)
+
+    def fails(self):
+        self.asked += 1
+        return self.good < self.asked <= self.good + self.failures
+
+    def __exit__(self, *error):
+        self.gone.set()
+        super().__exit__(*error)
+
+
 class Handler(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
         server, data = self.server, self.server.data
         if "missing" in self.path:
             self.send_error(404)
+            return
+        if isinstance(server, Bad) and server.fails():
+            self.fail(server)
             return
         asked = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
         if asked and server.ranges:
@@ -55,7 +78,20 @@ class Handler(http.server.BaseHTTPRequestHandler):
             server.sent += high - low
             self.wfile.write(data[low:high])
 
-    do_HEAD = do_GET
+    def fail(self, server):
+        """Nothing; a part and then nothing; a part and then the end; or no end."""
+        low, high = map(int, re.findall(r"\d+", self.headers["Range"]))
+        if server.way != "silent":
+            length = "" if server.way == "endless" else f"Content-Length: {high - low + 1}\r\n"
+            place = f"Content-Range: bytes {low}-{high}/{len(server.data)}\r\n"
+            self.wfile.write(f"HTTP/1.0 206 OK\r\n{place}{length}\r\n".encode())
+            self.wfile.write(server.data[low : low + 100])
+        if server.way in ("silent", "stalled"):
+            server.gone.wait(20)
+        with contextlib.suppress(OSError):
+            self.wfile.write(server.data[low + 100 : high + 1] if server.way == "endless" else b"")
+            while server.way == "endless" and not server.gone.is_set():
+                server.sent += self.wfile.write(bytes(1 << 16))
 
     def log_message(self, format, *arguments):
         pass
@@ -140,6 +176,60 @@ def test_a_host_that_does_not_answer_is_one_line(capsys):
         LightField.open("http://127.0.0.1:9/lf.mkv")
     assert main(["info", "nothing://host/lf.mkv"]) == 1
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("good", [0, 2], ids=["opening", "reading"])
+@pytest.mark.parametrize("way", ["silent", "stalled", "short"])
+def test_a_server_that_fails_is_asked_twice(stored, way, good, monkeypatch):
+    monkeypatch.setattr(ranges, "TIMEOUT_S", 0.3)
+    begun = time.monotonic()
+    with Bad(stored.path, way, good) as server:
+        with pytest.raises(StorageError, match=r"cannot be read: .*Download the file") as caught:
+            LightField.open(server.url).view(0, 0)
+        assert server.asked == good + 2
+        if way != "short":
+            assert "no byte came for 0.3 s" in str(caught.value)
+    with Bad(stored.path, way, good, failures=1) as server:
+        field = LightField.open(server.url)
+        np.testing.assert_array_equal(field.view(0, 0), LightField.open(stored.path).view(0, 0))
+    assert time.monotonic() - begun < 15
+
+
+def test_no_more_is_read_than_was_asked_for(stored):
+    with Bad(stored.path, "endless") as server:
+        LightField.open(server.url).view(0, 0)
+        assert server.sent < 64 << 20  # what the system's buffers take, for each request
+
+
+@pytest.mark.parametrize(
+    "url", ["zip://a.mkv", "reference://a", "github://o:r@/a.mkv", "file:///etc/passwd",
+            "simplecache::http://127.0.0.1:9/a.mkv", "https://h/a.zip::zip://a.mkv", "memory://a"],
+)  # fmt: skip
+def test_other_schemes_are_refused_and_tried_by_nobody(url, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    with pytest.raises(StorageError, match=r"is no URL that is read\. Give a URL of http"):
+        LightField.open(url)
+
+
+def test_a_file_in_an_object_store(stored, monkeypatch):
+    moto = pytest.importorskip("moto.server")
+    s3fs = pytest.importorskip("s3fs")
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for each request
+    server = moto.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "any")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://{}:{}".format(*server.get_host_and_port()))
+    try:
+        made = s3fs.S3FileSystem()
+        made.mkdir("bucket")
+        made.put(str(stored.path), "bucket/a.mkv")
+        found = LightField.open("s3://bucket/a.mkv").view(1, 2)
+        np.testing.assert_array_equal(found, LightField.open(stored.path).view(1, 2))
+        with pytest.raises(StorageError, match="no such file"):
+            LightField.open("s3://bucket/b.mkv")
+    finally:
+        server.stop()
 
 
 def test_depths_are_read_by_url_too(tmp_path):
