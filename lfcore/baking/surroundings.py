@@ -5,6 +5,7 @@ import numpy as np
 from lfcore.baking.mesh_colours import Points, dot, extent
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
 from lfcore.tracing.tracer import Tracer
@@ -187,11 +188,12 @@ class Surroundings:
         towards = (
             vector - points.places if light.kind == POINT else np.tile(vector, (len(points), 1))
         )
-        distance = np.sqrt(dot(towards, towards))
-        unit = towards / distance[:, None]
+        distance = np.maximum(np.sqrt(dot(towards, towards)), np.float32(SMALLEST_LENGTH))
+        unit = towards / distance[:, None]  # zero at the light itself
         strength = np.maximum(dot(unit, points.normals), 0)
         if light.kind == POINT and light.reference_distance_m:
-            strength *= (np.float32(light.reference_distance_m) / distance) ** 2
+            nearness = (np.float32(light.reference_distance_m) / distance) ** 2
+            strength *= np.minimum(nearness, np.float32(MOST_ATTENUATION))
         if any(light.normal):
             cosine = -dot(unit, np.array(light.normal, np.float32))
             if light.is_spot:

@@ -140,7 +140,8 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ones = np.ones((len(point), 1))
         return _unit(vector * ones), colour * ones
     away = vector - point
-    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    # Zero at the light itself, whose direction is then zero, too.
+    distance = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-150)
     fall_off = np.ones_like(distance)
     if light.reference_distance_m:
         fall_off = (light.reference_distance_m / distance) ** 2

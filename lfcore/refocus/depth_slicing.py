@@ -201,8 +201,12 @@ class DepthSlicer:
 
     def _one(self, plane: SensorPlane, cells: LensCells, stops: int) -> float:
         """The weight, in units of the sums, of a ray whose cell is open."""
-        rays = max(1.0, cells.share.sum() / self._step(plane) ** 2)  # a pixel
+        rays = max(1.0, self._rays_a_pixel(plane, cells))
         return 2.0 ** (LONG_RAY_BITS if stops else SUM_BITS - math.ceil(math.log2(rays)))
+
+    def _rays_a_pixel(self, plane: SensorPlane, cells: LensCells) -> float:
+        """Rays, by their share, of an even surface in a pixel; sums hold eight times more."""
+        return cells.share.sum() / self._step(plane) ** 2
 
     def _first(self, plane: SensorPlane) -> np.ndarray:
         """(K, 2) float64: where the ray of pixel (0, 0) of each view falls, pixels."""

@@ -250,11 +250,17 @@ class _PointSlicer(DepthSlicer):
         # All lies before the plane: sweeps from 0 to that of the nearest.
         widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
         bounds = np.arange(1, LAYERS) * widest / LAYERS
+        self._piled_px = widest / LAYERS * np.abs(views.positions - point) / slab.lens_pitch_m
         super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
         count = len(self.share)
         return LensCells(np.tile(self.point, (count, 1)), np.zeros((count, 2)), self.share)
+
+    def _rays_a_pixel(self, plane: SensorPlane, cells: LensCells) -> float:
+        """Rays of a surface that is seen edge-on from the point pile up in one of its pixels: all
+        that a layer's depths move by, along the line from the view to the point."""
+        return float(cells.share @ (1 + self._piled_px.sum(axis=1))) / self._step(plane) ** 2
 
     def _first(self, plane: SensorPlane) -> np.ndarray:
         views = self.views

@@ -17,6 +17,9 @@ from lfcore.scene.model import Scene
 
 BRIGHTEST = 1e12
 """The largest number of a colour: of lights, materials, and what is around the scene."""
+MOST_ATTENUATION = 1e12
+"""The most that nearness to a light multiplies it by: finite, because highlights of 0 are
+multiplied, too."""
 SMALLEST_LENGTH, LARGEST_LENGTH = 1e-12, 1e12
 """The lengths of a camera, metres; a pinhole may be smaller."""
 WIDEST_FIELD = 1e9

@@ -11,6 +11,7 @@ import numpy as np
 
 from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.optics.plane_tables import BLOCK, PACKET_COLUMNS, PLANE, PLANE_ARGUMENTS, RUN, RUNS
+from lfcore.scene.limits import MOST_ATTENUATION
 from lfcore.scene.needs import FLAT_NORMALS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.cut_outs import CUT_OUT
@@ -32,6 +33,7 @@ CONSTANTS: dict[str, int | float] = {
     "TEXEL_BITS": TEXEL_BITS,  # per channel of a texel
     "FAR": 3.0e38,  # beyond every depth
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
+    "MOST_ATTENUATION": MOST_ATTENUATION,
     "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
     "SPARE_STOPS": SPARE_STOPS,
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with

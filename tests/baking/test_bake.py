@@ -17,6 +17,7 @@ from lfcore.baking.sampling import directions, samples
 from lfcore.baking.surroundings import Surroundings
 from lfcore.optics import bundles
 from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.sky import (
     octahedral,
@@ -214,6 +215,15 @@ def test_what_goes_through_a_wall_brings_no_light_from_beyond():
     spike = np.array([[[-0.1, 0, -2.75], [0.1, 0, -2.75], [0, 0, -3.05]]])
     scene = lfcore.bake(world(np.concatenate([room, spike]), 1.0, bounces=1, error=0.1))
     assert scene.light.grids[-1, 2] == 1 and seen(scene, 16).max() == 0
+
+
+def test_light_of_a_lamp_at_a_point_itself_is_finite():
+    lamp = Light(POINT, (0.0, 0.0, 2.0), (1.0, 1.0, 1.0), 1.0, casts_shadows=False)
+    scene = replace(world(plain_scenes.wall(3.0)), lights=[lamp])
+    around = Surroundings(scene, open_tracer(replace(scene, bake=None, sky=NO_SKY)))
+    up = np.float32([[0, 0, -1]] * 2)
+    found = around.of_lights(Points(np.float32([lamp.vector, (0, 0, 3)]), up, up, np.zeros(2)))
+    assert found.tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
 def test_a_sun_is_one_light_and_the_rest_is_a_sky():

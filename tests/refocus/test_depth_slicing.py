@@ -11,7 +11,9 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.optics.ray_cells import displaced_views, plain_views
 from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.refocus.depth_slicing import COARSE_PX, DepthSlicer
+from lfcore.refocus.free_views import _PointSlicer
 from lfcore.rendering.direct import focused_camera
+from lfcore.storage.depth_stream import DepthCodes
 
 CAMERA = Camera(0.4, 0.3, 1.0, 4.0)
 
@@ -225,3 +227,28 @@ def test_no_light_is_lost_as_the_lens_stops_down_and_none_beyond_it_is_made():
     np.testing.assert_allclose(whole, 0.8, atol=1e-5)
     np.testing.assert_allclose(dimmed, 0.2, rtol=1e-2)
     refused("wider than the lens", DepthSlicer, views, [SensorPlane(4.0, 0.5)], 8)
+
+
+@given(
+    seed=st.integers(0, 999), brightest=st.sampled_from([0.02, 1.0, 3.5]),
+    shape=st.sampled_from(["even", "edge-on", "any"]),
+    at=st.tuples(*[st.floats(-1.5, 1.5)] * 2), plane=focused,
+)  # fmt: skip
+@settings(max_examples=15)
+def test_no_picture_is_brighter_than_the_brightest_ray(seed, brightest, shape, at, plane):
+    """On planes and from points of the lens: saturated colours, most of the rays black, surfaces
+    that a point sees edge-on, so that all rays of a row fall there on one pixel."""
+    rng, slab = np.random.default_rng(seed), Slab(CAMERA, 4, 32)
+    views, pixels, stops = displaced_views(slab), 16, int(brightest > 1) * 2
+    light, depth = noise(views, seed)
+    light = np.float32(brightest) * (light > 0.8) * (rng.random(depth.shape) < 0.3)[..., None]
+    codes = DepthCodes.of_range(slab, 0.0, 1 / 1.1)
+    if shape != "any":
+        steps = np.arange(32) / rng.uniform(5, 60) if shape == "edge-on" else np.zeros(32)
+        depth[:] = codes.depth(codes.of_depth(1 / (1e-3 + steps % 1 * codes.near)))
+    point, share = np.array(at) * slab.lens_pitch_m, rng.random(16) ** rng.integers(1, 20)
+    seen = _PointSlicer(views, point, share, pixels, codes, stops, open_device())
+    for slicer in (seen, DepthSlicer(views, [plane], pixels, stops=stops)):
+        slicer.add(slice(0, 16), light, depth)
+        # Sums of which a pixel has few units are rounded to them.
+        assert slicer.pictures().max() <= 1.02 * brightest

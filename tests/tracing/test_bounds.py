@@ -228,3 +228,19 @@ def test_no_ray_passes_between_a_packets_triangles_and_its_blocks(device):
             np.float32([[0, 0, direction, 0]]), np.float32([0, 0, step, step]), 2048, 64, step
         )
         assert (tracer.bundle_hits(rays)[0] >= 0).all()
+
+
+def test_spans_of_shadow_rays_are_at_most_one_per_ray(device):
+    """Wherever they start: before and behind the lens, everywhere at once, and nowhere."""
+    program = build_program(device, [str(KERNELS)], DEFINES | {"OUTER": 1}, header())
+    kernel, rng = cl.Kernel(program, "spans"), np.random.default_rng(1)
+    size, nowhere = 10.0 ** rng.uniform(-6, 12, 256), [-np.inf, np.inf, np.nan, -1.0, 1.0]
+    depths = [size, -size, size * rng.choice([-1, 1], 256), rng.choice(nowhere, 256)]
+    depths += [np.full(256, each) for each in (0.0, -0.0, *nowhere)]
+    for z in depths:
+        found, output = np.zeros(2, np.int32), device.empty(8)
+        origins = np.float32([np.zeros(256), np.zeros(256), z])
+        kernel(device.queue, (1,), (1,), device.buffer(origins), device.zeros(2048), output)
+        cl.enqueue_copy(device.queue, found, output)
+        assert found[0] <= 256
+        assert found[1] == np.count_nonzero(z < 3e38)

@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from plain_scenes import wall
 from tracing_scenes import (
     CAMERA,
     LAMP,
@@ -19,13 +20,13 @@ from tracing_scenes import (
     unit,
 )
 
-from lfcore import Slab
+from lfcore import Camera, Slab
 from lfcore.optics.bundles import views
 from lfcore.oracle import metal
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.oracle.textures import solid_of
-from lfcore.scene.appearance import DIRECTIONAL, Light, Material
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
 
 pytestmark = pytest.mark.kernels
@@ -99,6 +100,23 @@ def test_light_straight_from_behind_adds_nothing(device):
     lit = dataclasses.replace(dark, lights=[SUN, light])
     found = (tracer_of(world, device).bundle_radiance(rays) for world in (dark, lit))
     np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("shape", [{}, {"normal": (0.0, 0.0, -1.0)}, {"cone": (1.0, 0.9)}])
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_light_on_the_surface_is_finite(device, first, shape):
+    """The middle ray hits the light itself, at no distance."""
+    if "cone" in shape:
+        shape = {"normal": (0.0, 0.0, 1.0), **shape}
+    lamp = Light(POINT, (0.0, 0.0, 4.0), (0.9, 0.9, 0.9), 2.0, False, **shape)
+    materials = MATERIALS["maps"][first : first + 2]
+    world = sheets(materials, (lamp, SUN), smooth=False, count=0)
+    exact = Camera(0.5, 0.3125, 1.0, np.inf)  # all numbers of its rays are without rounding
+    world = dataclasses.replace(world, triangles=wall(4.0, 8.0), clip=False, camera=exact)
+    found, expected = slab_colours(world, Slab(exact, 1, 5), device, outer=1)
+    assert np.isfinite(found).all() and np.isfinite(expected).all()
+    middle = len(found) // 2
+    np.testing.assert_allclose(found[middle], expected[middle], atol=2e-3)
 
 
 def test_what_asks_for_metal_alone_pays_for_it():

@@ -1,5 +1,6 @@
 """Shadows of blocks and of smooth surfaces, and points of surfaces that glow."""
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -200,6 +201,24 @@ def test_curved_shadows_are_the_oracles():
     expected = radiance(world, *rays)[:, 0].reshape(128, 128)
     assert (np.abs(seen(world) - expected) > 0.01).mean() < 2e-3
     assert (np.abs(expected - seen(world, needs=Needs.of(sphere(1, curved=False)))) > 0.1).any()
+
+
+def test_shadows_of_a_sphere_around_the_lens_are_the_oracles():
+    """Its coarse face is 5 mm before the lens, the surface that its normals describe behind it."""
+    ball = trimesh.creation.icosphere(0, radius=0.1)
+    ball.apply_transform(trimesh.geometry.align_vectors(ball.face_normals[0], [0, 0, -1]))
+    ball.apply_translation([0, 0, 0.005 - ball.vertices[:, 2].min()])
+    lit = Light(DIRECTIONAL, unit(-1, -0.7, -0.5), (1.0, 1.0, 1.0))
+    card = np.array([[[-0.01, -0.5, -0.03], [-0.5, 0, -0.03], [-0.01, 0.5, -0.03]]])
+    world = dataclasses.replace(
+        sphere(0, lit, curved=True), triangles=np.float32([*ball.triangles, *card]),
+        normals=np.float32([*ball.vertex_normals[ball.faces], np.tile([0, 0, 1], (3, 1))]),
+        material_ids=np.zeros(21, np.int32),
+    )  # fmt: skip
+    rays = (part[0].reshape(-1, 3).astype(np.float32) for part in BUNDLES.rays())
+    expected = radiance(world, *rays)[:, 0].reshape(128, 128)
+    assert np.ptp(expected) > 0.1
+    assert (np.abs(seen(world) - expected) > 0.01).mean() < 2e-3
 
 
 def test_a_flat_cube_keeps_its_bits():

@@ -116,8 +116,8 @@ typedef struct {
     int box[4][ABREAST];       // left, top, right and bottom edge, in 1 / STEPS
     int x[2][ABREAST];         // the first column and the last; the one behind each is next to it
     int y[2][ABREAST];         // rows likewise, as offsets
-    float along[2][ABREAST];   // what columns have of a box, see parts_along
-    float down[2][ABREAST];    // rows likewise
+    float along[3][ABREAST];   // what columns have of a box, see parts_along
+    float down[3][ABREAST];    // rows likewise
     float colour[ABREAST][4], unit[ABREAST];
 } Boxes;
 
@@ -144,16 +144,16 @@ inline sum16 edges_of(float16 light, float16 part, float unit)
     return sums - (sum16)((sum4)(0), sums.lo, sums.s89ab);
 }
 
-// Differences of a box along both axes.  Along x they are the head in the first column, STEPS less the head behind it,
-// the tail less STEPS in the last column, and minus the tail behind it; rows alike.  Nine products are rounded, and
-// the sixteen are their differences: they cancel behind the box.
+// Differences of a box along both axes.  Along x they are the head in the first column, a whole pixel less the head
+// behind it, the tail less a whole pixel in the last column, and minus the tail behind it; rows alike.  Nine products
+// are rounded, and the sixteen are their differences: they cancel behind the box, and a pixel gets one of the nine.
 inline void add_edges(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
 {
     const float16 light = (float16)(colour, colour, colour, colour);
     const float16 along =
-        (float16)((float4)(b->along[0][k]), (float4)(STEPS), (float4)(b->along[1][k]), (float4)(0.0f));
+        (float16)((float4)(b->along[0][k]), (float4)(b->along[2][k]), (float4)(b->along[1][k]), (float4)(0.0f));
     const sum16 top = edges_of(light, along * b->down[0][k], b->unit[k]);
-    const sum16 whole = edges_of(light, along * STEPS, b->unit[k]);
+    const sum16 whole = edges_of(light, along * b->down[2][k], b->unit[k]);
     const sum16 low = edges_of(light, along * b->down[1][k], b->unit[k]);
     const sum16 rows[4] = {top, whole - top, low - whole, -low};
     for (int j = 0; j < 4; ++j) {
@@ -212,9 +212,10 @@ inline int16 to_steps(const Strip *s, float16 place)
     return convert_int16(rint(clamp(place, -s->far, s->far + s->far) * (float)STEPS));
 }
 
-// One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first and of the
-// last, or of the first two where it is not added by `differences`.  A box that reaches beyond an end is cut there.
-inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 differences, int16 at[2], int16 part[2])
+// One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first, of the last,
+// and of those between; or of the first two where it is not added by `differences`.  A box that reaches beyond an end
+// is cut there.  Where the first is the last, all three are what it has: sums of unlike products are rounded apart.
+inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 differences, int16 at[2], int16 part[3])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
     const int16 head = STEPS - (low & (STEPS - 1)), left = min(head, high - low);
@@ -222,6 +223,9 @@ inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 d
     at[1] = min(b, count - 1);
     part[0] = select(left, select(head, STEPS, a < 0), differences);
     part[1] = select(high - low - left, select(high - (first + b) * STEPS, STEPS, b >= count), differences);
+    part[2] = STEPS;
+    const int16 one = differences & at[0] == at[1], all = part[0] + part[1] - STEPS;
+    for (int k = 0; k < 3; ++k) part[k] = select(part[k], all, one);
 }
 
 // The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
@@ -262,12 +266,14 @@ inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, floa
     vstore16(top, 0, b->box[1]);
     vstore16(right, 0, b->box[2]);
     vstore16(bottom, 0, b->box[3]);
-    int16 at_x[2], at_y[2], along[2], down[2];
+    int16 at_x[2], at_y[2], along[3], down[3];
     parts_along(left, right, before, width, differences, at_x, along);
     parts_along(top, bottom, above, rows, differences, at_y, down);
     for (int k = 0; k < 2; ++k) {
         vstore16(at_x[k], 0, b->x[k]);
         vstore16(at_y[k] * (width + 1), 0, b->y[k]);
+    }
+    for (int k = 0; k < 3; ++k) {
         vstore16(convert_float16(along[k]), 0, b->along[k]);
         vstore16(convert_float16(down[k]), 0, b->down[k]);
     }
@@ -539,6 +545,9 @@ inline float4 light_at(const Strip *s, int layer, int x, int y)
             convert_float4(far[beside])) * 0.0625f;
 }
 
+// Units of the sums, below which they tell no colour: each part that was added may be off by one.
+#define LEAST_UNITS 1024.0f
+
 // A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
 // Beside an edge, light from behind has partly been spread over what hides it, where there is no room.  So what a pixel
 // lacks is given to all layers but the first, at most as much as they have.  Near the ends of views, layers have less
@@ -581,9 +590,10 @@ KERNEL void compose(global sum4 *restrict sums,
             float4 total = 0.0f, first = 0.0f;
             for (int k = 0; k < count; ++k) {
                 const float room = rooms[(ulong)row_of[list[k] * height + s.top + y] * width + x];
-                const float4 found = light_at(&s, list[k], x, y) / (light * room);
+                const float4 units = light_at(&s, list[k], x, y);
+                if (!(units.w >= LEAST_UNITS && room > 0.0f)) continue;
+                const float4 found = units / (light * room);
                 const float used = min(found.w, left);
-                if (!(used > 0.0f && room > 0.0f)) continue;
                 total += found * (used / found.w);
                 left -= used;
                 if (!(first.w > 0.0f)) first = total;

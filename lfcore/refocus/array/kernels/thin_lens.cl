@@ -48,14 +48,16 @@ inline uint permute(uint index, uint count, int bits, uint key)
 {
     const uint mask = (1u << bits) - 1u;
     uint x = index;
-    do {
+    // Rounds permute 0 ... mask, so that the way from `index` comes back to it at the latest.
+    for (uint step = 0; step <= mask; ++step) {
         uint mix = key;
         for (int round = 0; round < 4; ++round) {
             x = (x * (mix | 1u) + (mix >> 8)) & mask;
             x ^= x >> ((bits + 1) / 2);
             mix = hash32(mix);
         }
-    } while (x >= count);
+        if (x < count) break;
+    }
     return x;
 }
 

@@ -121,7 +121,7 @@ inline void add_rays(global Region *r, int row, int rays)
 inline int find_region(private int *table, int triangle, Regions *regions)
 {
     int slot = triangle % TABLE;
-    for (; table[slot] >= 0; slot = (slot + 1) % TABLE)
+    for (int tried = 0; tried < TABLE && table[slot] >= 0; ++tried, slot = (slot + 1) % TABLE)
         if (regions->of[table[slot]].triangle == triangle) return table[slot];
     table[slot] = regions->count;
     add_region(regions, triangle);

@@ -2,7 +2,7 @@
 #pragma once
 #include "sky_gloss.cl"
 
-// The unit vector to a light.  `attenuation` receives the share of the light that distance, the
+// The unit vector to a light, zero at the light itself.  `attenuation` receives the share of the light that distance, the
 // cosine at the emitter and a spot's cone leave.
 inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenuation)
 {
@@ -10,10 +10,11 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
     const Vec vector = spread3(vload3(0, light->vector));
     if (!light->is_point) return vector;
     Vec l = minus3(vector, point);
-    const vf inverse = inverse_sqrt(dot3(l, l));
+    const vf inverse = inverse_sqrt(max(dot3(l, l), (vf)(NOTHING_LEFT)));
     l = scale3(l, inverse);
     const float reference = light->reference_distance;
-    if (reference > 0.0f) *attenuation = reference * inverse * (reference * inverse);
+    if (reference > 0.0f)
+        *attenuation = min(reference * inverse * (reference * inverse), (vf)(MOST_ATTENUATION));
     const float3 n = vload3(0, light->normal);
     if (any(n != 0.0f)) {
         vf cosine = max(-dot3(l, spread3(n)), (vf)(0.0f));

@@ -5,7 +5,7 @@
 // A map of the sky's gloss in a direction.
 inline float4 gloss_between(global const float *gloss, int map, float3 d)
 {
-    d /= fabs(d.x) + fabs(d.y) + fabs(d.z);
+    d /= max(fabs(d.x) + fabs(d.y) + fabs(d.z), LEAST_LENGTH);  // opposite normals leave none between
     const float2 folded = {copysign(1.0f - fabs(d.y), d.x), copysign(1.0f - fabs(d.x), d.y)};
     const float2 at = ((d.z < 0.0f ? folded : d.xy) + 1.0f) * (0.5f * (GLOSS_SIDE - 1));
     return map_between(gloss + 4 * map * GLOSS_SIDE * GLOSS_SIDE, GLOSS_SIDE, at.x, at.y);

@@ -14,12 +14,14 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
     global const float *z = s->origins + 2 * BLOCK_RAYS;
     vf nearest = FAR;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        nearest = pick(nearest, min(nearest, VLOAD(z + at)), VLOAD(wanted + at));
+        nearest = pick(nearest, VLOAD(z + at), VLOAD(wanted + at) & LT(VLOAD(z + at), nearest));
     const float from = row_min(nearest);
     if (from >= FAR) return 0;
     const float step = max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy)));
     const float footprint = INNER * step + (OUTER - 1) * fabs(fma(from, r->b, r->a));
-    const float until = fma(from, SPAN, 2.0f * footprint);
+    // Lifted origins may lie behind the lens.  Every span takes the nearest, so at most BLOCK_RAYS end.
+    const float most = fma(from, from < 0.0f ? 1.0f / SPAN : SPAN, 2.0f * footprint);
+    const float until = most > from ? most : from;
     Ranges ranges;
     clear_ranges(&ranges);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
