@@ -3,10 +3,8 @@
 import json
 import os
 import re
-import resource
 import subprocess
 import sys
-from contextlib import contextmanager
 from functools import partial
 from zipfile import ZipFile
 
@@ -15,7 +13,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from plain_scenes import refused, scene, wall
+from plain_scenes import files_of_at_most, refused, scene, wall
 
 from lfcore import Camera, CameraArray, Encoding, LfcoreError, SensorPlane, Slab, write_picture
 from lfcore.colour import srgb_codes, srgb_decode
@@ -133,17 +131,6 @@ def test_only_whole_files_are_read(tmp_path, name):
     for data in spoilt:
         path.write_bytes(data)
         refused(re.escape(name), read, path)
-
-
-@contextmanager
-def files_of_at_most(size):
-    """Bytes beyond are refused as on a full disk: a write is cut short, and the next one fails."""
-    before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
 
 
 def test_a_disk_that_fills_is_said_and_leaves_nothing(tmp_path):

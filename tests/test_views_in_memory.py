@@ -46,6 +46,14 @@ def test_light_is_stored_as_light(codes, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["a.mkv"]
 
 
+@pytest.mark.parametrize(
+    "wrong", [np.ones, np.bool_, np.complex64, object, np.int32, "U3"], ids=str
+)
+def test_views_of_other_types_are_refused(codes, tmp_path, wrong):
+    given = [[1], [2, 3]] if wrong is np.ones else codes.astype(wrong)
+    refused("views: are (of type|no array)", stored, given, CAMERA, tmp_path / "a.mkv")
+
+
 @pytest.mark.parametrize("shape", [(2, 4, 16, 16), (3, 2, 16, 24)])
 def test_grids_that_are_not_square(shape, tmp_path):
     codes = RNG.integers(0, 256, (*shape, 3), np.uint8)

@@ -4,15 +4,20 @@ Both have ``LF`` (rows, columns, y, x, channels), of which a fourth is a weight 
 HDF5, and MATLAB's files of version 7.3, need h5py: ``pip install 'lfcore[hdf5]'``.
 """
 
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.reading import ExchangeError, unreadable
 from lfcore.exchange.source import Source
+from lfcore.files import whole_file
 
 VARIABLE = "LF"
 
@@ -82,9 +87,55 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
         raise unreadable(path, error, "cannot be read as HDF5") from None
 
 
-def hdf5_arrays(file: Path | BinaryIO, **arrays: np.ndarray) -> None:
+class _KeptFailure(io.RawIOBase):
+    """A file that takes everything: HDF5 cannot close one on a full disk, and then crashes.
+
+    ``error`` is the first failure; what comes after it is dropped.
+    """
+
+    def __init__(self, file: BinaryIO):
+        self._file = file
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        if self.error is None:
+            try:
+                return self._file.write(data)
+            except OSError as error:
+                self.error = error
+        return memoryview(data).nbytes
+
+    def readinto(self, into: Any) -> int:
+        held = b"" if self.error else self._file.read(len(into))
+        into[:] = held.ljust(len(into), b"\0")
+        return len(into)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        return 0 if self.error else self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return 0 if self.error else self._file.tell()
+
+    def truncate(self, size: int | None = None) -> int:
+        return 0 if self.error else self._file.truncate(size)
+
+    def flush(self) -> None:
+        """The end of the block flushes."""
+
+
+@contextmanager
+def _written(file: BinaryIO) -> Iterator[Any]:
+    """An ``h5py.File`` to write; raises OSError on a full disk."""
+    kept = _KeptFailure(file)
+    with _h5py().File(kept, "w") as stored:
+        yield stored
+    if kept.error:
+        raise kept.error
+
+
+def hdf5_arrays(file: BinaryIO, **arrays: np.ndarray) -> None:
     """Write data sets by their names."""
-    with _h5py().File(file, "w") as stored:
+    with _written(file) as stored:
         for name, array in arrays.items():
             stored[name] = array
 
@@ -96,7 +147,7 @@ def read_hdf5(path: Path, options: ReadOptions) -> ViewGrid:
 
 def write_hdf5(source: Source, folder: Path, options: WriteOptions) -> None:
     shape = (source.rows, source.columns, source.height, source.width)
-    with _h5py().File(folder / "scene.h5", "w") as file:
+    with whole_file(folder / "scene.h5") as whole, _written(whole) as file:
         views = file.create_dataset(VARIABLE, (*shape, 3), np.uint8)
         for column, row, picture in source.views(options.progress):
             views[row, column] = picture

@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from lfcore.errors import StorageError
 from lfcore.exchange import table
 from lfcore.exchange.grid import WriteOptions
 from lfcore.exchange.reading import ExchangeError
@@ -77,7 +78,12 @@ def export_lightfield(
     with draft_folder(folder) as draft, named_errors(folder, "exporting"):
         stage = draft / "export"
         stage.mkdir()
-        row.call("write")(source, stage, options)
+        try:
+            row.call("write")(source, stage, options)
+        except StorageError as error:  # names what is about to be gone
+            if error.file and stage in Path(error.file).parents:
+                raise error.named(StorageError, file=folder) from error
+            raise
         os.replace(stage, folder)
     if source.free is not None:
         options.notes.append(_quality(source, source.free))

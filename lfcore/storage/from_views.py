@@ -45,7 +45,13 @@ def store_arrays(
     """Write ``views`` to ``path``; parameters and errors as of :meth:`LightField.from_views`."""
     from lfcore.scene.files import scene_digest
 
-    views, encoding = np.asarray(views), encoding or Encoding()
+    try:
+        views, encoding = np.asarray(views), encoding or Encoding()
+    except (TypeError, ValueError) as error:
+        raise OpticsError(f"are no array: {error}", key="views") from None
+    if views.dtype.kind != "f" and views.dtype not in CODES:
+        remedy = "Give floats of linear light, or uint8 or uint16 of sRGB codes"
+        raise OpticsError(f"are of type {views.dtype}", key="views", remedy=remedy)
     if isinstance(geometry, CameraArray) and views.ndim == 3:
         views = geometry.tiles(views)
     if views.ndim != 5 or views.shape[-1] != 3 or 0 in views.shape:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
-from plain_scenes import CHART, refused
+from plain_scenes import CHART, files_of_at_most, refused
 from stored_fields import LOSSLESS, tile_frames, write_field
 
 from lfcore import Encoding, LightField, load_scene, record
@@ -423,6 +423,20 @@ def test_folders(format, shape, tmp_path, request):
         assert ours.lens_pitch_m == pytest.approx(theirs.lens_pitch_m, rel=1e-5)
         assert ours.pixel_pitch == pytest.approx(theirs.pixel_pitch, rel=1e-5)
         assert ours.camera.delta == pytest.approx(theirs.camera.delta, rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize("format", "hci json mosaic mat hdf5".split())
+def test_an_export_to_a_full_disk_is_one_line_and_leaves_nothing(format, square, tmp_path):
+    if format == "hdf5":
+        pytest.importorskip("h5py")
+    export_lightfield(square.path, format, tmp_path / "whole")  # a driver may write files, too
+    most = max(file.stat().st_size for file in (tmp_path / "whole").rglob("*"))
+    for limit in (100, most - 1):
+        with files_of_at_most(limit):
+            given = square.path, format, tmp_path / "out"
+            error = refused("File too large", export_lightfield, *given)
+        assert str(error).startswith(f"{tmp_path / 'out'}: cannot be written")
+        assert [file.name for file in tmp_path.iterdir()] == ["whole"]
 
 
 def test_what_is_asked_for_by_name_completes_the_geometry(square, tmp_path):
