@@ -106,7 +106,8 @@ def test_rays_of_a_pixel_by_default():
 def test_a_scene_of_arrays_is_that_of_the_same_file(model):
     mesh = trimesh.load(model, force="mesh")
     triangles = mesh.vertices[mesh.faces]
-    scene = lfcore.Scene.from_triangles(triangles, normals=mesh.vertex_normals[mesh.faces])
+    default = lfcore.Surface(diffuse=(1, 1, 1), metallic=1.0)  # glTF's
+    scene = lfcore.Scene.from_triangles(triangles, surface=default)
     known = lfcore.load_scene(model, bare=True)
     np.testing.assert_allclose(scene.triangles, known.triangles, atol=1e-6)
     assert scene.camera.focus_m == pytest.approx(known.camera.focus_m)

@@ -36,10 +36,12 @@ class Account:
     def lose(self, what: str, kind: str, words: str, number: int = 1) -> None:
         """Note why things are not in the scene, or not as they are in the file.
 
-        ``kind`` is one of :data:`lfcore.scene.notes.KINDS`; the same words are noted once.
+        ``kind`` is one of :data:`lfcore.scene.notes.KINDS`; the same words are noted once, and
+        none where another note says it.
         """
         self._count(what)[2] += number
-        self._notebook.add(kind, self._file, words)
+        if words:
+            self._notebook.add(kind, self._file, words)
 
     def close(self) -> None:
         """Note the rest, and hand the counts to the notebook."""
@@ -50,6 +52,7 @@ class Account:
         self._notebook.counts[self._file] = tuple(
             Count(self._file, what, held, min(used, held))
             for what, (held, used, _) in self._held.items()
+            if held
         )
 
     def _count(self, what: str) -> list[int]:

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from lfcore.errors import OpticsError, SceneError, check_kind
 from lfcore.optics.camera import Camera, check_focus
 from lfcore.optics.focus import exclude_twice
-from lfcore.readers.gltf import SUFFIXES, moved, staging_of
-from lfcore.readers.meshes import load_mesh, read_texture
+from lfcore.readers.content import Content
+from lfcore.readers.gltf.document import SUFFIXES
+from lfcore.readers.meshes import read_mesh, read_texture
 from lfcore.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
@@ -24,11 +25,11 @@ from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.description import check, complete
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import read_scene
-from lfcore.scene.framing import z_seems_up
+from lfcore.scene.framing import FoundCamera, z_seems_up
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import ASSUMED, Notebook
+from lfcore.scene.notes import ASSUMED, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -226,9 +227,21 @@ def build(
     where, notebook = Where(file), Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
+    lamps: list[Light] = []
+    found: FoundCamera | None = None
     for index, entry in enumerate(description["objects"]):
         here = where["objects"][index]
-        made = _object(entry, notebook, file.parent, here)
+        made, lights, eye = _object(entry, notebook, file.parent, here)
+        if lights and "lights" in description:
+            what = f"{len(lights)} lights: the scene has its own"
+            notebook.add(NOT_USED, file.parent / entry["file"], what)
+        elif lights:
+            lamps += lights
+        if eye and ("pose" in description["camera"] or lens is not None or found):
+            what = "its camera: the scene has another"
+            notebook.add(NOT_USED, file.parent / entry["file"], what)
+        elif eye:
+            found = eye
         if "motion" in entry:
             names = "transform", "motion"
             start, move = (parse_transform(entry.get(name, []), here[name]) for name in names)
@@ -241,7 +254,6 @@ def build(
     every = parts + [part for part, _ in moving]
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
         notebook.add(ASSUMED, file, 'y is up, but z seems to be; up="z" turns it')
-    lamps, found = staging_of(description, file, notebook)
     if found and file.suffix.lower() in SUFFIXES and "view_from" not in description["camera"]:
         what = 'its own camera; view_from="front" frames all of it'
         notebook.add(ASSUMED, file, what)
@@ -309,8 +321,10 @@ def _view(camera: dict, where: Where) -> View | None:
         raise where[key].error(error.problem, error.remedy) from None
 
 
-def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> list[SurfaceMesh]:
-    """World-space parts of one entry of ``objects``; its files are relative to ``folder``."""
+def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Content:
+    """One entry of ``objects``, in the world; its files are relative to ``folder``."""
+    lights: Sequence[Light] = ()
+    eye: FoundCamera | None = None
     if "builder" in entry:
         parts = procedural.build(entry["builder"], entry["parameters"], entry["seed"], where)
         if entry["shading"] == "flat":
@@ -320,7 +334,7 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> list
         if not os.path.isfile(mesh):  # False, too, for a name too long
             remedy = "Give a path relative to the scene file"
             raise where["file"].error(f"mesh file {str(mesh)!r} not found", remedy)
-        parts = load_mesh(
+        parts, lights, eye = read_mesh(
             mesh, shading=entry["shading"], crease_deg=entry["crease_deg"], notebook=notebook
         )
     if "material" in entry:
@@ -334,8 +348,11 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> list
         changed = iter(_with_material(named, material, folder, here))
         parts = [next(changed) if part.surface.name == name else part for part in parts]
     if "transform" in entry:
-        parts = transform_all(parts, parse_transform(entry["transform"], where["transform"]))
-    return parts
+        matrix = parse_transform(entry["transform"], where["transform"])
+        parts = transform_all(parts, matrix)
+        lights = [framing.moved_light(light, matrix) for light in lights]
+        eye = eye and eye.moved(matrix)
+    return Content(parts, lights, eye)
 
 
 def _with_material(
@@ -362,7 +379,7 @@ def _lights(
     description: dict, lamps: list[Light], to_camera: np.ndarray, where: Where
 ) -> list[Light]:
     if "lights" not in description and lamps:
-        return [moved(light, to_camera) for light in lamps]
+        return [framing.moved_light(light, to_camera) for light in lamps]
     if "lights" not in description:
         return [] if "sky" in description else framing.default_lights()
     lights = []

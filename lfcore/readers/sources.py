@@ -131,7 +131,7 @@ def _ply(file: Path) -> Iterator[str]:
 
 
 def _gltf(file: Path) -> Iterator[str]:
-    from lfcore.readers.gltf import Document  # arrays, which a build system has no need of
+    from lfcore.readers.gltf.document import Document  # arrays, which a build system has no need of
 
     return _strings(Document(file).tree)
 

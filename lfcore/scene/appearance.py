@@ -6,6 +6,23 @@ POINT, DIRECTIONAL = 0, 1
 
 
 @dataclass(frozen=True)
+class Dielectric:
+    """What a glTF file says of glass and clear coats.  It is kept, and not drawn yet.
+
+    ``thickness`` and ``attenuation_distance`` are in the file's units; 0 is a thin wall, and light
+    that is not absorbed.  ``attenuation_colour`` is linear RGB.
+    """
+
+    ior: float = 1.5
+    transmission: float = 0.0
+    thickness: float = 0.0
+    attenuation_distance: float = 0.0
+    attenuation_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+
+
+@dataclass(frozen=True)
 class Material:
     """A material: Blinn-Phong, or glTF's metallic-roughness model.
 
@@ -58,6 +75,7 @@ class Material:
     normal_scale: float = 1.0
     emission_texture: int = -1
     curved: bool = False
+    dielectric: Dielectric | None = None
 
     @property
     def is_metallic(self) -> bool:
@@ -67,6 +85,11 @@ class Material:
     def data_textures(self) -> tuple[int, int]:
         """The textures whose codes are linear numbers, not sRGB."""
         return self.metal_texture, self.normal_texture
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether it has textures beside that of its colour, be they the same picture."""
+        return max(*self.data_textures, self.emission_texture) >= 0
 
     @property
     def textures(self) -> tuple[int, ...]:

@@ -155,4 +155,5 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
 def _material(surface: Surface, textures: Any) -> Material:
     colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
     numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
-    return Material(surface.name, **colours, **numbers, curved=bool(surface.curved), **textures)
+    more: Any = {"curved": bool(surface.curved), "dielectric": surface.dielectric}
+    return Material(surface.name, **colours, **numbers, **more, **textures)

@@ -14,7 +14,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import Light, Material
+from lfcore.scene.appearance import Dielectric, Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
 from lfcore.scene.model import Motion, Scene
 from lfcore.scene.notes import Note
@@ -65,7 +65,7 @@ def _header(scene: Scene) -> dict:
         "format": FORMAT,
         **{name: getattr(scene, name) for name in PLAIN},
         "camera": camera,
-        "materials": [asdict(material) for material in scene.materials],
+        "materials": [_material_json(material) for material in scene.materials],
         "textures": len(scene.textures),
         "lights": [asdict(light) for light in scene.lights],
         "triangles": scene.triangle_count,
@@ -78,6 +78,18 @@ def _header(scene: Scene) -> dict:
         **({"bake": asdict(scene.bake)} if scene.bake else {}),
         **({"floor": scene.floor_material} if scene.floor_material >= 0 else {}),
     }
+
+
+def _material_json(material: Material) -> dict:
+    """As :func:`asdict`, but without a dielectric that says nothing, as earlier files are."""
+    data = asdict(material)
+    return data if material.dielectric else {key: data[key] for key in data if key != "dielectric"}
+
+
+def _material(data: dict) -> Material:
+    data = _tuples(data)
+    glass = data.pop("dielectric", None)
+    return Material(**data, dielectric=glass and Dielectric(**_tuples(glass)))
 
 
 def read_header(path: str | Path) -> dict:
@@ -114,7 +126,7 @@ def _scene(archive: Any) -> Scene:
     return Scene(
         **_tuples({name: header[name] for name in PLAIN}),
         camera=Camera.from_json(header["camera"]),
-        materials=[Material(**_tuples(material)) for material in header["materials"]],
+        materials=[_material(material) for material in header["materials"]],
         textures=[archive[f"texture_{index:04d}"] for index in range(header["textures"])],
         lights=[Light(**_tuples(light)) for light in header["lights"]],
         view=View.from_json(header["view"]) if header["view"] else None,

@@ -17,7 +17,7 @@ from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.seen import depth_range, focus_at
-from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, triple
+from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, normalise, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 FIELD_WIDTH = 0.7
@@ -53,6 +53,22 @@ class FoundCamera:
 
     to_world: np.ndarray
     field_width: float
+
+    def moved(self, matrix: np.ndarray) -> "FoundCamera":
+        """The camera after an affine (4, 4) ``matrix``; a scale makes none larger."""
+        pose = matrix @ self.to_world
+        pose[:3, :3] = normalise(pose[:3, :3].T).T
+        return replace(self, to_world=pose)
+
+
+def moved_light(light: Light, matrix: np.ndarray) -> Light:
+    """A light after an affine (4, 4) ``matrix``; its strength stays."""
+    turn = matrix[:3, :3]
+    if light.kind == DIRECTIONAL:
+        return replace(light, vector=triple(normalise(turn @ light.vector)))
+    if light.is_spot:
+        light = replace(light, normal=triple(normalise(turn @ light.normal)))
+    return replace(light, vector=triple(turn @ light.vector + matrix[:3, 3]))
 
 
 @dataclass(frozen=True)

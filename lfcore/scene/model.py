@@ -242,7 +242,7 @@ class Scene:
         SceneError
             The scene has no triangle that can be traced, or a damaged material.
         """
-        from lfcore.readers.meshes import parts_of
+        from lfcore.scene.trimesh_parts import parts_of
 
         meshes = scene if hasattr(scene, "geometry") else scene.scene()
         parts = parts_of(meshes, Path("trimesh"))

@@ -99,10 +99,7 @@ class Needs:
         return cls(
             textures=any(material.textures for material in used) and len(scene.uvs) > 0,
             cut_outs=any(scene.is_cut_out(material) for material in used),
-            physical=any(
-                material.is_metallic or set(material.textures) - {material.texture}
-                for material in used
-            ),
+            physical=any(material.is_metallic or material.has_maps for material in used),
             smooth_normals=len(scene.normals) > 0,
             curved=casting and _has_curves(scene),
             vertex_colours=len(scene.colours) > 0,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.colour import srgb_decode
+from lfcore.scene.appearance import Dielectric
 from lfcore.scene.arrays import check_texture, check_triple
 from lfcore.scene.transforms import chain, translate
 
@@ -62,6 +63,7 @@ class Surface:
     normal_scale: float = 1.0
     emission_texture: np.ndarray | None = None
     curved: bool = False
+    dielectric: Dielectric | None = None
 
     def __post_init__(self) -> None:
         for name in ("diffuse", "specular", "emission"):

@@ -13,8 +13,8 @@ from robustness.outcome import Outcome, outcome_of
 WARM = (
     "lfcore.rendering.direct", "lfcore.rendering.photograph", "lfcore.rendering.record",
     "lfcore.lightfield", "lfcore.refocus.array.sampling", "lfcore.scene.procedural.sphere",
-    "lfcore.readers.pbrt", "trimesh.exchange.gltf", "scipy.spatial.transform", "scipy.stats", "cv2",
-    "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
+    "lfcore.readers.pbrt", "lfcore.readers.gltf.meshes", "scipy.spatial.transform", "scipy.stats",
+    "cv2", "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
 """Modules that readers and commands import late; the parent imports them before it forks."""
 MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands")

@@ -1,0 +1,84 @@
+"""The extensions of glTF: which are read, and what is said of all others."""
+
+from collections import Counter
+from typing import Any
+
+from lfcore.readers.account import Account
+from lfcore.readers.gltf.document import MESHOPT, Document, extension
+from lfcore.reading import Where
+from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED
+
+DRACO, WEBP, BASIS = "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"
+READ = {
+    *MESHOPT, DRACO, WEBP, "EXT_mesh_gpu_instancing", "KHR_lights_punctual",
+    "KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_mesh_quantization",
+    "KHR_node_visibility", "KHR_texture_transform",
+}  # fmt: skip
+"""Those that are in the picture as they should be."""
+LOST = {
+    "EXT_lights_ies": (LEFT_OUT, "the profiles of lights"),
+    "EXT_lights_image_based": (LEFT_OUT, "light of a picture; give a sky"),
+    "EXT_mesh_primitive_restart": (LEFT_OUT, "strips that start anew"),
+    "KHR_gaussian_splatting": (LEFT_OUT, "splats"),
+    "KHR_materials_anisotropy": (LEFT_OUT, "highlights that are longer than wide"),
+    "KHR_materials_clearcoat": (LEFT_OUT, "a clear coat; the scene keeps its numbers"),
+    "KHR_materials_diffuse_transmission": (LEFT_OUT, "light that shines through"),
+    "KHR_materials_dispersion": (LEFT_OUT, "dispersion"),
+    "KHR_materials_ior": (APPROXIMATED, "drawn as 1.5; the scene keeps its number"),
+    "KHR_materials_iridescence": (LEFT_OUT, "thin films"),
+    "KHR_materials_pbrSpecularGlossiness": (APPROXIMATED, "as metal and roughness"),
+    "KHR_materials_sheen": (LEFT_OUT, "sheen"),
+    "KHR_materials_specular": (LEFT_OUT, "the strength and colour of highlights"),
+    "KHR_materials_transmission": (LEFT_OUT, "glass is opaque; the scene keeps its numbers"),
+    "KHR_materials_variants": (NOT_USED, "the materials that are chosen first are shown"),
+    "KHR_materials_volume": (LEFT_OUT, "glass has no depth; the scene keeps its numbers"),
+    BASIS: (NOT_USED, "the pictures in its place are shown"),
+    "MSFT_lod": (NOT_USED, "the finest level is shown"),
+    "MSFT_texture_dds": (NOT_USED, "the pictures in its place are shown"),
+}
+"""How the picture differs by those that are known, in the words of their note."""
+REMEDIES = {
+    BASIS: "Convert its KTX2 textures to PNG, JPEG or WebP, e.g. with 'gltf-transform "
+    "ktxdecompress'",
+}
+"""What to do about a required extension; default: export the file without it."""
+
+
+def note_extensions(document: Document, account: Account) -> None:
+    """Note the extensions that a file uses and that are not in the picture.
+
+    Raises :class:`SceneError` for one that is required and is not known.
+    """
+    where = Where(document.path, "extensionsRequired")
+    used = Counter(_used(document.tree))
+    used.update(set(map(str, document.tree.get("extensionsUsed", ()))) - set(used))
+    required = set(map(str, document.tree.get("extensionsRequired", ())))
+    unknown = required - READ - set(LOST)
+    # Where KTX2 is optional there is another picture, but exporters forget to require it.
+    for texture in document.entries("textures"):
+        if "source" not in texture and not extension(texture, WEBP) and extension(texture, BASIS):
+            unknown = {BASIS}
+    if unknown:
+        name = min(unknown)
+        remedy = REMEDIES.get(name, "Export the file without it")
+        raise where.error(f"needs the extension {name}, which is not known", remedy)
+    for name in sorted(set(used) - READ):
+        kind, words = LOST.get(name, (LEFT_OUT, "not known"))
+        what = f"uses of {name}"
+        account.hold(what, used[name])
+        account.lose(what, kind, f"extension {name}: {words}", used[name])
+
+
+def _used(tree: Any) -> list[str]:
+    """The names of extensions of all objects, as often as they occur."""
+    names: list[str] = []
+    waiting = [tree]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            known = value.get("extensions")
+            names += map(str, known) if isinstance(known, dict) else ()
+            waiting += [each for key, each in value.items() if key != "extras"]
+        elif isinstance(value, list):
+            waiting += value
+    return names

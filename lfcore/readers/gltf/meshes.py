@@ -1,0 +1,280 @@
+"""The triangles of a glTF file: packed, morphed, with skins, and many times.
+
+Source: Khronos, "glTF 2.0 Specification", section 3.7, and the extensions
+KHR_draco_mesh_compression and EXT_mesh_gpu_instancing.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfcore.readers.account import Account
+from lfcore.readers.content import Content
+from lfcore.readers.faces import fan_faces, strip_faces
+from lfcore.readers.gltf.document import Document, extension
+from lfcore.readers.gltf.extensions import DRACO, note_extensions
+from lfcore.readers.gltf.materials import Surfaces
+from lfcore.readers.gltf.nodes import Nodes
+from lfcore.reading import Where
+from lfcore.scene.notes import LEFT_OUT, Notebook
+from lfcore.scene.surface_mesh import SurfaceMesh, crease_normals, join
+
+NOT_FACES = {0: "points", 1: "lines", 2: "lines", 3: "lines"}
+"""The modes of primitives without triangles."""
+LIST, STRIP, FAN = 4, 5, 6
+MOST_TRIANGLES = 1 << 28
+"""The largest number of triangles of a file, its instances counted."""
+
+
+def read_gltf(
+    path: Path, notebook: Notebook, *, shading: str = "auto", crease_deg: float = 40.0
+) -> Content:
+    """Read a glTF or GLB file.
+
+    ``shading`` is ``auto`` (the file's normals, else flat, as glTF has it), ``smooth`` (but for
+    edges beyond ``crease_deg``) or ``flat``.
+
+    Raises :class:`SceneError` for what is damaged, and for what needs an unknown extension.
+    """
+    document, account = Document(path), Account(notebook, path)
+    try:
+        document.check_version()
+        note_extensions(document, account)
+        nodes = Nodes(document, account)
+        meshes = Meshes(document, nodes, account, shading, crease_deg)
+        content = Content(meshes.parts(), nodes.lights(), nodes.camera())
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise document.broken(f"{type(error).__name__}: {reason}") from error
+    except MemoryError:
+        remedy = "Split it, or use a machine with more memory"
+        raise document.broken("there is not enough memory for it", remedy) from None
+    account.close()
+    return content
+
+
+class Meshes:
+    """The parts of the nodes that are shown."""
+
+    def __init__(
+        self, document: Document, nodes: Nodes, account: Account, shading: str, crease_deg: float
+    ):
+        self.document, self.nodes, self.account = document, nodes, account
+        self.shading, self.crease_deg = shading, crease_deg
+        self.surfaces = Surfaces(document, account)
+        self._plain: dict[tuple[int, int], SurfaceMesh | None] = {}
+        self._counted: set[tuple[int, int]] = set()
+        self._triangles, self._drawn = False, 0
+
+    def parts(self) -> list[SurfaceMesh]:
+        """The parts of all nodes, in the world."""
+        document, account = self.document, self.account
+        parts: list[SurfaceMesh] = []
+        shown = [(self.nodes.entries[index], matrix) for index, matrix in self.nodes.shown]
+        for node, matrix in shown:
+            if "mesh" in node:
+                parts += self._of_node(node, self.nodes.instances(node, matrix))
+        if not self._triangles:
+            remedy = "Export triangles, not only points or lines"
+            raise Where(document.path).error("mesh holds no triangles", remedy)
+        for what, key in (("meshes", "mesh"), ("skins", "skin")):
+            account.hold(what, len(document.entries(what)))
+            account.use(what, len({node[key] for node, _ in shown if key in node}))
+        for number, entry in enumerate(document.entries("animations")):
+            account.hold("animations")
+            what = f"animation {entry.get('name', number)!r}; the file's pose is shown"
+            account.lose("animations", LEFT_OUT, what)
+        self.surfaces.close()
+        return parts
+
+    def _of_node(self, node: dict, matrices: list[np.ndarray]) -> list[SurfaceMesh]:
+        mesh, parts = self.document.entry("meshes", node["mesh"]), []
+        for number, primitive in enumerate(mesh["primitives"]):
+            key = node["mesh"], number
+            skinned = "skin" in node and {"JOINTS_0", "WEIGHTS_0"} <= set(primitive["attributes"])
+            if skinned or "weights" in node:
+                part = self._part(key, node, mesh, primitive, skinned)
+            else:
+                if key not in self._plain:
+                    self._plain[key] = self._part(key, node, mesh, primitive, skinned)
+                part = self._plain[key]
+            if part is None:
+                continue
+            here = [np.eye(4)] if skinned else matrices  # a skinned mesh is where its joints are
+            self._drawn += len(here) * part.count
+            if self._drawn > MOST_TRIANGLES:
+                raise self.document.broken(f"it has more than {MOST_TRIANGLES} triangles")
+            if here:
+                parts.append(join([part.transformed(each) for each in here]))
+        return parts
+
+    def _part(
+        self, key: tuple[int, int], node: dict, mesh: dict, primitive: dict, skinned: bool
+    ) -> SurfaceMesh | None:
+        """A primitive in its mesh's coordinates, or in the world if it is ``skinned``; None for
+        one without triangles, and for one that is cut out wholly."""
+        count = (
+            self.account if key not in self._counted else Account(Notebook(), self.document.path)
+        )
+        self._counted.add(key)
+        count.hold("primitives")
+        mode, name = primitive.get("mode", LIST), mesh.get("name", node["mesh"])
+        if mode in NOT_FACES or "POSITION" not in primitive["attributes"]:
+            what = NOT_FACES.get(mode, "triangles without positions")
+            count.lose("primitives", LEFT_OUT, f"{what} of mesh {name!r}")
+            return None
+        weights = node.get("weights", mesh.get("weights", ()))
+        data = Primitive(self.document, primitive, weights)
+        faces = data.faces(mode)
+        self._triangles |= len(faces) > 0
+        look = self.surfaces.look(primitive.get("material"))
+        if look.surface is None:
+            count.lose("primitives", LEFT_OUT, "")
+            return None
+        positions = data.array("POSITION")
+        normals = data.attribute("NORMAL") if self.shading == "auto" else None
+        if skinned:
+            bones = self._bones(node["skin"], data)
+            positions, normals = _posed(bones, positions, normals)
+        if len(faces) and faces.max() >= len(positions):
+            problem = f"face names vertex {int(faces.max())} of {len(positions)}"
+            raise self.document.broken(problem)
+        triangles = positions[faces].astype(np.float64)
+        if normals is not None:
+            normals = normals[faces].astype(np.float64)
+        elif self.shading == "smooth":
+            sound = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
+            normals = crease_normals(sound, self.crease_deg)
+        coordinates = data.attribute(f"TEXCOORD_{look.texture_set}")
+        uvs = None
+        if coordinates is not None:
+            uvs = self.surfaces.uvs(look, coordinates[faces].astype(np.float64))
+        elif look.surface.has_textures:
+            what = f"textures of material {look.name!r}: mesh {name!r} has no coordinates for them"
+            count.lose("primitives", LEFT_OUT, what, 0)
+        colours = data.attribute("COLOR_0")
+        if colours is not None:
+            self.surfaces.note_colours(look, colours)
+            colours = np.clip(colours[faces][..., :3].astype(np.float64), 0, 1)
+        count.use("primitives")
+        data.count(count, bent=look.surface.normal_texture is not None)
+        surface = replace(look.surface, curved=normals is not None)
+        return SurfaceMesh(triangles, surface, normals, uvs, colours)
+
+    def _bones(self, skin: Any, data: "Primitive") -> np.ndarray:
+        """(V, 3, 4) from each vertex to the world, of a skin's pose."""
+        entry = self.document.entry("skins", skin)
+        to_world = np.stack([self.nodes.world(joint) for joint in entry["joints"]])
+        if "inverseBindMatrices" in entry:
+            inverse = self.document.accessor(entry["inverseBindMatrices"])
+            to_world = to_world @ inverse[: len(to_world)].reshape(-1, 4, 4).swapaxes(1, 2)
+        bones: Any = 0.0
+        total: Any = 0.0
+        number = 0
+        while (joints := data.attribute(f"JOINTS_{number}")) is not None:
+            shares = data.array(f"WEIGHTS_{number}")
+            if joints.max(initial=0) >= len(to_world):
+                raise self.document.broken(f"skin {skin} has no joint {joints.max()}")
+            for joint, share in zip(joints.T, shares.T, strict=True):
+                bones = bones + share[:, None, None] * to_world[joint.astype(np.int64), :3]
+                total = total + share
+            number += 1
+        return bones / np.where(total == 0, 1.0, total)[:, None, None]
+
+
+def _posed(
+    bones: np.ndarray, positions: np.ndarray, normals: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Vertices and normals (V, 3), each moved by its own (3, 4) matrix."""
+    turn = bones[:, :, :3]
+    moved = np.einsum("vij,vj->vi", turn, positions) + bones[:, :, 3]
+    if normals is None:
+        return moved, None
+    a, b, c = turn.swapaxes(0, 1)
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    mirrored = np.sign(np.einsum("vi,vi->v", a, cofactor[:, 0]))[:, None]
+    return moved, mirrored * np.einsum("vij,vj->vi", cofactor, normals)
+
+
+class Primitive:
+    """The arrays of a primitive, its morph targets added by their ``weights``.
+
+    ``names`` are the attributes that were asked for.
+    """
+
+    def __init__(self, document: Document, entry: dict, weights: Any):
+        self.document, self.entry = document, entry
+        self.targets = list(zip(entry.get("targets", ()), weights, strict=False))
+        self.names: set[str] = set()
+        packed = extension(entry, DRACO)
+        self._packed: dict[str, np.ndarray] = {}
+        self._faces: np.ndarray | None = None
+        if packed is not None:
+            self._packed, self._faces = self._unpack(packed)
+
+    def array(self, name: str) -> np.ndarray:
+        """(V, width) of an attribute that there must be."""
+        values = self.attribute(name)
+        if values is None:
+            raise self.document.broken(f"a primitive has no {name}")
+        return values
+
+    def attribute(self, name: str) -> np.ndarray | None:
+        """(V, width) of an attribute; None where it has none."""
+        if name not in self.entry["attributes"]:
+            return None
+        self.names.add(name)
+        document, unit = self.document, name.startswith(("COLOR_", "WEIGHTS_"))
+        index = self.entry["attributes"][name]
+        values = document.accessor(index, unit=unit) if name not in self._packed else (
+            document.normalized(document.entry("accessors", index), self._packed[name], unit=unit)
+        )  # fmt: skip
+        for target, weight in self.targets:
+            if weight and name in target:
+                values = values + float(weight) * document.accessor(target[name], unit=unit)
+        return values
+
+    def faces(self, mode: int) -> np.ndarray:
+        """(T, 3) int64 indices of corners."""
+        if self._faces is not None:
+            return self._faces
+        if "indices" in self.entry:
+            indices = self.document.accessor(self.entry["indices"])[:, 0].astype(np.int64)
+        else:
+            index = self.entry["attributes"]["POSITION"]
+            indices = np.arange(self.document.entry("accessors", index)["count"])
+        if mode == LIST:
+            return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+        if mode not in (STRIP, FAN):
+            raise self.document.broken(f"a primitive of mode {mode!r}")
+        return (strip_faces if mode == STRIP else fan_faces)(indices)
+
+    def count(self, account: Account, *, bent: bool) -> None:
+        """Count the attributes and morph targets, and those that are in the picture; tangents say
+        nothing of normals that are not ``bent`` by a texture."""
+        for name in self.entry["attributes"]:
+            account.hold(f"attributes {name}")
+            used = name in self.names or (name == "TANGENT" and not bent)
+            account.use(f"attributes {name}", int(used))
+        account.hold("morph targets", len(self.entry.get("targets", ())))
+        account.use("morph targets", sum(bool(weight) for _, weight in self.targets))
+
+    def _unpack(self, packed: dict) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """The attributes and the faces of what Draco packed."""
+        try:
+            import DracoPy
+        except ImportError:
+            remedy = "Install the package DracoPy, or export the file without compression"
+            raise self.document.broken("its meshes are compressed by Draco", remedy) from None
+        data = bytes(self.document.view(packed["bufferView"]))
+        try:
+            mesh = DracoPy.decode(data)
+        except Exception as error:  # it raises many kinds
+            raise self.document.broken(f"Draco's data: {error}") from None
+        known = {each["unique_id"]: each["data"] for each in mesh.attributes}
+        return (
+            {name: known[number] for name, number in packed["attributes"].items()},
+            np.asarray(mesh.faces, np.int64).reshape(-1, 3),
+        )

@@ -1,0 +1,184 @@
+"""Where a glTF file's meshes, lights and cameras are.
+
+Source: Khronos, "glTF 2.0 Specification", sections 3.5, 3.7.3 and 3.10, and the extensions
+EXT_mesh_gpu_instancing, KHR_lights_punctual and KHR_node_visibility.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from lfcore.readers.account import Account
+from lfcore.readers.gltf.document import Document, extension
+from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
+from lfcore.scene.framing import FoundCamera
+from lfcore.scene.notes import APPROXIMATED, NOT_USED
+from lfcore.scene.surface_mesh import normalise, triple
+from lfcore.scene.transforms import affine
+
+LIGHTS, INSTANCES = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
+IDENTITY = (0.0, 0.0, 0.0, 1.0)
+"""The quaternion that turns nothing."""
+
+
+class Nodes:
+    """The nodes of the scene that is shown.
+
+    ``shown`` are their indices and their (4, 4) matrices to the world, in order.
+    """
+
+    def __init__(self, document: Document, account: Account):
+        self.document, self.account = document, account
+        self.entries = document.entries("nodes")
+        self.shown = list(self._below(self._roots()))
+        self._world = dict(self.shown)
+
+    def _roots(self) -> list[int]:
+        scenes = self.document.entries("scenes")
+        children = {child for node in self.entries for child in node.get("children", ())}
+        self._parents = {
+            child: index
+            for index, node in enumerate(self.entries)
+            for child in node.get("children", ())
+        }
+        if not scenes:
+            return [index for index in range(len(self.entries)) if index not in children]
+        self.account.hold("scenes", len(scenes))
+        self.account.use("scenes")
+        return self.document.entry("scenes", self.document.tree.get("scene", 0)).get("nodes", [])
+
+    def _below(self, roots: list[int]) -> Iterator[tuple[int, np.ndarray]]:
+        waiting, seen = [(index, np.eye(4)) for index in reversed(roots)], set()
+        while waiting:
+            index, above = waiting.pop()
+            node = self.document.entry("nodes", index)
+            if (
+                index in seen
+                or (extension(node, "KHR_node_visibility") or {}).get("visible") is False
+            ):
+                continue
+            seen.add(index)
+            here = above @ self._pose(node)
+            yield index, here
+            waiting += [(child, here) for child in reversed(node.get("children", []))]
+
+    def _pose(self, node: dict) -> np.ndarray:
+        numbers = self.document.numbers
+        if "matrix" in node:
+            return numbers(node, "matrix", [0] * 16).reshape(4, 4).T
+        turned = self.turns(numbers(node, "rotation", IDENTITY)[None])[0]
+        size = numbers(node, "scale", (1.0, 1, 1))
+        return affine(turned * size, numbers(node, "translation", (0.0, 0, 0)))
+
+    def turns(self, quaternions: np.ndarray) -> np.ndarray:
+        """(N, 3, 3) of quaternions (N, 4) of any length, w last."""
+        if (quaternions == IDENTITY).all():
+            return np.broadcast_to(np.eye(3), (len(quaternions), 3, 3))
+        from scipy.spatial.transform import Rotation  # slow to import
+
+        try:
+            return Rotation.from_quat(quaternions).as_matrix()
+        except ValueError as error:
+            raise self.document.broken(f"a node's rotation makes no sense: {error}") from None
+
+    def world(self, index: int) -> np.ndarray:
+        """(4, 4) of any node, also of one that is not shown."""
+        chain: list[int] = []
+        at: int | None = index
+        while at is not None and at not in self._world and at not in chain:
+            chain.append(at)
+            at = self._parents.get(at)
+        for here in reversed(chain):
+            above = self._world.get(self._parents.get(here, -1), np.eye(4))
+            self._world[here] = above @ self._pose(self.document.entry("nodes", here))
+        return self._world[index]
+
+    def instances(self, node: dict, matrix: np.ndarray) -> list[np.ndarray]:
+        """The (4, 4) matrices of a node's meshes: its own, or those of its instances."""
+        packed = extension(node, INSTANCES)
+        if packed is None:
+            return [matrix]
+        given = packed["attributes"]
+        read = {name: self.document.accessor(given[name], unit=name == "ROTATION").astype(float)
+                for name in ("TRANSLATION", "ROTATION", "SCALE") if name in given}  # fmt: skip
+        count = len(next(iter(read.values()), [None]))
+        turned = self.turns(read.get("ROTATION", np.tile(IDENTITY, (count, 1))))
+        sizes = read.get("SCALE", np.ones((count, 3)))
+        places = read.get("TRANSLATION", np.zeros((count, 3)))
+        poses = zip(turned, sizes, places, strict=True)
+        return [matrix @ affine(turn * size, place) for turn, size, place in poses]
+
+    # -- lights and cameras -------------------------------------------------------------------
+
+    def lights(self) -> list[Light]:
+        """Its lights, in the world. Its candela and lux are over pi in ours, as a matte surface of
+        colour c returns c / pi of what arrives in glTF."""
+        known = (extension(self.document.tree, LIGHTS) or {}).get("lights", [])
+        self.account.hold("lights", len(known))
+        made, used = [], set()
+        for index, matrix in self.shown:
+            reference = extension(self.entries[index], LIGHTS)
+            if reference is None:
+                continue
+            number = reference.get("light")
+            if not isinstance(number, int) or not 0 <= number < len(known):
+                raise self.document.broken(f"a node names light {number!r} of {len(known)}")
+            made.append(self._light(known[number], matrix))
+            used.add(number)
+        self.account.use("lights", len(used))
+        return made
+
+    def _light(self, light: dict, matrix: np.ndarray) -> Light:
+        name, kind = light.get("name", "without name"), light.get("type")
+        numbers, number = self.document.numbers, self.document.number
+        strength = number(light, "intensity", 1.0) / math.pi
+        colour = triple(numbers(light, "color", (1.0, 1, 1)) * strength)
+        if kind == "directional":
+            # It shines along the node's -z.
+            return Light(DIRECTIONAL, triple(normalise(matrix[:3, 2])), colour)
+        if kind not in ("point", "spot"):
+            raise self.document.broken(f"light {name!r} is of no known type: {kind!r}")
+        if "range" in light:
+            self.account.lose("lights", APPROXIMATED, f"light {name!r}: it ends at no range", 0)
+        lamp = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
+        if kind == "point":
+            return lamp
+        spot = light.get("spot", {})
+        angles = number(spot, "innerConeAngle", 0.0), number(spot, "outerConeAngle", math.pi / 4)
+        if not 0 <= angles[0] < angles[1] <= math.pi / 2 + 1e-6:
+            raise self.document.broken(f"the cone of light {name!r} makes no sense: {angles}")
+        inner, outer = (max(math.cos(angle), 0.0) for angle in angles)
+        return replace(lamp, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
+
+    def camera(self) -> FoundCamera | None:
+        """The first perspective camera of the scene; others are noted."""
+        first = None
+        self.account.hold("cameras", len(self.document.entries("cameras")))
+        for index, matrix in self.shown:
+            node = self.entries[index]
+            if "camera" not in node:
+                continue
+            camera = self.document.entry("cameras", node["camera"])
+            here = self._perspective(camera, matrix)
+            if here is None or first is not None:
+                name = camera.get("name") or node.get("name") or node["camera"]
+                self.account.lose("cameras", NOT_USED, f"camera {name!r}")
+            else:
+                first = here
+                self.account.use("cameras")
+        return first
+
+    def _perspective(self, camera: dict, matrix: np.ndarray) -> FoundCamera | None:
+        lens = camera.get("perspective")
+        if lens is None:
+            return None
+        axes = normalise(matrix[:3, :3].T).T
+        square = np.allclose(axes.T @ axes, np.eye(3), atol=1e-4) and np.linalg.det(axes) > 0
+        angle = self.document.number(lens, "yfov", 0.0)
+        aspect = self.document.number(lens, "aspectRatio", 1.0)
+        if not (0 < angle < math.pi and aspect > 0 and square):
+            return None
+        width = 2 * math.tan(angle / 2) * min(aspect, 1.0)
+        return FoundCamera(affine(axes, matrix[:3, 3]), width)
