@@ -265,11 +265,9 @@ def test_values_of_another_kind_are_refused(recorded, model, tmp_path):
         ("pixels", b"x"), ("pixels", (3,)), ("pixels", (1, 2, 3)), ("device", 0),
     ):  # fmt: skip
         assert refused("must be", lfcore.render, **({"scene": scene} | {key: value})).key == key
-    odd = lfcore.Scene.from_triangles(
-        scene.triangles, lights=[lfcore.Light(7, (0, 0, 1), (1, 1, 1))]
-    )
+    odd = lfcore.Light(7, (0, 0, 1), (1, 1, 1))
     for key, call in {
-        "lights[0]": lambda: lfcore.render(odd, pixels=8, views=1),
+        "lights[0]": lambda: lfcore.Scene.from_triangles(scene.triangles, lights=[odd]),
         "encoding": lambda: lfcore.record(scene, tmp_path / "a.mkv", encoding="libx265"),
         "quality": lambda: lfcore.record(scene, tmp_path / "a.mkv", quality=40),
         "light": lambda: lfcore.load_scene(model, light="soft"),

@@ -1,9 +1,9 @@
 """A camera array: parallel pinholes on a grid, the assignment's "data cameras".
 
-The pinholes are in z = 0 of camera space and look along +z.  Column ``i`` of the grid is at
-``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile (j, i) of one image: the top
-left tile is of the camera that is at the top left for someone behind the array.  Rays are those of
-a light slab: ``delta`` is 0 for the assignment's cameras, and not for a focused slab's views.
+The pinholes are in the plane z = 0 of camera space and look along +z.  Column ``i`` of the grid is
+at ``columns_m[i]``, row ``j`` at ``rows_m[j]``, and its picture is tile (j, i) of one image.  The
+top left tile belongs to the top left camera, seen from behind the array.  The rays form a light
+slab: ``delta`` is 0 for the assignment's cameras, and not 0 for the views of a focused slab.
 
 Source: CS348b assignment 3, step 2; Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light
 Fields", SIGGRAPH 2000.
@@ -22,12 +22,13 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 
 SPACINGS = ("ends", "cells")
-# A sensor for what has a field and no sensor: only its ratio to the image distance matters.
 SENSOR_WIDTH_M = 0.036
-# A pinhole is a lens of this radius: Camera wants one that exists.
+"""The sensor of a camera that has only a field of view: just its ratio to the image distance
+counts."""
 PINHOLE_RADIUS_M = 1e-9
-# How far, in pitches, a camera may stand beside its place on a slab's grid.
+"""The radius of a pinhole's lens: :class:`Camera` needs one above 0."""
 _ON_GRID = 1e-6
+"""The greatest offset of a camera from a slab's grid, in pitches."""
 
 
 @dataclass(frozen=True)
@@ -39,19 +40,20 @@ class CameraArray:
     columns_m, rows_m : tuple of float
         Strictly increasing x and y of the cameras, metres, camera space.
     fov_deg : float
-        Full field of view over the *shorter* side of a tile (as pbrt), degrees.
+        Full field of view over the shorter side of a tile, as in pbrt, degrees.
     tile : (int, int)
         Width and height of each camera's picture, pixels.
     margin_m : (float, float)
-        How far beyond the outermost cameras rays still belong to the array, in x and y: half a
-        spacing where the cameras are in the middle of cells, else 0.
+        The reach of the array beyond the outermost cameras, in x and y: half a spacing if the
+        cameras are in the middle of cells, else 0.
     delta : float
         Inverse distance at which the pictures coincide, dioptres; 0 for parallel axes.
 
     Raises
     ------
     OpticsError
-        Positions that are not finite or not increasing, a field outside (0, 180), an empty tile.
+        Positions are not finite or not increasing, the field of view is outside (0, 180), or a
+        tile is empty.
 
     Examples
     --------
@@ -80,7 +82,7 @@ class CameraArray:
                 raise OpticsError("positions must increase strictly", key=key, remedy=remedy)
             object.__setattr__(self, key, tuple(axis.tolist()))
         if not 0 < self.fov_deg < 180:
-            raise OpticsError(f"must lie between 0 and 180, not {self.fov_deg}", key="fov_deg")
+            raise OpticsError(f"must be between 0 and 180, not {self.fov_deg}", key="fov_deg")
         if len(self.tile) != 2 or min(self.tile) < 1:
             raise OpticsError(f"{self.tile} pixels are no picture", key="tile")
 
@@ -93,7 +95,7 @@ class CameraArray:
         tile: Sequence[int],
         spacing: str = "ends",
     ) -> CameraArray:
-        """Space cameras equally within the assignment's bounds.
+        """Place cameras at equal distances within the assignment's bounds.
 
         Parameters
         ----------
@@ -128,7 +130,7 @@ class CameraArray:
 
     @classmethod
     def from_slab(cls, slab: Slab) -> CameraArray:
-        """The views of a light slab as an array: the same rays, sheared by the slab's focus."""
+        """Make an array of a slab's views: the same rays, sheared by the slab's focus."""
         positions = tuple(slab.lens_positions().tolist())
         column, row, columns, rows = slab.held.views
         size = slab.held.pixels[2:]
@@ -141,10 +143,10 @@ class CameraArray:
         )  # fmt: skip
 
     def as_slab(self) -> Slab | None:
-        """The light slab of the same rays, as :meth:`from_slab` takes it; None if there is none.
+        """The light slab with the same rays, the inverse of :meth:`from_slab`; None without one.
 
-        There is one for as many columns as rows, equally spaced alike about the origin, of square
-        pictures; its lens is as wide as the grid with half a pitch on either side.
+        A slab needs square pictures, and as many columns as rows, at equal distances about the
+        origin.  Its lens is as wide as the grid plus half a pitch on each side.
         """
         (count, rows), (width, height) = self.cameras, self.tile
         if count != rows or width != height:
@@ -175,7 +177,7 @@ class CameraArray:
 
     @property
     def field_width(self) -> float:
-        """Tangent extent of the shorter side of a tile."""
+        """The tangent extent of the shorter side of a tile."""
         return 2.0 * math.tan(math.radians(self.fov_deg) / 2.0)
 
     @property
@@ -189,19 +191,22 @@ class CameraArray:
         return x, y
 
     def origins(self) -> np.ndarray:
-        """(Ny, Nx, 3) float64: O of every data camera, metres."""
+        """The cameras' positions O, (Ny, Nx, 3) float64, metres."""
         y, x = np.meshgrid(self.rows_m, self.columns_m, indexing="ij")
         return np.stack([x, y, np.zeros_like(x)], -1)
 
     def directions(self, column: int = 0, row: int = 0) -> np.ndarray:
-        """(h, w, 3) float64: D of a camera's pixels, unit in z; alike in all when delta is 0."""
+        """The directions D of a camera's pixels, (h, w, 3) float64 with z = 1.
+
+        All cameras have the same directions if ``delta`` is 0.
+        """
         x, y = self.pixel_tangents()
         y, x = np.meshgrid(y, x, indexing="ij")
         s, t = self.columns_m[column], self.rows_m[row]
         return np.stack([x - s * self.delta, y - t * self.delta, np.ones_like(x)], -1)
 
     def bounds(self) -> tuple[float, float, float, float]:
-        """(x low, x high, y low, y high) within which rays belong to the array, camera space."""
+        """The limits (x low, x high, y low, y high) of the array's rays, camera space, metres."""
         (a, b), (c, d) = (
             (axis[0] - margin, axis[-1] + margin)
             for axis, margin in zip((self.columns_m, self.rows_m), self.margin_m, strict=True)
@@ -211,7 +216,7 @@ class CameraArray:
     def tiles(self, image: np.ndarray) -> np.ndarray:
         """(Ny, Nx, h, w, ...) view of an image (Ny h, Nx w, ...).
 
-        Raises :class:`OpticsError` when the image is not that of this array.
+        Raises :class:`OpticsError` for an image of another size.
         """
         (nx, ny), (w, h) = self.cameras, self.tile
         if image.shape[:2] != (ny * h, nx * w):
@@ -230,7 +235,7 @@ class CameraArray:
 
     @classmethod
     def from_json(cls, data: dict) -> CameraArray:
-        """Raises :class:`OpticsError` for what :meth:`to_json` does not write."""
+        """Inverse of :meth:`to_json`; raises :class:`OpticsError` for other data."""
         try:
             columns, rows, tile, margin = (
                 tuple(data[key]) for key in ("columns_m", "rows_m", "tile", "margin_m")
@@ -242,7 +247,7 @@ class CameraArray:
 
 
 def thin_lens(field_width: float, lens_radius: float, focus_distance: float) -> Camera:
-    """The :class:`Camera` of a tangent extent, a lens radius and a focus, metres."""
+    """Make a :class:`Camera` from a tangent extent, a lens radius and a focus, metres."""
     image_distance = SENSOR_WIDTH_M / field_width
     focal_length = image_distance / (1.0 + image_distance / focus_distance)
     radius = max(lens_radius, PINHOLE_RADIUS_M)

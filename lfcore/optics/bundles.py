@@ -1,11 +1,11 @@
-"""Rays as bundles: outer elements times an inner grid, affine in both.
+"""Bundles of rays: outer elements times an inner grid, affine in both.
 
-Ray (i, j) of element e, counted from the centre of the inner grid, is at depth z
+Ray (i, j) of element e, counted from the centre of the inner grid, has at depth z the position
 
     x(z) = (ox_e + i sx) + z (dx_e + i tx)        y(z) = (oy_e + j sy) + z (dy_e + j ty)
 
 The lens samples of one pixel, the pixels of one lens sample or data camera, and orthographic
-rays all have this form, so one kernel traces them all.
+rays all have this form, so one kernel traces all of them.
 """
 
 from dataclasses import dataclass
@@ -15,20 +15,24 @@ import numpy as np
 from lfcore.optics.slab import Slab
 
 TEXTURE_PX = 0.7
-"""The width that textures are filtered over with one ray per pixel, in pixels."""
+"""The width of the texture filter with one ray per pixel, in pixels."""
 
 
 def texture_width(rays_per_pixel: float) -> float:
-    """The width that textures are filtered over, in pixels of a picture: it falls with the cube
-    root of the rays per pixel (measured, docs/notebook/true-picture.md)."""
+    """The width of the texture filter, in pixels of a picture.
+
+    It falls with the cube root of the rays per pixel (measured, docs/notebook/true-picture.md).
+    """
     return TEXTURE_PX * rays_per_pixel ** (-1 / 3)
 
 
 @dataclass(frozen=True)
 class ElementLattice:
-    """A square grid of elements, ``count`` per side, centred on the axis: from one to the next the
-    centre ray's origin and direction change by these; ``off_axis`` is the direction at its
-    centre."""
+    """A square grid of elements, ``count`` per side, centred on the axis.
+
+    ``origin`` and ``direction`` are the change of the centre ray from element to element,
+    ``off_axis`` is the direction at the grid's centre.
+    """
 
     count: int
     origin: float
@@ -36,7 +40,7 @@ class ElementLattice:
     off_axis: tuple[float, float] = (0.0, 0.0)
 
     def centre_rays(self, coordinates: np.ndarray) -> np.ndarray:
-        """(E, 4) float32 ox, oy, dx, dy at ``coordinates`` (E, 2), or between elements."""
+        """(E, 4) float32 ox, oy, dx, dy at ``coordinates`` (E, 2), which may be fractional."""
         offset = np.asarray(coordinates) - (self.count - 1) / 2
         direction = offset * self.direction + self.off_axis
         return np.concatenate([offset * self.origin + 0.0, direction], 1, dtype=np.float32)
@@ -44,12 +48,22 @@ class ElementLattice:
 
 @dataclass(frozen=True)
 class Bundles:
-    """What the tracer is given.
+    """The rays of a job.
 
-    ``elements`` (E, 4) float32 are ox, oy (metres), dx, dy (tangents) of each element's centre ray;
-    ``step`` (4,) float32 is sx, sy, tx, ty, per column and row of the inner grid; textures are
-    filtered over ``pixel_pitch``; a ``lattice`` lets one block span several elements; ``band`` is
-    the first row and number of rows that are traced, default all.
+    Parameters
+    ----------
+    elements : ndarray
+        (E, 4) float32: ox, oy (metres), dx, dy (tangents) of each element's centre ray.
+    step : ndarray
+        (4,) float32: sx, sy, tx, ty per column and row of the inner grid.
+    columns, rows : int
+        The sides of the inner grid.
+    pixel_pitch : float
+        The tangent over which textures are filtered.
+    lattice : ElementLattice, optional
+        The grid of the elements, so that a block can span several of them.
+    band : (int, int), optional
+        The first row and the number of rows to trace.  Default: all.
     """
 
     elements: np.ndarray
@@ -69,8 +83,10 @@ class Bundles:
         return self.band[1] if self.band else self.rows
 
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
-        """Origins and directions, float64 (E, rows, columns, 3), evaluated from the float32
-        coefficients; for references and tests."""
+        """Origins and directions, (E, rows, columns, 3) float64, for references and tests.
+
+        They are evaluated from the float32 coefficients.
+        """
         e, s = self.elements.astype(float), self.step.astype(float)
         i = np.arange(self.columns) - (self.columns - 1) / 2
         j = np.arange(self.rows) - (self.rows - 1) / 2
@@ -84,7 +100,7 @@ class Bundles:
 
 
 def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
-    """One element per pixel, (E, 2) integer (u, v); the inner grid is the lens."""
+    """Bundles with an element per pixel, (E, 2) integer (u, v); the inner grid is the lens."""
     pitch = slab.lens_pitch_m
     lattice = ElementLattice(slab.pixels, 0.0, slab.pixel_pitch)
     shear = -slab.camera.delta * pitch
@@ -94,7 +110,7 @@ def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
 
 
 def views(slab: Slab, samples: np.ndarray) -> Bundles:
-    """One element per lens sample, (E, 2) integer (i, j); the inner grid is the picture."""
+    """Bundles with an element per lens sample, (E, 2) integer (i, j); the inner grid is a view."""
     pitch = slab.lens_pitch_m
     x, y = slab.off_axis().tolist()
     lattice = ElementLattice(slab.views, pitch, -slab.camera.delta * pitch, (x, y))

@@ -1,7 +1,7 @@
 """The thin lens camera, in dioptres.
 
-``delta = 1 / focus distance`` throughout: focus at infinity is ``delta = 0`` and no special
-case, and nothing is formed from ``1 / (1/f - 1/u)``, which loses every digit near ``u = f``.
+``delta = 1 / focus distance`` throughout, so that focus at infinity is ``delta = 0`` and no special
+case.  ``1 / (1/f - 1/u)`` is not used: it loses all digits near ``u = f``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lfcore.errors import OpticsError
 PINHOLE_F_NUMBER = 1e6
 """The f-number of a camera that a matrix describes: its lens is 50 nm wide."""
 OFF_PX = 1.0
-"""The distance of a principal point from the middle of the picture, at most, in pixels: programs
+"""The greatest distance of a principal point from the middle of the picture, in pixels: programs
 count pixels from their edges or from their middles."""
 RIGID = 1e-4
 """The greatest deviation of a rotation times its transpose from the identity."""
@@ -37,7 +37,7 @@ class Camera:
     f_number : float
         Focal length over the diameter of the lens.
     focus_m : float
-        Distance from the lens to the plane in focus, metres; ``math.inf`` is allowed.
+        Distance from the lens to the plane in focus, metres, ``math.inf`` included.
     pose : array_like, optional
         (4, 4) camera to world, rigid: the camera looks along its own -z with +y up, as in glTF,
         Blender and nerfstudio.  It is for the functions that make a scene; a scene's own camera
@@ -46,7 +46,7 @@ class Camera:
     Raises
     ------
     OpticsError
-        A value that is not positive, a focus inside the focal length, or a pose with a scale.
+        A value is not positive, the focus is within the focal length, or the pose has a scale.
 
     Examples
     --------
@@ -87,20 +87,20 @@ class Camera:
         f_number: float = PINHOLE_F_NUMBER,
         focal_length_m: float = 0.05,
     ) -> Camera:
-        """Make a camera of the matrix of a calibrated one, as OpenCV and COLMAP have it.
+        """Make a camera from a calibrated camera's matrix, as in OpenCV and COLMAP.
 
         Parameters
         ----------
         K : array_like
             (3, 3) intrinsics in pixels, f 0 cx, 0 f cy, 0 0 1.
         pose : array_like, optional
-            As of the class.  Of a world-to-camera matrix [R t] with x right, y down and z forward
-            (OpenCV, COLMAP) it is ``numpy.linalg.inv(M) @ numpy.diag([1, -1, -1, 1])``.
+            As in the class.  A world-to-camera matrix M with x right, y down and z forward
+            (OpenCV, COLMAP) gives ``numpy.linalg.inv(M) @ numpy.diag([1, -1, -1, 1])``.
         pixels : (int, int), optional
             Width and height of the calibrated pictures.  Default: twice the principal point.
         focus_m, f_number, focal_length_m : float, optional
-            The lens, of which a matrix says nothing.  Default: a pinhole, for which
-            :func:`lfcore.record` fits a lens.
+            The lens, which a matrix lacks.  Default: a pinhole, for which :func:`lfcore.record`
+            fits a lens.
 
         Returns
         -------
@@ -110,7 +110,7 @@ class Camera:
         Raises
         ------
         OpticsError
-            Pixels that are not square, or a principal point off the middle of the picture.
+            Pixels are not square, or the principal point is not the middle of the picture.
         """
         from lfcore.optics.size import Size  # it knows cameras
 
@@ -140,23 +140,23 @@ class Camera:
 
     @property
     def image_distance_m(self) -> float:
-        """From the lens to the sensor (v of 1/f = 1/v + delta)."""
+        """The distance from the lens to the sensor, v in 1/f = 1/v + delta."""
         return image_distance(self.focal_length_m, self.focus_m)
 
     @property
     def field_width(self) -> float:
-        """Tangent extent W / v of the field seen through the lens centre."""
+        """The tangent extent W / v of the field of view through the lens centre."""
         return self.sensor_width_m / self.image_distance_m
 
     def to_json(self) -> dict:
-        """The four numbers, named as files name them."""
+        """The four numbers by the keys of the file format."""
         data = asdict(self)
         del data["pose"]
         return data | {"focus_distance_m": data.pop("focus_m")}
 
     @classmethod
     def from_json(cls, data: dict) -> Camera:
-        """Inverse of :meth:`to_json`.  Raises ``KeyError`` or ``TypeError`` for other names."""
+        """Inverse of :meth:`to_json`.  Raises ``KeyError`` or ``TypeError`` for other keys."""
         rest = dict(data)
         return cls(focus_m=float(rest.pop("focus_distance_m")), **rest)
 
@@ -172,10 +172,10 @@ def _matrix(key: str, values: ArrayLike, shape: tuple[int, int]) -> np.ndarray:
 
 
 def image_distance(focal_length_m: float, focus_m: float) -> float:
-    """Image distance ``v = f u / (u - f)``; ``f`` at infinity.
+    """The image distance ``v = f u / (u - f)``; ``f`` at infinity.
 
-    By Sterbenz the subtraction is exact when ``u`` is near ``f``, which is where
-    ``1 / (1/f - 1/u)`` loses all digits, and ``f / (1 - f/u)`` those of the quotient.
+    By Sterbenz's lemma the subtraction is exact for ``u`` near ``f``.  There, ``1 / (1/f - 1/u)``
+    loses all digits, and ``f / (1 - f/u)`` those of the quotient.
     """
     if math.isinf(focus_m):
         return focal_length_m
@@ -185,6 +185,6 @@ def image_distance(focal_length_m: float, focus_m: float) -> float:
 def check_focus(focus_m: float, focal_length_m: float, *, key: str) -> None:
     """Raise :class:`OpticsError` unless the lens can focus at this distance."""
     if not focus_m > focal_length_m:
-        problem = f"focus at {focus_m} m lies inside the focal length of {focal_length_m} m"
+        problem = f"focus at {focus_m} m is inside the focal length of {focal_length_m} m"
         remedy = "Focus farther than the focal length, or shorten the focal length"
         raise OpticsError(problem, key=key, remedy=remedy)

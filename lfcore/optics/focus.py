@@ -1,8 +1,8 @@
-"""Focus and blur as photographers say them, for models whose unit of length means nothing.
+"""Focus and blur relative to the visible depth, for models with an arbitrary unit of length.
 
-A focus is a distance in metres, or a word on the depths that a picture shows: ``near``,
-``middle``, ``far``, or a share of the way such as ``40%``.  A blur is a share of the picture's
-width.  Both are the same when a scene is scaled.
+A focus is a distance in metres, or a word about the depths in the picture: ``near``, ``middle``,
+``far``, or a share of the way such as ``40%``.  A blur is a share of the picture's shorter side.
+Neither changes when a scene is scaled.
 """
 
 import math
@@ -15,15 +15,16 @@ import numpy as np
 from lfcore.errors import OpticsError, check_kind
 
 ENDS = (2.0, 98.0)
-"""The percentiles of the depths seen that are the near end and the far end."""
+"""The percentiles of the visible depths that are the near end and the far end."""
 SHARES = {"near": 0.0, "middle": 0.5, "far": 1.0}
 """The words for a focus, and their shares of the way from the near end to the far end."""
-REMEDY = "Give metres, inf, near, middle, far, or a share of the depth that is seen such as 40%"
+REMEDY = "Give metres, inf, near, middle, far, or a share of the visible depth such as 40%"
 WIDEST_BLUR = 1.0
+"""The widest blur, relative to the picture's shorter side."""
 
 
 class DepthRange(NamedTuple):
-    """The nearest and the farthest depth that a picture shows, metres along the axis.
+    """The nearest and the farthest depth in a picture, metres along the axis.
 
     Attributes
     ----------
@@ -36,22 +37,22 @@ class DepthRange(NamedTuple):
 
     @property
     def middle_m(self) -> float:
-        """The depth whose blur is the same as the other's when either end is in focus."""
+        """The depth whose blur is the same when the near or the far end is in focus."""
         return self.at(0.5)
 
     def at(self, share: float) -> float:
-        """The depth at a share of the way from near (0) to far (1), even in dioptres, metres."""
+        """The depth at a share of the way from near (0) to far (1), linear in dioptres; metres."""
         if share in (0.0, 1.0):
             return self.far_m if share else self.near_m
         delta = (1.0 - share) / self.near_m + share / self.far_m
         return 1.0 / delta if delta else math.inf
 
     def defocus(self, focus_m: float) -> float:
-        """Dioptres between ``focus_m`` and the end of the range that is more out of focus."""
+        """The dioptres between ``focus_m`` and the end of the range that is more out of focus."""
         return max(abs(1.0 / end - 1.0 / focus_m) for end in self)
 
     def ends(self) -> dict[str, float]:
-        """The words for the ends and the middle, with their distances in metres."""
+        """The distances of the ends and the middle, metres, by their words."""
         return {name: self.at(share) for name, share in SHARES.items()}
 
     def __str__(self) -> str:
@@ -59,7 +60,7 @@ class DepthRange(NamedTuple):
 
 
 def ends_of(depths: np.ndarray) -> DepthRange | None:
-    """The ends of depths that are seen, metres, without the outermost 2 percent; None of none."""
+    """The ends of visible depths, metres, without the outermost 2 percent; None without depths."""
     if not len(depths):
         return None
     near, far = np.percentile(depths, ENDS).tolist()
@@ -67,14 +68,14 @@ def ends_of(depths: np.ndarray) -> DepthRange | None:
 
 
 def exclude_twice(**settings: object) -> None:
-    """Raise :class:`OpticsError` where more than one of these settings is given."""
+    """Raise :class:`OpticsError` if more than one of these settings is not None."""
     given = [name for name, value in settings.items() if value is not None]
     if len(given) > 1:
         raise OpticsError(f"excludes {given[0]}", key=given[1], remedy="Leave one out")
 
 
 def check_words(focus: float | str) -> float | str:
-    """The focus as a number of metres where it is one, else the word itself."""
+    """The focus as a number of metres if it is one, else the checked word."""
     if not isinstance(focus, str):
         return focus
     text = focus.strip().lower()
@@ -96,19 +97,19 @@ def share_of(word: str) -> float:
 
 
 def focus_distance(focus: float | str, seen: DepthRange | None) -> float:
-    """Metres of a focus that may be a word about the depths ``seen``, None if unknown."""
+    """The distance of a focus, metres; a word refers to the visible depths ``seen``, if known."""
     focus = check_words(focus)
     if not isinstance(focus, str):
         check_kind(focus, Real, "focus_m", "a number of metres or a word")
         return float(focus)
     if seen is None:
-        problem = f"{focus!r} of a depth that is not known"
+        problem = f"{focus!r} needs the visible depth, which is not known"
         raise OpticsError(problem, key="focus_m", remedy="Give metres")
     return seen.at(share_of(focus))
 
 
 def check_place(place: Sequence[float | str]) -> tuple[float, float]:
-    """A place in the picture, (x, y) from 0 to 1; raises :class:`OpticsError` for another."""
+    """A place in the picture, (x, y) from 0 to 1; raises :class:`OpticsError` outside."""
     try:
         x, y = map(float, place)
     except (TypeError, ValueError):
@@ -120,7 +121,7 @@ def check_place(place: Sequence[float | str]) -> tuple[float, float]:
 
 
 def blur_share(blur: float | str) -> float:
-    """A blur such as ``"3%"`` or 0.03 as a share of the picture's shorter side."""
+    """A blur such as ``"3%"`` or 0.03, relative to the picture's shorter side."""
     try:
         share = _percent(blur) if isinstance(blur, str) and "%" in blur else float(blur)
     except (TypeError, ValueError):
@@ -143,13 +144,13 @@ def f_number_of_blur(
     share = blur_share(blur)
     defocus = seen.defocus(focus_m) if seen else 0.0
     if not defocus > 1e-6 / focal_m * share * width:
-        problem = "nothing that is seen can be out of focus"
+        problem = "nothing visible can be out of focus"
         raise OpticsError(problem, key="blur", remedy="Give an f-number")
     return focal_m * defocus / (share * width)
 
 
 def _percent(text: str) -> float | None:
-    """0.4 of ``40%``; None for any other text."""
+    """The number of a percentage, 0.4 for ``40%``; None for any other text."""
     number, sign, rest = text.strip().partition("%")
     try:
         return float(number) / 100 if sign and not rest else None

@@ -1,4 +1,4 @@
-"""The geometry of a grid of views, whole or in part, and the slab that it is."""
+"""The geometry of a grid of views, perhaps incomplete, and its slab."""
 
 from __future__ import annotations
 
@@ -9,26 +9,30 @@ from lfcore.optics.array import SENSOR_WIDTH_M
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Extent, Slab
 
-NOMINAL_PITCH_M, NOMINAL_FIELD, NOMINAL_DELTA = 1.0, 1.0, 1.0
-"""The lengths of a slab of unknown geometry: only its disparities count, from -M pixels on."""
+NOMINAL_PITCH_M = 1.0
+"""The lens pitch of a slab with unknown geometry: only its disparities have a meaning."""
+NOMINAL_FIELD = 1.0
+"""The field width of a slab with unknown geometry."""
+NOMINAL_DELTA = 1.0
+"""The inverse focus of a slab with unknown geometry, 1/m: disparities begin at -M pixels."""
 GIVE_GEOMETRY = "Import it again with its baseline, field of view and focus"
 """The remedy for a file of unknown geometry."""
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """The cameras' positions and lens; None for an unknown value.
+    """The cameras' positions and lens; unknown values are None.
 
     Parameters
     ----------
     pitch_m : float, optional
-        Distance between neighbouring cameras, across and down, in metres.
+        Distance between neighbouring cameras, metres, along rows and columns.
     pixel_pitch : float, optional
         Tangent between neighbouring pixels.
     delta : float, optional
         Inverse distance, 1/m, at which the views coincide; 0 for parallel, unshifted cameras.
     sensor_m : float, optional
-        Width of the sensor behind the longer side, in metres, if a camera was modelled.
+        Width of the sensor behind the longer side, metres, if the camera was modelled.
     """
 
     pitch_m: float | None = None
@@ -42,12 +46,12 @@ class Geometry:
         return [name for name in ("pitch_m", "pixel_pitch", "delta") if getattr(self, name) is None]
 
     def or_else(self, other: Geometry) -> Geometry:
-        """This geometry, with its unknown values taken from ``other``."""
-        given = {key: value for key, value in vars(self).items() if value is not None}
-        return replace(other, **given)
+        """This geometry, with unknown values from ``other``."""
+        known = {key: value for key, value in vars(self).items() if value is not None}
+        return replace(other, **known)
 
     def slab(self, columns: int, rows: int, width: int, height: int) -> Slab:
-        """The slab of a grid with this geometry; lengths are nominal where a value is unknown."""
+        """The slab of a grid with this geometry; its lengths are nominal if a value is unknown."""
         views, pixels = max(columns, rows), max(width, height)
         extent = Extent.centred(columns, rows, width, height)
         square = columns == rows and width == height

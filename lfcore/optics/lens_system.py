@@ -1,10 +1,10 @@
 """A realistic lens: a list of spherical surfaces, traced one after the other in float64.
 
 Lens space has the film in z = 0 and the scene at +z, x and y as in camera space; metres.  The file
-format is pbrt's: one surface a line from the front (scene side) to the back, ``curvature radius,
-thickness to the next surface, index behind it, aperture diameter`` in millimetres; a radius of 0
-is the aperture stop; the last thickness is the distance to the film.  A positive radius bulges
-towards the scene.  Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer
+format is pbrt's: one surface per line from the front (scene side) to the back, ``curvature radius,
+thickness to the next surface, index behind it, aperture diameter`` in millimetres.  A radius of 0
+is the aperture stop, and a positive radius bulges towards the scene.  The last thickness is the
+distance to the film.  Source: Kolb, Mitchell, Hanrahan, "A Realistic Camera Model for Computer
 Graphics", SIGGRAPH 1995; pbrt 6.4.
 """
 
@@ -20,16 +20,23 @@ import numpy as np
 from lfcore.errors import OpticsError
 
 _PUPIL_BINS = 32
+"""The number of film radii for which the exit pupil is bounded."""
 _PUPIL_GRID = 48
+"""The rays per side that search the exit pupil of a film point."""
 _AXIAL_GRID = 256
-_REAR_REACH = 1.5  # radii of the last surface, within which the exit pupil is searched
+"""The rays per side that measure the exit pupil's area on the axis."""
+_REAR_REACH = 1.5
+"""The half width of the search for the exit pupil, in radii of the last surface."""
+_FOCUS_STEPS = 60
+"""The most steps of the fixed point for the film's place; far from the lens, ten are enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class LensSystem:
-    """Surfaces from front to back; arrays (K,) float64, metres.
+    """The surfaces from front to back; arrays (K,) float64, metres.
 
-    ``index`` is that behind each surface; ``aperture_m`` are radii; ``radius_m`` 0 marks the stop.
+    ``index`` is the refractive index behind each surface.  ``aperture_m`` are radii.  ``radius_m``
+    is 0 at the stop.
     """
 
     radius_m: np.ndarray
@@ -59,16 +66,16 @@ class LensSystem:
 
     @property
     def film_distance_m(self) -> float:
-        """From the last surface to the film."""
+        """The distance from the last surface to the film."""
         return float(self.thickness_m[-1])
 
     @property
     def positions_m(self) -> np.ndarray:
-        """(K,) z of each surface's vertex, film at 0."""
+        """(K,) z of each surface's vertex; the film is at 0."""
         return np.cumsum(self.thickness_m[::-1])[::-1]
 
     def stopped_down(self, diameter_m: float) -> LensSystem:
-        """With another stop; no wider than the lens's own."""
+        """The lens with another stop, at most as wide as its own."""
         stop = self.radius_m == 0
         if not stop.any():
             raise OpticsError("this lens has no aperture stop")
@@ -77,12 +84,14 @@ class LensSystem:
         return replace(self, aperture_m=np.where(stop, diameter_m / 2, self.aperture_m))
 
     def focused(self, distance_m: float) -> LensSystem:
-        """With the film moved so that the paraxial image of ``distance_m``, from the film, is on
-        it."""
+        """The lens with its film at the paraxial image of the distance ``distance_m``.
+
+        The distance is measured from the film, so that moving the film moves the object, too.
+        """
         length = float(self.thickness_m[:-1].sum())
         film = self.paraxial_image(math.inf)
         if math.isfinite(distance_m):
-            for _ in range(60):  # the film moves the object: a contraction far from the lens
+            for _ in range(_FOCUS_STEPS):  # a contraction far from the lens
                 before, film = film, self.paraxial_image(distance_m - length - film)
                 if not film > 0 or not math.isfinite(film):
                     break
@@ -97,14 +106,16 @@ class LensSystem:
         return replace(self, thickness_m=np.append(self.thickness_m[:-1], film))
 
     def paraxial_image(self, distance_m: float) -> float:
-        """Distance behind the last surface of the paraxial image of an axial point ``distance_m``
-        before the front vertex; negative: a virtual image."""
+        """The distance of the paraxial image behind the last surface; negative if virtual.
+
+        The axial object is ``distance_m`` before the front vertex.
+        """
         start = (1.0, 0.0) if math.isinf(distance_m) else (distance_m, 1.0)
         height, angle = self._paraxial(*start)
         return -height / angle if angle else math.inf
 
     def _paraxial(self, height: float, angle: float) -> tuple[float, float]:
-        """Height at the last surface and angle behind it, of a paraxial ray before the first."""
+        """The height at the last surface, and the angle behind it, of a paraxial ray."""
         before = 1.0
         for k, radius in enumerate(self.radius_m):
             power = (self.index[k] - before) / radius if radius else 0.0
@@ -116,59 +127,60 @@ class LensSystem:
 
     @property
     def focal_length_m(self) -> float:
-        """Effective focal length, paraxial."""
+        """The effective paraxial focal length."""
         _, angle = self._paraxial(1.0, 0.0)
         return -1.0 / angle if angle else math.inf
 
     @property
     def image_distance_m(self) -> float:
-        """From the rear principal plane to the film, paraxial."""
+        """The paraxial distance from the rear principal plane to the film."""
         return self.focal_length_m + self.film_distance_m - self.paraxial_image(math.inf)
 
     @property
     def working_f_number(self) -> float:
-        """From the cone of light that reaches the middle of the film through the open stop."""
+        """The f-number of the light cone through the open stop at the middle of the film."""
         radius = math.sqrt(self.axial_pupil_area() / math.pi)
         return 1 / (2 * math.sin(math.atan(radius / self.film_distance_m)))
 
     def trace(
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays (R, 3) in lens space, towards +z, through all surfaces from the film side.
+        """Trace rays (R, 3) in lens space from the film, towards +z, through all surfaces.
 
-        Returns origins on the front surface, unit directions, and (R,) bool: which got through.
+        Returns origins on the front surface, unit directions, and an (R,) bool mask of the rays
+        that pass.
         """
         o = np.array(origins, np.float64)
         d = np.array(directions, np.float64)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         alive = d[:, 2] > 0
         for k in range(len(self.radius_m) - 1, -1, -1):
-            hit, normal, met = self._meet(k, o, d)
-            alive &= met & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
+            hit, normal, is_hit = self._hit(k, o, d)
+            alive &= is_hit & ((hit[:, :2] ** 2).sum(1) <= self.aperture_m[k] ** 2)
             if normal is not None:
-                ahead = 1.0 if k == 0 else self.index[k - 1]
-                bent, passed = _refract(d, normal, self.index[k] / ahead)
+                next_index = 1.0 if k == 0 else self.index[k - 1]
+                bent, passed = _refract(d, normal, self.index[k] / next_index)
                 alive &= passed
                 d = np.where(alive[:, None], bent, d)
             o = np.where(alive[:, None], hit, o)
         return o, d, alive
 
-    def _meet(
+    def _hit(
         self, k: int, o: np.ndarray, d: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-        """Points, unit normals against the ray, and whether surface k is met at all."""
+        """The hits on surface k, unit normals against the rays, and an (R,) bool mask of hits."""
         vertex, radius = self.positions_m[k], self.radius_m[k]
         if radius == 0:
             t = (vertex - o[:, 2]) / np.where(d[:, 2] > 0, d[:, 2], 1.0)
             return o + t[:, None] * d, None, d[:, 2] > 0
         offset = o - np.array([0.0, 0.0, vertex - radius])
         b = (offset * d).sum(1)
-        # (|offset|^2 - r^2) loses digits for flat surfaces; factored it does not.
+        # |offset|^2 - r^2, factored: otherwise flat surfaces lose digits.
         c = (offset[:, :2] ** 2).sum(1) + (offset[:, 2] - radius) * (offset[:, 2] + radius)
         root = b * b - c
-        met = root >= 0
+        is_hit = root >= 0
         root = np.sqrt(np.maximum(root, 0.0))
-        # A surface that bulges towards the scene is left by the far root, else by the near one.
+        # The ray leaves a surface that bulges towards the scene at the far root.
         if radius > 0:
             t = np.where(b > 0, -c / np.where(b + root != 0, b + root, 1.0), root - b)
         else:
@@ -176,11 +188,13 @@ class LensSystem:
         hit = o + t[:, None] * d
         normal = (hit - np.array([0.0, 0.0, vertex - radius])) / radius
         normal = np.where((normal * d).sum(1, keepdims=True) > 0, -normal, normal)
-        return hit, normal, met
+        return hit, normal, is_hit
 
     def pupil_bounds(self, film_radius_m: float) -> np.ndarray:
-        """(bins, 4) float64 x low, x high, y low, y high on the plane of the rear vertex, of the
-        exit pupil seen from film points (r, 0), r in the b-th of equal shares of ``film_radius_m``.
+        """The exit pupil's bounds on the plane of the rear vertex, per bin of film radii.
+
+        (bins, 4) float64 x low, x high, y low, y high for film points (r, 0); bins divide
+        ``film_radius_m`` into equal parts.
         """
         reach, grid = _REAR_REACH * float(self.aperture_m[-1]), _PUPIL_GRID
         cell = 2 * reach / grid
@@ -200,7 +214,7 @@ class LensSystem:
         return bounds
 
     def axial_pupil_area(self) -> float:
-        """Open area of the exit pupil on the rear plane, seen from the middle of the film."""
+        """The exit pupil's open area on the rear plane, from the middle of the film."""
         reach = _REAR_REACH * float(self.aperture_m[-1])
         axis = ((np.arange(_AXIAL_GRID) + 0.5) / _AXIAL_GRID * 2 - 1) * reach
         x, y = (plane.ravel() for plane in np.meshgrid(axis, axis))
@@ -216,8 +230,8 @@ class LensSystem:
 class LensSampler:
     """Draws rays from film points through a lens's exit pupil.
 
-    A weight is ``cos^4`` of the angle at the film times the sampled area over the open area on the
-    axis (pbrt's simple weighting).
+    A ray's weight is ``cos^4`` of its angle at the film times the sampled area over the open area
+    on the axis (pbrt's simple weighting).
     """
 
     lens: LensSystem
@@ -237,8 +251,10 @@ class LensSampler:
     def rays(
         self, film_xy: np.ndarray, samples: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Origins and directions (R, 3) in lens space, weights (R,), 0 where the lens blocks, of
-        film points (R, 2), metres, and samples (R, 2) in [0, 1)."""
+        """Trace a ray from each film point (R, 2), metres, by samples (R, 2) in [0, 1).
+
+        Returns origins and directions (R, 3) in lens space, and weights (R,), 0 for blocked rays.
+        """
         r = np.hypot(film_xy[:, 0], film_xy[:, 1])
         share = r / self.film_radius_m * _PUPIL_BINS
         box = self._bounds[np.minimum(share.astype(np.int64), _PUPIL_BINS - 1)]
@@ -257,7 +273,10 @@ class LensSampler:
 
 
 def _refract(d: np.ndarray, normal: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
-    """Snell's law for unit vectors, ``normal`` against ``d``; total reflection does not pass."""
+    """Refract unit vectors by Snell's law, ``normal`` against ``d``.
+
+    Returns directions, and a bool mask that is False for total reflection.
+    """
     cosine = -(d * normal).sum(1)
     square = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
     root = np.sqrt(np.maximum(square, 0.0))

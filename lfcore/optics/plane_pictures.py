@@ -1,4 +1,4 @@
-"""Pictures of sensor planes on disk: named by their planes, or stacked with them in one file."""
+"""Pictures of sensor planes on disk: files named by their planes, or one file with all."""
 
 import json
 from collections.abc import Sequence
@@ -20,17 +20,19 @@ def plane_label(index: int, plane: SensorPlane) -> str:
 def write_plane_pictures(
     folder: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], *, suffix: str
 ) -> None:
-    """Write (P, M, M, 3) linear light as one picture a plane, named by :func:`plane_label`."""
+    """Write (P, M, M, 3) linear light, a picture per plane, named by :func:`plane_label`."""
     names = [f"{plane_label(index, plane)}.{suffix}" for index, plane in enumerate(planes)]
-    write_pictures([(Path(folder) / n, p) for n, p in zip(names, pictures, strict=True)])
+    write_pictures(
+        [(Path(folder) / name, picture) for name, picture in zip(names, pictures, strict=True)]
+    )
 
 
 def save_stack(
-    path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], **more: Any
+    path: str | Path, pictures: np.ndarray, planes: Sequence[SensorPlane], **arrays: Any
 ) -> None:
-    """Write (P, M, M, 3) float32 linear light with its planes and ``more`` arrays, as npz."""
+    """Write (P, M, M, 3) float32 linear light with its planes, and other arrays by name, as npz."""
     if len(pictures) != len(planes):
-        raise ValueError(f"{len(pictures)} pictures of {len(planes)} planes")
+        raise ValueError(f"{len(pictures)} pictures for {len(planes)} planes")
     header = json.dumps([plane.to_json() for plane in planes])
     make_folder(Path(path).parent)
     with whole_file(path) as file:
@@ -38,12 +40,12 @@ def save_stack(
             file,
             pictures=np.asarray(pictures, np.float32),
             planes=np.frombuffer(header.encode(), np.uint8),
-            **more,
+            **arrays,
         )
 
 
 def load_stack(path: str | Path) -> tuple[np.ndarray, list[SensorPlane]]:
-    """The (P, M, M, 3) float32 pictures and the planes of :func:`save_stack`."""
+    """Read the (P, M, M, 3) float32 pictures and the planes that :func:`save_stack` wrote."""
 
     def read(archive: Any) -> tuple[np.ndarray, list[SensorPlane]]:
         planes = json.loads(archive["planes"].tobytes())

@@ -1,7 +1,7 @@
-"""Sensor planes while they are formed: exact integer sums, and how to read pictures from them.
+"""Sensor planes while they are formed: exact integer sums, and pictures of them.
 
-Radiance is summed in fixed point, so the sum of a plane's rays is the same in
-whatever order and on however many threads or tiles they were added.
+Radiance is summed in fixed point, so that the sum of a plane's rays does not depend on the order
+of the rays, on tiles or on threads.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
 FIXED_ONE = 1 << 20
-"""Radiance 1 in sums, where 32 bits hold the brightest ray's."""
+"""Radiance 1 in sums of rays up to :data:`SPARE_STOPS` above white: a ray fits in 32 bits."""
 SPARE_STOPS = 5
-"""Stops above white that sums while tracing hold beside it."""
+"""The stops above white for which sums keep all 20 fractional bits."""
 
 
 def one_of_sums(stops: int) -> int:
-    """Radiance 1 in sums of rays up to so many stops above white."""
+    """Radiance 1 in sums of rays up to ``stops`` above white."""
     return FIXED_ONE >> max(stops - SPARE_STOPS, 0)
 
 
 def targets(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """Pixel that a ray of pixel u and lens column i falls on, perhaps outside the picture: (M, N)
-    int32 (rows v, j alike).
+    """The pixel that the ray of pixel u and lens column i hits: (M, N) int32; rows are alike.
 
-    ``floor(u + shift_i + 1/2)``, after magnification about the centre where it is kept or where the
-    plane has pixels of its own.
+    It is ``floor(u + shift_i + 1/2)`` and may be outside the picture.  Planes that keep the
+    magnification, or have their own pixels, are magnified about the centre first.
     """
     return np.arange(slab.pixels, dtype=np.int32)[:, None] + offsets(slab, plane)
 
 
 def offsets(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """:func:`targets` relative to the pixel: (M, N) int32, or (1, N) where all pixels agree,
-    which they do unless magnification is kept."""
+    """:func:`targets` relative to the pixel: (M, N) int32.
+
+    Without magnification all pixels have the same offsets, (1, N).
+    """
     shifts, side = np.clip(plane.shifts(slab), -1e6, 1e6), plane.side(slab)
     scale = plane.magnification(slab) * (side / slab.pixels)
     if scale == 1.0 and side == slab.pixels:
@@ -51,23 +52,26 @@ def offsets(slab: Slab, plane: SensorPlane) -> np.ndarray:
 
 
 def ray_counts(slab: Slab, plane: SensorPlane) -> np.ndarray:
-    """(height, width) int64: how many recorded rays within the aperture fall on each pixel.
+    """The number of recorded rays within the aperture per pixel, (height, width) int64.
 
-    Separable but for the mask: count = A mask B^T with B[x, i] the number of pixel columns u
-    whose ray through lens column i falls on x, and A alike for rows.
+    It is A mask B^T: B[x, i] is the number of pixel columns u whose ray through lens column i hits
+    pixel column x, and A is the same for rows.
     """
     left, top, width, height = slab.held.pixels
     x, y, across, down = slab.picture(plane.side(slab))
-    found = targets(slab, plane)
-    columns, of_column = _hits(found[left : left + width] - x, across)
-    rows, of_row = _hits(found[top : top + height] - y, down)
+    target = targets(slab, plane)
+    columns, column_repeats = _hits(target[left : left + width] - x, across)
+    rows, row_repeats = _hits(target[top : top + height] - y, down)
     counts = np.rint(rows @ plane.mask(slab).astype(np.float64) @ columns.T).astype(np.int64)
-    return counts.repeat(of_row, axis=0).repeat(of_column, axis=1)
+    return counts.repeat(row_repeats, axis=0).repeat(column_repeats, axis=1)
 
 
 def _hits(targets: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """(D, N) float64: how many of ``targets`` (M, N) are each of ``size`` pixels, and how many
-    pixels, one after the other, are hit alike, as those away from the rim are."""
+    """Count the ``targets`` (M, N) per pixel and lens column, without repeated rows.
+
+    Returns (D, N) float64 counts, and for each row the number of consecutive pixels that have it:
+    away from the rim all pixels are alike.
+    """
     views = targets.shape[1]
     inside = (targets >= 0) & (targets < size)
     lens = np.broadcast_to(np.arange(views), targets.shape)
@@ -78,9 +82,9 @@ def _hits(targets: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shown(slab: Slab, planes: Sequence[SensorPlane]) -> Rectangle:
-    """The pixels that the pictures of these planes have, the slab's where there is none.
+    """The smallest rectangle that contains the pictures of all planes; without planes the slab's.
 
-    Of planes of several sizes those of any, which are no one array.
+    Planes of several sizes have different pictures, which do not fit in one array.
     """
     sides = {plane.side(slab) for plane in planes} or {slab.pixels}
     pictures = np.array([slab.picture(side) for side in sides])
@@ -91,8 +95,19 @@ def shown(slab: Slab, planes: Sequence[SensorPlane]) -> Rectangle:
 
 @dataclass
 class PlaneSums:
-    """Sums (P, 3, height, width) uint64 of rays of a slab on ``planes``, whose radiance 1 is
-    ``one``, of the region of the planes that starts at pixel (left, top)."""
+    """Sums of a slab's rays over a region of some planes.
+
+    Attributes
+    ----------
+    slab, planes
+        The rays and the planes.
+    sums : ndarray
+        (P, 3, height, width) uint64.
+    left, top : int
+        The region's first column and row.
+    one : float
+        Radiance 1.
+    """
 
     slab: Slab
     planes: list[SensorPlane]
@@ -116,7 +131,7 @@ class PlaneSums:
         self.sums[:, :, top : top + height, left : left + width] += part.sums
 
     def with_part(self, part: PlaneSums) -> PlaneSums:
-        """These sums and those of ``part``, over as much of the planes as both reach."""
+        """Add ``part``, over the smallest region that contains both; may return this object."""
         (height, width), (rows, columns) = self.sums.shape[2:], part.sums.shape[2:]
         left, top = min(self.left, part.left), min(self.top, part.top)
         right = max(self.left + width, part.left + columns)
@@ -131,21 +146,22 @@ class PlaneSums:
         return both
 
     def pictures(self) -> np.ndarray:
-        """(P, height, width, 3) float32, linear light; a pixel that no recorded ray reaches is
-        black."""
+        """(P, height, width, 3) float32, linear light; pixels without rays are black."""
         slab, shape = self.slab, self.sums.shape[2:]
         sides = sorted({plane.side(slab) for plane in self.planes})
         if len(sides) > 1:
-            problem = f"planes of {' and '.join(map(str, sides))} pixels cannot be formed together"
+            problem = (
+                f"planes with {' and '.join(map(str, sides))} pixels cannot be formed together"
+            )
             remedy = "Form pictures of one size at a time"
             raise OpticsError(problem, key="pixels", remedy=remedy)
         if shape != shown(slab, self.planes)[:1:-1]:
-            raise OpticsError("the planes are not whole yet", remedy="Add all tiles first")
+            raise OpticsError("the planes are incomplete", remedy="Add all tiles first")
         out = np.empty((len(self.planes), *shape, 3), np.float32)
         for picture, plane, sums in zip(out, self.planes, self.sums, strict=True):
             if plane.normalise == "lens":
-                of_pixel = (slab.pixels / plane.side(slab)) ** 2
-                rays = np.full(shape, slab.views_held().sum() * of_pixel)
+                view_pixels = (slab.pixels / plane.side(slab)) ** 2
+                rays = np.full(shape, slab.views_held().sum() * view_pixels)
             else:
                 rays = np.maximum(ray_counts(slab, plane), 1)
             np.divide(
@@ -154,14 +170,13 @@ class PlaneSums:
         return out
 
     def save(self, path: str | Path) -> None:
-        """Write the region and sums (npz), whole or not at all; slab and planes are the
-        configuration's."""
+        """Write region and sums as npz, whole or not at all; not the slab and the planes."""
         with whole_file(path) as file:
             np.savez(file, sums=self.sums, corner=np.array([self.left, self.top]), one=self.one)
 
     @classmethod
     def load(cls, path: str | Path, slab: Slab, planes: list[SensorPlane]) -> PlaneSums:
-        """Read what :meth:`save` wrote; raises :class:`LfcoreError` for any other file."""
+        """Inverse of :meth:`save`; raises :class:`LfcoreError` for any other file."""
         return read_arrays(
             path, "file of sums",
             lambda data: cls(
@@ -172,7 +187,7 @@ class PlaneSums:
 
 
 def total(slab: Slab, planes: list[SensorPlane], parts: Iterable[PlaneSums]) -> PlaneSums:
-    """The sum of all partial sums, which together must cover the slab."""
+    """The sum of partial sums that together cover the slab."""
     whole: PlaneSums | None = None
     for part in parts:
         whole = whole or PlaneSums.zeros(slab, planes, part.one)

@@ -1,4 +1,4 @@
-"""Tables from which kernels form sensor planes: where rays fall and which of them count."""
+"""Tables for the kernels that form sensor planes: the targets of rays, and the aperture masks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,16 +10,18 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
 BLOCK = 16
+"""The rays per side of a block."""
 PACKET_COLUMNS = 64
+"""The most columns of a packet."""
 RUN = np.dtype([("target", np.int32), ("start", np.uint16), ("end", np.uint16)])
-"""A run of columns of a packet, [start, end), and the target that they share, relative to the
-packet's first pixel."""
+"""Columns [start, end) of a packet with one target, which is relative to the packet's first
+pixel."""
 RUNS = np.dtype([("count", np.int32), ("run", RUN, PACKET_COLUMNS)])
 """The runs of a packet, sorted by target."""
 RUN_WORDS = RUNS.itemsize // 4
+"""The 32-bit words of RUNS."""
 PLANE = np.dtype([("mask", np.int32), ("runs", np.int32), ("stride", np.int32)])
-"""A plane: its mask, its offset into the tables' ``runs``, and RUNS per group of pixels (0: all
-pixels have the same)."""
+"""A plane: its mask, its offset into ``runs``, and RUNS per group of pixels (0: one for all)."""
 PLANE_ARGUMENTS = np.dtype([
     ("left", np.int32),  # region of the sums in pixels of the planes
     ("top", np.int32),
@@ -45,11 +47,21 @@ Corners = tuple[int, int, int, int]
 class PlaneTables:
     """Planes of a slab over a tile of pixels, for packets of lens samples.
 
-    ``planes[order[k]]`` is the kernel's plane k, with ``info[k]``: planes that share a mask are
-    neighbours, so that a packet's prefix sums serve them all.  ``runs`` are flat int32 records of
-    RUNS, or, for views, targets.  ``masks`` (masks, N, N) are 255 where open, indexed [j, i], and
-    padded with 0 to whole packets; ``kinds`` (masks, blocks, blocks) are 0 closed, 1 partly, 2
-    wholly open.  The tile's rays can reach the region ``left, top, width, height`` of the planes.
+    Attributes
+    ----------
+    order : ndarray
+        The kernel's plane k is ``planes[order[k]]``.  Planes with the same mask are neighbours, so
+        that they share a packet's prefix sums.
+    info : ndarray
+        A record PLANE per plane of the kernel.
+    runs : ndarray
+        int32 words of RUNS, or targets for views.
+    masks : ndarray
+        (masks, N, N) uint8, indexed [j, i]: 255 where open; padded with 0 to whole packets.
+    kinds : ndarray
+        (masks, blocks, blocks) uint8: 0 closed, 1 partly open, 2 open.
+    left, top, width, height : int
+        The region of the planes that the tile's rays can hit.
     """
 
     order: np.ndarray
@@ -64,28 +76,30 @@ class PlaneTables:
 
     @property
     def blocks(self) -> int:
-        """Blocks, or strips, of lens samples one below the other."""
+        """The rows of blocks, or of strips, of lens samples."""
         return self.kinds.shape[1]
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """What goes to the kernel, in its order."""
+        """The kernel's arguments, in its order."""
         return self.info, self.runs, self.masks, self.kinds
 
 
 def lens_tables(
     slab: Slab, planes: Sequence[SensorPlane], corners: Corners, group_side: int, side: int
 ) -> PlaneTables:
-    """Tables for a tile of macropixels, of pixels ``corners``: [u0, u1) x [v0, v1), for packets of
-    ``group_side``² pixels by ``side``² blocks of lens samples."""
-    masks, which = distinct_masks(slab, planes)
-    order = np.argsort(which, kind="stable")
+    """Tables for a tile of macropixels with the pixels [u0, u1) x [v0, v1) of ``corners``.
+
+    A packet has ``group_side``² pixels and ``side``² blocks of lens samples.
+    """
+    masks, mask_of = distinct_masks(slab, planes)
+    order = np.argsort(mask_of, kind="stable")
     info = np.zeros(len(planes), PLANE)
     records, offset = [], 0
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     for row, (plane, moves) in enumerate(zip(order, moves_of, strict=True)):
         table = run_records(moves, group_side, side * BLOCK)
-        info[row] = which[plane], offset, 0 if len(moves) == 1 else table.shape[1]
+        info[row] = mask_of[plane], offset, 0 if len(moves) == 1 else table.shape[1]
         records.append(table.reshape(-1).view(np.int32))
         offset += table.size * RUN_WORDS
     runs = np.concatenate(records) if records else np.zeros(0, np.int32)
@@ -98,7 +112,7 @@ def lens_tables(
 def reached_region(
     slab: Slab, planes: Sequence[SensorPlane], moves_of: Sequence[np.ndarray], corners: Corners
 ) -> Rectangle:
-    """The pixels of the planes that a tile's rays can reach, of each plane's :func:`offsets`."""
+    """The pixels that a tile's rays can hit; ``moves_of`` are each plane's :func:`offsets`."""
     u0, v0, u1, v1 = corners
     low, high = [slab.pixels, slab.pixels], [0, 0]
     for moves in moves_of:
@@ -114,11 +128,11 @@ def reached_region(
 
 
 def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
-    """Tables for views: ``runs`` holds, per plane and lens column, the target of every pixel."""
-    masks, which = distinct_masks(slab, planes)
-    order = np.argsort(which, kind="stable")
+    """Tables for views: ``runs`` has the target of every pixel, per plane and lens column."""
+    masks, mask_of = distinct_masks(slab, planes)
+    order = np.argsort(mask_of, kind="stable")
     info = np.zeros(len(planes), PLANE)
-    info["mask"] = which[order]
+    info["mask"] = mask_of[order]
     info["runs"] = np.arange(len(planes)) * (slab.views * slab.pixels)
     runs = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
     flat = np.concatenate(runs) if runs else np.zeros(0, np.int32)
@@ -127,7 +141,7 @@ def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
 
 
 def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:
-    """(masks, N, N) uint8 0 / 255, no two alike, and for each plane which of them it uses."""
+    """The planes' different masks, (masks, N, N) uint8 0 or 255, and each plane's mask number."""
     openings = [plane.lens_aperture(slab) for plane in planes]
     plane_of = dict(zip(openings, planes, strict=True))
     bits = {opening: plane.mask(slab).tobytes() for opening, plane in plane_of.items()}
@@ -137,10 +151,10 @@ def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarra
 
 
 def block_kinds(masks: np.ndarray, rows: int = BLOCK) -> np.ndarray:
-    """(masks, R, C) uint8 of blocks of ``rows`` x 16 lens samples: 0 closed, 1 partly, 2 open.
+    """The kinds of blocks of ``rows`` x 16 lens samples: 0 closed, 1 partly open, 2 open.
 
-    A block that sticks out of the lens grid is at most partly open; of strips, whose ``rows`` are
-    others, those below it do not count.
+    Returns (masks, R, C) uint8.  A block that reaches beyond the lens grid is at most partly open.
+    Strips have another number of rows, and rows below the grid do not count.
     """
     beside = -masks.shape[1] % BLOCK
     padded = np.pad(masks > 0, ((0, 0), (0, beside if rows == BLOCK else 0), (0, beside)))
@@ -153,8 +167,11 @@ def block_kinds(masks: np.ndarray, rows: int = BLOCK) -> np.ndarray:
 
 
 def packet_targets(moves: np.ndarray, group_side: int, span: int) -> np.ndarray:
-    """Targets relative to their group's first pixel, (groups, spans, group_side, span) int32, of
-    :func:`offsets`; what is beside the lens grid or the picture repeats the last."""
+    """The targets of :func:`offsets`, relative to the first pixel of their group.
+
+    Returns (groups, spans, group_side, span) int32.  Beyond the lens grid and the picture the last
+    target is repeated.
+    """
     positions, size = moves.shape
     row = np.minimum(np.arange(-(-positions // group_side) * group_side), positions - 1)
     column = np.minimum(np.arange(-(-size // span) * span), size - 1)
@@ -164,8 +181,10 @@ def packet_targets(moves: np.ndarray, group_side: int, span: int) -> np.ndarray:
 
 
 def run_records(moves: np.ndarray, group_side: int, span: int) -> np.ndarray:
-    """Runs of equal target: (groups of pixels, spans of lens samples) RUNS; column k * ``span`` + i
-    of a packet is lens sample i of pixel k of its group."""
+    """The runs of equal target: (groups of pixels, spans of lens samples) RUNS.
+
+    Column k * ``span`` + i of a packet is lens sample i of pixel k of its group.
+    """
     cells = packet_targets(moves, group_side, span)
     shape, cells = cells.shape[:2], cells.reshape(-1, group_side * span)
     begins = np.ones(cells.shape, bool)

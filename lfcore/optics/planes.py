@@ -4,8 +4,8 @@ Refocusing from ``delta`` to ``delta'`` moves the ray of lens point ``s`` and ta
 
     x_f' = x_f + s (delta' - delta)
 
-so on a recorded pixel grid it is a shift by ``s (delta' - delta) / pixel_pitch`` pixels.  With
-the sensor's magnification kept, tangents are further multiplied by v'/v about the centre.
+On a recorded pixel grid it is a shift by ``s (delta' - delta) / pixel_pitch`` pixels.  If the
+sensor's magnification is kept, tangents are then multiplied by v'/v about the centre.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
 
-MOST_BLADES = 1000  # no eye tells such a polygon from a circle
+MOST_BLADES = 1000
+"""The most corners of a polygon: it then looks like a circle."""
 EDGE = 1e-12
-"""The share of the radius within which points on a polygon's edges are inside, whatever their
-cosines' last bits."""
+"""The tolerance of a polygon's edges, relative to the radius: the last bits of their cosines
+differ between machines."""
 SHAPES = ("circle", "square", "diamond", "polygon")
 NORMALISATIONS = ("aperture", "lens")
 
@@ -36,14 +37,14 @@ class Aperture:
     Parameters
     ----------
     shape : str
-        ``circle``, ``diamond``, ``polygon``, inscribed in the circle of the radius, or ``square``,
-        whose half side is the radius, so that the square of the whole lens grid can be had.
+        ``circle``; ``diamond`` or ``polygon``, inscribed in that circle; or ``square`` with the
+        radius as half side, so that the whole lens grid is a possible aperture.
     radius_m : float
         Metres.
     blades : int
         Corners of a polygon.
     rotation_deg : float
-        Angle of a polygon's first corner from +x, degrees.
+        The angle of a polygon's first corner from +x, degrees.
     """
 
     shape: str
@@ -55,13 +56,13 @@ class Aperture:
         check_known(OpticsError, "aperture", self.shape, SHAPES)
         if self.shape == "polygon" and not 3 <= self.blades <= MOST_BLADES:
             raise OpticsError(
-                f"a polygon needs at least 3 blades and at most {MOST_BLADES}, not {self.blades}"
+                f"a polygon has from 3 to {MOST_BLADES} blades, not {self.blades}", key="blades"
             )
         if not math.isfinite(self.rotation_deg):
-            raise OpticsError(f"an aperture cannot be turned by {self.rotation_deg} degrees")
+            raise OpticsError(f"must be finite, not {self.rotation_deg}", key="rotation_deg")
 
     def contains(self, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Boolean mask of the lens points (s, t), metres, float64, that let light through."""
+        """The bool mask of open lens points (s, t), metres, float64."""
         radius = self.radius_m
         if self.shape == "square":
             return (np.abs(s) <= radius) & (np.abs(t) <= radius)
@@ -98,10 +99,10 @@ class SensorPlane:
         ``aperture`` divides by the open lens samples (thesis figure 4.4); ``lens`` by all N^2, so
         that the picture dims as the lens stops down (figure 4.3).
     keep_magnification : bool
-        Keep the physical sensor's v'/v.
+        Keep the magnification v'/v of a physical sensor, which moves when it is focused.
     pixels : int, optional
-        Longer side of a picture coarser than the slab, on which rays fall by their exact place.
-        Default: the slab's own.
+        The longer side of a picture coarser than the slab; rays are added by their exact position.
+        Default: the slab's.
 
     Examples
     --------
@@ -138,8 +139,7 @@ class SensorPlane:
     ) -> SensorPlane:
         """Make a plane whose focus and f-number are the camera's by default.
 
-        Parameters are the fields'.  Not checked against what the camera can form: see
-        :meth:`check`.
+        Parameters are the fields.  :meth:`check` compares the plane with the camera.
         """
         for key, value in (("focus_m", focus_m), ("f_number", f_number)):
             check_kind(value, Real | None, key, "a number")
@@ -154,12 +154,12 @@ class SensorPlane:
         return 1.0 / self.focus_m
 
     def lens_aperture(self, slab: Slab) -> Aperture:
-        """The aperture in metres, for this slab's lens."""
+        """The aperture in metres for this slab's lens."""
         radius = slab.camera.focal_length_m / (2.0 * self.f_number)
         return Aperture(self.aperture, radius, self.blades, self.rotation_deg)
 
     def check(self, slab: Slab) -> None:
-        """Raise :class:`OpticsError` when ``slab`` did not record what this plane asks for."""
+        """Raise :class:`OpticsError` if the slab lacks this plane's rays."""
         camera = slab.camera
         check_focus(self.focus_m, camera.focal_length_m, key="focus_m")
         if not self.f_number >= camera.f_number * (1 - 1e-9):
@@ -169,26 +169,25 @@ class SensorPlane:
             raise OpticsError(problem, key="f_number", remedy=remedy)
         if self.side(slab) > slab.pixels:
             problem = f"a picture of {self.pixels} pixels is finer than the slab's {slab.pixels}"
-            remedy = f"Ask for {slab.pixels} at most, or slice by depth"
+            remedy = f"Give at most {slab.pixels}, or use the filter depth"
             raise OpticsError(problem, key="pixels", remedy=remedy)
 
     def side(self, slab: Slab) -> int:
-        """Pixels of the picture's longer side."""
+        """The pixels of the picture's longer side."""
         return slab.pixels if self.pixels is None else self.pixels
 
     def check_pixels(self, pixels: int) -> None:
-        """Raise :class:`OpticsError` where a method forms pictures of ``pixels`` alone, and this
-        one is of others."""
+        """Raise :class:`OpticsError` for a method that can only form pictures of ``pixels``."""
         if self.pixels not in (None, pixels):
-            made = f"a picture of {self.pixels} pixels from rays of {pixels} is formed by slicing"
+            problem = f"only slicing makes pictures of {self.pixels} from views of {pixels} pixels"
             remedy = "Use the method slicing, or leave pixels out"
-            raise OpticsError(made, key="pixels", remedy=remedy)
+            raise OpticsError(problem, key="pixels", remedy=remedy)
 
     def mask(self, slab: Slab) -> np.ndarray:
-        """(N, N) bool, indexed [j, i]: lens samples inside the aperture.
+        """The mask of lens samples inside the aperture, (N, N) bool, indexed [j, i].
 
-        An aperture too small to hold any sample opens the one (or the two, four) nearest to
-        the axis: a pinhole is the central view, never a black picture.
+        An aperture without any sample opens the one, two or four samples nearest to the axis: a
+        pinhole is the middle view, never a black picture.
         """
         s = slab.lens_positions()
         mask = self.lens_aperture(slab).contains(s[None, :], s[:, None])
@@ -202,14 +201,14 @@ class SensorPlane:
         return mask
 
     def magnification(self, slab: Slab) -> float:
-        """v'/v when the sensor's magnification is kept, else 1."""
+        """v'/v if the sensor's magnification is kept, else 1."""
         if not self.keep_magnification:
             return 1.0
         focal = slab.camera.focal_length_m
         return image_distance(focal, self.focus_m) / slab.camera.image_distance_m
 
     def shifts(self, slab: Slab) -> np.ndarray:
-        """(N,) float64: shift in pixels of lens column i (rows alike), before magnification."""
+        """The shift of lens column i, before magnification: (N,) float64 pixels; rows alike."""
         return slab.lens_positions() * ((self.delta - slab.camera.delta) / slab.pixel_pitch)
 
     def to_json(self) -> dict:

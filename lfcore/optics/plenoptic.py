@@ -1,16 +1,15 @@
 """The plenoptic camera: a main lens, an array of microlenses, a photosensor at their focus.
 
-Thesis section 3.2 and Algorithm 2.  From the scene: the main lens at z = 0, the microlenses at
-z = -v where the main lens forms its image, the photosensor one microlens focal length behind.
-A photosensor pixel sees the main lens through its microlens; which point, follows from the line
-from the middle of the pixel through the middle of the microlens.
+Thesis section 3.2 and Algorithm 2.  The main lens is at z = 0, the microlenses at z = -v where the
+main lens forms its image, the photosensor one microlens focal length behind them.  A photosensor
+pixel sees one point of the main lens: the line from the middle of the pixel through the middle of
+its microlens hits it.
 
-**Approximation.**  That is one ray a pixel.  A real pixel gathers a bundle as wide as its
-microlens: rays that leave the microlens parallel, since the sensor lies at its focus, and so a
-blur of one microlens in the picture and of one microlens pitch on the main lens.  The latter must
-be small beside the spot of main lens that a pixel stands for, which is to say that the main lens
-lies beyond the hyperfocal distance of the microlenses; :class:`PlenopticCamera` refuses less.
-Diffraction is left out.
+**Approximation.**  That is one ray per pixel.  A real pixel gathers a bundle as wide as its
+microlens.  Its rays are parallel outside the microlens, because the sensor is at its focus: a blur
+of one microlens in the picture, and of one microlens pitch on the main lens.  The latter must be
+small relative to a pixel's spot on the main lens, so the main lens must be beyond the microlenses'
+hyperfocal distance; :class:`PlenopticCamera` refuses less.  Diffraction is left out.
 """
 
 from dataclasses import dataclass
@@ -24,8 +23,22 @@ from lfcore.optics.slab import Slab
 
 @dataclass(frozen=True)
 class PlenopticCamera:
-    """``lenses`` M microlenses a side where the sensor of ``camera``, the main lens, would be, and
-    ``samples`` N photosensor pixels per side in the image of the main lens under each."""
+    """A main lens with microlenses in the place of its sensor.
+
+    Parameters
+    ----------
+    camera : Camera
+        The main lens.
+    lenses : int
+        M: microlenses per side.
+    samples : int
+        N: photosensor pixels per side in the image of the main lens behind each microlens.
+
+    Raises
+    ------
+    OpticsError
+        The microlenses are wider than the main lens, or their hyperfocal distance is beyond it.
+    """
 
     camera: Camera
     lenses: int
@@ -57,16 +70,16 @@ class PlenopticCamera:
 
     @property
     def microlens_focal_length_m(self) -> float:
-        """So long that neighbouring images of the main lens touch: p v / (D - p).
+        """The focal length p v / (D - p), with which neighbouring images of the main lens touch.
 
-        Seen from the main lens, images lie p (1 + f / v) apart; each is D f / v wide.
+        The images are p (1 + f / v) apart, and D f / v wide.
         """
         distance, pitch = self.camera.image_distance_m, self.pitch_m
         return pitch * distance / (self.lens_diameter_m - pitch)
 
     @property
     def image_pitch_m(self) -> float:
-        """From the image of the main lens under one microlens to the next, on the photosensor."""
+        """The distance between neighbouring images of the main lens on the photosensor."""
         return self.pitch_m * (1 + self.microlens_focal_length_m / self.camera.image_distance_m)
 
     @property
@@ -76,23 +89,25 @@ class PlenopticCamera:
 
     @property
     def hyperfocal_distance_m(self) -> float:
-        """f^2 / (N c) + f of a microlens, for a circle of confusion of one photosensor pixel."""
+        """A microlens's f^2 / (N c) + f, with a photosensor pixel as circle of confusion c."""
         focal = self.microlens_focal_length_m
         return focal * self.pitch_m / self.pixel_pitch_m + focal
 
     @property
     def photograph_side(self) -> int:
-        """M N, pixels."""
+        """The side M N, pixels."""
         return self.lenses * self.samples
 
     def slab(self) -> Slab:
-        """The light slab of the same rays (thesis section 3.3): pixels are microlenses, lens
-        samples photosensor pixels."""
+        """The light slab with the same rays (thesis section 3.3).
+
+        Its pixels are the microlenses, its lens samples the photosensor pixels.
+        """
         return Slab(self.camera, self.samples, self.lenses)
 
 
 def sub_aperture(photograph: np.ndarray, samples: int, i: int, j: int) -> np.ndarray:
-    """(M, M, 3): the same pixel (column i, row j) of every microlens's image (section 3.2.1)."""
+    """The pixel in column i and row j of every microlens's image, (M, M, 3) (section 3.2.1)."""
     views = sub_apertures(photograph, samples)
     if not (0 <= i < samples and 0 <= j < samples):
         raise OpticsError(f"pixels are from 0 to {samples - 1}, not ({i}, {j})")
@@ -100,13 +115,11 @@ def sub_aperture(photograph: np.ndarray, samples: int, i: int, j: int) -> np.nda
 
 
 def sub_apertures(photograph: np.ndarray, samples: int) -> np.ndarray:
-    """(N, N, M, M, 3) view of a photograph (M N, M N, 3), indexed [j, i, v, u]; no copy."""
+    """A photograph (M N, M N, 3) as (N, N, M, M, 3), indexed [j, i, v, u], without a copy."""
     side = len(photograph)
     if photograph.shape != (side, side, 3) or side % samples:
-        raise OpticsError(
-            f"a photograph of {photograph.shape} is no mosaic of {samples} x {samples} pixels",
-            key="samples",
-        )
+        problem = f"{photograph.shape} is no mosaic of {samples} x {samples} pixels"
+        raise OpticsError(problem, key="samples")
     lenses = side // samples
     mosaic = photograph.reshape(lenses, samples, lenses, samples, 3)
     return mosaic.transpose(1, 3, 0, 2, 4)

@@ -1,8 +1,8 @@
-"""The part of a light field that each ray stands for, and views displaced within a pixel.
+"""The cell of the light field that each ray represents, and views displaced within a pixel.
 
-A ray is one sample of a cell: a part of the lens and a part of a pixel.  Views whose pixel grids
-are displaced against one another share out the places within a pixel, so that what is in focus
-is sampled by all of them together and not at the same places by each.
+A ray is one sample of a cell: a part of the lens times a part of a pixel.  The pixel grids of
+displaced views differ by fractions of a pixel.  All views together then sample many places of a
+pixel in focus; plain views all sample the same places.
 """
 
 import functools
@@ -15,14 +15,19 @@ from lfcore.optics.planes import Aperture
 from lfcore.optics.slab import Slab
 
 CELL_POINTS = 512
-"""Points along each axis of an aperture, at least, by which its cells are measured."""
+"""The least number of points per axis of an aperture that measure its cells."""
 
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Views through the lens samples of ``slab``, each with a pixel grid of its own.
+    """Views through a slab's lens samples, each with its own pixel grid.
 
-    ``displacement`` (N N, 2) float64 is along u and v, in pixels of the slab, with i fastest.
+    Attributes
+    ----------
+    slab : Slab
+        The lens samples and pixels.
+    displacement : ndarray
+        (N N, 2) float64: the grids' displacements along u and v, pixels of the slab, i fastest.
     """
 
     slab: Slab
@@ -30,20 +35,22 @@ class ViewSet:
 
     @property
     def positions(self) -> np.ndarray:
-        """(N N, 2) float64, metres: the lens points (s, t)."""
+        """The lens points (s, t), (N N, 2) float64, metres."""
         lens = self.slab.lens_positions()
         return np.stack([np.tile(lens, len(lens)), np.repeat(lens, len(lens))], 1)
 
     def bundles(
         self, part: slice | np.ndarray = slice(None), *, footprint: float | None = None
     ) -> Bundles:
-        """Rays of some of the views, an element a view; textures are filtered over the tangent
-        ``footprint``, by default a pixel of the slab."""
-        slab, at = self.slab, self.positions[part]
+        """Rays of some views, an element per view.
+
+        Textures are filtered over the tangent ``footprint``, by default a pixel of the slab.
+        """
+        slab, points = self.slab, self.positions[part]
         pitch = slab.pixel_pitch
-        tangents = self.displacement[part] * pitch - at * slab.camera.delta + slab.off_axis()
+        tangents = self.displacement[part] * pitch - points * slab.camera.delta + slab.off_axis()
         return Bundles(
-            np.concatenate([at, tangents], 1).astype(np.float32),
+            np.concatenate([points, tangents], 1).astype(np.float32),
             np.array([0.0, 0.0, pitch, pitch], np.float32),
             *slab.size,
             pitch if footprint is None else footprint,
@@ -51,18 +58,19 @@ class ViewSet:
 
 
 def plain_views(slab: Slab) -> ViewSet:
-    """The slab's own views: no grid is displaced."""
+    """The slab's own views, with no displacement."""
     return ViewSet(slab, np.zeros((slab.views**2, 2)))
 
 
 def displaced_views(slab: Slab) -> ViewSet:
-    """Views displaced by multiples of 1 / N^2 of a pixel, every multiple once along each axis.
+    """Views displaced by multiples of 1 / N^2 of a pixel, every multiple once per axis.
 
-    The column of a view decides first how far its grid moves along v, and its row how far along
-    u: neighbours along either axis of the lens then see an edge across it at unlike places of a
-    pixel, and a row of views by itself already has all places to within 1 / N.  (A lattice of
-    correlated multi-jittered kind: A. Kensler, "Correlated Multi-Jittered Sampling", Pixar
-    Technical Memo 13-01, 2013, with strata of lens and pixel exchanged.)
+    A view's column gives the coarse displacement along v, its row the one along u.  Neighbouring
+    views then sample an edge at different places of a pixel, and each row of views alone covers the
+    pixel in steps of 1 / N.
+
+    Source: A. Kensler, "Correlated Multi-Jittered Sampling", Pixar Technical Memo 13-01, 2013, with
+    the strata of lens and pixel exchanged.
     """
     count = slab.views
     order = radical_order(count) / count
@@ -74,12 +82,12 @@ def displaced_views(slab: Slab) -> ViewSet:
 
 
 def views_of(slab: Slab, *, displaced: bool) -> ViewSet:
-    """:func:`displaced_views` where views are displaced, else :func:`plain_views`."""
+    """:func:`displaced_views` or :func:`plain_views`."""
     return displaced_views(slab) if displaced else plain_views(slab)
 
 
 def radical_order(count: int) -> np.ndarray:
-    """(count,) integers 0 ... count - 1, in the order of their bits reversed."""
+    """The ranks of 0 ... count - 1 when sorted by reversed bits, (count,) integers."""
     bits = max(1, (count - 1).bit_length())
     reversed_bits = [int(f"{k:0{bits}b}"[::-1], 2) for k in range(count)]
     return np.argsort(np.argsort(reversed_bits))
@@ -87,8 +95,17 @@ def radical_order(count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LensCells:
-    """Lens samples in one aperture, with i fastest: the centre (N N, 2) of each cell's open part
-    and the sides (N N, 2) of the box of equal spread, metres, and the open ``share`` (N N,)."""
+    """The open parts of lens samples' cells, with i fastest.
+
+    Attributes
+    ----------
+    middle : ndarray
+        (N N, 2) centres, metres.
+    extent : ndarray
+        (N N, 2) sides of the box with the same variance, metres.
+    share : ndarray
+        (N N,) open share of each cell.
+    """
 
     middle: np.ndarray
     extent: np.ndarray
@@ -96,9 +113,9 @@ class LensCells:
 
 
 def lens_cells(slab: Slab, aperture: Aperture) -> LensCells:
-    """The cells of ``slab``'s lens samples that ``aperture`` leaves open, by counting points.
+    """Measure the open part of each lens sample's cell by counting points.
 
-    An aperture smaller than a cell is one: the picture is sharper, never black.
+    An aperture smaller than a cell is one cell: the picture gets sharper, not black.
     """
     return _lens_cells(slab.views, slab.lens_pitch_m, aperture)
 
@@ -111,18 +128,18 @@ def _lens_cells(count: int, pitch: float, aperture: Aperture) -> LensCells:
     spacing = 2 * radius / (across * each)
     line = (np.arange(across * each) - (across * each - 1) / 2) * spacing
     inside = aperture.contains(line[None, :], line[:, None]).astype(float)
-    # What a point stands for may lie in two cells: each has its part.
+    # The square around a point may belong to two cells: each gets its part.
     edges = (np.arange(count + 1) - count / 2)[:, None] * pitch
     ends = np.maximum(edges[:-1], line - spacing / 2), np.minimum(edges[1:], line + spacing / 2)
     member, part = np.clip((ends[1] - ends[0]) / spacing, 0, 1), (ends[0] + ends[1]) / 2
-    # The few points of each cell: without BLAS, whose threads spin where a machine is busy.
+    # Only each cell's few points, and without BLAS, whose threads spin on a busy machine.
     most = (member > 0).sum(1).max()
     near = np.minimum((member > 0).argmax(1), len(line) - most)[:, None] + np.arange(most)
     powers = [np.take_along_axis(member * part**power, near, 1) for power in range(3)]
     rows = inside[near]
 
     def sums(across: int, down: int) -> np.ndarray:
-        """(N N,) sums over each cell's open points of powers of their places."""
+        """Moments of each cell's open points, (N N,)."""
         cells = np.einsum("jkp,jk->jp", rows, powers[down])[:, near]
         return np.einsum("jik,ik->ji", cells, powers[across]).ravel()
 

@@ -1,4 +1,4 @@
-"""The size of pictures: a width and a height in pixels, which are square."""
+"""The size of pictures: width and height in square pixels."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 
 MOST_PIXELS = 65536
+"""The most pixels per side."""
 Pixels = int | Sequence[int]
-"""What a caller gives: the side of a square picture, or its width and height."""
+"""A parameter: the side of a square picture, or its width and height."""
 
 
 class Size(NamedTuple):
     """Width and height of a picture.
 
-    The camera's field is that of the shorter side, as in pbrt: a wide picture shows more on both
-    sides.
+    The camera's field of view is that of the shorter side, as in pbrt: a wide picture shows more on
+    the left and on the right.
     """
 
     width: int
@@ -29,20 +30,20 @@ class Size(NamedTuple):
     @classmethod
     def of(cls, pixels: Pixels | str) -> Size:
         """The size of ``512``, ``(1920, 1080)`` or ``"1920x1080"``."""
-        given: object = pixels
+        parameter: object = pixels
         if isinstance(pixels, str):
             sides = re.fullmatch(r"(\d{1,9})(?:[x\u00d7](\d{1,9}))?", pixels.strip())
             if sides:
                 pixels = [int(side or sides[1]) for side in sides.groups()]
         if not isinstance(pixels, Sequence) or isinstance(pixels, (str, bytes)):
             pixels = [pixels, pixels]  # type: ignore[list-item]
-        found = [_whole(side, MOST_PIXELS) for side in pixels]
-        if not all(found) or len(found) != 2:
+        size = [_whole(side, MOST_PIXELS) for side in pixels]
+        if not all(size) or len(size) != 2:
             raise OpticsError(
                 f"must be a whole number from 1 to {MOST_PIXELS}, or two such as 1920x1080, not "
-                f"{given!r}", key="pixels",
+                f"{parameter!r}", key="pixels",
             )  # fmt: skip
-        return cls(*found)
+        return cls(*size)
 
     @property
     def longer(self) -> int:
@@ -54,15 +55,15 @@ class Size(NamedTuple):
 
     @property
     def as_given(self) -> int | str:
-        """The side of a square, else ``1920x1080``: as configurations and tables have it."""
+        """The side of a square, else ``1920x1080``, as in configurations and tables."""
         return self.width if self.width == self.height else repr(self)
 
     def scaled(self, longer: int) -> Size:
-        """The size of the same shape whose longer side has so many pixels."""
+        """The size of the same shape with another longer side."""
         return Size(*(max(1, round(side * longer / self.longer)) for side in self))
 
     def camera(self, camera: Camera) -> Camera:
-        """``camera`` with the sensor of the longer side, of one with that of the shorter side."""
+        """Widen a camera's sensor from the shorter side of the picture to the longer."""
         return replace(camera, sensor_width_m=camera.sensor_width_m * (self.longer / self.shorter))
 
     def __repr__(self) -> str:
@@ -73,17 +74,17 @@ class Size(NamedTuple):
 
 
 def whole_number(key: str, value: object, most: int) -> int:
-    """``value``, which may be one of numpy's integers, as an int from 1 to ``most``."""
-    found = _whole(value, most)
-    if not found:
+    """Convert a value, perhaps numpy's integer, to an int from 1 to ``most``."""
+    number = _whole(value, most)
+    if not number:
         raise OpticsError(f"must be a whole number from 1 to {most}, not {value!r}", key=key)
-    return found
+    return number
 
 
 def _whole(value: object, most: int) -> int:
-    """``value`` as an int from 1 to ``most``, else 0."""
+    """The value as an int from 1 to ``most``; 0 for any other value."""
     try:
-        found = operator.index(value)  # type: ignore[arg-type]
+        number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         return 0
-    return found if not isinstance(value, bool) and 1 <= found <= most else 0
+    return number if not isinstance(value, bool) and 1 <= number <= most else 0

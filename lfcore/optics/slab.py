@@ -1,10 +1,10 @@
-"""The light slab: every ray from N x N lens samples through M x M pixels.
+"""The light slab: all rays from N x N lens samples through M x M pixels.
 
-The ray of lens point ``s`` and pixel tangent ``x_f`` is at depth z (y alike)
+The ray of lens point ``s`` and pixel tangent ``x_f`` has at depth z the position (y alike)
 
     x(z) = s (1 - z delta) + z x_f
 
-that is ``O + z D`` with ``O = (s, t, 0)`` and ``D = (x_f - s delta, y_f - t delta, 1)``: its
+It is ``O + z D`` with ``O = (s, t, 0)`` and ``D = (x_f - s delta, y_f - t delta, 1)``, so its
 parameter is depth.
 """
 
@@ -23,13 +23,14 @@ from lfcore.optics.size import MOST_PIXELS, Pixels, Size, whole_number
 Rectangle = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
 MOST_SUBPIXELS = 64
+"""The most rays per side of a pixel and lens sample."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """The rays of a picture: lens samples, and rays per pixel of each.
+    """The rays of a picture: lens samples, and rays per pixel and lens sample.
 
-    Wherever ``views`` is a parameter, a lattice may be given instead of a number.
+    Every parameter ``views`` takes a lattice instead of a number.
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ class Lattice:
     subpixels : float
         Rays per pixel of the picture and lens sample, per side: above 0 and at most 64.
     displaced : bool
-        Displace each view within a pixel against all others, so that together they sample more
-        places of a pixel: 2 dB better pictures by depth.
+        Displace each view within a pixel against all others, so that the views together sample
+        more places of a pixel.  Pictures by depth get 2 dB better.
 
     Raises
     ------
@@ -60,15 +61,15 @@ class Lattice:
     def __post_init__(self) -> None:
         object.__setattr__(self, "views", whole_number("views", self.views, 4096))
         if not (math.isfinite(self.subpixels) and 0 < self.subpixels <= MOST_SUBPIXELS):
-            what = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels:g}"
-            raise OpticsError(what, key="subpixels")
+            problem = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels:g}"
+            raise OpticsError(problem, key="subpixels")
 
     def side(self, pixels: int) -> int:
-        """Pixels of each view's side, for pictures of ``pixels``."""
+        """The pixels of a view's side, for pictures with a side of ``pixels``."""
         return max(1, round(self.subpixels * pixels))
 
     def rays(self, pixels: Pixels) -> int:
-        """Rays of a picture."""
+        """The rays of a picture of this size."""
         size = Size.of(pixels)
         width, height = size.scaled(self.side(size.longer))
         return self.views**2 * width * height
@@ -83,9 +84,15 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Extent:
-    """What of a slab's two square grids there is: a rectangle of views, and one of pixels.
+    """The used rectangles of a slab's two square grids.
 
-    Wide pictures have fewer rows of pixels than columns, imported light fields often of views, too.
+    Wide pictures have fewer rows of pixels than columns; imported light fields often have fewer
+    rows of views, too.
+
+    Parameters
+    ----------
+    views, pixels : (int, int, int, int)
+        The first column and row, and the number of columns and rows.
     """
 
     views: Rectangle
@@ -93,8 +100,10 @@ class Extent:
 
     @classmethod
     def centred(cls, columns: int, rows: int, width: int, height: int) -> Extent:
-        """In the middle of the smallest squares that hold them; half a step beside it where the
-        sides are not both even or both odd."""
+        """Rectangles in the middle of the smallest squares around them.
+
+        The middles differ by half a step if one side is even and the other odd.
+        """
         rectangles = []
         for across, down in ((columns, rows), (width, height)):
             side = max(across, down)
@@ -116,7 +125,7 @@ class Slab:
     views, pixels : int
         N and M.
     extent : Extent, optional
-        The views and pixels that there are.  Default: all.
+        The used views and pixels.  Default: all.
 
     Examples
     --------
@@ -139,13 +148,13 @@ class Slab:
                 column, row, columns, rows = getattr(self.extent, key)
                 inside = 0 <= column < column + columns <= side
                 if not (inside and 0 <= row < row + rows <= side):
-                    raise OpticsError(f"does not lie within {side} x {side}", key=f"extent.{key}")
+                    raise OpticsError(f"is not within {side} x {side}", key=f"extent.{key}")
 
     @classmethod
     def of(cls, camera: Camera, views: int | Lattice, pixels: Pixels) -> Slab:
-        """The rays of a picture of so many ``pixels``, one per pixel and lens sample or a lattice.
+        """The slab of a picture's rays: one per pixel and lens sample, or a lattice.
 
-        The field of ``camera`` is that of the picture's shorter side.
+        The field of view of ``camera`` is that of the picture's shorter side.
         """
         size = Size.of(pixels)
         lattice = views if isinstance(views, Lattice) else Lattice(views, 1)
@@ -157,7 +166,7 @@ class Slab:
 
     @property
     def held(self) -> Extent:
-        """The views and pixels that are there."""
+        """The used views and pixels: ``extent``, or all."""
         whole = Extent((0, 0, self.views, self.views), (0, 0, self.pixels, self.pixels))
         return self.extent or whole
 
@@ -172,9 +181,9 @@ class Slab:
         return Size(*self.held.pixels[2:])
 
     def picture(self, side: int) -> Rectangle:
-        """The part of a square grid of ``side`` x ``side`` pixels that a picture of the slab has.
+        """The slab's picture within a square grid of ``side`` x ``side`` pixels.
 
-        As much of the field as the views' pixels have of theirs.
+        It has the same field of view as the slab's views.
         """
         if side == self.pixels:
             return self.held.pixels
@@ -182,18 +191,18 @@ class Slab:
         return (side - width + 1) // 2, (side - height + 1) // 2, width, height
 
     def resized(self, side: int) -> Slab:
-        """The same views of ``side`` pixels on their longer side."""
+        """The slab whose views have ``side`` pixels on the longer side."""
         extent = self.extent and Extent(self.extent.views, self.picture(side))
         return Slab(self.camera, self.views, side, extent)
 
     def off_axis(self) -> np.ndarray:
-        """(2,) float64: the tangents of the middle of the pixels that are there."""
+        """The tangents of the middle of the used pixels, (2,) float64."""
         left, top, width, height = self.held.pixels
         middle = np.array([left + width / 2, top + height / 2])
         return (middle - self.pixels / 2) * self.pixel_pitch
 
     def views_held(self) -> np.ndarray:
-        """(N, N) bool, indexed [j, i]: which views are there."""
+        """The mask of used views, (N, N) bool, indexed [j, i]."""
         column, row, columns, rows = self.held.views
         mask = np.zeros((self.views, self.views), bool)
         mask[row : row + rows, column : column + columns] = True
@@ -205,19 +214,19 @@ class Slab:
 
     @property
     def pixel_pitch(self) -> float:
-        """Tangent between neighbouring pixels."""
+        """The tangent between neighbouring pixels."""
         return self.camera.field_width / self.pixels
 
     def lens_positions(self) -> np.ndarray:
-        """(N,) float64, metres: s of column i, and t of row j."""
+        """The positions s of column i, and t of row j: (N,) float64, metres."""
         return (np.arange(self.views) - (self.views - 1) / 2.0) * self.lens_pitch_m
 
     def pixel_tangents(self) -> np.ndarray:
-        """(M,) float64: x_f of column u, and y_f of row v."""
+        """The tangents x_f of column u, and y_f of row v: (M,) float64."""
         return (np.arange(self.pixels) - (self.pixels - 1) / 2.0) * self.pixel_pitch
 
     def to_json(self) -> dict:
-        """``extent`` is left out where everything is there."""
+        """The fields by key; ``extent`` only if not all views and pixels are used."""
         data = {"camera": self.camera.to_json(), "views": self.views, "pixels": self.pixels}
         return data | ({"extent": asdict(self.extent)} if self.extent else {})
 
@@ -232,7 +241,7 @@ class Slab:
 
 
 def all_samples(slab: Slab) -> np.ndarray:
-    """(N N, 2) int32: the lens samples (i, j), row by row."""
+    """The lens samples (i, j), row by row: (N N, 2) int32."""
     j, i = np.divmod(np.arange(slab.views**2, dtype=np.int32), np.int32(slab.views))
     return np.stack([i, j], 1)
 
