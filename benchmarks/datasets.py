@@ -18,8 +18,9 @@ from benchmarks.results import report, say
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import StoredItem, make_batch, stored_items
+from lfcore.datasets.items import make_batch
 from lfcore.datasets.sample import sample
+from lfcore.datasets.stored import StoredItem, stored_items
 from lfcore.evaluation import metrics
 from lfcore.opencl.device import open_device
 from lfcore.optics import bundles

@@ -1,6 +1,6 @@
 """The card of a data set, tables of items, refusals and meshes, and Croissant metadata; its page.
 
-The page has a contact sheet, histograms, refusals, and trials.
+The page has a contact sheet, histograms and refusals.
 
 Source: Croissant 1.0, https://docs.mlcommons.org/croissant/docs/croissant-spec.html
 """
@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from lfcore import __version__
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, stored_items
-from lfcore.datasets.trials import trials_of
+from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, PROPERTIES
+from lfcore.datasets.stored import stored_items
+from lfcore.errors import SceneError
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.page import Section, write_page
 from lfcore.files import file_digest, read_json, write_json
@@ -44,7 +45,7 @@ SECONDS = {
 }
 REFUSED = {
     "index": ("sc:Integer", "number of the scene"),
-    "reason": ("sc:Text", "why it made no item; names a mesh that cannot be read"),
+    "reason": ("sc:Text", "why it made no item"),
 }
 SOURCES = {
     "shape": ("sc:Text", "mesh file, or procedural shape"),
@@ -52,14 +53,23 @@ SOURCES = {
     "licence": ("sc:Text", "licence and source of a mesh, as its owner has them"),
     "sha256": ("sc:Text", "checksum of a mesh file"),
     "objects": ("sc:Integer", "how often it was placed"),
+    "problem": ("sc:Text", "why a mesh was left out, with the next one in its place"),
 }
 RECORDS = {"items": ITEMS, "seconds": SECONDS, "refused": REFUSED, "sources": SOURCES}
 """The tables and their columns."""
+MOST_REFUSED = 0.1
+"""The share of scenes that may make no item: a single scene may look past its objects."""
+DFV_TRAINS_ON = 400
+"""The number of stacks that DFV's loader trains on (dataloader/FoD500.py)."""
 MEDIA = {
     ".tif": "image/tiff", ".exr": "image/x-exr", ".png": "image/png", ".tar": "application/x-tar",
     ".pfm": "application/octet-stream", ".mat": "application/x-matlab-data",
     ".h5": "application/x-hdf5",
 }  # fmt: skip
+
+AS_BYTES = "text/plain"
+"""The format that mlcroissant reads as bytes.  It takes the codes of TIFF for floats, and knows
+none of the others but PNG."""
 
 
 def tables(
@@ -74,14 +84,17 @@ def tables(
                if "refused" in one]  # fmt: skip
     items = [
         {"nearest_m": one["depth_m"][0], "farthest_m": one["depth_m"][1]}
-        | {key: one[key] for key in ("index", "split", "expected_db", "rays_per_pixel", "seen")}
+        | {key: one[key] for key in ("index", "expected_db", "rays_per_pixel", "seen")}
+        | {"split": description.split(one["index"])}
         | {"objects": " ".join(name.replace(" ", "_") for name in one["objects"])}
         for one in made
     ]
     uses = [name for one in made for name in one["objects"]]
+    problems = {name: why for one in made for name, why in one["dropped"].items()}
     sources = [
         {"shape": file.name, "source": str(file), "licence": description.licence_of(file),
-         "sha256": file_digest(file), "objects": uses.count(file.name)}
+         "sha256": file_digest(file), "objects": uses.count(file.name),
+         "problem": problems.get(file.name)}
         for file in description.mesh_files()
     ] + [
         {"shape": name, "source": f"lfcore {__version__}", "licence": "MIT",
@@ -100,34 +113,32 @@ def tables(
     }
 
 
+def check_refused(records: Sequence[Mapping[str, Any]]) -> None:
+    """Raise :class:`SceneError` where more than :data:`MOST_REFUSED` of the scenes made no item."""
+    refused = [one["refused"] for one in records if "refused" in one]
+    if len(refused) > MOST_REFUSED * len(records):
+        raise SceneError(
+            f"{len(refused)} of {len(records)} scenes made no item, the first: {refused[0]}",
+            key="dataset", remedy="The data set of an earlier run, if any, was left as it is",
+        )  # fmt: skip
+
+
 def write_card(
     path: str | Path, description: Description, found: Mapping[str, Path], *, command: str,
-    commit: str,
+    code: str,
 ) -> None:  # fmt: skip
     """Write Croissant's JSON-LD for the tables' files ``found``, which are beside the card."""
     objects = [
         {"@type": "cr:FileObject", "@id": file.name, "name": file.name, "contentUrl": file.name,
          "encodingFormat": "text/csv", "sha256": file_digest(file)} for file in found.values()
     ]  # fmt: skip
-    everything = {
-        "@type": "cr:FileObject", "@id": "data", "name": "data", "contentUrl": "data",
-        "encodingFormat": "application/x-directory", "sha256": file_digest(found["files"]),
-        "description": "the folder of items; the digest is of files.csv, which has that of each",
-    }  # fmt: skip
     suffixes = {Path(name).suffix for name in pd.read_csv(found["files"])["file"]}
-    kinds = sorted(suffixes & set(MEDIA))
+    kinds = sorted(kind[1:] for kind in suffixes & set(MEDIA))
     sets = [
-        {"@type": "cr:FileSet", "@id": f"{kind[1:]}-files", "name": f"{kind[1:]}-files",
-         "containedIn": {"@id": "data"}, "includes": f"**/*{kind}",
-         "encodingFormat": MEDIA[kind]} for kind in kinds
-    ]  # fmt: skip
-    records = [
-        {"@type": "cr:RecordSet", "@id": table, "name": table, "field": [
-            {"@type": "cr:Field", "@id": f"{table}/{name}", "name": f"{table}/{name}",
-             "dataType": kind, "description": meaning,
-             "source": {"fileObject": {"@id": f"{table}.csv"}, "extract": {"column": name}}}
-            for name, (kind, meaning) in columns.items()
-        ]} for table, columns in RECORDS.items()
+        {"@type": "cr:FileSet", "@id": f"{kind}-files", "name": f"{kind}-files",
+         "includes": [f"data/*.{kind}", f"data/**/*.{kind}"],
+         "encodingFormat": MEDIA[f".{kind}"] if kind == "png"
+         else [AS_BYTES, MEDIA[f".{kind}"]]} for kind in kinds
     ]  # fmt: skip
     made = pd.read_csv(found["items"])
     worst = made["expected_db"].min() if len(made) else float("nan")
@@ -136,13 +147,62 @@ def write_card(
         "conformsTo": "http://mlcommons.org/croissant/1.0", "version": "1.0.0",
         "license": description.licence or "unknown",
         "description": f"{len(made)} {description.kind.replace('_', ' ')} of {description.pixels} "
-        f"pixels, seed {description.seed}, traced by lfcore {__version__}, commit {commit}, with "
+        f"pixels, seed {description.seed}, traced by lfcore {code}, with "
         f"`{command}`. The worst picture is expected to be {worst:.1f} dB to the true one; the "
-        "expectation for each item is in items.csv. Meshes and their licences are in sources.csv.",
-        "distribution": [*objects, everything, *sets],
-        "recordSet": records,
+        "expectation for each item is in items.csv, checksums in files.csv, meshes and their "
+        "licences in sources.csv. "
+        f"{_properties()}{_of_kind(description)}",
+        "distribution": [*objects, *sets],
+        "recordSet": [*(_table_records(*one) for one in RECORDS.items()),
+                      *map(_file_records, kinds)],
     }  # fmt: skip
     write_json(path, card)
+
+
+def _properties() -> str:
+    said = (f"{name.replace('_', ' ')}: {value}" for name, value in PROPERTIES.items())
+    return f"All pictures have {'; '.join(said)}."
+
+
+def _of_kind(description: Description) -> str:
+    """What readers of this kind must know."""
+    if description.kind != "focal_stacks" or description.scenes.train == DFV_TRAINS_ON:
+        return ""
+    return (f" DFV's loader takes items from {DFV_TRAINS_ON} on as validation, whatever items.csv "
+            "says.")  # fmt: skip
+
+
+def _table_records(table: str, columns: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
+    """Croissant's records of a table, a row each."""
+    return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": [
+        {"@type": "cr:Field", "@id": f"{table}/{name}", "name": f"{table}/{name}",
+         "dataType": kind, "description": meaning,
+         "source": {"fileObject": {"@id": f"{table}.csv"}, "extract": {"column": name}}}
+        for name, (kind, meaning) in columns.items()
+    ]}  # fmt: skip
+
+
+def _file_records(kind: str) -> dict[str, Any]:
+    """Croissant's records of all files of a kind: their path, item and content."""
+    fields: dict[str, tuple[str, str, dict]] = {
+        "file": ("sc:Text", "the file's path", {"extract": {"fileProperty": "fullpath"}}),
+        "index": (
+            "sc:Integer", "number of the scene",
+            {"extract": {"fileProperty": "fullpath"}, "transform": {"regex": r".*?(\d{6})"}},
+        ),
+        "content": (
+            "sc:ImageObject" if kind in ("tif", "png") else "sc:Text", "what the file holds",
+            {"extract": {"fileProperty": "content"}},
+        ),
+    }  # fmt: skip
+    if kind == "tar":  # of many items
+        del fields["index"]
+    return {"@type": "cr:RecordSet", "@id": kind, "name": kind, "field": [
+        {"@type": "cr:Field", "@id": f"{kind}/{name}", "name": f"{kind}/{name}",
+         "dataType": type, "description": meaning,
+         "source": {"fileSet": {"@id": f"{kind}-files"}, **source}}
+        for name, (type, meaning, source) in fields.items()
+    ]}  # fmt: skip
 
 
 SHOWN = 25
@@ -153,6 +213,7 @@ CAPTIONS = {
     "items": "Per item the first picture, the last one, and depth: near is warm, evenly in 1/m.",
     "spread": "Over all pixels of all items, and the expected PSNR of the worst picture per item.",
     "refused": "Scenes that made no item; all others are at least of the quality asked for.",
+    "sources": "Meshes and procedural shapes, and meshes that cannot be read.",
 }
 
 
@@ -167,8 +228,8 @@ def write_report(
     page: Path, description: Description, records: Sequence[Mapping[str, Any]],
     shards: Sequence[str | Path], tables: Mapping[str, Path], facts: Mapping[str, object],
 ) -> None:  # fmt: skip
-    """Write the page, ``index.html``; its figures and tables are in the folder ``page`` beside."""
-    folder, trials = page.parent / "page", trials_of(description)
+    """Write the page, ``index.html``; its figures are in the folder ``page`` beside."""
+    folder = page.parent / "page"
     cells, labels = [], []
     for item in stored_items(shards, drawn(description, records)):
         names = [name for name in item.pictures() if name != "sharp.tif"]
@@ -177,18 +238,17 @@ def write_report(
         small = [cv2.resize(one, (160, 160), interpolation=cv2.INTER_AREA) for one in shown]
         cells.append(np.hstack(small))
         labels.append(f"{item.index:06d}: {item.record['expected_db']:.1f} dB")
-        for trial in trials:
-            trial.add(item)
     spread = _histograms(folder / "spread.png", description, records)
     sections = [
         Section("spread", "Depth, blur and quality", CAPTIONS["spread"], figures={"": spread}),
         Section("refused", "What was refused", CAPTIONS["refused"], table=tables["refused"]),
+        Section("sources", "Shapes", CAPTIONS["sources"], table=tables["sources"]),
     ]
     if cells:
         sheet = folder / "contact_sheet.png"
         write_picture(sheet, contact_sheet(np.stack(cells), 3, 6, labels))
         items = Section("items", "Items drawn at random", CAPTIONS["items"], figures={"": sheet})
-        sections = [items, *sections, *(trial.section(folder) for trial in trials)]
+        sections = [items, *sections]
     write_page(
         page, sections, title=f"Data set {description.name}", introduction=CAPTIONS["page"],
         facts=facts, config={},

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from lfcore.checked_keys import refusal
 from lfcore.errors import SettingsError
 from lfcore.reading import read_yaml
 
@@ -156,15 +157,7 @@ class Description(_Keys):
         try:
             return cls.model_validate(given)
         except pydantic.ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(str(part) for part in first["loc"]) or "description"
-            problem = first["msg"].removeprefix("Value error, ")
-            shown = str(first["input"])
-            if first["loc"] and first["type"] != "missing" and len(shown) < 80:
-                problem = f"{shown!r}: {problem}"
-            raise SettingsError(
-                problem, file=file, key=place, remedy="The keys are in docs/tutorials/datasets.md"
-            ) from None
+            raise refusal(cls, error, file=file) from None
 
     @classmethod
     def read(cls, path: str | Path) -> Description:
@@ -201,18 +194,32 @@ class Description(_Keys):
         """The users' textures, by name; errors as of :meth:`mesh_files`."""
         return _files(self.materials.textures, TEXTURES, "materials.textures")
 
-    def digest(self) -> str:
-        """The digest of all keys and of the files that they name: other scenes have another."""
-        total = hashlib.sha256(json.dumps(self.model_dump(), sort_keys=True).encode())
-        for file in (*self.mesh_files(), *self.texture_files()):
-            total.update(f"{file.name}\0{file.stat().st_size}\0".encode())
-        return total.hexdigest()[:16]
+    def of_scenes(self) -> dict[str, Any]:
+        """The keys that scenes depend on: a scene is the same with other splits or licences."""
+        keys = self.model_dump(exclude={"licence", "scenes", "shards", "scenes_per_job"})
+        del keys["shapes"]["licence"]
+        return keys
+
+    def digest(self, sources: str) -> str:
+        """The digest of these keys and of ``sources``, which has the digest of each file."""
+        keys = self.of_scenes()
+        del keys["shapes"]["meshes"], keys["materials"]["textures"]
+        text = json.dumps([keys, sources], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def check_files(self, room: Path | None = None) -> None:
+        """Raise :class:`SettingsError` where folders are missing or empty, or the disk of the
+        folder ``room`` is too small."""
+        self.mesh_files()
+        self.texture_files()
+        if room:
+            self.check_room(room)
 
     def check_room(self, folder: Path) -> None:
         """Raise :class:`SettingsError` where the disk lacks room: shards and items, both."""
         of_pixel = 3 * (len(self.lens.focus_m) + 3)  # bytes
         if self.kind == "light_fields":  # colours and disparities of each view
-            also = sum({"mat": 3, "hdf5": 11}[name] for name in self.also)
+            also = sum({"mat": 12, "hdf5": 11}[name] for name in self.also)
             of_pixel = (7 + also) * self.lens.views**2
         elif self.kind == "defocus_pairs":
             of_pixel = 3 * 5

@@ -1,24 +1,20 @@
 """Items of a data set: the files of one scene, all from one tracer, and what is known of them.
 
 Each scene of a job is a tar file as soon as it is made, all together one shard of WebDataset's.  A
-killed job finds its scenes again by the digest of what they are made from.  Items are read from
-shards field by field.
+killed job finds its scenes again by the digest of what they are made of.
 """
 
 import io
 import json
 import math
-import re
 import shutil
-import tarfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from itertools import groupby
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -26,17 +22,17 @@ from lfcore.colour import srgb_codes
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import BACKDROP, sample
-from lfcore.errors import OpticsError, SceneError, StorageError
+from lfcore.datasets.stored import Finished, members, write_tar
+from lfcore.errors import OpticsError, SceneError
 from lfcore.exchange import arrays, hci
-from lfcore.exr import read_exr
-from lfcore.files import cannot_write, make_folder, whole_file, write_json
+from lfcore.files import make_folder, write_json
 from lfcore.opencl.device import Device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import KnownGeometry
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.pictures import by_opencv, picture_bytes
+from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
@@ -47,6 +43,14 @@ DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """Edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)
 """Edges of that of blur radii, pixels; larger ones are in the last."""
+
+PROPERTIES = {
+    "colour_space": "sRGB, IEC 61966-2-1",
+    "bits_per_channel": 8,
+    "noise": "none",
+    "field_of_view": "that of camera.focus_m in all pictures: no focus breathing",
+}
+"""What all pictures of a data set have in common."""
 
 
 @dataclass
@@ -62,11 +66,13 @@ class Item:
             self.files[name] = picture_bytes(name[name.rindex(".") :], picture, half=half)
 
 
-def make_item(description: Description, index: int, device: Device | str | None = None) -> Item:
-    """Sample, trace and encode scene ``index``."""
+def make_item(
+    description: Description, index: int, device: Device | str | None = None, made_of: str = ""
+) -> Item:
+    """Sample, trace and encode scene ``index``; its record names what it is ``made_of``."""
     item = Item()
     with item.watch.part("scene"):
-        scene, names = sample(description, index)
+        scene, names, dropped = sample(description, index)
         tracer = open_tracer(scene, device)
     slab = Slab(scene.camera, 1, description.pixels)
     triangle, depth = (
@@ -78,7 +84,8 @@ def make_item(description: Description, index: int, device: Device | str | None 
         problem = f"empty frustum: objects fill {100 * seen:.1f} % of the picture"
         raise SceneError(problem, file=scene.name)
     item.record = {
-        "index": index, "split": description.split(index), "objects": names, "seen": round(seen, 4),
+        "index": index, "made_of": made_of, "objects": names, "dropped": dropped,
+        "seen": round(seen, 4), "pictures": PROPERTIES,
         "camera": scene.camera.to_json() | {"pixels": description.pixels},
         "depth_m": [float(depth.min()), float(depth.max())],
         "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
@@ -86,6 +93,7 @@ def make_item(description: Description, index: int, device: Device | str | None 
     MAKERS[description.kind](item, description, tracer, depth)
     # Of the worst picture.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
+    item.record["fields"] = list(item.files)
     item.files["json"] = json.dumps(item.record).encode()
     return item
 
@@ -169,7 +177,9 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
     _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
         if "mat" in of.also:
-            arrays.mat_array(file := io.BytesIO(), codes)
+            # Within 0 and 1, as BasicLFSR's scripts take them.
+            shares = codes / np.float32(255)
+            arrays.mat_array(file := io.BytesIO(), shares, small=True)
             item.files["mat"] = file.getvalue()
         if "hdf5" in of.also:
             by_view = depths.reshape(codes.shape[:-1])
@@ -207,20 +217,6 @@ MAKERS = {
 }  # fmt: skip
 
 
-def place_of(kind: str, split: str, index: int, name: str) -> str:
-    """Where the file of a field is in the folder of a data set."""
-    if kind == "focal_stacks":  # one folder: training, then validation
-        name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
-        named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json"}.get(name, name)
-        return f"{index:06d}{named}"
-    if name == "mat":
-        return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
-    if name == "h5":
-        return f"hdf5/{split}/{index:06d}.h5"
-    folder = f"hci/{split}" if kind == "light_fields" else split
-    return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
-
-
 def make_batch(
     description: Description,
     indices: Iterable[int],
@@ -228,110 +224,42 @@ def make_batch(
     records: str | Path,
     drafts: str | Path,
     device: Device,
+    *,
+    made_of: str = "",
+    finished: Finished | None = None,
 ) -> list[dict]:
     """Make scenes ``indices``: a tar file of all, and their records as JSON.
 
-    Scenes that are whole in the folder ``drafts`` are not made again; it is gone at the end.
+    Scenes that are whole in the folder ``drafts``, which is gone at the end, or in a ``finished``
+    data set are not made again if they are ``made_of`` the same.
     """
     indices, drafts, made = list(indices), Path(drafts), []
     make_folder(drafts)
     for index in indices:
         tar, record = (drafts / f"{index:06d}.{kind}" for kind in ("tar", "json"))
         if not record.exists():  # written after its tar file
-            found = _tried(description, index, device)
-            _write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in found.files.items()))
-            write_json(record, found.record)
+            kept = finished.item(index, made_of) if finished else None
+            files, found = kept or _tried(description, index, device, made_of)
+            write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in files.items()))
+            write_json(record, found)
         made.append(json.loads(record.read_text(encoding="utf-8")))
-    _write_tar(shard, (file for i in indices for file in members(drafts / f"{i:06d}.tar")))
+    write_tar(shard, (file for i in indices for file in members(drafts / f"{i:06d}.tar")))
     write_json(records, made)
     shutil.rmtree(drafts, ignore_errors=True)
     return made
 
 
-def _tried(description: Description, index: int, device: Device) -> Item:
+def _tried(
+    description: Description, index: int, device: Device, made_of: str
+) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Files and record of a scene; of one that is refused the reason."""
     start, processor = time.perf_counter(), time.process_time()
     try:
-        item = make_item(description, index, device)
+        item = make_item(description, index, device, made_of)
     except (SceneError, OpticsError) as error:
         item = Item(record={"index": index, "refused": str(error)})
     item.record["seconds"] = round(time.perf_counter() - start, 3)
     item.record["core_seconds"] = round(time.process_time() - processor, 3)
     for part in ("scene", "files"):  # the rest is rays and pictures
         item.record[f"{part}_core_seconds"] = round(item.watch.seconds.get(part, 0.0), 3)
-    return item
-
-
-def _write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
-    with (
-        whole_file(path) as file,
-        tarfile.open(fileobj=file, mode="w|", format=tarfile.USTAR_FORMAT) as whole,
-    ):
-        for name, data in files:
-            member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
-            member.size = len(data)
-            whole.addfile(member, io.BytesIO(data))
-
-
-def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:
-    """(name, content) of the files in a tar file."""
-    try:
-        with tarfile.open(tar) as whole:
-            for member in whole:
-                data = whole.extractfile(member)
-                assert data is not None
-                yield member.name, data.read()
-    except tarfile.TarError as error:
-        raise StorageError(f"cannot be read: {error}", file=tar) from None
-
-
-def unpack(description: Description, shards: Iterable[str | Path], folder: Path) -> None:
-    """Lay the items out as the kind's readers want them; or keep the shards as they are."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for shard in shards:
-        if description.shards:
-            shutil.copyfile(shard, folder / Path(shard).name)
-            continue
-        for name, data in members(shard):
-            index, _, field = name.partition(".")
-            split = description.split(int(index))
-            file = folder / place_of(description.kind, split, int(index), field)
-            try:
-                file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_bytes(data)
-            except OSError as error:
-                raise cannot_write(file, error) from None
-
-
-@dataclass(frozen=True)
-class StoredItem:
-    """The files of one item by their field."""
-
-    index: int
-    files: dict[str, bytes] = field(repr=False)
-
-    @cached_property
-    def record(self) -> dict[str, Any]:
-        return json.loads(self.files["json"])
-
-    def pictures(self) -> list[str]:
-        """The fields that are pictures, in order."""
-        return [name for name in self.files if name.endswith((".tif", ".png"))]
-
-    def codes(self, name: str) -> np.ndarray:
-        """(H, W, 3) uint8."""
-        return cast(np.ndarray, by_opencv(self.files[name]))
-
-    def floats(self, name: str) -> np.ndarray:
-        """(H, W) float32 of an EXR, the first channel, or of a PFM."""
-        if name.endswith(".pfm"):
-            return self.codes(name)
-        return read_exr(io.BytesIO(self.files[name]))[0][..., 0].astype(np.float32)
-
-
-def stored_items(shards: Iterable[str | Path], indices: Iterable[int]) -> Iterator[StoredItem]:
-    """Some items, one at a time."""
-    wanted = set(indices)
-    for shard in shards:
-        for index, group in groupby(members(shard), lambda one: int(one[0].partition(".")[0])):
-            if index in wanted:
-                yield StoredItem(index, {name.partition(".")[2]: data for name, data in group})
+    return item.files, item.record

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -85,8 +85,15 @@ def builder(name: str) -> Shape:
 
 
 @lru_cache(maxsize=256)
-def mesh(path: Path) -> Shape:
-    """A user's mesh; raises :class:`SceneError` for one that cannot be read or traced."""
+def mesh(path: Path) -> Shape | SceneError:
+    """A user's mesh; an error for one that cannot be read or traced."""
+    try:
+        return _mesh(path)
+    except SceneError as error:
+        return error
+
+
+def _mesh(path: Path) -> Shape:
     parts = load_mesh(path)
     has_look = any(part.surface.has_textures or part.colours is not None for part in parts)
     return _shape(path.name, [_unwrapped(part) for part in parts], False, has_look)
@@ -136,12 +143,18 @@ def _stable(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array([translate(0, -y, 0) @ p for y, p in zip(low, found, strict=True)]), shares
 
 
-@lru_cache(maxsize=512)
-def texture(source: Path | tuple[int, int]) -> np.ndarray:
-    """(H, W, 3) uint8: a picture file, or procedural number ``source[1]`` of seed ``source[0]``."""
-    if isinstance(source, Path):
-        return read_texture(source, Where(source))
-    seed, number = source
+@lru_cache(maxsize=256)
+def texture(path: Path) -> np.ndarray | SceneError:
+    """(H, W, 3) uint8 of a picture file; an error for one that cannot be read."""
+    try:
+        return read_texture(path, Where(path))
+    except SceneError as error:
+        return error
+
+
+@lru_cache(maxsize=256)
+def procedural_texture(seed: int, number: int) -> np.ndarray:
+    """(H, W, 3) uint8: texture ``number`` of a seed."""
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(number,))))
     drawn = rng.random((4, 3))
     first, *more = (128 * (drawn + drawn.mean(1, keepdims=True))).astype(int).tolist()
@@ -194,7 +207,7 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
     SettingsError
         The description has an unknown key or an impossible value, or names an empty folder.
     SceneError
-        A mesh or texture of this scene cannot be read.
+        None of the meshes, or of the textures, can be read.
 
     Examples
     --------
@@ -203,16 +216,22 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
     >>> lfcore.sample_scene(description, index=0).triangle_count > 0
     True
     """
-    return sample(description, index)[0]
+    return sample(description, index).scene
 
 
-def sample(
-    given: Description | str | Path | Mapping[str, Any], index: int
-) -> tuple[Scene, list[str]]:
-    """The scene, and the names of its objects; as :func:`sample_scene`."""
+class Sample(NamedTuple):
+    """A scene, the names of its objects, and the files that cannot be read, with the reason."""
+
+    scene: Scene
+    objects: list[str]
+    dropped: dict[str, str]
+
+
+def sample(given: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
+    """The sample of a number; errors as of :func:`sample_scene`."""
     description = described(given)
     seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 30, index))
-    return _Draw(description, np.random.Generator(np.random.Philox(seeds))).scene(index)
+    return _Draw(description, np.random.Generator(np.random.Philox(seeds))).sample(index)
 
 
 def described(given: Description | str | Path | Mapping[str, Any]) -> Description:
@@ -247,6 +266,7 @@ class _Draw:
     def __init__(self, of: Description, rng: Rng):
         self.of, self.rng = of, rng
         self.meshes, self.textures = of.mesh_files(), of.texture_files()
+        self.dropped: dict[str, str] = {}
 
     def span(self, limits: tuple[float, float, str]) -> float:
         low, high, kind = limits
@@ -259,7 +279,7 @@ class _Draw:
     def pick(self, options: Sequence[Any]) -> Any:
         return options[int(self.rng.integers(len(options)))]
 
-    def scene(self, index: int) -> tuple[Scene, list[str]]:
+    def sample(self, index: int) -> Sample:
         place, camera = self.of.placement, camera_of(self.of)
         resting, wall = self.chance(place.share_resting), self.span(place.wall_m)
         pitch = math.radians(self.span(place.pitch_deg)) if resting else 0.0
@@ -281,7 +301,7 @@ class _Draw:
             horizon = np.array(scene.ambient)
             ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
             scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
-        return within_limits(scene, scene.name), names
+        return Sample(within_limits(scene, scene.name), names, self.dropped)
 
     def _placed(
         self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
@@ -325,8 +345,19 @@ class _Draw:
     def _shape(self) -> Shape:
         names = self.of.shapes.builders
         if self.meshes and (not names or self.chance(self.of.shapes.share_of_meshes)):
-            return mesh(self.pick(self.meshes))
+            return self._picked(mesh, self.meshes)
         return builder(self.pick(names))
+
+    def _picked(self, load: Callable[[Path], Any], files: list[Path]) -> Any:
+        """One of the files at random; the next one in place of one that cannot be read, so that
+        other scenes stay as they are."""
+        first = int(self.rng.integers(len(files)))
+        for file in (*files[first:], *files[:first]):
+            loaded = load(file)
+            if not isinstance(loaded, SceneError):
+                return loaded
+            self.dropped[file.name] = str(loaded)
+        raise SceneError("can be read no more than the others", file=files[first])
 
     def _pose_at_rest(self, shape: Shape) -> np.ndarray:
         """A pose on y = 0, turned about the upright axis through the sphere's middle."""
@@ -354,7 +385,10 @@ class _Draw:
         colour, shown = self._colour(), None
         if self.chance(of.share_textured):
             number = int(self.rng.integers(POOL))
-            shown = texture(self.pick(self.textures) if self.textures else (self.of.seed, number))
+            shown = (
+                self._picked(texture, self.textures) if self.textures
+                else procedural_texture(self.of.seed, number)
+            )  # fmt: skip
             colour = 0.6 + 0.4 * colour
         metal = float(name not in BACKDROP and self.chance(of.share_metal))
         return Surface(

@@ -3,6 +3,7 @@
 import math
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,34 +18,47 @@ from lfcore.storage import defaults
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout, Tile
 
-ROOT = Path(__file__).resolve().parents[2]
-"""The project's folder, where its own scenes are."""
+SCENES = "LFCORE_SCENES"
+"""The environment variable with the folder of the project's scenes, which no wheel has."""
 MIB = 2**20
 BYTES_OF_A_RAY = 3
-NAME = re.compile(r"[\w+-][\w.+-]{0,99}")
-"""The names that a scene may have: they name its folder of results."""
-RESERVED = {"tables", "assignment", "sweeps"}
+LONGEST_NAME = 100
+"""Characters of a scene's name, which is part of names of files."""
+RESERVED = {"tables", "assignment", "sweeps", "datasets"}
 OWN = {"chart", "book", "sphere", "ecosys"}
 """The scenes of figures and of the assignment, whatever scenes are in the tables."""
+
+
+def scenes_folder() -> Path:
+    """The folder with the project's scenes: the workflow's, or that of this checkout."""
+    return Path(os.environ.get(SCENES) or Path(__file__).resolve().parents[2] / "scenes")
+
+
+def own_scenes() -> dict[str, str]:
+    """Name and file of the project's scenes."""
+    return {file.parent.name: str(file) for file in scenes_folder().glob("*/scene.yaml")}
 
 
 def scene_files(entries: Iterable[str]) -> dict[str, str]:
     """Name and file of each scene: a folder below ``scenes/``, or a path to a file.
 
-    Paths are relative to the working folder, names to the project.  Raises
-    :class:`SettingsError` for a scene that does not exist and for two with the same name.
+    Paths are relative to the working folder, names to the project.  A name has letters, digits,
+    ``_``, ``-``, ``+`` and ``.``; others become ``_``.  Raises :class:`SettingsError` for a scene
+    that does not exist and for two with the same name.
     """
     found: dict[str, str] = {}
     for entry in entries:
-        file = ROOT / "scenes" / entry / "scene.yaml"
+        file = scenes_folder() / entry / "scene.yaml"
         if not os.path.exists(file):  # False, too, for a name too long
             file = Path(entry) / "scene.yaml" if os.path.isdir(entry) else Path(entry)
         if not os.path.isfile(file):
-            raise SettingsError(
-                f"there is no scene {entry!r}",
-                key="configuration: scenes",
-                remedy="Give the name of a folder below scenes/, or the path of a scene or mesh",
-            )
+            remedy = "Give the name of a folder below scenes/, or the path of a scene or mesh"
+            if not scenes_folder().is_dir():
+                remedy = "The project's scenes are in its repository, not in the package: run the "
+                remedy += f"workflow in a checkout, set {SCENES} to its folder scenes, or give the "
+                remedy += "path of a scene or mesh"
+            problem = f"there is no scene {entry!r}"
+            raise SettingsError(problem, key="configuration: scenes", remedy=remedy)
         found[_scene_name(file, found)] = str(file)
     return found
 
@@ -52,32 +66,21 @@ def scene_files(entries: Iterable[str]) -> dict[str, str]:
 def _scene_name(file: Path, taken: Iterable[str]) -> str:
     """Name of a scene's folder of results: of its folder, or of its file."""
     name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
-    rename = "Rename the folder or the file"
-    if not NAME.fullmatch(name):
-        problem = f"{name!r} cannot be a folder of results"
-        rename += "; a name has letters, digits, '_', '-', '+' and '.', and begins with no '.'"
+    name = re.sub(r"[^\w.+-]|^\.", "_", unicodedata.normalize("NFC", name))
+    own = own_scenes().get(name)
+    if len(name) > LONGEST_NAME:
+        problem = f"{name!r} is too long for a folder of results"
     elif name.lower() in RESERVED:
         problem = f"results/{name}/ is not a scene's"
     elif name in taken:
         problem = f"two scenes are called {name!r}"
-    elif name in OWN and file.resolve() != (ROOT / "scenes" / name / "scene.yaml").resolve():
+    elif name in OWN and own and file.resolve() != Path(own).resolve():
         problem = f"{name!r} is a scene of this project, which other results are made of, too"
     else:
         return name
-    raise SettingsError(problem, file=file, key="configuration: scenes", remedy=rename)
-
-
-def scene_file(name: str, *wanted: Iterable[str]) -> str:
-    """The file of the scene ``name``: an entry of the lists ``wanted``, or one of the project's
-    own scenes.
-
-    Raises :class:`SettingsError` as :func:`scene_files`.
-    """
-    for entries in (*wanted, [name]):
-        found = scene_files(entries)
-        if name in found:
-            return found[name]
-    raise AssertionError(name)
+    raise SettingsError(
+        problem, file=file, key="configuration: scenes", remedy="Rename the folder or the file"
+    )
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:

@@ -6,7 +6,7 @@ with, the default configuration, and the table of config/README.md.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 
 class Keys(BaseModel):
@@ -61,6 +61,14 @@ def group(model: type[Keys], meaning: str) -> Any:
     return Annotated[
         model, Field(description=meaning, default_factory=model, json_schema_extra=empty)
     ]
+
+
+def _text(value: Any) -> Any:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+Scene = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
+"""A scene's name or path; YAML takes names such as 2024 for numbers."""
 
 
 class Plane(Keys):
@@ -131,7 +139,7 @@ DEFAULT_SCENES = ["bike", "cabin", "bedroom"]
 class Configuration(Keys):
     """The keys that a user sets, beside those of the studies."""
 
-    scenes: several(Annotated[str, Field(min_length=1)]) = key(
+    scenes: several(Scene) = key(
         "names of folders below `scenes/`, or paths of scene or mesh files", DEFAULT_SCENES
     )
     views: several(whole(2, 1024)) = key(

@@ -13,6 +13,7 @@ from typing import Any
 import pydantic
 import yaml
 
+from lfcore.checked_keys import refusal
 from lfcore.errors import SettingsError
 from lfcore.files import write_text
 from lfcore.workflow import keys
@@ -30,16 +31,7 @@ def check_settings(config: Mapping) -> dict:
     try:
         return Configuration.model_validate(dict(config)).model_dump()
     except pydantic.ValidationError as error:
-        # Of the alternatives that a key admits, the one that was nearly given.
-        first = max(error.errors(), key=lambda one: len(one["loc"]))
-        place = ".".join(str(part) for part in first["loc"] if "[" not in str(part))
-        shown = str(first["input"])
-        shown = shown if len(shown) < 80 else f"{shown[:80]}..."
-        raise SettingsError(
-            f"{shown!r}: {first['msg']}",
-            key=f"configuration: {place[:200]}",
-            remedy="The keys and their values are in config/README.md and config/studies/",
-        ) from None
+        raise refusal(Configuration, error, key="configuration") from None
     except RecursionError:
         raise SettingsError("is nested too deeply", key="configuration") from None
 

@@ -169,7 +169,7 @@ class SeeThrough(Keys):
 
 
 class Assignment(Keys):
-    scenes: several(str) = key(
+    scenes: several(keys.Scene) = key(
         "scenes of camera arrays; each has a `camera.lightfield` or an entry in `arrays`",
         ["book", "sphere", "ecosys"],
     )

@@ -1,41 +1,96 @@
 """Versions of the library's code: a rule whose code changed must run again.
 
-Snakemake watches a rule's script, and not the library behind it.  So each rule names its stage,
-and has the digest of that stage's packages in its ``params``.
+Snakemake watches a rule's script, and not the library behind it.  So each rule has in its
+``params`` the digest of the modules that its script imports, directly or not.
 """
 
+import ast
 import functools
 import hashlib
+import re
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import lfcore
 
 LIBRARY = Path(lfcore.__file__).parent
-SUFFIXES = {".py", ".cl", ".h", ".yaml", ".css", ".csv", ".js", ".html"}
-SCENE = ("optics", "scene")
-TREE = (*SCENE, "tracing")
-TRACE = (*TREE, "opencl", "baking", "rendering", "storage", "workflow")
-PICTURE = (*TRACE, "refocus", "viewer")
-STAGES = {
-    "scene": (*SCENE, "readers"),
-    "tree": TREE,
-    "trace": TRACE,
-    "store": (*SCENE, "storage", "workflow"),
-    "picture": PICTURE,
-    "dataset": (*PICTURE, "readers", "exchange", "datasets"),
-    "report": (*PICTURE, "readers", "evaluation", "oracle"),
-}
-"""The packages of each stage, beside the modules of lfcore itself."""
+NAMES = re.compile(r"[\w.-]+\.(?:css|csv|html|json|js|yaml|cl|h)\b|kernels")
+"""The names of files that a module may read beside itself, and of folders of kernels."""
 
 
 @functools.cache
-def version(stage: str) -> str:
-    """Hex digest of the names and contents of a stage's files, and of nothing else."""
-    found = set(LIBRARY.glob("*.py"))
-    for package in STAGES[stage]:
-        found |= {file for file in (LIBRARY / package).rglob("*") if file.suffix in SUFFIXES}
+def version(script: Path) -> str:
+    """Hex digest of the modules that a script imports, and of the files that these read."""
     total = hashlib.sha256()
-    for file in sorted(found):
+    for file in sorted(_imported(script) - {script}):
         total.update(f"{file.relative_to(LIBRARY).as_posix()}\0".encode())
         total.update(hashlib.sha256(file.read_bytes()).digest())
     return total.hexdigest()[:16]
+
+
+def _imported(script: Path) -> set[Path]:
+    """The script, and the library's files behind it."""
+    waiting, found = [script], set()
+    while waiting:
+        file = waiting.pop()
+        if file not in found:
+            found.add(file)
+            waiting += _named(file) if file.suffix == ".py" else ()
+    return found
+
+
+def _named(file: Path) -> Iterator[Path]:
+    """The library's modules that a module imports, and the files that it names."""
+    text = file.read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)):
+        names: list[str] = []
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "lfcore":
+            names = [f"{node.module}.{one.name}" for one in node.names]
+        elif isinstance(node, ast.Import):
+            names = [one.name for one in node.names]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            if not isinstance(node.args[0], ast.Constant):  # any of its package
+                yield from file.parent.glob("*.py")
+        yield from filter(None, map(_module, names))
+    for name in set(NAMES.findall(text)) if LIBRARY in file.parents else ():
+        beside = file.parent / name
+        yield from [f for f in beside.rglob("*") if f.is_file()] if beside.is_dir() else ()
+        yield from [beside] if beside.is_file() else ()
+
+
+def _module(name: str) -> Path | None:
+    """The file of a module of the library, or of the one that a name is in."""
+    first, *parts = name.split(".")
+    if first != "lfcore":
+        return None
+    if len(parts) == 1 and parts[0] in _exported():
+        parts = _exported()[parts[0]].split(".")
+    for length in range(len(parts), max(len(parts) - 2, 0), -1):
+        place = LIBRARY.joinpath(*parts[:length])
+        for file in (place.with_suffix(".py"), place / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
+
+
+@functools.cache
+def _exported() -> dict[str, str]:
+    """The module of each public name."""
+    tree = ast.parse((LIBRARY / "__init__.pyi").read_text(encoding="utf-8"))
+    return {
+        one.name: node.module
+        for node in tree.body if isinstance(node, ast.ImportFrom) and node.module
+        for one in node.names
+    }  # fmt: skip
+
+
+def commit() -> str:
+    """The commit of the checkout that the library is in; empty where it is in none of its own."""
+    if not (LIBRARY.parent / ".git").exists():
+        return ""
+    command = ["git", "-C", str(LIBRARY.parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    except OSError:
+        return ""

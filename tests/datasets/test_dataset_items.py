@@ -6,11 +6,14 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from plain_scenes import refused
 from scipy.io import loadmat
 
 from lfcore import Lattice, ReadOptions, SensorPlane, Slab, open_device
 from lfcore.colour import srgb_decode, srgb_encode
-from lfcore.datasets import items, views
+from lfcore.datasets import items, stored, views
+from lfcore.datasets import sample as sampling
+from lfcore.datasets.card import check_refused, tables
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import camera_of, sample
 from lfcore.exchange import arrays, hci
@@ -19,6 +22,7 @@ from lfcore.pictures import read_picture
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
+from lfcore.scene.files import scene_digest
 
 pytestmark = pytest.mark.kernels
 SMALL = {
@@ -42,7 +46,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     of = Description.check(SMALL)
     item = items.make_item(of, 0, device)
     folder = written(tmp_path, item)
-    scene, _ = sample(of, 0)
+    scene = sample(of, 0).scene
     tracer, camera = open_tracer(scene, device), camera_of(of)
     plane = SensorPlane(of.lens.focus_m[0], camera.f_number)
     true = pictures_by_depth(tracer, camera, [plane], of.pixels, Lattice(24, 2))[0]
@@ -85,8 +89,10 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
     item = items.make_item(of, 2, device)
     grid = hci.read_hci(written(tmp_path, item), ReadOptions())
     array = loadmat(io.BytesIO(item.files["mat"]))["LF"]
-    assert array.shape == (3, 3, 40, 40, 3) and np.array_equal(array[0, 2], grid.read(2, 0))
-    assert np.array_equal(arrays.data_set(tmp_path / "h5", "LF"), array)
+    assert array.shape == (3, 3, 40, 40, 3)
+    codes = arrays.data_set(tmp_path / "h5", "LF")
+    assert codes.dtype == np.uint8 and np.array_equal(codes[0, 2], grid.read(2, 0))
+    assert np.array_equal(luma_as_basic_lfsr(array[0, 2]), luma_of_codes(codes[0, 2]))
     tracer, slab = open_tracer(sample(of, 2)[0], device), Slab(camera_of(of), 3, 40)
     depths = depth_of_views(tracer, slab, all_samples(slab))
     map_of_view = (tmp_path / "gt_disp_lowres_Cam005.pfm").read_bytes()
@@ -95,6 +101,17 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
     assert np.array_equal(stored, arrays.data_set(tmp_path / "h5", "disp_lowres")[1, 2])
     true = views.view(tracer, slab, 2, (12, 1))
     assert db(srgb_decode(grid.read(2, 0)), true) > of.quality_db
+
+
+def luma_as_basic_lfsr(picture):
+    """Y of 0 to 255 of a view, by the rule of BasicLFSR's scripts: ITU-R BT.601 of colours within
+    0 and 1, offset 16 (github.com/ZhengyuLiang24/BasicLFSR, Generate_Data_for_Training.py)."""
+    return np.rint(picture.astype(np.float64) @ (65.481, 128.553, 24.966) + 16)
+
+
+def luma_of_codes(codes):
+    weights = np.array((0.299, 0.587, 0.114)) * 219 / 255
+    return np.rint(codes.astype(np.float64) @ weights + 16)
 
 
 def made_by(of, tmp_path, name, device, indices=range(3)):
@@ -109,39 +126,87 @@ def test_equal_bytes_by_any_threads_and_batches(tmp_path):
     parts = {}
     for index in range(3):
         made_by(of, tmp_path, f"part{index}", open_device(threads=2), [index])
-        parts |= items.members(tmp_path / f"part{index}.tar")
-    assert dict(items.members(tmp_path / "whole.tar")) == parts
+        parts |= stored.members(tmp_path / f"part{index}.tar")
+    assert dict(stored.members(tmp_path / "whole.tar")) == parts
     assert not (tmp_path / "whole").exists()
 
 
-def test_a_killed_batch_keeps_whole_scenes_and_a_broken_mesh_loses_one(tmp_path, monkeypatch):
-    meshes = tmp_path / "meshes"
-    meshes.mkdir()
-    trimesh.creation.box().export(meshes / "good.ply")
-    (meshes / "bad.ply").write_bytes(b"ply\nnonsense")
-    more = {"shapes": {"meshes": str(meshes), "share_of_meshes": 0.1, "builders": ["ball"]}}
-    of = Description.check(SMALL | more | {"seed": 3, "scenes": {"train": 6}})
-    device, done = open_device(threads=1), []
+def test_a_killed_batch_keeps_whole_scenes(tmp_path, monkeypatch):
+    of, device, done = Description.check(SMALL), open_device(threads=1), []
     make = items.make_item
 
-    def killed(description, index, device):
-        if len(done) == 4:
+    def killed(description, index, *more):
+        if len(done) == 2:
             raise KeyboardInterrupt
         done.append(index)
-        return make(description, index, device)
+        return make(description, index, *more)
 
     monkeypatch.setattr(items, "make_item", killed)
     with pytest.raises(KeyboardInterrupt):
-        made_by(of, tmp_path, "batch", device, range(6))
-    assert not (tmp_path / "batch.tar").exists() and done == [0, 1, 2, 3]
+        made_by(of, tmp_path, "batch", device)
+    assert not (tmp_path / "batch.tar").exists() and done == [0, 1]
     monkeypatch.setattr(items, "make_item", lambda *words: done.append(words[1]) or make(*words))
-    made_by(of, tmp_path, "batch", device, range(6))
-    assert done == [0, 1, 2, 3, 4, 5]
-    records = json.loads((tmp_path / "batch.json").read_text())
-    refused = [one for one in records if "refused" in one]
-    assert 0 < len(refused) < 6 and all("bad.ply" in one["refused"] for one in refused)
-    held = {name[:6] for name, _ in items.members(tmp_path / "batch.tar")}
-    assert len(held) == 6 - len(refused)
+    made_by(of, tmp_path, "batch", device)
+    assert done == [0, 1, 2]
+
+
+def test_a_broken_mesh_is_left_out_and_scenes_without_it_stay(device, tmp_path):
+    for k in range(3):
+        trimesh.creation.box((1, 1, 1 + k)).export(tmp_path / f"{k}.ply")
+    shapes = {"meshes": str(tmp_path), "share_of_meshes": 0.2, "builders": ["ball"]}
+    of = Description.check(SMALL | {"shapes": shapes, "scenes": {"train": 6}})
+    whole = [sample(of, index) for index in range(6)]
+    (tmp_path / "1.ply").write_bytes(b"ply\nnonsense")
+    sampling.mesh.cache_clear()
+    for index, before in enumerate(whole):
+        after = sample(of, index)
+        assert ("1.ply" in before.objects) == ("1.ply" in after.dropped)
+        if after.dropped:
+            assert "1.ply" not in after.objects and len(after.objects) >= 2
+        else:
+            assert scene_digest(after.scene) == scene_digest(before.scene)
+    dropped = [index for index, one in enumerate(whole) if "1.ply" in one.objects]
+    assert 0 < len(dropped) < 6
+    records = items.make_batch(
+        of, dropped[:1], tmp_path / "a.tar", tmp_path / "a.json", tmp_path / "a", device
+    )
+    listed = tables(of, records, tmp_path / "none")["sources"].set_index("shape")
+    assert "1.ply" in listed.problem["1.ply"] and listed.problem.drop("1.ply").isna().all()
+    for k in (0, 2):
+        (tmp_path / f"{k}.ply").write_bytes(b"ply\nnonsense")
+    sampling.mesh.cache_clear()
+    refused("can be read no more than the others", sample, of, dropped[0])
+
+
+def test_a_set_in_which_much_is_refused_is_none():
+    records = [{"refused": "because"}] + [{}] * 9
+    check_refused(records)
+    refused("1 of 9 scenes made no item, the first: because", check_refused, records[:-1])
+
+
+@pytest.mark.parametrize("shards", [False, True])
+def test_items_of_a_finished_set_are_kept_if_they_are_made_of_the_same(device, tmp_path, shards):
+    old = Description.check(SMALL | {"shards": shards, "scenes_per_job": 2})
+    folder, batches = tmp_path / "set", []
+    for name in old.batches():
+        shard = tmp_path / f"{name}.tar"
+        words = old.scenes_of(name), shard, tmp_path / "records", tmp_path / "drafts", device
+        batches.append((shard, items.make_batch(old, *words, made_of="code")))
+    records = [one for _, made in batches for one in made]
+    stored.unpack(old, [shard for shard, _ in batches], folder / "data")
+    for name, table in tables(old, records, folder / "data").items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    (folder / "description.yaml").write_text(json.dumps({"dataset": old.model_dump()}))
+    finished = stored.Finished.at(folder)
+    for index, record in enumerate(records):
+        files, found = finished.item(index, "code")
+        (item,) = stored.stored_items([shard for shard, _ in batches], [index])
+        assert files == item.files and found == record
+    assert finished.item(0, "other code") is None and finished.item(3, "code") is None
+    if not shards:
+        (folder / "data/000000AiF.tif").write_bytes(b"edited")
+        assert finished.item(0, "code") is None
+    assert stored.Finished.at(tmp_path / "nothing") is None
 
 
 def test_an_empty_frustum_is_refused(device, tmp_path):
@@ -162,4 +227,4 @@ def test_an_empty_frustum_is_refused(device, tmp_path):
     ],
 )
 def test_places(kind, field, place):
-    assert items.place_of(kind, "test", 7, field) == place
+    assert stored.place_of(kind, "test", 7, field) == place

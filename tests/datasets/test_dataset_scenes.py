@@ -1,6 +1,4 @@
-"""Descriptions that are refused, scenes that depend on seed and index alone, and trials of data
-sets: what baselines find was put in.
-"""
+"""Descriptions that are refused, and scenes that depend on seed and index alone."""
 
 from pathlib import Path
 
@@ -10,10 +8,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_scenes import refused
-from scipy.ndimage import gaussian_filter, shift
 
 import lfcore
-from lfcore.datasets import trials
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
@@ -27,7 +23,7 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"pixles": 3}, "pixles"),
+        ({"pixles": 3}, "pixles: unknown key. Did you mean 'pixels'"),
         ({"placement": {"depth_m": [2, 1]}}, r"placement\.depth_m.*upside down: 2 is above 1"),
         ({"placement": {"depth_m": [0, 1, "log"]}}, r"placement\.depth_m"),
         ({"placement": {"depth_m": [3, 4]}}, "behind the wall"),
@@ -90,7 +86,7 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
         "placement": {"share_resting": share_resting, "objects": 20},
     })  # fmt: skip
     for index in range(6):
-        scene, names = sample(of, index)
+        scene, names, _ = sample(of, index)
         assert len(names) >= 5
         kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
         behind = np.isin(kinds, BACKDROP)
@@ -112,7 +108,7 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
 def test_lamps_shine_from_above_on_the_middle_of_the_scene(kind):
     of = PLAIN | {"lights": {"kinds": [kind], "strength": 1}, "placement": {"share_resting": 0}}
     for index in range(4):
-        scene, _ = sample(of, index)
+        scene, *_ = sample(of, index)
         assert not scene.bake
         for light in scene.lights:
             assert light.is_spot == (kind == "spot")
@@ -125,7 +121,7 @@ def test_lamps_shine_from_above_on_the_middle_of_the_scene(kind):
 
 
 def test_a_sky_takes_the_place_of_ambient_light():
-    scene, _ = sample(PLAIN | {"lights": {"share_sky": 1}}, 0)
+    scene, *_ = sample(PLAIN | {"lights": {"share_sky": 1}}, 0)
     assert scene.bake is not None and scene.sky.min() > 0
 
 
@@ -141,49 +137,13 @@ def test_users_meshes_and_textures(tmp_path):
     lfcore.write_picture(tmp_path / "mine.png", np.full((8, 8, 3), 200, np.uint8))
     shapes = {"meshes": str(tmp_path), "builders": []}
     more = {"shapes": shapes, "materials": {"textures": str(tmp_path), "share_textured": 1}}
-    scene, names = sample(PLAIN | more, 3)
+    scene, names, _ = sample(PLAIN | more, 3)
     assert set(names) == {"mine.ply"} and len(scene.textures) == 1
     assert scene.textures[0].shape == (8, 8, 3)
 
 
-@pytest.fixture
-def noise():
-    return np.random.default_rng(5).random((64, 64)).astype(np.float32)
-
-
-@pytest.mark.parametrize("disparity", [-0.7, 0.0, 1.3])
-def test_plane_sweep_finds_the_disparity(noise, disparity):
-    smooth = gaussian_filter(noise, 1.5)
-    views = {
-        (i, j): shift(smooth, (-disparity * j, -disparity * i), order=3, mode="nearest")
-        for i, j in ((-1, 0), (0, 0), (1, 0), (0, -1), (0, 1))
-    }
-    found = trials.plane_sweep(views, np.linspace(-2, 2, 41))
-    assert np.abs(found - disparity)[8:-8, 8:-8].max() < 0.05
-
-
-def test_the_sharpest_plane_is_found_between_pictures(noise):
-    sharp = gaussian_filter(noise, 0.7)
-    focus = np.array([0.2, 0.25, 0.33, 0.5, 1.0])
-    true = 3.4  # dioptres; the nearest pictures are at 3 and 4
-    stack = np.stack([
-        np.repeat(gaussian_filter(sharp, abs(1 / f - true))[..., None], 3, 2) for f in focus
-    ])  # fmt: skip
-    found = trials.depth_from_focus(stack, focus)[12:-12, 12:-12]
-    assert np.abs(np.median(found) - true) < 0.2
-
-
-def test_layers_of_one_depth_are_one_blur(noise):
-    sharp = np.repeat(noise[..., None], 3, 2)
-    blurred = trials.blurred_by_layers(sharp, np.full((64, 64), 8.0))
-    assert np.abs(blurred - gaussian_filter(sharp, (2, 2, 0), mode="nearest")).max() < 0.01
-    step = np.where(np.arange(64) < 32, 0.0, 8.0) * np.ones((64, 1))
-    edges = trials.occlusion_edges(step)
-    assert edges[:, 28:36].all() and not edges[:, :20].any()
-
-
 @pytest.mark.kernels
-def test_the_page_of_light_fields_has_their_pictures_and_a_plane_sweep(device, tmp_path):
+def test_the_page_of_light_fields_has_their_pictures(device, tmp_path):
     of = Description.check({
         "name": "small", "kind": "light_fields", "pixels": 40, "quality_db": 20, "also": [],
         "scenes": {"train": 1, "validation": 0},
@@ -193,11 +153,12 @@ def test_the_page_of_light_fields_has_their_pictures_and_a_plane_sweep(device, t
     shard = tmp_path / "shard.tar"
     records = make_batch(of, [0], shard, tmp_path / "records", tmp_path / "drafts", device)
     made = tables(of, records, tmp_path)
-    made["refused"].to_csv(tmp_path / "refused.csv", index=False)
+    files = {name: tmp_path / f"{name}.csv" for name in ("refused", "sources")}
+    for name, file in files.items():
+        made[name].to_csv(file, index=False)
     page = tmp_path / "index.html"
-    write_report(page, of, records, [shard], {"refused": tmp_path / "refused.csv"}, {})
-    text = page.read_text()
-    assert "Plane sweep" in text and text.count("data:image/png") == 2
+    write_report(page, of, records, [shard], files, {})
+    assert page.read_text().count("data:image/png") == 2
     assert all(list(made[name]) == list(columns) for name, columns in RECORDS.items())
     (seconds,) = made["seconds"].to_dict("records")
     parts = seconds["scene_core_seconds"] + seconds["files_core_seconds"]

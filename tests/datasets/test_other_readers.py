@@ -7,7 +7,8 @@ from PIL import Image
 
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch, stored_items, unpack
+from lfcore.datasets.items import make_batch
+from lfcore.datasets.stored import stored_items, unpack
 from tests.datasets.test_dataset_items import SMALL
 
 pytestmark = pytest.mark.kernels
@@ -25,7 +26,7 @@ def made(device, tmp_path_factory):
     for title, table in tables(of, records, folder / "data").items():
         files[title] = folder / f"{title}.csv"
         table.to_csv(files[title], index=False)
-    write_card(folder / "croissant.json", of, files, command="test", commit="none")
+    write_card(folder / "croissant.json", of, files, command="test", code="1")
     return folder
 
 
@@ -66,3 +67,17 @@ def test_mlcroissant_reads_the_card(made):
     mlcroissant = pytest.importorskip("mlcroissant")
     rows = list(mlcroissant.Dataset(str(made / "croissant.json")).records("items"))
     assert [float(row["items/expected_db"]) >= SMALL["quality_db"] for row in rows] == [True, True]
+
+
+def test_mlcroissant_reads_every_picture(made):
+    mlcroissant = pytest.importorskip("mlcroissant")
+    card = mlcroissant.Dataset(str(made / "croissant.json"))
+    found = {}
+    for row in card.records("tif"):
+        item, picture = int(row["tif/index"]), np.array(row["tif/content"])
+        found.setdefault(item, []).append(picture)
+    for item in stored_items([made / "shard.tar"], [0, 1]):
+        expected = {item.codes(name).tobytes() for name in item.pictures()}
+        assert {picture.tobytes() for picture in found[item.index]} == expected
+    depths = {int(row["exr/index"]): row["exr/content"] for row in card.records("exr")}
+    assert depths[1] == (made / "data/000001Dpt.exr").read_bytes()

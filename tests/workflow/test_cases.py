@@ -86,14 +86,16 @@ def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
 
 
 def test_scenes_by_name_and_by_path(tmp_path):
-    names = ["teapot-2.1_final+", "größe", "-1"]
-    meshes = [tmp_path / f"{name}.glb" for name in names]
+    names = ["teapot-2.1_final+", "größe", "-1", "2024"]
+    odd = {"a b": "a_b", "it's": "it_s", ".hidden": "_hidden", "{n}": "_n_", "u\u0308ber": "über",
+           "a; touch x;": "a__touch_x_"}  # fmt: skip
+    meshes = [tmp_path / f"{name}.glb" for name in [*names, *odd]]
     for file in (*meshes, tmp_path / "bike.yaml"):
         file.touch()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").touch()
     found = cases.scene_files(["bike", *map(str, meshes), str(tmp_path / "mine")])
-    assert list(found) == ["bike", *names, "mine"]
+    assert list(found) == ["bike", *names, *odd.values(), "mine"]
     assert found["bike"].endswith("scenes/bike/scene.yaml")
     refused(r"scenes: there is no scene 'bikke'", cases.scene_files, ["bikke"])
     with pytest.raises(SettingsError, match="two scenes are called 'bike'"):
@@ -103,13 +105,9 @@ def test_scenes_by_name_and_by_path(tmp_path):
 @pytest.mark.parametrize(
     ("file", "words"),
     [
-        ("...obj", r"'\.\.' cannot be a folder of results\. Rename the folder or the file;"),
-        (".hidden.obj", r"'\.hidden' cannot be a folder"),
-        ("a b.ply", "'a b' cannot be a folder"),
-        ("{n}.ply", r"'\{n\}' cannot be a folder"),
-        ("a'; touch x;.ply", "cannot be a folder"),
-        ("x" * 101 + ".ply", "cannot be a folder"),
+        ("x" * 101 + ".ply", "too long for a folder of results. Rename"),
         ("tables.obj", "results/tables/ is not a scene's. Rename"),
+        ("datasets.obj", "results/datasets/ is not a scene's. Rename"),
         ("Assignment.ply", "results/Assignment/ is not a scene's. Rename"),
         ("chart.obj", "'chart' is a scene of this project.*Rename"),
         ("sphere/scene.yaml", "'sphere' is a scene of this project.*Rename"),
@@ -122,6 +120,18 @@ def test_names_that_no_scene_can_have(tmp_path, file, words):
     path.touch()
     caught = refused(words, cases.scene_files, [str(path)])
     assert "configuration: scenes" in str(caught) and str(path) in str(caught)
+
+
+def test_scenes_are_beside_the_workflow_where_the_library_has_none(tmp_path, monkeypatch):
+    """As a wheel has none."""
+    monkeypatch.setenv(cases.SCENES, str(tmp_path / "none"))
+    refused("no scene 'bike'.*run the workflow in a checkout", cases.scene_files, ["bike"])
+    monkeypatch.setenv(cases.SCENES, str(ROOT / "scenes"))
+    assert list(cases.scene_files(["bike"])) == ["bike"]
+
+
+def test_scenes_may_be_called_by_numbers():
+    assert check_settings({"scenes": [2024]})["scenes"] == ["2024"]
 
 
 def test_planes_of_the_scene_or_of_the_configuration():
@@ -213,8 +223,9 @@ def test_the_configurations_of_the_project(name):
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())
 REFUSED = [
-    ({"pixles": 64}, "pixles"),
-    ({"encoding": {"crff": 3}}, r"encoding\.crff"),
+    ({"pixles": 64}, "pixles: unknown key. Did you mean 'pixels'"),
+    ({"encoding": {"crff": 3}}, r"encoding\.crff: unknown key. Did you mean 'crf'"),
+    ({"pixels": "abc"}, "pixels: 'abc' is not a value of this key. .* or a width and height"),
     ({"pixels": 0}, "pixels.*greater than or equal to 16"),
     ({"pixels": "1920x"}, "pixels"),
     ({"pixels": float("inf")}, "pixels"),
@@ -225,11 +236,11 @@ REFUSED = [
     ({"layout": {"kind": "both"}}, r"layout\.kind.*macropixels"),
     ({"encoding": {"crf": 64}}, r"encoding\.crf"),
     ({"encoding": None}, "encoding"),
-    ({"picture_format": "jpeg"}, "picture_format.*'png' or 'ppm'"),
+    ({"picture_format": "jpeg"}, "picture_format: 'jpeg' is unknown. Known are png, ppm"),
     ({"planes": [{"focus_m": 2}] * 101}, "planes"),
     ({"planes": [{"focus_m": -1}]}, r"planes.*0\.focus_m"),
     ({"planes": [{"focus_m": 1, "colour": 1}]}, r"planes.*0\.colour"),
-    ({"reports": ["portrait"]}, r"reports\.0"),
+    ({"reports": ["equivalnce"]}, r"reports\.0: .*Did you mean 'equivalence'"),
     ({"analysis": {"chosen_rays": {"qualities_db": [35, "x"]}}}, r"qualities_db\.1: 'x'"),
 ]
 

@@ -2,6 +2,7 @@
 run again after a change, with the real job graph and scripts that write nothing but their outputs.
 """
 
+import json
 import re
 import time
 
@@ -68,8 +69,9 @@ def test_any_key_can_be_overridden(checkout):
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("pixles=64", "'pixles' was unexpected"),
-        ("layout={pack: 0}", "layout.pack: 0"),
+        ("pixles=64", "pixles: unknown key. Did you mean 'pixels'"),
+        ("pixels=abc", "pixels: 'abc' is not a value of this key"),
+        ("layout={pack: 0}", "layout.pack: '0': must be greater than or equal to 1"),
         ("scenes=[nowhere]", "there is no scene 'nowhere'"),
         ("encoding={codec: libsvtav1, pixel_format: yuv444p}", "libsvtav1 does not take yuv444p"),
     ],
@@ -79,6 +81,16 @@ def test_impossible_configurations_stop_before_the_first_job(checkout, override,
     assert done.returncode != 0
     assert words in done.stdout
     assert not (checkout.folder / "results").exists()
+
+
+def test_scenes_may_have_any_names(checkout, tmp_path):
+    names = ["2024", "a b", "it's", "u\u0308ber"]
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scene.yaml").write_text("objects: [{builder: chart}]\n")
+    scenes = json.dumps([str(tmp_path / name) for name in names])
+    jobs = checkout.planned(*SMOKE, "--config", f"scenes={scenes}", *TARGET)
+    assert jobs["parse"] == len(names) and jobs["page"] == 1
 
 
 MICRO = ("--configfile", "config/micro.yaml")
@@ -97,7 +109,10 @@ def made(project_copy):
     """A checkout in which everything has been made, by scripts that pretend."""
     checkout = project_copy("rerun")
     for script in (checkout.folder / "workflow" / "scripts").glob("*.py"):
-        script.write_text(f"{PRETEND}open('ran', 'a').write({script.name!r} + '\\n')\n")
+        kept = script.read_text()  # for its imports
+        script.write_text(
+            f"{PRETEND}open('ran', 'a').write({script.name!r} + '\\n')\nexit()\n{kept}"
+        )
     mesh = checkout.folder / "mesh"
     mesh.mkdir()
     (mesh / "cube.obj").write_text(OBJ)
@@ -124,7 +139,7 @@ def test_the_smallest_run_has_every_rule_and_script_and_a_second_nothing_to_do(m
     assert "trace" in rules and rules - {"bake"} <= made.scripts
     scripts = {file.name for file in (made.folder / "workflow" / "scripts").glob("*.py")}
     ran = set((made.folder / "ran").read_text().split())
-    elsewhere = {"dataset.py", "dataset_batch.py"}
+    elsewhere = {"dataset.py", "dataset_batch.py", "dataset_sources.py"}
     assert scripts - ran == elsewhere | {"sweep_group.py", "sweep_table.py"}
 
 
@@ -139,6 +154,28 @@ def test_the_smallest_run_has_every_rule_and_script_and_a_second_nothing_to_do(m
 )
 def test_a_key_runs_again_who_reads_it_and_nothing_else(made, override, rules):
     assert again(made, "--config", override, "--", TABLES) == dict.fromkeys(rules | {"page"}, 1)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "encoding={codec: libsvtav1, pixel_format: yuv444p}",
+        "dataset={name: x, kind: focal_stacks, shapes: {meshes: nowhere}}",
+    ],
+)
+def test_what_is_impossible_is_refused_where_results_are_already_there(made, override):
+    done = made.snakemake("--cores", "1", *MICRO, "--config", override, "--", TABLES)
+    assert done.returncode and "Traceback" not in done.stdout
+
+
+def test_the_style_of_a_page_runs_the_pages_again(made):
+    style = made.folder / "lfcore/evaluation/page.css"
+    text = style.read_text()
+    try:
+        style.write_text(text + "p {}\n")
+        assert again(made, "--", TABLES, ASSIGNMENT) == {"page": 1, "assignment_page": 1}
+    finally:
+        style.write_text(text)
 
 
 def test_what_only_words_a_caption_measures_nothing(made):

@@ -25,7 +25,7 @@ rule truth:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("truth"),
         lattices=lambda wildcards: STUDY["truth" if wildcards.lens == "wide" else "truth_stopped"],
         stops=lambda wildcards: STUDY["stops"] if wildcards.lens == "stopped" else 0,
         planes=config["planes"],
@@ -49,7 +49,7 @@ rule work_precision_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("work_precision_scene"),
         study=STUDY,
         views=VIEWS,
         device=DEVICE,
@@ -71,7 +71,7 @@ rule work_precision:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("work_precision"),
     script:
         "../scripts/work_precision.py"
 
@@ -91,7 +91,7 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
+            version=version("chosen_rays_scene"),
             views=VIEWS[-1],
             qualities_db=ANALYSIS["chosen_rays"]["qualities_db"],
             device=DEVICE,
@@ -111,7 +111,7 @@ rule stability:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("stability"),
         rays=ANALYSIS["stability_rays"],
         cases=ANALYSIS["stability_cases"],
         device=DEVICE,
@@ -130,7 +130,7 @@ rule left_out_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("left_out_scene"),
         measured=ANALYSIS["left_out"],
         device=DEVICE,
     script:
@@ -168,7 +168,7 @@ for name, rows, light_fields, figures in (
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
+            version=version("table_of_rows"),
             table=name,
         script:
             "../scripts/table_of_rows.py"

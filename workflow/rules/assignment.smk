@@ -3,7 +3,7 @@
 ARRAY = config["assignment"]
 ARRAYS = "results/assignment/arrays"
 RECORDS = "results/assignment/records"
-ASSIGNMENT_SCENES = list(map(scene_name, ARRAY["scenes"]))
+ASSIGNMENT_SCENES = list(PLAN.assignment_scenes) if PLAN else ARRAY["scenes"]
 # What results/tables/ shows of it: the quick ones of its scenes.
 QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
@@ -23,7 +23,7 @@ rule assignment_trace:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("assignment_trace"),
         cameras_per_dim=ARRAY["cameras_per_dim"],
         grid=lambda wildcards: ARRAY["arrays"].get(wildcards.scene),
         tile_px=lambda wildcards: ARRAY["tile_px"].get(wildcards.scene),
@@ -43,7 +43,7 @@ rule assignment_light_fields:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("assignment_light_fields"),
         scenes=ASSIGNMENT_SCENES,
     script:
         "../scripts/assignment_light_fields.py"
@@ -108,7 +108,7 @@ for name, (files, figures, settings) in STUDIES.items():
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
+            version=version("assignment_study"),
             study=name,
             settings=settings,
             device=DEVICE,
@@ -128,7 +128,7 @@ rule assignment_tables:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("assignment_tables"),
     script:
         "../scripts/assignment_tables.py"
 

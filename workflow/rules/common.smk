@@ -1,9 +1,7 @@
-# The checked configuration, and functions of all stages. The library is imported where jobs are
-# planned, so that the workflow can be parsed without it.
+# The checked configuration, and functions of all stages.
 import json
 import os
 import re
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,6 +13,9 @@ os.environ.update(LFCORE_RUN=str(os.getpid()))
 library = find_spec("lfcore")
 if library:
     os.environ.setdefault("LFCORE_ROOT", str(Path(library.origin).parents[1]))
+# The project's scenes are beside the workflow; a wheel of the library has none.
+if (scenes := Path(str(workflow.current_basedir)).parents[1] / "scenes").is_dir():
+    os.environ.setdefault("LFCORE_SCENES", str(scenes))
 # Jobs keep to their threads: those of BLAS would spin while they wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -35,25 +36,28 @@ def read(value):
         return value
 
 
+def checked_plan():
+    """The plan of the configuration; None where lfcore is not installed, for `snakemake --lint`."""
+    try:
+        from lfcore.errors import LfcoreError
+        from lfcore.workflow.plan import Plan
+    except ImportError:
+        return None
+    try:
+        # Of a job's own process the disk is filling already.
+        return Plan.of(config, room=Path(".") if workflow.is_main_process else None)
+    except LfcoreError as error:
+        raise WorkflowError(str(error)) from None
+
+
 config.update(read(config))
-try:
+PLAN = checked_plan()
+if PLAN:
+    config.update(PLAN.settings)
+else:
     validate(config, "../schemas/config.schema.yaml")
-except WorkflowError as error:
-    wrong = error.__context__
-    meaning = wrong.schema.get("description", "the keys are in config/README.md")
-    place = wrong.json_path.removeprefix("$").removeprefix(".") or "configuration"
-    raise WorkflowError(f"{place}: {wrong.message[:200]} ({meaning})") from None
 
-
-def scene_name(entry):
-    """The name of a scene's folder of results: of its folder, or of its file."""
-    file = Path(entry)
-    if file.name == "scene.yaml":
-        return file.resolve().parent.name
-    return file.stem if file.is_file() else file.name
-
-
-SCENES = list(map(scene_name, config["scenes"]))
+SCENES = list(PLAN.scenes) if PLAN else config["scenes"]
 WIDTH, HEIGHT = (int(str(config["pixels"]).split("x")[side]) for side in (0, -1))
 PIXELS = config["pixels"] = WIDTH if WIDTH == HEIGHT else f"{WIDTH}x{HEIGHT}"
 VIEWS = sorted(config["views"])
@@ -75,13 +79,14 @@ wildcard_constraints:
     batch=r"\d{4}",
 
 
-def version(stage):
-    """The version of a stage's code, as a param: an edit runs the stage again."""
+def version(script):
+    """The version of the code behind a script, as a param: an edit runs the script again."""
+    file = Path(workflow.source_path(f"../scripts/{script}.py"))
 
     def planned(wildcards):
         from lfcore.workflow.versions import version
 
-        return version(stage)
+        return version(file)
 
     return planned
 
@@ -91,34 +96,27 @@ def of_settings(*keys):
     return {key: config[key] for key in keys}
 
 
-def file_of_scene(name):
-    """The file of a scene of this name."""
-    from lfcore.workflow.cases import scene_file
-
-    entries = [config["scenes"], config["assignment"]["scenes"]]
-    if config["sweep"]:
-        entries.append(planned_sweep().scenes)
-    return scene_file(name, *entries)
-
-
 def scene_inputs(wildcards):
     """The scene's file, and all files that it names: an edit of any parses it anew."""
+    return local_files(PLAN.files[wildcards.scene])
+
+
+def local_files(scene):
     from lfcore.readers.sources import files_of_scene
 
-    return [local(str(file)) for file in files_of_scene(file_of_scene(wildcards.scene))]
+    return [local(str(file)) for file in files_of_scene(scene)]
 
 
 def moving_sphere(wildcards):
-    from lfcore.readers.sources import files_of_scene
-    from lfcore.workflow.cases import ROOT
+    from lfcore.workflow.cases import scenes_folder
 
-    return [local(str(file)) for file in files_of_scene(ROOT / "scenes/sphere/moving.pbrt")]
+    return local_files(scenes_folder() / "sphere/moving.pbrt")
 
 
 def book_lens(wildcards):
-    from lfcore.workflow.cases import ROOT
+    from lfcore.workflow.cases import scenes_folder
 
-    return local(str(ROOT / "scenes/lenses/double_gauss.dat"))
+    return local(str(scenes_folder() / "lenses/double_gauss.dat"))
 
 
 def grouped(stage):
@@ -164,18 +162,10 @@ def sums_mib(wildcards, attempt):
     return costs.sums_mib(PIXELS) * attempt
 
 
-@cache
-def planned_sweep():
-    """The light fields of the table that the configuration names."""
-    from lfcore.workflow.sweep import plan
-
-    return plan(Path(config["sweep"]), config)
-
-
 def sweep_files(pattern):
     """Input function: this file of every tracing of the sweep."""
     return lambda wildcards: [
-        pattern.format(group=group, scene=scene, n=n) for group, scene, n in planned_sweep().members
+        pattern.format(group=group, scene=scene, n=n) for group, scene, n in PLAN.sweep.members
     ]
 
 
@@ -205,7 +195,7 @@ def of_scene(name):
         from lfcore.readers.sources import asks_for_light
 
         scene = name.format(**wildcards)
-        return [f"results/{scene}/light.npz"] if asks_for_light(file_of_scene(scene)) else []
+        return [f"results/{scene}/light.npz"] if asks_for_light(PLAN.files[scene]) else []
 
     return {
         "scene": f"results/{name}/scene.npz",
@@ -238,33 +228,3 @@ def figure(name, file, scene):
 def assignment_figure(name):
     file, label = f"results/assignment/figures/{name}.png", name.replace("_", " ")
     return shown(file, "assignment_figure", "Assignment", figure=label)
-
-
-DATASET = config["dataset"]
-DATASET_FOLDER = f"results/datasets/{DATASET.get('name', '')}"
-
-
-@cache
-def dataset():
-    """The checked description; the disk must have room for what it asks for."""
-    from lfcore.datasets.description import Description
-
-    found = Description.check(DATASET)
-    found.check_room(Path("."))
-    return found
-
-
-def dataset_files(suffix):
-    """Input function: this file of every batch."""
-    pattern = f"{DATASET_FOLDER}/batches/{{batch}}.{suffix}"
-    return lambda wildcards: [pattern.format(batch=batch) for batch in dataset().batches()]
-
-
-def dataset_scenes(wildcards):
-    found = dataset().scenes_of(wildcards.batch)
-    return [found.start, found.stop]
-
-
-def dataset_sources(wildcards):
-    found = dataset()
-    return [str(file) for file in (*found.mesh_files(), *found.texture_files())]

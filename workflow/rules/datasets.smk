@@ -1,16 +1,34 @@
-# Data sets: batches of scenes -> shards -> a folder of items with its card and page.
+# Data sets: batches of scenes -> shards -> a folder of items with its card and page. The folder of
+# an earlier run is replaced when the new one is whole.
+if PLAN and PLAN.dataset:
+    SET = PLAN.dataset
+    SET_FOLDER = f"results/datasets/{SET.name}"
+    SET_LOG = f"logs/datasets/{SET.name}"
+    BATCHES_OF_SET = SET.batches()
 
-
-if DATASET:
+    rule dataset_sources:
+        input:
+            meshes=[local(str(file)) for file in SET.mesh_files()],
+            textures=[local(str(file)) for file in SET.texture_files()],
+        output:
+            f"{SET_FOLDER}/batches/sources.json",
+        log:
+            f"{SET_LOG}/sources.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            version=version("dataset_sources"),
+        script:
+            "../scripts/dataset_sources.py"
 
     rule dataset_batch:
         input:
-            dataset_sources,
+            f"{SET_FOLDER}/batches/sources.json",
         output:
-            shard=temp(f"{DATASET_FOLDER}/batches/{{batch}}.tar"),
-            records=temp(f"{DATASET_FOLDER}/batches/{{batch}}.json"),
+            shard=temp(f"{SET_FOLDER}/batches/{{batch}}.tar"),
+            records=temp(f"{SET_FOLDER}/batches/{{batch}}.json"),
         log:
-            f"logs/datasets/{DATASET_FOLDER.rpartition('/')[2]}/{{batch}}.log",
+            f"{SET_LOG}/{{batch}}.log",
         wildcard_constraints:
             batch=r"\d{5}",
         conda:
@@ -19,41 +37,58 @@ if DATASET:
             runtime=lambda wildcards, attempt: 15 * attempt,
             mem_mb=3000,
         params:
-            description=DATASET,
-            scenes=dataset_scenes,
+            description=SET.of_scenes(),
+            scenes=lambda wildcards: [
+                SET.scenes_of(wildcards.batch).start,
+                SET.scenes_of(wildcards.batch).stop,
+            ],
             device=DEVICE,
-            version=version("dataset"),
+            version=version("dataset_batch"),
         script:
             "../scripts/dataset_batch.py"
 
+    rule dataset_whole:
+        input:
+            shards=expand(rules.dataset_batch.output.shard, batch=BATCHES_OF_SET),
+            records=expand(rules.dataset_batch.output.records, batch=BATCHES_OF_SET),
+        output:
+            temp(directory(f"{SET_FOLDER}/batches/whole")),
+        log:
+            f"{SET_LOG}/whole.log",
+        conda:
+            "../envs/lfcore.yaml"
+        params:
+            description=SET.model_dump(),
+            folder=SET_FOLDER,
+            version=version("dataset"),
+        script:
+            "../scripts/dataset.py"
+
     rule dataset:
         input:
-            shards=dataset_files("tar"),
-            records=dataset_files("json"),
+            rules.dataset_whole.output,
         output:
-            data=directory(f"{DATASET_FOLDER}/data"),
+            data=directory(f"{SET_FOLDER}/data"),
+            pictures=directory(f"{SET_FOLDER}/page"),
             tables=multiext(
-                f"{DATASET_FOLDER}/",
+                f"{SET_FOLDER}/",
                 "items.csv",
                 "seconds.csv",
                 "refused.csv",
                 "sources.csv",
                 "files.csv",
             ),
-            description=f"{DATASET_FOLDER}/description.yaml",
-            card=f"{DATASET_FOLDER}/croissant.json",
-            page=f"{DATASET_FOLDER}/index.html",
+            description=f"{SET_FOLDER}/description.yaml",
+            card=f"{SET_FOLDER}/croissant.json",
+            page=f"{SET_FOLDER}/index.html",
         log:
-            f"logs/datasets/{DATASET_FOLDER.rpartition('/')[2]}.log",
-        conda:
-            "../envs/lfcore.yaml"
+            f"{SET_LOG}/renamed.log",
         params:
-            description=DATASET,
-            version=version("report"),
-        script:
-            "../scripts/dataset.py"
+            folder=lambda wildcards, output: Path(output.card).parent,
+        shell:
+            "mv {input}/* {params.folder}/ 2> {log}"
 
-    for spelling in (DATASET_FOLDER, f"{DATASET_FOLDER}/"):
+    for spelling in (SET_FOLDER, f"{SET_FOLDER}/"):
 
         rule:
             name:

@@ -16,7 +16,7 @@ rule evaluate:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("evaluate"),
         views=VIEWS,
         pixels=PIXELS,
     script:
@@ -41,7 +41,7 @@ rule thesis_tables:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("tables"),
         tables=THESIS_TABLES,
     script:
         "../scripts/tables.py"

@@ -31,7 +31,7 @@ if TRACED_STACKS:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("picture"),
+            version=version("trace_stacks"),
             pixels=PIXELS,
             planes=config["planes"],
             views=config["figures"]["views"],
@@ -54,7 +54,7 @@ if TRACED_STACKS:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
+            version=version("contact_sheets"),
             views=VIEWS[-1],
         script:
             "../scripts/contact_sheets.py"
@@ -74,7 +74,7 @@ rule plenoptic_photograph:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("plenoptic_photograph"),
         camera=config["figures"]["plenoptic"],
         device=DEVICE,
     script:
@@ -92,7 +92,7 @@ rule other_renderers:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("other_renderers"),
         # Installing a renderer makes the figure anew.
         installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
         study=config["figures"]["renderers"],

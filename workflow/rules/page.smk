@@ -18,7 +18,7 @@ rule page:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("page"),
         title="Synthetic light fields: tables and figures",
         sections=TABLE_SECTIONS,
         captions=captions("page", *(one["name"] for one in TABLE_SECTIONS)),
@@ -43,7 +43,7 @@ use rule page as assignment_page with:
     log:
         "logs/assignment/page.log",
     params:
-        version=version("report"),
+        version=version("page"),
         title="The light field camera",
         sections=ASSIGNMENT_SECTIONS,
         captions=captions(

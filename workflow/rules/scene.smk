@@ -14,7 +14,7 @@ rule parse:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("scene"),
+        version=version("parse"),
     script:
         "../scripts/parse.py"
 
@@ -32,7 +32,7 @@ rule build:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("tree"),
+        version=version("build"),
     script:
         "../scripts/build.py"
 
@@ -52,7 +52,7 @@ rule bake:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("trace"),
+        version=version("bake"),
         device=DEVICE,
     script:
         "../scripts/bake.py"

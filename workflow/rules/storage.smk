@@ -18,7 +18,7 @@ for name in ("storage_layouts", "rate_distortion"):
             "../envs/lfcore.yaml"
         params:
             **of_settings("pixels", "device"),
-            version=version("report"),
+            version=version("storage_samples"),
             report=name,
             study=STORAGE[name],
         script:
@@ -36,7 +36,7 @@ rule equivalence_scene:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("equivalence_scene"),
         study=STORAGE["equivalence"],
         device=DEVICE,
     script:
@@ -56,7 +56,7 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
+            version=version("retrieval_scene"),
             study=STORAGE["retrieval"],
             device=DEVICE,
         script:
@@ -77,7 +77,7 @@ rule rate_distortion:
     conda:
         "../envs/lfcore.yaml"
     params:
-        version=version("report"),
+        version=version("rate_distortion"),
         scenes=list(SCENES),
     script:
         "../scripts/rate_distortion.py"

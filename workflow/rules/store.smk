@@ -15,7 +15,7 @@ if STORE:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("picture"),
+            version=version("viewer"),
             device=DEVICE,
         script:
             "../scripts/viewer.py"
@@ -39,6 +39,6 @@ if STORE:
             mem_mb=sums_mib,
         params:
             **of_settings("planes", "picture_format", "device"),
-            version=version("picture"),
+            version=version("retrieve"),
         script:
             "../scripts/retrieve.py"

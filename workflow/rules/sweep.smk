@@ -1,6 +1,6 @@
 # A sweep: all its cases in one graph, joined in one table and a figure.
 #   snakemake --cores 2 --config sweep=config/sweeps/crf.tsv -- sweep
-if config["sweep"]:
+if PLAN and PLAN.sweep:
     SWEPT = f"results/sweeps/{Path(config['sweep']).stem}"
     POINT = "group~{group}/scene~{scene}/n~{n}"
 
@@ -15,8 +15,8 @@ if config["sweep"]:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
-            study=lambda wildcards: planned_sweep().study(
+            version=version("sweep_group"),
+            study=lambda wildcards: PLAN.sweep.study(
                 wildcards.group, wildcards.scene, int(wildcards.n)
             ),
             device=DEVICE,
@@ -34,7 +34,7 @@ if config["sweep"]:
         conda:
             "../envs/lfcore.yaml"
         params:
-            version=version("report"),
-            overrides=lambda wildcards: planned_sweep().overrides,
+            version=version("sweep_table"),
+            overrides=lambda wildcards: PLAN.sweep.overrides,
         script:
             "../scripts/sweep_table.py"

@@ -61,6 +61,6 @@ rule join:
         mem_mb=sums_mib,
     params:
         **of_settings("pixels", "planes", "picture_format", *STORED_AS),
-        version=version("store"),
+        version=version("join"),
     script:
         "../scripts/join.py"

@@ -1,35 +1,36 @@
 """A data set from its shards: the folder of items, tables, card and page."""
 
-import subprocess
 from pathlib import Path
 
-from lfcore.datasets.card import tables, write_card, write_report
+from lfcore import __version__
+from lfcore.datasets.card import check_refused, tables, write_card, write_report
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import unpack
+from lfcore.datasets.stored import unpack
 from lfcore.evaluation.table_files import write_csv
 from lfcore.files import read_json, write_json
 from lfcore.workflow.job import job
+from lfcore.workflow.versions import commit
 
 with job(snakemake) as (given, params, output):
-    description = Description.check(params.description)
+    description, folder = Description.check(params.description), Path(output[0])
     records = [one for file in given.records for one in read_json(file)]
-    unpack(description, given.shards, Path(output.data))
-    made = tables(description, records, Path(output.data))
-    files = {Path(file).stem: Path(file) for file in output.tables}
+    check_refused(records)
+    unpack(description, given.shards, folder / "data")
+    made = tables(description, records, folder / "data")
+    files = {name: folder / f"{name}.csv" for name in made}
     for name, file in files.items():
         write_csv(file, made[name])
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    write_json(output.description, {"dataset": description.model_dump()})  # which YAML includes
-    folder = Path(output.card).parent
-    command = f"snakemake --cores 2 {folder}/ --configfile {output.description}"
-    write_card(output.card, description, files, command=command, commit=commit or "unknown")
+    # JSON, which YAML includes.
+    write_json(folder / "description.yaml", {"dataset": description.model_dump()})
+    code = f"{__version__}, commit {commit()}" if commit() else __version__
+    place = f"{params.folder}/description.yaml"
+    command = f"snakemake --cores 2 {params.folder}/ --configfile {place}"
+    write_card(folder / "croissant.json", description, files, command=command, code=code)
     facts = {
         "items": len(made["items"]),
         "refused": len(made["refused"]),
         "seed": description.seed,
-        "commit": commit or "unknown",
+        "lfcore": code,
         "core seconds per item": round(made["seconds"]["core_seconds"].mean(), 2),
     }
-    write_report(Path(output.page), description, records, given.shards, files, facts)
+    write_report(folder / "index.html", description, records, given.shards, files, facts)

@@ -4,17 +4,22 @@ from pathlib import Path
 
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
+from lfcore.datasets.stored import Finished
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job
 
-with job(snakemake) as (_, params, output):
+with job(snakemake) as (given, params, output):
     description = Description.check(params.description)
-    drafts = f"drafts-{description.digest()}-{params.version}-{snakemake.wildcards.batch}"
+    folder = Path(output.shard).parent.parent
+    sources = Path(given[0]).read_text(encoding="utf-8")
+    made_of = f"{description.digest(sources)}-{params.version}"
     make_batch(
         description,
         range(*params.scenes),
         output.shard,
         output.records,
-        Path(output.shard).parent.parent / drafts,
+        folder / f"drafts-{made_of}-{snakemake.wildcards.batch}",
         open_device(params.device or None, threads=snakemake.threads),
+        made_of=made_of,
+        finished=Finished.at(folder),
     )

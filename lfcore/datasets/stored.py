@@ -1,0 +1,178 @@
+"""Items of a data set on disk: shards of WebDataset's, folders as each kind's readers want them.
+
+Items are read field by field.  Those of a finished data set are kept where another description, or
+other code, would make them again.
+"""
+
+import csv
+import io
+import json
+import re
+import tarfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from itertools import groupby
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from lfcore.datasets.description import Description
+from lfcore.errors import LfcoreError, StorageError
+from lfcore.exr import read_exr
+from lfcore.files import cannot_write, read_json, whole_file
+from lfcore.pictures import by_opencv
+
+
+def place_of(kind: str, split: str, index: int, name: str) -> str:
+    """Where the file of a field is in the folder of a data set."""
+    if kind == "focal_stacks":  # one folder: training, then validation
+        name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
+        named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json"}.get(name, name)
+        return f"{index:06d}{named}"
+    if name == "mat":
+        return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
+    if name == "h5":
+        return f"hdf5/{split}/{index:06d}.h5"
+    folder = f"hci/{split}" if kind == "light_fields" else split
+    return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
+
+
+def write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
+    with (
+        whole_file(path) as file,
+        tarfile.open(fileobj=file, mode="w|", format=tarfile.USTAR_FORMAT) as whole,
+    ):
+        for name, data in files:
+            member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
+            member.size = len(data)
+            whole.addfile(member, io.BytesIO(data))
+
+
+def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:
+    """(name, content) of the files in a tar file."""
+    try:
+        with tarfile.open(tar) as whole:
+            for member in whole:
+                data = whole.extractfile(member)
+                assert data is not None
+                yield member.name, data.read()
+    except tarfile.TarError as error:
+        raise StorageError(f"cannot be read: {error}", file=tar) from None
+
+
+def unpack(description: Description, shards: Iterable[str | Path], folder: Path) -> None:
+    """Lay the items out as the kind's readers want them, or in shards; each item's record is
+    completed by its split."""
+
+    def completed(shard: str | Path) -> Iterator[tuple[str, bytes]]:
+        for name, data in members(shard):
+            if name.endswith(".json"):
+                split = description.split(int(name.partition(".")[0]))
+                data = json.dumps(json.loads(data) | {"split": split}).encode()
+            yield name, data
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for shard in shards:
+        if description.shards:
+            write_tar(folder / Path(shard).name, completed(shard))
+            continue
+        for name, data in completed(shard):
+            index, _, field = name.partition(".")
+            split = description.split(int(index))
+            file = folder / place_of(description.kind, split, int(index), field)
+            try:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(data)
+            except OSError as error:
+                raise cannot_write(file, error) from None
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The items of a finished data set, ``sums`` with the digest of each of its files."""
+
+    data: Path
+    of: Description
+    sums: dict[str, str]
+    seconds: dict[str, dict[str, str]]
+
+    @classmethod
+    def at(cls, folder: Path) -> "Finished | None":
+        """The data set of a folder; None where there is none."""
+        try:
+            of = Description.check(read_json(folder / "description.yaml")["dataset"])
+            files, seconds = (_rows(folder / f"{name}.csv") for name in ("files", "seconds"))
+            sums = {row["file"]: row["sha256"] for row in files}
+            return cls(folder / "data", of, sums, {row.pop("index"): row for row in seconds})
+        except (OSError, ValueError, KeyError, LfcoreError):
+            return None
+
+    def item(self, index: int, made_of: str) -> tuple[dict[str, bytes], dict[str, Any]] | None:
+        """Files and record of an item that was made of the same, unless a file has changed."""
+        if index >= self.of.count or str(index) not in self.seconds:
+            return None
+        try:
+            record = json.loads(self._file(index, "json"))
+            if record["made_of"] != made_of:
+                return None
+            files = {name: self._file(index, name) for name in record["fields"]}
+        except (OSError, ValueError, KeyError, tarfile.TarError):
+            return None
+        record.pop("split")
+        files["json"] = json.dumps(record).encode()
+        times = {name: float(value) for name, value in self.seconds[str(index)].items()}
+        return files, record | times
+
+    def _file(self, index: int, name: str) -> bytes:
+        if self.of.shards:
+            place = f"{index // self.of.scenes_per_job:05d}.tar"
+            with tarfile.open(self.data / place) as shard:
+                return cast(Any, shard.extractfile(f"{index:06d}.{name}")).read()
+        place = place_of(self.of.kind, self.of.split(index), index, name)
+        data = (self.data / place).read_bytes()
+        if sha256(data).hexdigest() != self.sums[place]:
+            raise ValueError("was edited")
+        return data
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@dataclass(frozen=True)
+class StoredItem:
+    """The files of one item by their field."""
+
+    index: int
+    files: dict[str, bytes] = field(repr=False)
+
+    @cached_property
+    def record(self) -> dict[str, Any]:
+        return json.loads(self.files["json"])
+
+    def pictures(self) -> list[str]:
+        """The fields that are pictures, in order."""
+        return [name for name in self.files if name.endswith((".tif", ".png"))]
+
+    def codes(self, name: str) -> np.ndarray:
+        """(H, W, 3) uint8."""
+        return cast(np.ndarray, by_opencv(self.files[name]))
+
+    def floats(self, name: str) -> np.ndarray:
+        """(H, W) float32 of an EXR, the first channel, or of a PFM."""
+        if name.endswith(".pfm"):
+            return self.codes(name)
+        return read_exr(io.BytesIO(self.files[name]))[0][..., 0].astype(np.float32)
+
+
+def stored_items(shards: Iterable[str | Path], indices: Iterable[int]) -> Iterator[StoredItem]:
+    """Some items, one at a time."""
+    wanted = set(indices)
+    for shard in shards:
+        for index, group in groupby(members(shard), lambda one: int(one[0].partition(".")[0])):
+            if index in wanted:
+                yield StoredItem(index, {name.partition(".")[2]: data for name, data in group})
