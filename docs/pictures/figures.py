@@ -103,12 +103,12 @@ STAGES = [
     ("surface", "plane equations", "samples"),
     ("shadows", "shafts, occluders", "shadow masks"),
     ("shading", "Blinn-Phong, GGX", "colours"),
-    ("output", "encode, add up", "frames, sensor planes"),
+    ("output", "write rows", "light, depth"),
 ]
 
 
 def way_of_a_block(axes) -> None:
-    """The stages of a tile, from rays to colours."""
+    """The stages of a block, from rays to light and depth."""
     for k, (name, inside, out) in enumerate(STAGES):
         x = 1.8 * k
         axes.add_patch(plt.Rectangle((x, 0), 1.25, 1, facecolor="#e8eef7", edgecolor="#345"))

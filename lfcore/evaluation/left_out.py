@@ -17,7 +17,7 @@ from lfcore.errors import LfcoreError
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.direct import finished
+from lfcore.rendering.tiles import TileTracing, trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.model import Scene
@@ -26,8 +26,9 @@ from lfcore.scene.surface_mesh import face_normals
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.timing import measure_in_turn
 from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.plan import probe
 from lfcore.tracing.surfaces import pack_surfaces
-from lfcore.tracing.tracer import TileTracing, Tracer
+from lfcore.tracing.tracer import Tracer
 
 IDLE = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (1e-30,) * 3)
 """An additional light: not black, and adds nothing."""
@@ -129,11 +130,11 @@ class Program:
         return FrameLayout("macropixels", self.slab.views, side).tile(0, 0, side, side)
 
     def tracing(self) -> TileTracing:
-        return self.tracer.trace_tile(self.slab, self.tile(), self.planes, frames=self.frames)
+        return trace_tile(self.tracer, self.slab, self.tile(), self.planes, frames=self.frames)
 
     def run(self) -> TileTracing:
         """Everything once; the tracing has ended."""
-        return finished(self.tracing())
+        return self.tracing().finished()
 
     @cached_property
     def made(self) -> tuple[np.ndarray, np.ndarray]:
@@ -148,9 +149,8 @@ class Program:
         """The memory of the scene's buffers on the device, but for the tree, and of all workers."""
         s = pack_surfaces(self.tracer.scene, self.tracer.needs)
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.levels)
-        return sum(array.nbytes for array in (*arrays, s.texels)) + (
-            self.tracer.scratch_bytes(self.slab, self.tile(), self.planes, frames=self.frames)
-        )
+        job = self.tracer.job("IMAGE", probe(self.slab))
+        return sum(array.nbytes for array in (*arrays, s.texels)) + job.scratch.size
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
     saved = tile.frame_count * tile.layout.frame_bytes
     yield Comparison("frames", what, both, alone, saved)
     what = "sensor planes and their tables, where only the light field is wanted"
-    saved = 32 * slab.pixels**2 * both.tracer.device.threads + both.bytes - only_frames.bytes
+    saved = 32 * slab.pixels**2 * both.tracer.device.threads
     yield Comparison("planes", what, both, only_frames, saved)
     what = "lens blocks outside every aperture (a plane at f/4 of the lens; full: a square plane)"
     narrow = program(planes=[stopped], frames=False)

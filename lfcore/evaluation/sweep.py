@@ -15,6 +15,7 @@ from lfcore.optics.plane_sums import PlaneSums, total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.slicing import form_planes
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
 from lfcore.storage.layout import Tile
@@ -41,7 +42,7 @@ def sweep_rows(
 
     def trace(tile: Tile, files: Mapping[str, Path]) -> PlaneSums:
         """One tile into a segment of each encoder."""
-        tracing = tracer.trace_tile(slab, tile, planes)
+        tracing = trace_tile(tracer, slab, tile, planes)
         size = tile.layout.frame_width, tile.layout.frame_height
         with ExitStack() as stack:
             ends = {case: stack.enter_context(ExitStack()) for case in specs}

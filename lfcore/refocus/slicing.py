@@ -1,4 +1,4 @@
-"""Slicing-based refocusing: sensor planes from stored frames (Algorithm 4, thesis section 6.1)."""
+"""Sensor planes from a stored light field (Algorithm 4, thesis section 6.1)."""
 
 from __future__ import annotations
 
@@ -10,85 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
+from lfcore.opencl.device import Device, open_device, page_aligned
 from lfcore.optics.plane_sums import PlaneSums, total
-from lfcore.optics.plane_tables import view_tables
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
-from lfcore.refocus.strip_tables import RECORDS, STRIP, strip_tables, table_words
-from lfcore.storage.layout import Tile
+from lfcore.refocus.plane_former import PlaneFormer
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
-from lfcore.tracing.chunks import placements_of, tile_corners
-from lfcore.tracing.header import header
-from lfcore.tracing.plane_buffers import PlaneBuffers
 
 CHUNK_BYTES = 64 << 20
 """Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""
-
-
-class PlaneFormer:
-    """Forms sensor planes of a light field from the frames of one tile."""
-
-    def __init__(
-        self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane], device: Device | None = None
-    ):
-        for plane in planes:
-            plane.check(slab)
-        self.tile, self.device = tile, device or open_device()
-        layout, views = tile.layout, tile.layout.kind == "views"
-        defines = layout.defines
-        if not views:
-            # Its rows are of samples, a byte each: sixteen cost less than the eight floats of a
-            # register even where they take two.
-            defines |= {"STRIP": STRIP, "LANES": 16 if self.device.lanes > 1 else 1}
-        file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
-        program = build_program(self.device, [file], defines, header(**RECORDS))
-        self._kernel = cl.Kernel(program, "form_planes")
-        planes = list(planes)
-        if views:
-            tables, self._words = view_tables(slab, planes), 3 * 256
-        else:
-            tables = strip_tables(slab, planes, *tile_corners(tile, slab))
-            self._words = table_words(slab.views) * (1 if layout.peak is None else 2)
-        self._sums = PlaneBuffers(self.device, slab, planes, tables, layout.one)
-        self._scratch = self.device.empty(4 * self._words * self._sums.workers)
-        self._placements = placements_of(tile, slab)
-        if views:
-            left, top = layout.corner(slab)
-            self._placements["x"] += left
-            self._placements["y"] += top
-        self._inner = () if views else (np.int32(slab.views),)
-
-    def add(self, frames: np.ndarray, first: int) -> None:
-        """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
-        ``first``; returns when the device has done with them."""
-        layout, device = self.tile.layout, self.device
-        start, stop = np.searchsorted(self._placements["frame"], [first, first + len(frames)])
-        if start == stop:
-            return
-        placements = self._placements[start:stop].copy()
-        placements["frame"] -= first
-        self._kernel(
-            device.queue,
-            (self._sums.workers,),
-            (1,),
-            device.shown(np.ascontiguousarray(frames)),
-            np.int32(layout.frame_width),
-            np.int32(layout.frame_height),
-            device.buffer(placements),
-            np.int32(len(placements)),
-            *self._inner,
-            device.buffer(np.zeros(1, np.int32)),
-            self._scratch,
-            np.int32(self._words),
-            *self._sums.arguments(),
-        )
-        device.queue.finish()
-
-    def plane_sums(self) -> PlaneSums:
-        """What was added so far."""
-        return self._sums.collect()
 
 
 def form_planes(

@@ -1,4 +1,4 @@
-"""Tables from which stored macropixels become sensor planes, strip by strip of lens rows.
+"""Tables from which macropixels become sensor planes, strip by strip of lens rows.
 
 A summed-area table is made of STRIP rows of a macropixel at a time, over its whole width: wide
 enough that a plane needs few look-ups, small enough for the second-level cache.  Along an axis the
@@ -12,17 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.optics.plane_sums import offsets
-from lfcore.optics.plane_tables import (
-    BLOCK,
-    PlaneTables,
-    block_kinds,
-    distinct_masks,
-    reached_region,
-)
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
+from lfcore.refocus.plane_tables import PlaneTables, distinct_masks, reached_region
 
 STRIP = 32
+CHUNK = 16
+"""Columns of a strip that are open, closed or masked together."""
 MOST_COLUMNS = 112
 """STRIP * MOST_COLUMNS samples of at most 2^20 each are less than 2^32."""
 INT = np.int32
@@ -41,7 +37,7 @@ RECORDS = {"StripPlane": PLANE, "StripRun": RUN, "TableRows": TABLE_ROWS}
 def table_words(views: int) -> int:
     """32-bit words of a summed-area table, four an entry, rows padded as in slicing.cl; a multiple
     of 16, so that the next worker's begins at a cache line."""
-    return 4 * (STRIP + 1) * (-(-views // BLOCK) * BLOCK + 68)
+    return 4 * (STRIP + 1) * (-(-views // CHUNK) * CHUNK + 68)
 
 
 @dataclass(frozen=True)
@@ -55,8 +51,13 @@ class StripTables(PlaneTables):
     ``table_rows`` is (masks, strips) TABLE_ROWS.
     """
 
+    kinds: np.ndarray
     pointers: np.ndarray
     table_rows: np.ndarray
+
+    @property
+    def strips(self) -> int:  # type: ignore[override]
+        return self.kinds.shape[1]
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -90,11 +91,26 @@ def strip_tables(
         info,
         np.concatenate(runs),
         masks,
-        block_kinds(masks, STRIP),
         *reached_region(slab, planes, moves_of, (u0, v0, u1, v1)),
+        chunk_kinds(masks),
         np.concatenate(pointers).astype(np.int32),
         numbered,
     )
+
+
+def chunk_kinds(masks: np.ndarray) -> np.ndarray:
+    """(masks, strips, chunks) uint8: 0 closed, 1 partly open, 2 wholly open.
+
+    A chunk that sticks out of the lens grid is at most partly open.
+    """
+    size = masks.shape[1]
+    padded = np.pad(masks > 0, ((0, 0), (0, 0), (0, -size % CHUNK)))
+    down, across = np.arange(0, size, STRIP), np.arange(0, padded.shape[2], CHUNK)
+    some, every = (
+        op.reduceat(op.reduceat(padded, down, axis=1), across, axis=2)
+        for op in (np.logical_or, np.logical_and)
+    )
+    return np.asarray(some + every.astype(np.uint8))
 
 
 def table_rows(which: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Pictures traced directly from a scene, without storing the light field (thesis section 6.3.2)."""
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,16 +12,11 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing.tracer import TileTracing, Tracer
+from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 26
-
-
-def finished(tracing: TileTracing) -> TileTracing:
-    """``tracing`` traced to its end; for a tile without frames, whose chunks are empty."""
-    deque(tracing, maxlen=0)
-    return tracing
 
 
 def trace_planes(
@@ -36,7 +30,7 @@ def trace_planes(
     done, parts, pixels = 0, [], math.prod(slab.size)
     for tile in layout.tiles(TILE_RAYS, least=1):
         count = (lambda n, _, before=done: progress(before + n, pixels)) if progress else None
-        tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False, progress=count))
+        tracing = trace_tile(tracer, slab, tile, planes, frames=False, progress=count).finished()
         assert tracing.plane_sums is not None  # of a tracing that has ended
         parts.append(tracing.plane_sums)
         done += tile.element_count

@@ -10,6 +10,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.plenoptic import PlenopticCamera, sub_apertures
 from lfcore.progress import Progress
 from lfcore.refocus.shift_sum import shift_sum_views
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_planes
 from lfcore.tracing.tracer import Tracer
@@ -36,7 +37,7 @@ def photograph(
         elements = tile.elements()
         firsts = np.unique(tile.placement(elements)[:, 0], return_index=True)[1]
         corners = elements[firsts] * camera.samples  # of each frame in the photograph
-        tracing = tracer.trace_tile(camera.slab(), tile)
+        tracing = trace_tile(tracer, camera.slab(), tile)
         for chunk in tracing:
             planes = layout.format.views(chunk.frames, layout.frame_width, layout.frame_height)
             for k in range(len(chunk.frames)):

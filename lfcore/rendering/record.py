@@ -15,6 +15,7 @@ from lfcore.optics.slab import Slab
 from lfcore.progress import Progress
 from lfcore.refocus.stored_views import prefetched
 from lfcore.rendering.depth import all_samples, depth_content, spread_over
+from lfcore.rendering.tiles import TileTracing, trace_tile
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import join_segments
@@ -22,7 +23,7 @@ from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
 from lfcore.timing import Stopwatch
-from lfcore.tracing.tracer import TileTracing, Tracer
+from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
 HEADROOM = 2.0
@@ -105,7 +106,7 @@ def record_tile(
     On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
     only take the encoder's core from it.
     """
-    layout, tracing = tile.layout, tracer.trace_tile(slab, tile, planes, progress=progress)
+    layout, tracing = tile.layout, trace_tile(tracer, slab, tile, planes, progress=progress)
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = prefetched(chunk.frames.copy() for chunk in tracing)

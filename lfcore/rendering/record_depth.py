@@ -11,7 +11,6 @@ import numpy as np
 
 from lfcore.errors import OpticsError
 from lfcore.files import draft_folder
-from lfcore.opencl.device import Device, build_program, cl
 from lfcore.optics.camera import Camera
 from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
@@ -25,12 +24,10 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, join_segments
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.depth_stream import DepthCodes
+from lfcore.storage.frame_memory import FrameWriter
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import SegmentWriter
-from lfcore.tracing.chunks import FrameMemory
-from lfcore.tracing.header import header
-from lfcore.tracing.layouts import BLOCK, PLACEMENT
 from lfcore.tracing.tracer import Tracer
 
 MACROPIXEL_RAYS = 1 << 26
@@ -153,7 +150,7 @@ def frames_by_depth(
     by_views = tile.layout.kind == "views"
     order = elements[:, 1] * slab.views + elements[:, 0] if by_views else None
     views = views_of(slab, displaced=store.displaced)
-    rooms: list[_Frames] = []
+    rooms: list[FrameWriter] = []
     parts = []
     traced = traced_views(tracer, views, store.pixels, order=order, in_rows=by_views)
     for part, first, light, depth in traced:
@@ -165,8 +162,9 @@ def frames_by_depth(
             continue
         if not first:  # frames take turns: those before the last are encoded by now
             old = len(rooms) > 1 and rooms.pop(0)
-            rooms.append(old or _Frames(tracer.device, tile, codes, elements[part]))
-        rooms[-1].write(elements[part], first, light, depth)
+            count = min(tile.frame_count, len(elements[part]))
+            rooms.append(old or FrameWriter(tracer.device, tile, count, codes))
+        rooms[-1].write(elements[part], light, depth, first_row=first)
         if ends:
             yield rooms[-1].read()
     if parts:
@@ -174,52 +172,7 @@ def frames_by_depth(
         parts.clear()
         u, v = elements.T
         shape = (len(elements), slab.views, slab.views)
-        room = _Frames(tracer.device, tile, codes, elements)
+        room = FrameWriter(tracer.device, tile, min(tile.frame_count, len(elements)), codes)
         rays = np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3)
-        room.write(elements, 0, rays, depth[:, v, u].T.reshape(shape))
+        room.write(elements, rays, depth[:, v, u].T.reshape(shape))
         yield room.read()
-
-
-class _Frames:
-    """Memory of the frames of some elements of a tile, in which a kernel writes their colours and
-    depths; what none covers is black."""
-
-    def __init__(self, device: Device, tile: Tile, codes: DepthCodes, elements: np.ndarray):
-        layout, self._device, self._codes = tile.layout, device, codes
-        grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
-        count = min(tile.frame_count, len(elements))
-        self._parts = [
-            (each, FrameMemory(device, each.layout, count))
-            for each in (tile, replace(tile, layout=grey))
-        ]
-        code = "uchar" if codes.format.bits == 8 else "ushort"
-        defines: dict[str, object] = {"OUTER": 1, "BITS": layout.format.bits, "CODE": code}
-        defines |= {"PEAK": layout.peak or 0, "LAST_CODE": codes.last}
-        program = build_program(device, ["rendering/kernels/encode.cl"], defines, header())
-        self._kernel = cl.Kernel(program, "encode_rows")
-
-    def write(
-        self, elements: np.ndarray, first_row: int, light: np.ndarray, depth: np.ndarray
-    ) -> None:
-        """Write rows of elements, of linear light and metres."""
-        device, codes, (count, rows, columns) = self._device, self._codes, depth.shape
-        strips, targets = -(-rows // BLOCK), list[Any]()
-        for tile, memory in self._parts:
-            placed = np.zeros(count, PLACEMENT)
-            placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
-            placed["frame"] -= placed["frame"].min()
-            targets += [memory.arguments, device.buffer(placed), memory.buffer]
-        light, depth = (np.ascontiguousarray(each) for each in (light, depth))
-        steps = codes.last / (codes.near - codes.far)
-        self._kernel(
-            device.queue, (strips, count), (1, 1), device.shown(light), device.shown(depth),
-            *map(np.int32, (columns, rows, first_row)), *targets,
-            np.float32(codes.far), np.float32(steps), device.empty(12 * BLOCK**2 * strips * count),
-        )  # fmt: skip
-        device.queue.finish()
-        self.count = placed["frame"].max() + 1
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """Colours and depths, (F, frame_bytes) uint8."""
-        colours, depths = (memory.held(self.count) for _, memory in self._parts)
-        return colours, depths

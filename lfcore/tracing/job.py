@@ -13,7 +13,6 @@ from lfcore.tracing.layouts import CUT_OUTS, PARAMETERS, RAY_ARGUMENTS, SINKS, r
 from lfcore.tracing.packets import Groups, PacketShape
 
 KERNEL = "tracing/kernels/entry/trace.cl"
-NO_FRAMES = {"BITS": 0, "PLANES": 0, "STOPS": 0, "PEAK": 0}
 
 
 class EntryKernel:
@@ -49,7 +48,7 @@ def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> En
     of_scene = scene.defines
     if sink in ("HITS", "GIVEN"):  # these know no surfaces, but whether triangles have holes
         of_scene = dict.fromkeys(of_scene, 0) | {"TEXTURES": of_scene["TEXTURES"] & CUT_OUTS}
-    values = {**NO_FRAMES, **of_scene, **values}
+    values = {**of_scene, **values}
     key = (sink, *sorted(values.items()))
     if key not in scene.kernels:
         scene.kernels[key] = EntryKernel(scene, sink, values)
@@ -62,21 +61,18 @@ class PacketJob:
     Parameters
     ----------
     sink : of :data:`lfcore.tracing.layouts.SINKS`.
-    defines : what its program is built with beside the scene's and the shape's defines.
 
     Attributes
     ----------
     scratch : the memory of the device's workers.
     """
 
-    def __init__(self, scene: DeviceScene, shape: PacketShape, sink: str, **defines: float):
+    def __init__(self, scene: DeviceScene, shape: PacketShape, sink: str):
         self.scene, self.shape, self.sink = scene, shape, sink
-        self.kernel = _kernel_of(scene, sink, {**shape.defines, **defines})
+        self.kernel = _kernel_of(scene, sink, shape.defines)
         self.scratch: cl.Buffer = scene.device.empty(self.kernel.scratch_bytes)
 
-    def launch(
-        self, bundles: Bundles, groups: Groups, workers: int | None = None, **sink: Any
-    ) -> None:
+    def launch(self, bundles: Bundles, groups: Groups, **sink: Any) -> None:
         """Trace ``groups`` of bundles into the sink's arguments before the queue is done."""
         device, shape = self.scene.device, self.shape
         lattice = bundles.lattice if shape.outer > 1 else None
@@ -87,16 +83,16 @@ class PacketJob:
             outer=(lattice.origin, lattice.direction) if lattice else 0,
             columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
             end_row=bundles.first_row + bundles.traced_rows, packets=packets,
-            strip_height=groups.strip_height, pixel_pitch=bundles.pixel_pitch,
-            half_extent=shape.half_extent, group_side=shape.group_side, side=shape.side,
+            pixel_pitch=bundles.pixel_pitch, half_extent=shape.half_extent,
+            group_side=shape.group_side, side=shape.side,
         )  # fmt: skip
         self.kernel(
-            max(1, min(workers or device.threads, packets // groups.strip_height)),
+            max(1, min(device.threads, packets)),
             **self.scene.arguments,
             centre_rays=device.buffer(np.ascontiguousarray(groups.centre_rays)),
             members=device.buffer(groups.members),
             ray_numbers=numbers,
-            next_strip=device.buffer(np.zeros(1, np.int32)),
+            next_packet=device.buffer(np.zeros(1, np.int32)),
             scratch=self.scratch,
             **sink,
         )

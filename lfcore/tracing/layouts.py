@@ -10,23 +10,20 @@ from typing import Any
 import numpy as np
 
 from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
-from lfcore.optics.plane_tables import BLOCK, PACKET_COLUMNS, PLANE, PLANE_ARGUMENTS, RUN, RUNS
 from lfcore.scene.limits import MOST_ATTENUATION
 from lfcore.scene.needs import FLAT_NORMALS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.cut_outs import CUT_OUT
 
 FLOAT, INT, UINT = np.float32, np.int32, np.uint32
+BLOCK = 16
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
-CELLS = PACKET_COLUMNS // BLOCK
 TEXTURED, CUT_OUTS, PHYSICAL = 1, 2, 4
 ADD, STREAM = 1, 2
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
     "BLOCK": BLOCK,  # columns and rows of rays in a block
     "BLOCK_RAYS": BLOCK * BLOCK,
-    "MOST_CELLS": CELLS,  # cells of 16 x 16 rays along a side of a packet
-    "PACKET_COLUMNS": PACKET_COLUMNS,  # columns of rays of a packet, of all its elements
     "NODE_WIDTH": NODE_WIDTH,  # children of a node, and triangles of a leaf
     "MOST_LEVELS": MOST_LEVELS,  # levels of a hierarchy that the kernels' stacks hold
     "MIP_LEVELS": MIP_LEVELS,
@@ -71,14 +68,10 @@ LIGHT = np.dtype([
 ])  # fmt: skip
 LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
-PLACEMENT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
-"""Where an element goes in frames, and its column and row on the outer grid."""
 BOXES = np.dtype([("low", FLOAT, (3, NODE_WIDTH)), ("high", FLOAT, (3, NODE_WIDTH))])
 """The boxes of a node's children: lowest and highest x, y and z."""
 LEAF = np.dtype([("corner", FLOAT, (3, 3, NODE_WIDTH))])
 """The triangles of a leaf: x, y and z of corners p, q and r."""
-COLOUR_ROW = np.dtype([("channel", UINT, (3, PACKET_COLUMNS))])
-"""Sums of fixed-point colours of each column of a packet."""
 SCENE_ARGUMENTS = np.dtype([
     ("ambient", FLOAT, 3),
     ("background", FLOAT, 3),
@@ -94,27 +87,18 @@ RAY_ARGUMENTS = np.dtype([
     ("first_row", INT),  # of the rows that are traced, and the one behind the last
     ("end_row", INT),
     ("packets", INT),
-    ("strip_height", INT),  # packets in a strip
     ("pixel_pitch", FLOAT),  # tangent between neighbouring pixels
     ("half_extent", FLOAT),  # of a block, in columns
     ("group_side", INT),  # elements along a side of a packet
     ("side", INT),  # blocks along a side of one element's part of a packet
-])  # fmt: skip
-FRAME_ARGUMENTS = np.dtype([
-    ("width", INT),
-    ("height", INT),
-    ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
-    ("rgb", INT),
 ])  # fmt: skip
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
 """Elements in a row of a radiance image, and ADD and STREAM."""
 
 RECORDS = {
     "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "CutOut": CUT_OUT, "Level": LEVEL,
-    "Placement": PLACEMENT, "Boxes": BOXES, "Leaf": LEAF, "ColourRow": COLOUR_ROW,
-    "SensorPlane": PLANE, "Run": RUN, "Runs": RUNS,
+    "Boxes": BOXES, "Leaf": LEAF,
     "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
-    "FrameArguments": FRAME_ARGUMENTS, "SensorPlaneArguments": PLANE_ARGUMENTS,
     "ImageArguments": IMAGE_ARGUMENTS,
 }  # fmt: skip
 """The structs, by their names in kernels; one that holds another comes after it."""
@@ -139,18 +123,11 @@ SURFACES = _read(
 RAYS = {
     **_read(centre_rays="float4", members="int"),
     "ray_numbers": "const RayArguments ",
-    **_write(next_strip="int", scratch="uint"),
-}
-PLANES = {
-    "plane_numbers": "const SensorPlaneArguments ",
-    **_read(plane_records="SensorPlane", runs="int", masks="uchar", kinds="uchar"),
-    **_write(sums="ulong4", windows="int2", strips="ColourRow"),
+    **_write(next_packet="int", scratch="uint"),
 }
 SINKS = {
     "HITS": _write(triangle="int", depth="float"),
     "IMAGE": {"image": "const ImageArguments "} | _write(radiance="float", depth="float"),
-    "FRAMES": {"frame_numbers": "const FrameArguments "}
-    | _read(placements="Placement") | _write(frames="sample") | PLANES,
     "GIVEN": _read(origins="float", directions="float")
     | _write(triangle="int", depth="float", weights="float"),
 }  # fmt: skip

@@ -47,18 +47,13 @@ class PacketShape:
         return self.elements // self.outer**2 * self.side**2
 
     @property
-    def cells_per_side(self) -> int:
-        """Cells of 16 x 16 inner rays along a side of one element's part of a packet."""
-        return self.side // self.outer
-
-    @property
     def defines(self) -> dict[str, int]:
         """What kernels are built with; they are told the rest when they are launched."""
         return {"OUTER": self.outer, "SINGLE_RAYS": int(self.single_rays)}
 
     def packets_per_group(self, columns: int, rows: int) -> int:
         """Packets that one group of elements needs for its inner grid."""
-        span = self.cells_per_side * BLOCK
+        span = self.side // self.outer * BLOCK
         return -(-columns // span) * -(-rows // span)
 
 
@@ -68,44 +63,33 @@ class Groups:
 
     ``members`` (B, group_side**2) int32: the numbers of elements, -1 where there is none.
     ``centre_rays`` (E, 4) or, for blocks of several elements, (B, 4) float32: offsets are relative
-    to these rays.  ``strip_height`` consecutive groups lie one below the other.
+    to these rays.
     """
 
     members: np.ndarray
     centre_rays: np.ndarray
-    strip_height: int = 1
 
     @classmethod
-    def of(
-        cls,
-        shape: PacketShape,
-        bundles: Bundles,
-        coordinates: np.ndarray | None,
-        strip_height: int = 1,
-    ) -> Groups:
+    def of(cls, shape: PacketShape, bundles: Bundles, coordinates: np.ndarray | None) -> Groups:
         """Put ``bundles`` at distinct ``coordinates`` (E, 2) into groups of ``shape.group_side``².
 
         Groups begin at multiples of their side: which elements are there does not change where a
-        block's rays are.  ``strip_height`` groups one below the other follow each other, empty
-        ones too; such strips are sorted by row, then column.
+        block's rays are.
         """
         side = shape.group_side
-        if coordinates is None or side == strip_height == 1:
+        if coordinates is None or side == 1:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         u, v = np.asarray(coordinates, np.int64).T
-        (column, x), (row, y) = np.divmod(u, side), np.divmod(v, side * strip_height)
-        keys, strip = ranks((row - row.min()) << 32 | (column - column.min()))
-        members = np.full((len(keys), side**2 * strip_height), -1, np.int32)
-        members[strip, y * side + x] = np.arange(len(u), dtype=np.int32)
-        some = members.max(axis=1)  # an element of each strip
-        members = members.reshape(-1, side**2)
+        (column, x), (row, y) = np.divmod(u, side), np.divmod(v, side)
+        keys, group = ranks((row - row.min()) << 32 | (column - column.min()))
+        members = np.full((len(keys), side**2), -1, np.int32)
+        members[group, y * side + x] = np.arange(len(u), dtype=np.int32)
         if shape.outer == 1:
-            return cls(members, bundles.elements, strip_height)
+            return cls(members, bundles.elements)
         assert bundles.lattice is not None  # without one no block spans elements
-        rows = row[some, None] * strip_height + np.arange(strip_height)
-        groups = np.stack(np.broadcast_arrays(column[some, None], rows), 2).reshape(-1, 2)
-        centre_rays = bundles.lattice.centre_rays(groups * side + (side - 1) / 2)
-        return cls(members, centre_rays, strip_height)
+        some = members.max(axis=1)  # an element of each group
+        places = np.stack([column[some], row[some]], 1) * side
+        return cls(members, bundles.lattice.centre_rays(places + (side - 1) / 2))
 
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -54,7 +54,7 @@ def mean_leaves_per_ray(leaf_boxes: np.ndarray, bundles: Bundles, outer: int = 1
     return count / len(chosen) / float(np.prod(2 * half + 1) * outer**2)
 
 
-SPANNING_COST = {"HITS": 6.5, "FRAMES": 1.6, "IMAGE": 6.5}
+SPANNING_COST = 6.5
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
 BLOCKS_EACH = 4
@@ -89,9 +89,8 @@ def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]
 def best_outer(
     closest_hit: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
     bundles: Bundles,
-    sink: str,
 ) -> int:
-    """Elements along each axis that a block best spans, for a sink of SPANNING_COST.
+    """Elements along each axis that a block best spans.
 
     The number of triangles that the rays of some blocks hit, from ``closest_hit``, decides: it does
     not depend on the hierarchy.
@@ -100,7 +99,7 @@ def best_outer(
     for outer in OUTER:
         if min(bundles.columns, bundles.rows) < BLOCK // outer and outer > 1:
             continue
-        cost = SPANNING_COST[sink] if outer > 1 else 0.0
+        cost = SPANNING_COST if outer > 1 else 0.0
         if cost >= least:
             break
         origins, directions = probed_blocks(bundles, outer)
@@ -162,27 +161,27 @@ class Plan:
         self._forced_outer, self._forced_single = outer, single_rays
         self._known: dict[tuple, int] = {}
 
-    def shape(self, bundles: Bundles, sink: str, *, grouped: bool = True) -> PacketShape:
+    def shape(self, bundles: Bundles, *, grouped: bool = True) -> PacketShape:
         """How these rays are cut into packets.
 
         ``grouped``: whether the elements' coordinates are known.  Elements can then share packets,
         and on a lattice blocks.
         """
-        outer = self.outer(bundles, sink) if grouped else 1
+        outer = self.outer(bundles) if grouped else 1
         single = self.single_rays(bundles, outer)
         inner = max(bundles.columns, bundles.rows)
         shape = PacketShape.for_inner(inner, 1 if single else outer, single)
         return shape if grouped else replace(shape, group_side=1)
 
-    def outer(self, bundles: Bundles, sink: str) -> int:
+    def outer(self, bundles: Bundles) -> int:
         """Elements along each axis that a block spans."""
         if bundles.lattice is None:
             return 1
         if self._forced_outer is not None:
             return self._forced_outer
-        key = sink, *_seen(bundles)
+        key = _seen(bundles)
         if key not in self._known:
-            self._known[key] = best_outer(self._closest_hit, bundles, sink)
+            self._known[key] = best_outer(self._closest_hit, bundles)
         return self._known[key]
 
     def single_rays(self, bundles: Bundles, outer: int = 1) -> bool:

@@ -1,115 +1,29 @@
-"""The tracer: a tile's rays, chunk by chunk, into frames and sensor planes."""
+"""The tracer of one scene: rays to arrays of hits, or of light and depth."""
 
-from __future__ import annotations
-
-import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from lfcore.errors import OpticsError, SceneError
+from lfcore.opencl.device import Device, open_device, page_aligned
 from lfcore.optics import bundles as rays
-from lfcore.optics.plane_sums import PlaneSums
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.bundles import Bundles
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress
-from lfcore.timing import Stopwatch
-from lfcore.tracing.arrays import ArrayTracer
-from lfcore.tracing.chunks import Chunk, FrameMemory, chunk_cuts, grid_corner, placements_of
+from lfcore.scene.model import Scene
+from lfcore.scene.needs import Needs
+from lfcore.tracing.arrays import RepeatedPlaceError, check_sets, fill_arrays
+from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.packets import Groups
+from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.plan import Plan, probe
-from lfcore.tracing.plane_buffers import tile_strips
 
-if TYPE_CHECKING:
-    from lfcore.storage.layout import Tile
-
-
-@dataclass
-class TileTracing:
-    """One tile being traced; iterate over its :class:`Chunk`s, then read ``plane_sums``.
-
-    ``seconds`` counts wall time of tracing, shading, planes and frame conversion, device queue
-    finished, without program build and without what the consumer does between chunks.
-    """
-
-    chunks: Iterator[Chunk]
-    plane_sums: PlaneSums | None = None
-    seconds: float = 0.0
-    rays: int = 0
-
-    def __iter__(self) -> Iterator[Chunk]:
-        return self.chunks
+SMALLEST_SCENE = 1e-12
+"""Metres.  Products of three coordinates below it underflow float32: rays would miss silently."""
 
 
-class TileJob:
-    """The job of one tile, whose sink is frames and planes, and its buffers."""
-
-    def __init__(
-        self,
-        scene: DeviceScene,
-        plan: Plan,
-        slab: Slab,
-        tile: Tile,
-        planes: Sequence[SensorPlane],
-        frames: bool,
-    ):
-        self.scene, self.slab, self.tile, self.frames = scene, slab, tile, frames
-        self.layout = layout = tile.layout
-        self.macro = layout.kind == "macropixels"
-        self.elements = tile.elements() + grid_corner(tile, slab)
-        self.shape = plan.shape(probe(slab, self.macro), "FRAMES")
-        # Without frames their format must not make another program.
-        defines = {
-            "PLANES": 0 if not planes else 1 if self.macro else 2,
-            "BITS": layout.format.bits if frames else 0,
-            "STOPS": scene.stops,
-            "PEAK": layout.peak or 0 if frames else 0,
-        }
-        self.job = PacketJob(scene, self.shape, "FRAMES", **defines)
-        self.strips = tile_strips(scene, self.shape, slab, tile, planes)
-
-    def run(self, tracing: TileTracing, progress: Progress | None) -> Iterator[Chunk]:
-        placements = placements_of(self.tile, self.slab, frames=self.frames)
-        frame_of = placements["frame"].copy()
-        cuts = chunk_cuts(
-            self.layout, self.elements, frame_of if self.frames else None, self.shape.group_side
-        )
-        ends = frame_of[cuts[1:] - 1] + 1 if self.frames else np.zeros(1, int)
-        memory = FrameMemory(self.scene.device, self.layout, int(np.diff(ends, prepend=0).max()))
-        watch = Stopwatch()
-        for start, stop in itertools.pairwise(cuts):
-            with watch.part("trace"):
-                first = int(frame_of[start])
-                count = int(frame_of[stop - 1]) + 1 - first if self.frames else 0
-                placements["frame"][start:stop] -= first
-                # The first chunk's memory is black already.
-                if start and stop - start < count * self.layout.elements_per_frame:
-                    memory.blank(count)
-                self._launch(slice(start, stop), placements[start:stop], memory)
-                self.scene.device.queue.finish()
-            tracing.seconds = watch.seconds["trace"]
-            if progress:
-                progress(stop, len(self.elements))
-            if self.frames:
-                with memory.frames(count) as frames:
-                    yield Chunk(frames, first)
-        tracing.plane_sums = self.strips.sums.collect()
-
-    def _launch(self, part: slice, placements: np.ndarray, memory: FrameMemory) -> None:
-        make = rays.macropixels if self.macro else rays.views
-        bundles = make(self.slab, self.elements[part])
-        groups = Groups.of(self.shape, bundles, self.elements[part], self.strips.height)
-        self.job.launch(
-            bundles, groups, self.strips.workers, frame_numbers=memory.arguments,
-            placements=self.scene.device.buffer(placements), frames=memory.buffer,
-            **self.strips.arguments(),
-        )  # fmt: skip
-
-
-class Tracer(ArrayTracer):
+class Tracer:
     """Traces one scene on one device.
 
     Parameters
@@ -127,34 +41,170 @@ class Tracer(ArrayTracer):
         for a scene within SMALLEST_SCENE of the lens.
     """
 
-    def trace_tile(
+    def __init__(
         self,
-        slab: Slab,
-        tile: Tile,
-        planes: Sequence[SensorPlane] = (),
+        scene: Scene,
+        bvh: Bvh,
+        device: Device | None = None,
+        needs: Needs | None = None,
         *,
-        frames: bool = True,
-        progress: Progress | None = None,
-    ) -> TileTracing:
-        """Trace one tile of a slab (Algorithms 1 and 3).
+        mipmaps: bool = True,
+        outer: int | None = None,
+        single_rays: bool | None = None,
+    ):
+        if 0 < np.abs(scene.triangles).max(initial=0) < SMALLEST_SCENE:
+            raise SceneError(
+                f"all coordinates are below {SMALLEST_SCENE:g} m, too small for float32",
+                remedy="Give the scene in larger units",
+            )
+        if scene.bake and scene.light is None:
+            raise SceneError(
+                "the light of its sky and bounces is not baked", file=scene.name,
+                remedy="Call lfcore.bake first",
+            )  # fmt: skip
+        self.scene, self.device = scene, device or open_device()
+        self.needs = needs or Needs.of(scene)
+        self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
+        self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
+
+    def __repr__(self) -> str:
+        return f"<Tracer of {self.scene!r} on {self.device!r}>"
+
+    def slab_hits(self, slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Closest triangle and depth of every ray through ``pixels``.
 
         Parameters
         ----------
         slab : the rays.
-        tile : which elements, in which frames.
-        planes : sensor planes to form on the fly; their partial sums are in ``plane_sums``.
-        frames : whether encoder-ready frames are wanted; without, chunks are empty.
-        progress : called with (elements done, elements of the tile).
-        """
-        for plane in planes:
-            plane.check(slab)
-        tracing = TileTracing(iter(()), rays=tile.rays)
-        job = TileJob(self._on_device, self.plan, slab, tile, planes, frames)
-        tracing.chunks = job.run(tracing, progress)
-        return tracing
+        pixels : (P, 2) integer, columns u and rows v.
 
-    def scratch_bytes(
-        self, slab: Slab, tile: Tile, planes: Sequence[SensorPlane] = (), *, frames: bool = True
-    ) -> int:
-        """Device memory that workers hold while such a tile is traced."""
-        return TileJob(self._on_device, self.plan, slab, tile, planes, frames).job.scratch.size
+        Returns
+        -------
+        triangle : (P, N, N) int32, indexed [pixel, j, i]; -1 for a miss.
+        depth : (P, N, N) float32, metres along the axis; infinity for a miss.
+        """
+        pixels = np.asarray(pixels).reshape(-1, 2)
+        bundles = rays.macropixels(slab, pixels)
+        try:
+            return _hits(self.job("HITS", probe(slab)), bundles, pixels)
+        except RepeatedPlaceError:
+            return self.bundle_hits(bundles)
+
+    def bundle_hits(
+        self, bundles: Bundles, coordinates: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`slab_hits` for any bundles: (E, rows, columns) triangle and depth.
+
+        ``coordinates`` (E, 2) place the elements on their outer grid, so that neighbours can be
+        traced together, and are distinct; without them every element is a packet of its own.  Of
+        bundles on a lattice they are the places there.
+        """
+        job = self.job("HITS", bundles, grouped=coordinates is not None)
+        return _hits(job, bundles, coordinates)
+
+    def job(self, sink: str, bundles: Bundles, *, grouped: bool = True) -> PacketJob:
+        """A job for such bundles; ``grouped``: whether elements have places."""
+        check_sets([bundles])
+        return PacketJob(self._on_device, self.plan.shape(bundles, grouped=grouped), sink)
+
+    def bundle_radiance(
+        self, bundles: Bundles, coordinates: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Linear RGB radiance of every ray, not clamped: (E, rows, columns, 3) float32.
+
+        ``coordinates`` as for :meth:`bundle_hits`.
+        """
+        radiance = page_aligned((len(bundles.elements), bundles.traced_rows, bundles.columns, 3))
+        self._fill_image([bundles], coordinates, {"radiance": radiance})
+        return radiance
+
+    def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
+        """Both of every ray, of one pass: as :meth:`bundle_radiance` and :meth:`bundle_hits`.
+
+        (E, rows, columns, 3) and (E, rows, columns) float32, of the rows that are traced; depth is
+        infinity for a miss.
+        """
+        shape = len(bundles.elements), bundles.traced_rows, bundles.columns
+        radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
+        self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
+        return radiance, depth
+
+    def mosaic_radiance(
+        self,
+        sets: Sequence[Bundles],
+        coordinates: np.ndarray | None,
+        across: int,
+    ) -> np.ndarray:
+        """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
+
+        Parameters
+        ----------
+        sets : bundles of as many elements and equal inner grids.
+        coordinates : as for :meth:`bundle_hits`.
+        across : elements in a row, a divisor of their number; element e is at row e // across,
+            column e % across.
+
+        Returns
+        -------
+        (E / across rows, across columns, 3) float32, linear RGB, not clamped.
+        """
+        check_sets(sets, across)
+        first, down = sets[0], len(sets[0].elements) // across
+        image = page_aligned((down * first.traced_rows, across * first.columns, 3))
+        self._fill_image(sets, coordinates, {"radiance": image}, across=across)
+        return image
+
+    def closest_hit(
+        self, origins: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What arbitrary rays meet first.
+
+        Parameters
+        ----------
+        origins, directions : (R, 3) float32; directions need not be of unit length.
+
+        Returns
+        -------
+        triangle : (R,) int32, -1 for a miss; of several at one distance the lowest.  Rays that
+            are not finite, or have no direction, miss.
+        distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
+            infinity for a miss.
+        barycentric : (R, 3) float32, weights of the corners p, q, r, of a copy at the place of a
+            lower triangle those of the latter; NaN for a miss.
+        """
+        origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
+        directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
+        if origins.shape != directions.shape:
+            raise OpticsError(f"{len(origins)} origins for {len(directions)} directions")
+        count = len(origins)
+        triangle, depth = page_aligned((count,), np.int32), page_aligned((count,))
+        weights = page_aligned((count, 3))
+        if count:
+            zeros = np.zeros((2, 4), np.float32)
+            row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
+            given = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
+            fill_arrays(
+                given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
+                origins=self.device.shown(origins), directions=self.device.shown(directions),
+            )  # fmt: skip
+        return triangle, depth, weights
+
+    def _fill_image(
+        self,
+        sets: Sequence[Bundles],
+        coordinates: np.ndarray | None,
+        arrays: dict[str, np.ndarray],
+        **options: Any,
+    ) -> None:
+        job = self.job("IMAGE", sets[0], grouped=coordinates is not None)
+        inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
+        fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
+
+
+def _hits(
+    job: PacketJob, bundles: Bundles, coordinates: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    shape = len(bundles.elements), bundles.traced_rows, bundles.columns
+    triangle, depth = page_aligned(shape, np.int32), page_aligned(shape)
+    fill_arrays(job, [bundles], coordinates, {"triangle": triangle, "depth": depth})
+    return triangle, depth

@@ -11,7 +11,7 @@ from lfcore.opencl.device import open_device
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.rendering.direct import finished
+from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.files import read_scene
 from lfcore.scene.model import Scene
@@ -54,7 +54,7 @@ def trace_batch(
         files = []
         for tile in tiles:
             if folder is None:
-                tracing = finished(tracer.trace_tile(slab, tile, planes, frames=False))
+                tracing = trace_tile(tracer, slab, tile, planes, frames=False).finished()
             else:
                 from lfcore.rendering.record import record_tile  # loads the codecs
 

@@ -30,6 +30,7 @@ from lfcore.evaluation.storage.rate_distortion import (
 )
 from lfcore.evaluation.table_files import TableError, read_rows, table_of, write_rows
 from lfcore.rendering.direct import trace_planes
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.defaults import default_kind, default_pack
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_frames
@@ -168,7 +169,7 @@ def file(request, chart, tmp_path_factory):
     layout = FrameLayout(request.param, 16, 32, pixel_format="yuv444p")
 
     def frames(tile):
-        return np.concatenate([chunk.frames.copy() for chunk in chart.trace_tile(slab, tile)])
+        return np.concatenate([chunk.frames.copy() for chunk in trace_tile(chart, slab, tile)])
 
     write_field(file, slab, layout, frames, spec=spec, tiles=layout.tiles(1 << 16, least=4))
     return file, request.param

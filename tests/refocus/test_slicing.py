@@ -16,17 +16,18 @@ from lfcore.lightfield import LightField
 from lfcore.opencl.device import cl
 from lfcore.optics import bundles
 from lfcore.optics.plane_sums import FIXED_ONE
+from lfcore.refocus.plane_former import PlaneFormer
 from lfcore.refocus.shift_sum import shift_sum
-from lfcore.refocus.slicing import PlaneFormer, form_planes
+from lfcore.refocus.slicing import form_planes
 from lfcore.refocus.stored_views import FrameSummer, frame_chunks
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record import record_slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
+from lfcore.storage.frame_memory import tile_corners
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.tracing.chunks import tile_corners
 
 pytestmark = pytest.mark.kernels
 

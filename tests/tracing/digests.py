@@ -21,6 +21,7 @@ from tracing_scenes import LAMP, WALL, lit_soup, scene, soup, unit
 
 from lfcore import Device, Scene, SensorPlane, Slab, open_device
 from lfcore.optics import bundles
+from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.bvh import build_bvh
@@ -129,7 +130,7 @@ def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
         size = min(outer, 24)
         left = (outer - size) // 2
         for row, rows in ((left, size // 2), (left + size // 2, size - size // 2)):
-            tracing = tracer.trace_tile(slab, layout.tile(left, row, size, rows), PLANES)
+            tracing = trace_tile(tracer, slab, layout.tile(left, row, size, rows), PLANES)
             for chunk in tracing:
                 yield chunk.frames.copy()
             yield tracing.plane_sums.sums

@@ -13,9 +13,11 @@ from lfcore import SensorPlane, Slab, open_device
 from lfcore.opencl import device as devices
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels, views
-from lfcore.refocus import strip_tables
+from lfcore.refocus import plane_former
+from lfcore.rendering import tiles
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing import chunks, layouts
+from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.header import header
@@ -65,15 +67,13 @@ PACKED = FrameLayout("macropixels", 4, 50, pack=8, pixel_format="yuv444p")
 
 
 def packed_frames(tracer):
-    chunks = tracer.trace_tile(Slab(CAMERA, 4, 50), PACKED.tile(0, 0, 50, 50))
+    chunks = trace_tile(tracer, Slab(CAMERA, 4, 50), PACKED.tile(0, 0, 50, 50))
     return [chunk.frames.copy() for chunk in chunks]
 
 
 @pytest.fixture
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(chunks, "CHUNK_BYTES", 5 * PACKED.frame_bytes)
-    for name, value in (("ENCODER_FRAMES", 0), ("LEAST_FRAMES", 1), ("GROUPED_SHARE", 0)):
-        monkeypatch.setattr(chunks, name, value)
+    monkeypatch.setattr(tiles, "CHUNK_RAYS", 5 * 64 * 4**2)
 
 
 def test_frames_do_not_depend_on_how_much_is_made_at_once(tracer, request):
@@ -110,7 +110,7 @@ def test_planes_hold_the_rays_of_rows_beyond_32768():
     tracer = Tracer(world, build_bvh(world.triangles))
     tile = FrameLayout("macropixels", 2, 40_000, pixel_format="yuv444p").tile(0, 39_000, 64, 64)
     plane = SensorPlane(CAMERA.focus_m, CAMERA.f_number)
-    tracing = tracer.trace_tile(slab, tile, [plane], frames=False)
+    tracing = trace_tile(tracer, slab, tile, [plane], frames=False)
     list(tracing)
     assert tracing.plane_sums.sums[0].any(axis=0).sum() == 64 * 64
 
@@ -121,7 +121,7 @@ def test_plans_are_remembered_with_the_elements_they_are_for(monkeypatch):
     answers = iter([1, 4])
     monkeypatch.setattr("lfcore.tracing.plan.best_outer", lambda *_: next(answers))
     slab = Slab(CAMERA, 16, 64)
-    found = [tracer.plan.outer(macropixels(slab, PIXELS + 20 * k), "HITS") for k in (0, 1, 0)]
+    found = [tracer.plan.outer(macropixels(slab, PIXELS + 20 * k)) for k in (0, 1, 0)]
     assert found == [1, 4, 1]
 
 
@@ -176,12 +176,12 @@ def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
 
     coarse, fine = hits(1), hits(400)
     blurred = macropixels(Slab(CAMERA, 16, 512), np.array([[3, 200], [400, 7]]))
-    assert best_outer(coarse, blurred, "FRAMES") == 1
+    assert best_outer(coarse, blurred) == 1
     far = Slab(dataclasses.replace(CAMERA, focus_m=50.0), 16, 512)
-    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]])), "FRAMES") == 4
+    assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]]))) == 4
 
 
-RECORDS = layouts.RECORDS | strip_tables.RECORDS
+RECORDS = layouts.RECORDS | plane_former.RECORDS
 
 
 @pytest.mark.kernels
@@ -192,7 +192,7 @@ def test_every_field_has_its_offset(device, tmp_path, name):
     at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in layout.names]
     body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
     file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
-    program = build_program(device, [str(file)], {}, header(**strip_tables.RECORDS))
+    program = build_program(device, [str(file)], {}, header(**plane_former.RECORDS))
     answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
     cl.Kernel(program, "ask")(device.queue, (1,), None, buffer)
     cl.enqueue_copy(device.queue, answer, buffer)

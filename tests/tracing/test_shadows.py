@@ -26,6 +26,7 @@ from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.shading import radiance, shade
 from lfcore.oracle.slab import all_pixels, slab_rays
+from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.needs import Needs
 from lfcore.storage.layout import FrameLayout
@@ -140,7 +141,7 @@ def test_what_else_is_traced_changes_no_shadow(name):
     tracer = one_element(flat(here.triangles, lights=here.lights, ambient=here.ambient))
     tile, made = FrameLayout("macropixels", 72, 24, "raster", 1, "yuv444p").tile(0, 8, 24, 6), []
     for planes, frames in ((plane, True), ([], True), (plane, False)):
-        tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
+        tracing = trace_tile(tracer, slab, tile, planes, frames=frames)
         made.append(([chunk.frames.copy() for chunk in tracing], tracing.plane_sums.sums))
     (both, sums), (kept, _), (_, alone) = made
     assert np.ptp(kept) > 50

@@ -29,8 +29,10 @@ from lfcore.evaluation.stability.tested_tracer import TracerUnderTest, kept
 from lfcore.optics.bundles import macropixels, views
 from lfcore.oracle.intersect import closest_hits
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.rendering import tiles
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
-from lfcore.tracing import chunks, job
+from lfcore.tracing import job
 from lfcore.tracing.plan import probe
 
 pytestmark = pytest.mark.kernels
@@ -112,24 +114,15 @@ def test_planes_are_those_of_blocks_of_one_element(spans):
             np.testing.assert_array_equal(found.sums, sums.sums)
 
 
-@pytest.mark.parametrize(("room", "sizes"), [(100, [64] * 4), (40, [64] * 4), (30, [30] * 2 + [4])])
+@pytest.mark.parametrize(("room", "sizes"), [(100, [64] * 4), (40, [64] * 4), (7, [7] * 36 + [4])])
 def test_chunks_do_not_part_groups(monkeypatch, room, sizes):
-    """A chunk ends where a row of groups does, so that no group is traced twice; unless such a row
-    takes more than twice the room of a chunk."""
+    """A chunk ends where a row of groups does, so that no group is traced twice, unless such a row
+    is MOST_GROWTH times as large."""
     layout = FrameLayout("macropixels", 16, 16, "raster", 1, "yuv444p")
-    monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
+    monkeypatch.setattr(tiles, "CHUNK_RAYS", 16**2 * room)
     tracer, slab = spanning(lit_soup(), 4), Slab(CAMERA, 16, 16)
-    tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
-    assert [len(chunk.frames) for chunk in tracing][: len(sizes)] == sizes
-
-
-def test_chunks_leave_room_for_the_encoder_where_packets_share_nothing(monkeypatch):
-    layout = FrameLayout("macropixels", 64, 8, "raster", 1, "yuv444p")
-    tracer, slab = spanning(lit_soup(), 1), Slab(CAMERA, 64, 8)
-    for room, sizes in ((chunks.ENCODER_FRAMES + 24, [24, 24, 16]), (20, [16, 16, 16, 16])):
-        monkeypatch.setattr(chunks, "CHUNK_BYTES", layout.frame_bytes * room)
-        tracing = tracer.trace_tile(slab, layout.tiles(1 << 30)[0], LIT_PLANES)
-        assert [len(chunk.frames) for chunk in tracing] == sizes
+    tracing = trace_tile(tracer, slab, layout.tiles(1 << 30)[0], LIT_PLANES)
+    assert [len(chunk.frames) for chunk in tracing] == sizes
 
 
 @pytest.mark.parametrize(("make", "way"), [(lit_soup, {"single_rays": True}), (crowd, {})])

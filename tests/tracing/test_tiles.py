@@ -22,16 +22,18 @@ from tracing_scenes import (
 
 from lfcore import DeviceError, SensorPlane, Slab, open_device
 from lfcore.optics import bundles
-from lfcore.optics.plane_sums import FIXED_ONE, targets
+from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.oracle import colour as truth
 from lfcore.oracle.slab import all_pixels, trace
+from lfcore.refocus import plane_buffers
+from lfcore.refocus.plane_buffers import workers_that_fit
+from lfcore.rendering import tiles
+from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.defaults import frame_layout
+from lfcore.storage.frame_memory import grid_corner
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import PIXEL_FORMATS
-from lfcore.tracing import plane_buffers
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.chunks import grid_corner
-from lfcore.tracing.plane_buffers import strip_rows, workers_that_fit
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -67,7 +69,7 @@ def test_a_wide_picture_has_the_rays_of_its_square(device, pixels):
     chunks, sums = [], []
     for slab, at in ((wide, (0, 0)), (square, (left, top))):
         layout = frame_layout(5, slab.size, "yuv444p", kind="macropixels", order="raster", pack=1)
-        tracing = tracer.trace_tile(slab, layout.tile(*at, width, height), PLANES)
+        tracing = trace_tile(tracer, slab, layout.tile(*at, width, height), PLANES)
         chunks.append([chunk.frames.copy() for chunk in tracing])
         part, whole = tracing.plane_sums, np.zeros((len(PLANES), 3, 32, 32), np.uint64)
         rows, columns = (slice(first, first + n) for first, n in (
@@ -145,36 +147,18 @@ def test_sums_are_every_ray_alone(views, pixels, make, monkeypatch):
     # Tiles that begin and end amid a packet.
     for most in (2, 2 * pixels):
         np.testing.assert_array_equal(formed(tracer, layout, max_rays=most * views**2), sums)
-    # Strips of several packets, even in a picture this small.
-    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+    # Chunks of a few elements, even in a picture this small.
+    monkeypatch.setattr(tiles, "CHUNK_RAYS", 3 * views**2)
     np.testing.assert_array_equal(formed(tracer, layout), sums)
 
 
 @pytest.mark.parametrize("views, pixels", [(16, 40), (64, 17), (200, 9), (1024, 1)])
-def test_no_sum_of_white_rays_overflows(views, pixels, monkeypatch):
-    """A packet of white rays on one pixel is 2^32."""
-    monkeypatch.setattr(plane_buffers, "ITEMS_A_WORKER", 1)
+def test_no_sum_of_white_rays_overflows(views, pixels):
     white_room = scene(closed_room(1), background=(1, 1, 1), ambient=(9, 9, 9))
     tracer = tracer_of(white_room, open_device(threads=1))
     planes = [SensorPlane(CAMERA.focus_m, CAMERA.f_number, aperture="square")]
     sums = formed(tracer, FrameLayout("macropixels", views, pixels), planes)
     assert (sums == views**2 * FIXED_ONE).all()
-
-
-@pytest.mark.parametrize("pixels, span", [(4, 16), (12, 32), (32, 16)])
-@pytest.mark.parametrize("views, size", [(5, 16), (16, 27), (33, 8)])
-def test_strip_rows_by_walking_strips(pixels, span, views, size):
-    slab = Slab(CAMERA, views, size)
-    most = 0
-    for plane in MANY_PLANES:
-        where = targets(slab, plane)
-        for v in range(0, size, pixels):
-            for j in range(0, views, span):
-                part = where[v : v + pixels, j : j + span]
-                most = max(most, int(part.max() - part.min()) + 1)
-    found = strip_rows(slab, MANY_PLANES, pixels, span)
-    # Rows of pixels beside the picture may add to it, but no more than there are of them.
-    assert most <= found <= most + pixels
 
 
 def test_workers_are_as_many_as_memory_has_sums_for(monkeypatch):

@@ -16,6 +16,7 @@ from lfcore.optics.plane_sums import total
 from lfcore.oracle import colour as truth
 from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import all_pixels, slab_hits
+from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -120,7 +121,7 @@ def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
     """All frames of all tiles, and the sums of the planes."""
     slab, made, parts = Slab.of(tracer.scene.camera, layout.views, layout.size), [], []
     for tile in layout.tiles(max_rays):
-        tracing = tracer.trace_tile(slab, tile, planes, frames=frames)
+        tracing = trace_tile(tracer, slab, tile, planes, frames=frames)
         made += [chunk.frames.copy() for chunk in tracing if frames]
         parts.append(tracing.plane_sums)
     return np.concatenate(made) if made else None, total(slab, planes, parts) if planes else None

@@ -31,8 +31,8 @@ from lfcore.optics.plane_sums import total
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
+from lfcore.refocus.plane_former import PlaneFormer
 from lfcore.refocus.shift_sum import shift_sum_views
-from lfcore.refocus.slicing import PlaneFormer
 from lfcore.rendering.record_depth import encode
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding

@@ -16,7 +16,8 @@ import numpy as np
 
 from lfcore.opencl.device import Device, page_aligned
 from lfcore.optics.planes import SensorPlane
-from lfcore.refocus.slicing import CHUNK_BYTES, PlaneFormer
+from lfcore.refocus.plane_former import PlaneFormer
+from lfcore.refocus.slicing import CHUNK_BYTES
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import clocked
 

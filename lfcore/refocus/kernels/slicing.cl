@@ -1,16 +1,22 @@
-// Algorithm 4: sensor planes from decoded frames that hold macropixels.  A summed-area table is made of
+// Algorithms 1 and 4: sensor planes from macropixels, traced or decoded.  A summed-area table is made of
 // STRIP rows of lens samples, with those rows only at which a run of some plane ends; each plane takes one
-// sum a bin from it.  strip_tables.py says which lens samples make a bin.  As in plane_sums.cl sums are
-// integers: exact, in whatever order they are added.
+// sum a bin from it.  strip_tables.py says which lens samples make a bin.  Sums are integers: exact, in
+// whatever order they are added.
 //
-// BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0), STRIP as in strip_tables.py.  LANES is
-// 1 or 16: sixteen samples fill a register even where four or eight floats do.
-#include "light.cl"
+// TRACED is 1 for traced light, 0 for frames; STRIP is as in strip_tables.py.  LANES is 1 or 16: sixteen
+// samples fill a register even where four or eight floats do.
+#if TRACED
+#include "traced_rays.cl"
+#else
+#include "decoded_rays.cl"
+#endif
 
-#if PQ
+#if WIDE_SUMS
 typedef ulong4 table_sum;  // of a summed-area table
+#define TO_TABLE_SUM convert_ulong4
 #else
 typedef uint4 table_sum;
+#define TO_TABLE_SUM
 #endif
 #define CHUNK 16
 #define LEAD 3  // entries before the 0 of a table's row, so that its sums begin at a multiple of 64 bytes
@@ -31,41 +37,6 @@ typedef struct {
     global ulong4 *sums;           // (planes, height, width) of this worker
 } Strips;
 
-typedef struct {
-    global const sample *first, *second, *third;  // planes of the frame
-    int width;                                    // of a row of `first`
-    int x0, y0;                                   // corner of the macropixel
-} Macropixel;
-
-#if LANES == 1
-typedef sample samples;
-#define DIFFERS(x) ((x) != 0)
-#define TO_LIGHT(x) (convert_float(x) * SCALE)
-#else
-typedef SAMPLES(16) samples;
-#define DIFFERS(x) any((x) != (sample)0)
-#define TO_LIGHT(x) (convert_float16(x) * SCALE)
-#endif
-
-// What a run of LANES columns holds while it is walked down a strip.
-typedef struct {
-    samples first, second, third;  // of the row before
-    vu r, g, b;                    // their fixed-point light
-} Row;
-
-// LANES samples of a row, all of them within the frame; of subsampled planes each twice.
-inline samples load_samples(global const sample *at, int twice)
-{
-#if LANES == 1
-    return *at;
-#else
-#if CHROMA == 2
-    if (twice) return vload8(0, at).s0011223344556677;
-#endif
-    return vload16(0, at);
-#endif
-}
-
 // All bits where the mask is open, 0 where not and beyond it.
 inline vu load_mask(global const uchar *at, int count)
 {
@@ -75,36 +46,6 @@ inline vu load_mask(global const uchar *at, int count)
     private uint open[LANES];
     for (int k = 0; k < LANES; ++k) open[k] = k < count && at[k] ? 0xffffffffu : 0u;
     return VLOAD(open);
-}
-
-// Where a row of a macropixel ends: the last sample again.
-inline samples load_tail(global const sample *at, int step, int count)
-{
-    private sample row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = at[min(k, count - 1) / step];
-    return VLOAD(row);
-}
-
-// The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of smooth
-// pictures are the same for many columns; decoding is what costs, so it is done where something changed.
-inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
-{
-    const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
-    const ulong small = (ulong)((m->y0 + y) / CHROMA) * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
-    samples first, second, third;
-    if (count >= LANES) {
-        first = load_samples(m->first + full, 0);
-        second = load_samples(m->second + small, 1);
-        third = load_samples(m->third + small, 1);
-    } else {
-        first = load_tail(m->first + full, 1, count);
-        second = load_tail(m->second + small, CHROMA, count);
-        third = load_tail(m->third + small, CHROMA, count);
-    }
-    if (!begins && !DIFFERS((first ^ row->first) | (second ^ row->second) | (third ^ row->third))) return;
-    row->first = first, row->second = second, row->third = third;
-    TO_RGB(vf, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
-    row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);
 }
 
 // here[k] = here[-1] + the sum of rays 0 ... k of a row of LANES.
@@ -192,9 +133,8 @@ inline void add_macropixel(const Strips *s, const Macropixel *m, int strip, int 
 }
 
 KERNEL
-void form_planes(global const sample *restrict frames,
-                 const int frame_width,
-                 const int frame_height,
+void form_planes(global const stored *restrict rays,
+                 const int2 size,                     // of a frame; of traced rays (beside, side)
                  global const Placement *restrict placements,  // (E,)
                  const int n_elements,
                  const int inner,                     // side N of a macropixel
@@ -211,21 +151,18 @@ void form_planes(global const sample *restrict frames,
                  global ulong4 *restrict sums)
 {
     const ulong own = get_global_id(0) * (ulong)n.planes * n.width * n.height;
-    const Strips strips = {n.planes, n.blocks, n.left, n.top, n.width, n.height, inner,
+    const Strips strips = {n.planes, n.strips, n.left, n.top, n.width, n.height, inner,
                            plane_records, pointers, runs, masks, kinds, table_rows, sums + own};
     global table_sum *table = (global table_sum *)(scratch + get_global_id(0) * (ulong)scratch_words);
     const int pitch = PITCH(inner);
     for (int k = 0; k < pitch; ++k) table[k] = 0;
     for (int row = 1; row <= STRIP; ++row) table[row * pitch + LEAD] = 0;
-    const ulong pixels = (ulong)frame_width * frame_height, small = pixels / (CHROMA * CHROMA);
     // Neighbours strip by strip: what a strip adds to, of all planes, then stays in the cache.
     for (int group = atomic_inc(next) * GROUP; group < n_elements; group = atomic_inc(next) * GROUP)
         for (int strip = 0; strip < strips.strips; ++strip)
             for (int element = group; element < min(group + GROUP, n_elements); ++element) {
                 const Placement placed = placements[element];
-                global const sample *frame = frames + placed.frame * (pixels + 2 * small);
-                const Macropixel macropixel = {frame, frame + pixels, frame + pixels + small,
-                                               frame_width, placed.x, placed.y};
+                const Macropixel macropixel = macropixel_at(rays, size, element, placed);
                 add_macropixel(&strips, &macropixel, strip, placed.column, placed.row, table);
             }
 }

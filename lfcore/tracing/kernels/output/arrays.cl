@@ -83,7 +83,7 @@ inline void write_radiance(const Packet *packet, int block, global const float *
     }
 }
 
-// Results of programs without frames.
+// Results.
 typedef struct {
     global int *triangle;  // (E, rows, columns)
     global float *depth;   // (E, rows, columns)
@@ -98,24 +98,6 @@ inline void write_arrays(const Packet *packet, int block, const Coverage *seen,
     if (to->depth) write_rays(packet, block, (global uint *)seen->z, (global uint *)to->depth);
     if (SINK == HITS)
         write_rays(packet, block, (global uint *)seen->ids, (global uint *)to->triangle);
-}
-
-// Put colours (3, BLOCK_RAYS) of a block of several elements into their cells, clamped.
-inline void spread_colours(const Packet *packet, int block, global const float *colours,
-                           global float *cells)
-{
-    const int2 first = packet->rays->block[block].at;
-    const int side = packet->rays->packet_side / BLOCK;
-    const int within = first.y / BLOCK * side + first.x / BLOCK;
-    const int corner = first.y % BLOCK * BLOCK + first.x % BLOCK;
-    for (int ray = 0; ray < BLOCK_RAYS; ray += 4) {
-        const int row = ray / BLOCK, column = ray % BLOCK;
-        const int element = row / INNER * OUTER + column / INNER;
-        const int at = corner + row % INNER * BLOCK + column % INNER;
-        global float *to = cells + (element * side * side + within) * COLOURS + at;
-        for (int channel = 0; channel < COLOURS; channel += BLOCK_RAYS)
-            vstore4(clamp(vload4(0, colours + channel + ray), 0.0f, BRIGHTEST), 0, to + channel);
-    }
 }
 
 // Follow the rays of a packet that is no bundle: the columns of one element are their numbers.

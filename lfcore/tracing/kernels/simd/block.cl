@@ -16,7 +16,6 @@
 #define OUTER_HALF (0.5f * (OUTER - 1))
 
 #define COLOURS (3 * BLOCK_RAYS)
-#define BRIGHTEST ((float)(1 << STOPS))  // colour that frames and planes store
 // Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
 inline Vec load3(global const float *from, int at)
 {

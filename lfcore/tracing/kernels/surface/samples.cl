@@ -55,7 +55,6 @@ inline SampleRow interpolate(global const PlaneEquations *p, Row at)
 
 // One block on its way from regions to colours.
 typedef struct {
-    int number;                     // in its packet
     Bundle bundle;
     Regions regions;
     global PlaneEquations *equations;  // of each region

@@ -2,14 +2,13 @@
 //
 // A packet is a square of neighbouring elements (pixels, lens samples, data cameras) times a square
 // of blocks of the inner grid.  Blocks of one element are sorted by element; a block that spans
-// several spans all of the packet.  Results leave the packet in cells: 16 x 16 inner rays of one
-// element, element after element.
+// several spans all of the packet.
 #pragma once
 #include "walk.cl"
 
-#define MOST_BLOCKS 16  // of a packet, and most of its cells
+#define MOST_BLOCKS 16  // of a packet
 
-// A block or cell in its packet: its (first) element's index in the group, first column and row.
+// A block in its packet: its (first) element's index in the group, first column and row.
 typedef struct { int element; int2 at; } BlockOffset;
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
@@ -23,8 +22,8 @@ typedef struct {
     float element_half_extent;      // of one element's part of a packet
     int group_side;                 // elements along a side of a packet
     int side, packet_side;          // blocks and rays along a side of one element's part
-    int blocks, cells;              // numbers of these in a packet
-    BlockOffset block[MOST_BLOCKS], cell[MOST_BLOCKS];
+    int blocks;                     // in a packet
+    BlockOffset block[MOST_BLOCKS];
     int packets_in_x, packets_per_group;  // of one group's inner grid
 } Rays;
 
@@ -47,7 +46,6 @@ inline Rays make_rays(global const float4 *centre_rays, global const int *member
               a->first_row, a->end_row, a->half_extent,
               0.5f * (size - INNER) + a->half_extent, a->group_side, a->side, size};
     r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
-    r.cells = make_offsets(all, size / BLOCK, BLOCK, r.cell);
     r.packets_in_x = (a->columns + size - 1) / size;
     r.packets_per_group = r.packets_in_x * ((a->end_row - a->first_row + size - 1) / size);
     return r;
@@ -71,23 +69,12 @@ inline int2 block_inside(const Packet *p, int block)
     return clamp(grid - block_position(p, block), 0, INNER);
 }
 
-inline int2 cell_position(const Packet *p, int cell) { return p->at + p->rays->cell[cell].at; }
-
 inline int has_block(const Packet *p, int block) { return p->blocks >> block & 1; }
 
 // The element of part `part` of a block's OUTER x OUTER, or -1.
 inline int block_element(const Packet *p, int block, int part)
 {
     return p->members[OUTER > 1 ? part : p->rays->block[block].element];
-}
-
-// The element of a cell, or -1 if it has no rays or none that are wanted.
-inline int cell_element(const Packet *p, int cell)
-{
-    const BlockOffset offset = p->rays->cell[cell];
-    const int2 first = offset.at / INNER;
-    const int block = OUTER > 1 ? first.y * p->rays->side + first.x : cell;
-    return has_block(p, block) ? p->members[offset.element] : -1;
 }
 
 // The centre ray that a block's offsets are relative to.
@@ -120,13 +107,12 @@ inline int first_element(const Packet *p)
     return -1;
 }
 
-// A strip is `height` packets below each other; this is packet `step` of one.
-inline Packet make_packet(const Rays *rays, int strip, int height, int step)
+inline Packet make_packet(const Rays *rays, int packet)
 {
-    const int number = strip % rays->packets_per_group;
+    const int number = packet % rays->packets_per_group;
     Packet p;
     p.rays = rays;
-    p.group = strip / rays->packets_per_group * height + step;
+    p.group = packet / rays->packets_per_group;
     p.members = rays->members + p.group * rays->group_side * rays->group_side;
     p.at = (int2)(number % rays->packets_in_x, number / rays->packets_in_x) * rays->packet_side;
     p.at.y += rays->first_row;

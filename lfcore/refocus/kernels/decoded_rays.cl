@@ -1,0 +1,78 @@
+// Rays of a macropixel from decoded frames.  BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0).
+#pragma once
+#include "light.cl"
+
+#define WIDE_SUMS PQ  // of a strip exceed 32 bits
+typedef sample stored;
+
+typedef struct {
+    global const sample *first, *second, *third;  // planes of the frame
+    int width;                                    // of a row of `first`
+    int x0, y0;                                   // corner of the macropixel
+} Macropixel;
+
+inline Macropixel macropixel_at(global const sample *frames, int2 size, int element, Placement placed)
+{
+    const ulong pixels = (ulong)size.x * size.y, small = pixels / (CHROMA * CHROMA);
+    global const sample *frame = frames + placed.frame * (pixels + 2 * small);
+    return (Macropixel){frame, frame + pixels, frame + pixels + small, size.x, placed.x, placed.y};
+}
+
+#if LANES == 1
+typedef sample samples;
+#define DIFFERS(x) ((x) != 0)
+#define TO_LIGHT(x) (convert_float(x) * SCALE)
+#else
+typedef SAMPLES(16) samples;
+#define DIFFERS(x) any((x) != (sample)0)
+#define TO_LIGHT(x) (convert_float16(x) * SCALE)
+#endif
+
+// What a run of LANES columns holds while it is walked down a strip.
+typedef struct {
+    samples first, second, third;  // of the row before
+    vu r, g, b;                    // their fixed-point light
+} Row;
+
+// LANES samples of a row, all of them within the frame; of subsampled planes each twice.
+inline samples load_samples(global const sample *at, int twice)
+{
+#if LANES == 1
+    return *at;
+#else
+#if CHROMA == 2
+    if (twice) return vload8(0, at).s0011223344556677;
+#endif
+    return vload16(0, at);
+#endif
+}
+
+// Where a row of a macropixel ends: the last sample again.
+inline samples load_tail(global const sample *at, int step, int count)
+{
+    private sample row[LANES];
+    for (int k = 0; k < LANES; ++k) row[k] = at[min(k, count - 1) / step];
+    return VLOAD(row);
+}
+
+// The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of smooth
+// pictures are the same for many columns; decoding is what costs, so it is done where something changed.
+inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
+{
+    const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
+    const ulong small = (ulong)((m->y0 + y) / CHROMA) * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
+    samples first, second, third;
+    if (count >= LANES) {
+        first = load_samples(m->first + full, 0);
+        second = load_samples(m->second + small, 1);
+        third = load_samples(m->third + small, 1);
+    } else {
+        first = load_tail(m->first + full, 1, count);
+        second = load_tail(m->second + small, CHROMA, count);
+        third = load_tail(m->third + small, CHROMA, count);
+    }
+    if (!begins && !DIFFERS((first ^ row->first) | (second ^ row->second) | (third ^ row->third))) return;
+    row->first = first, row->second = second, row->third = third;
+    TO_RGB(vf, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
+    row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);
+}

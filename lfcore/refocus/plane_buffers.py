@@ -1,0 +1,85 @@
+"""Sensor planes on the device while kernels add to them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lfcore.errors import DeviceError
+from lfcore.opencl.device import Device
+from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus.plane_tables import PLANE_ARGUMENTS, PlaneTables
+from lfcore.tracing.layouts import record
+
+MEMORY_SHARE = 4
+"""Sums of one kind take at most one part in this many of a device's memory."""
+
+
+def workers_that_fit(device: Device, each: int) -> int:
+    """How many of a device's workers its memory holds buffers of ``each`` bytes for."""
+    limits = device.device
+    room = min(limits.max_mem_alloc_size, limits.global_mem_size // MEMORY_SHARE)
+    if each > room:
+        raise DeviceError(
+            f"sums of planes take {each / 2**30:.1f} GiB, and {device.name} has room for "
+            f"{room / 2**30:.1f}",
+            remedy="Ask for fewer planes at a time, or for fewer pixels",
+        )
+    return min(device.threads, room // max(each, 1))
+
+
+class PlaneBuffers:
+    """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
+
+    Every worker adds to sums of its own, 64-bit integers, so that no two ever meet and the
+    result does not depend on who added what.
+
+    Attributes
+    ----------
+    one : radiance 1 in sums.
+    workers : how many may add; fewer than the device's threads where its memory holds no more sums.
+
+    Raises
+    ------
+    DeviceError : the sums of one worker are too large for the device.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        slab: Slab,
+        planes: list[SensorPlane],
+        tables: PlaneTables,
+        one: float = FIXED_ONE,
+    ):
+        self.device, self.slab, self.planes, self.one = device, slab, planes, one
+        self.tables = t = tables
+        self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)
+        self._shape = (self.workers, len(planes), t.height, t.width, 4)
+        self._sums = device.zeros(8 * math.prod(self._shape))
+        self._tables = [device.buffer(a) for a in t.arrays]
+
+    def arguments(self) -> list:
+        """PLANE_ARGUMENTS, tables and sums: the last arguments of the kernels that form planes."""
+        t, slab = self.tables, self.slab
+        column, row, columns, rows = slab.held.pixels
+        numbers = record(
+            PLANE_ARGUMENTS, left=t.left, top=t.top, width=t.width, height=t.height,
+            size=slab.pixels, column=column, row=row, columns=columns, rows=rows,
+            strips=t.strips, views=slab.views, planes=len(self.planes),
+        )  # fmt: skip
+        return [numbers, *self._tables, self._sums]
+
+    def collect(self) -> PlaneSums:
+        """Read back what was added so far."""
+        t = self.tables
+        sums = np.empty((len(self.planes), 3, t.height, t.width), np.uint64)
+        if sums.size:
+            with self.device.mapped(self._sums, self._shape, np.uint64) as workers:
+                for number, plane in enumerate(t.order):
+                    of_plane = np.moveaxis(workers[:, number, ..., :3], -1, 1)
+                    np.add.reduce(of_plane, axis=0, out=sums[plane])
+        return PlaneSums(self.slab, self.planes, sums, t.left, t.top, self.one)

@@ -1,0 +1,116 @@
+"""Slicing: sensor planes from traced light (Algorithm 1) or from decoded frames (Algorithm 4).
+
+Source: the thesis, section 6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.optics.plane_sums import PlaneSums, one_of_sums
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.refocus import strip_tables
+from lfcore.refocus.plane_buffers import PlaneBuffers
+from lfcore.refocus.plane_tables import PLANE, PLANE_ARGUMENTS, PlaneTables, view_tables
+from lfcore.storage import frame_memory
+from lfcore.storage.layout import Tile
+from lfcore.tracing.header import header
+
+RECORDS = {
+    **frame_memory.RECORDS, **strip_tables.RECORDS, "SensorPlane": PLANE,
+    "SensorPlaneArguments": PLANE_ARGUMENTS,
+}  # fmt: skip
+"""The structs of the kernels that form planes."""
+
+
+class PlaneFormer:
+    """Forms sensor planes of the rays of one tile, from decoded frames or from traced light.
+
+    Parameters
+    ----------
+    stops : of traced light, the stops above white of the brightest ray; None for frames.
+    """
+
+    def __init__(
+        self,
+        slab: Slab,
+        tile: Tile,
+        planes: Sequence[SensorPlane],
+        device: Device | None = None,
+        *,
+        stops: int | None = None,
+    ):
+        for plane in planes:
+            plane.check(slab)
+        self.tile, self.device, self._traced = tile, device or open_device(), stops is not None
+        layout, views = tile.layout, tile.layout.kind == "views"
+        defines: dict[str, int] = layout.defines | {"OUTER": 1, "TRACED": 0}
+        if stops is not None:
+            defines = {"OUTER": 1, "TRACED": 1, "STOPS": stops, "BITS": 0}
+        if not views:
+            # Rows of samples are a byte each: sixteen cost less than the eight floats of a register
+            # even where they take two.
+            lanes = 16 if self.device.lanes > 1 else 1
+            defines |= {"STRIP": strip_tables.STRIP, "LANES": lanes}
+        file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
+        program = build_program(self.device, [file], defines, header(**RECORDS))
+        self._kernel = cl.Kernel(program, "form_planes")
+        planes, wide = list(planes), layout.peak is not None if stops is None else stops > 0
+        tables: PlaneTables
+        if views:
+            tables, self._words = view_tables(slab, planes), 3 * 256
+        else:
+            corners = frame_memory.tile_corners(tile, slab)
+            tables = strip_tables.strip_tables(slab, planes, *corners)
+            self._words = strip_tables.table_words(slab.views) * (2 if wide else 1)
+        one = layout.one if stops is None else one_of_sums(stops)
+        self._sums = PlaneBuffers(self.device, slab, planes, tables, one)
+        self._scratch = self.device.empty(4 * self._words * self._sums.workers)
+        self._placements = frame_memory.placements_of(tile, slab)
+        if views and stops is None:
+            left, top = layout.corner(slab)
+            self._placements["x"] += left
+            self._placements["y"] += top
+        self._inner = () if views else (np.int32(slab.views),)
+
+    def add(self, frames: np.ndarray, first: int) -> None:
+        """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
+        ``first``; returns when the device has done with them."""
+        layout = self.tile.layout
+        start, stop = np.searchsorted(self._placements["frame"], [first, first + len(frames)])
+        if start == stop:
+            return
+        placements = self._placements[start:stop].copy()
+        placements["frame"] -= first
+        self._run(frames, (layout.frame_width, layout.frame_height), placements)
+
+    def add_light(self, light: np.ndarray, first: int) -> None:
+        """Add consecutive elements of the tile, the first being number ``first``.
+
+        ``light`` is (E, rows, columns, 3) float32, linear.  Of macropixels it may be the middle of
+        the lens, without as many whole chunks of lens samples on each side.
+        """
+        rows, columns = light.shape[1:3]
+        size = columns, rows
+        if self.tile.layout.kind == "macropixels":
+            size = (self.tile.layout.views - rows) // 2, rows
+        self._run(light, size, self._placements[first : first + len(light)])
+
+    def _run(self, rays: np.ndarray, size: tuple[int, int], placements: np.ndarray) -> None:
+        device = self.device
+        self._kernel(
+            device.queue, (self._sums.workers,), (1,), device.shown(np.ascontiguousarray(rays)),
+            cl.cltypes.make_int2(*size),
+            device.buffer(placements), np.int32(len(placements)), *self._inner,
+            device.buffer(np.zeros(1, np.int32)), self._scratch, np.int32(self._words),
+            *self._sums.arguments(),
+        )  # fmt: skip
+        device.queue.finish()
+
+    def plane_sums(self) -> PlaneSums:
+        """What was added so far."""
+        return self._sums.collect()

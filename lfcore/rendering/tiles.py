@@ -1,0 +1,193 @@
+"""Tiles of a slab: traced chunk by chunk into arrays, which become sensor planes (Algorithm 1) and
+encoder-ready frames (Algorithm 3)."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lfcore.opencl.device import page_aligned
+from lfcore.optics import bundles as rays
+from lfcore.optics.plane_sums import PlaneSums
+from lfcore.optics.planes import SensorPlane
+from lfcore.optics.slab import Slab
+from lfcore.progress import Progress
+from lfcore.refocus.plane_former import PlaneFormer
+from lfcore.refocus.strip_tables import CHUNK
+from lfcore.storage.frame_memory import FrameWriter, grid_corner
+from lfcore.storage.layout import Tile
+from lfcore.timing import Stopwatch
+from lfcore.tracing.arrays import fill_arrays
+from lfcore.tracing.packets import ranks
+from lfcore.tracing.plan import probe
+from lfcore.tracing.tracer import Tracer
+
+CHUNK_RAYS = 1 << 21
+"""Rays that are traced at a time: their light, 12 bytes each, stays in a cache of 32 MiB."""
+MOST_GROWTH = 8
+"""Times CHUNK_RAYS that a chunk may have so as to part no group of elements that share a packet:
+parted groups are traced twice."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive frames of a tile.
+
+    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is asked for; ``first`` is the
+    number of its first frame within the tile.
+    """
+
+    frames: np.ndarray
+    first: int
+
+
+@dataclass
+class TileTracing:
+    """One tile being traced; iterate over its :class:`Chunk`s, then read ``plane_sums``.
+
+    ``seconds`` counts wall time of tracing, planes and frames, device queue finished, without
+    program build and without what the consumer does between chunks.
+    """
+
+    chunks: Iterator[Chunk]
+    plane_sums: PlaneSums | None = None
+    seconds: float = 0.0
+    rays: int = 0
+
+    def __iter__(self) -> Iterator[Chunk]:
+        return self.chunks
+
+    def finished(self) -> TileTracing:
+        """This tracing at its end; for a tile without frames, which has no chunks."""
+        deque(self, maxlen=0)
+        return self
+
+
+def trace_tile(
+    tracer: Tracer,
+    slab: Slab,
+    tile: Tile,
+    planes: Sequence[SensorPlane] = (),
+    *,
+    frames: bool = True,
+    progress: Progress | None = None,
+) -> TileTracing:
+    """Trace one tile of a slab (Algorithms 1 and 3).
+
+    Parameters
+    ----------
+    slab : the rays.
+    tile : which elements, in which frames.
+    planes : sensor planes to form meanwhile; their partial sums are in ``plane_sums``.
+    frames : whether encoder-ready frames are wanted.
+    progress : called with (elements done, elements of the tile).
+    """
+    for plane in planes:
+        plane.check(slab)
+    tracing = TileTracing(iter(()), rays=tile.rays)
+    tracing.chunks = _trace(tracing, tracer, slab, tile, planes, frames, progress)
+    return tracing
+
+
+def _trace(
+    tracing: TileTracing,
+    tracer: Tracer,
+    slab: Slab,
+    tile: Tile,
+    planes: Sequence[SensorPlane],
+    frames: bool,
+    progress: Progress | None,
+) -> Iterator[Chunk]:
+    device, layout = tracer.device, tile.layout
+    macro = layout.kind == "macropixels"
+    elements = tile.elements()
+    places = elements + grid_corner(tile, slab)
+    frame_of = tile.placement(elements)[:, 0]
+    job = tracer.job("IMAGE", probe(slab, macro), grouped=macro)
+    columns, rows = layout.inner
+    if macro and not frames and planes:
+        columns = rows = slab.views - 2 * closed_margin(slab, planes)
+    cuts = chunk_cuts(
+        places, frame_of if frames else None, math.prod(layout.inner), job.shape.group_side
+    )
+    room = page_aligned((int(np.diff(cuts).max()), rows, columns, 3))
+    former = PlaneFormer(slab, tile, planes, device, stops=tracer.needs.stops) if planes else None
+    writer = None
+    if frames:
+        writer = FrameWriter(device, tile, max(np.ptp(frame_of[a:b]) + 1 for a, b in _parts(cuts)))
+    watch = Stopwatch()
+    for start, stop in _parts(cuts):
+        with watch.part("trace"):
+            part, light = places[start:stop], room[: stop - start]
+            made = rays.macropixels(slab, part) if macro else rays.views(slab, part)
+            made = replace(made, columns=columns, rows=rows)
+            fill_arrays(job, [made], part if macro else None, {"radiance": light}, depth=None)
+            if former:
+                former.add_light(light, start)
+            if writer:
+                count = int(frame_of[stop - 1] - frame_of[start]) + 1
+                # The first chunk's memory is black already.
+                if start and stop - start < count * layout.elements_per_frame:
+                    writer.colours.blank(count)
+                writer.write(elements[start:stop], light)
+        tracing.seconds = watch.seconds["trace"]
+        if progress:
+            progress(int(stop), len(elements))
+        if writer:
+            yield Chunk(writer.read()[0], int(frame_of[start]))
+    tracing.plane_sums = former.plane_sums() if former else PlaneSums.zeros(slab, [])
+
+
+def _parts(cuts: np.ndarray) -> list[tuple[int, int]]:
+    return list(itertools.pairwise(cuts.tolist()))
+
+
+def closed_margin(slab: Slab, planes: Sequence[SensorPlane]) -> int:
+    """Columns and rows of lens samples along each edge that no aperture lets pass.
+
+    Whole chunks of columns, so that the rest is traced to the same bits.
+    """
+    opened = np.logical_or.reduce([plane.mask(slab) for plane in planes])
+    if not opened.any():
+        return 0
+    places = np.argwhere(opened)
+    margin = min(int(places.min()), slab.views - 1 - int(places.max()))
+    return margin // CHUNK * CHUNK
+
+
+def chunk_cuts(
+    places: np.ndarray, frame_of: np.ndarray | None, rays_each: int, group_side: int
+) -> np.ndarray:
+    """Where chunks of about CHUNK_RAYS begin and end among elements at ``places`` (E, 2).
+
+    Chunks have whole frames, of ``frame_of`` (E,), if any are wanted.  Groups of ``group_side``²
+    elements, which share a packet, are not parted unless chunks would be MOST_GROWTH as large.
+    """
+    total = len(places)
+    ends = np.arange(total + 1)
+    if frame_of is not None:
+        ends = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
+    whole = ends[_parts_no_group(places, group_side)[ends]]
+    if np.diff(whole).max() * rays_each <= MOST_GROWTH * CHUNK_RAYS:
+        ends = whole
+    cuts, most = [0], max(1, CHUNK_RAYS // rays_each)
+    while cuts[-1] < total:
+        last = int(np.searchsorted(ends, cuts[-1] + most, "right")) - 1
+        after = int(np.searchsorted(ends, cuts[-1], "right"))
+        cuts.append(int(ends[max(last, after)]))
+    return np.array(cuts)
+
+
+def _parts_no_group(places: np.ndarray, group_side: int) -> np.ndarray:
+    """(E + 1,) bool: whether a cut before element e leaves every group whole."""
+    groups = places // group_side
+    group = ranks(groups[:, 1].astype(np.int64) << 32 | groups[:, 0])[1]
+    last = np.zeros(group.max() + 1, np.int64)
+    np.maximum.at(last, group, np.arange(len(group)))
+    open_until = np.maximum.accumulate(last[group])
+    return np.append(True, open_until == np.arange(len(group)))

@@ -1,0 +1,165 @@
+"""Frames that a device writes: where a tile's elements are in them, their memory, and the kernel
+that makes them of traced light."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfcore.opencl.device import PAGE, Device, build_program, cl, page_aligned
+from lfcore.optics.slab import Slab
+from lfcore.storage.layout import FrameLayout, Tile
+from lfcore.tracing.header import header
+from lfcore.tracing.layouts import BLOCK, INT, record
+
+if TYPE_CHECKING:
+    from lfcore.storage.depth_stream import DepthCodes
+
+PLACEMENT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
+"""Where an element is in frames, and its column and row on the outer grid."""
+FRAME_ARGUMENTS = np.dtype([
+    ("width", INT),
+    ("height", INT),
+    ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
+    ("rgb", INT),
+])  # fmt: skip
+RECORDS = {"Placement": PLACEMENT, "FrameArguments": FRAME_ARGUMENTS}
+"""The structs of kernels that read or write frames."""
+
+
+def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
+    """(2,) int32: what a tile's columns and rows count from, on the slab's square grids.
+
+    Tiles of views count from the first lens sample, and tiles of pixels from the first that is
+    there.
+    """
+    corner = slab.held.pixels[:2] if tile.layout.kind == "macropixels" else (0, 0)
+    return np.array(corner, np.int32)
+
+
+def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
+    """The elements [u0, u1) x [v0, v1) of a tile on the slab's square grid: u0, v0, u1, v1."""
+    left, top = (grid_corner(tile, slab) + [tile.column, tile.row]).tolist()
+    return left, top, left + tile.columns, top + tile.rows
+
+
+def placements_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
+    """(E,) PLACEMENT of a tile's elements, frame after frame; without ``frames`` only columns and
+    rows on the slab's square grid."""
+    elements = tile.elements()
+    placed = np.zeros(len(elements), PLACEMENT)
+    if frames:
+        placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
+    placed["column"], placed["row"] = (elements + grid_corner(tile, slab)).T
+    return placed
+
+
+class FrameMemory:
+    """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
+
+    def __init__(self, device: Device, layout: FrameLayout, frames: int):
+        self.device, self.layout = device, layout
+        size = max(frames * layout.frame_bytes, PAGE)
+        self.memory = page_aligned((-(-size // 64) * 64,), np.uint8)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+        self.buffer = cl.Buffer(device.context, flags, hostbuf=self.memory)
+        if frames:
+            self.blank(frames)
+
+    def blank(self, count: int) -> None:
+        """Make padding and empty slots of the first frames black, whatever memory held."""
+        layout = self.layout
+        with self.frames(count, write=True) as codes:
+            channels = layout.format.views(codes[:1], layout.frame_width, layout.frame_height)
+            for channel, code in zip(channels, layout.format.black, strict=True):
+                channel[...] = code
+            codes[1:] = codes[0]
+
+    def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
+        """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""
+        shape = count, self.layout.frame_bytes
+        return self.device.mapped(self.buffer, shape, np.uint8, write=write)
+
+    def held(self, count: int) -> np.ndarray:
+        """The same, which is valid until kernels write again."""
+        with self.frames(count):  # to map it is enough
+            return self.memory[: count * self.layout.frame_bytes].reshape(count, -1)
+
+    @property
+    def arguments(self) -> np.ndarray:
+        """Size and format of the frames, for kernels."""
+        layout = self.layout
+        return record(
+            FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
+            subsampling=layout.format.subsampling, rgb=layout.format.rgb,
+        )  # fmt: skip
+
+
+class FrameWriter:
+    """Memory of some frames of a tile, in which a kernel writes the light of traced rays and, with
+    ``codes``, their depth; what no element covers is black.
+
+    Attributes
+    ----------
+    colours, depths : the memory of both; ``depths`` is None without ``codes``.
+    count : frames that were written last.
+    """
+
+    def __init__(self, device: Device, tile: Tile, frames: int, codes: DepthCodes | None = None):
+        layout, self._device, self._codes = tile.layout, device, codes
+        self._tiles = [tile]
+        defines: dict[str, object] = {"OUTER": 1, "BITS": layout.format.bits}
+        defines |= {"PEAK": layout.peak or 0, "DEPTH": int(codes is not None)}
+        if codes:
+            grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
+            self._tiles.append(replace(tile, layout=grey))
+            defines["CODE"] = "uchar" if codes.format.bits == 8 else "ushort"
+            defines["LAST_CODE"] = codes.last
+        memory = [FrameMemory(device, each.layout, frames) for each in self._tiles]
+        self.colours, self.depths = memory[0], memory[1] if codes else None
+        self._memory, self.count = memory, 0
+        files = ["storage/kernels/encode.cl"]
+        self._kernel = cl.Kernel(
+            build_program(device, files, defines, header(**RECORDS)), "encode_rows"
+        )
+
+    def write(
+        self,
+        elements: np.ndarray,
+        light: np.ndarray,
+        depth: np.ndarray | None = None,
+        *,
+        first_row: int = 0,
+    ) -> None:
+        """Write rows of ``elements`` (E, 2), whose first frame becomes the memory's first.
+
+        ``light`` (E, rows, columns, 3) is linear, ``depth`` (E, rows, columns) in metres; float32.
+        """
+        device, codes, (count, rows, columns) = self._device, self._codes, light.shape[:3]
+        strips, targets = -(-rows // BLOCK), list[Any]()
+        for tile, memory in zip(self._tiles, self._memory, strict=True):
+            placed = np.zeros(count, PLACEMENT)
+            placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
+            placed["frame"] -= placed["frame"].min()
+            targets += [memory.arguments, device.buffer(placed), memory.buffer]
+        scratch = device.empty(12 * BLOCK**2 * strips * count)
+        targets.insert(3, scratch)
+        if codes:
+            steps = codes.last / (codes.near - codes.far)
+            assert depth is not None  # with codes there is depth
+            targets.insert(4, device.shown(np.ascontiguousarray(depth)))
+            targets += [np.float32(codes.far), np.float32(steps)]
+        self._kernel(
+            device.queue, (strips, count), (1, 1), device.shown(np.ascontiguousarray(light)),
+            *map(np.int32, (columns, rows, first_row)), *targets,
+        )  # fmt: skip
+        device.queue.finish()
+        self.count = int(placed["frame"].max()) + 1
+
+    def read(self) -> list[np.ndarray]:
+        """The frames that were written last, of colours and of depths: (F, frame_bytes) uint8 each,
+        valid until the next are written."""
+        return [memory.held(self.count) for memory in self._memory]
