@@ -16,10 +16,12 @@ import jinja2
 import pandas as pd
 
 from lfcore.errors import printable
-from lfcore.evaluation.table_files import readable, write_markdown
+from lfcore.evaluation.table_files import UNKNOWN, readable, readable_name, write_markdown
 from lfcore.files import write_text
 
 HERE = Path(__file__).parent
+MOST_ROWS = 20
+"""The rows of a table that is not folded: the thesis's have 18."""
 
 
 @dataclass(frozen=True)
@@ -95,54 +97,63 @@ def write_markdown_tables(
     """
     tables = [(one, one.table) for one in sections if one.table is not None]
     for path, (section, table) in zip(paths, tables, strict=True):
-        caption = fill(section.caption, config)
-        write_markdown(path, pd.read_csv(table), title=section.title, caption=caption)
+        found = pd.read_csv(table)
+        caption = fill(section.caption, config, found)
+        write_markdown(path, found, title=section.title, caption=caption)
 
 
 def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict[str, Any]:
-    """A section for the template; columns are (name, classes of the cells)."""
-    shown: dict[str, Any] = {
+    """A section for the template; columns are (name, class of the cells)."""
+    table = pd.read_csv(section.table) if section.table else pd.DataFrame()
+    text, same = _varied(readable(table))
+    numbers = {readable_name(name) for name in table.select_dtypes("number")}
+    files = [section.table, section.table.with_suffix(".md")] if section.table else []
+    return {
         "name": section.name,
         "title": section.title,
         "figures": {label: _data_url(picture) for label, picture in section.figures.items()},
-        "caption": to_html(section.caption, config),
-    }
-    if section.table is None:
-        return shown | {"columns": [], "rows": [], "files": []}
-    table = pd.read_csv(section.table)
-    text, numbers = readable(table), map(pd.api.types.is_numeric_dtype, table.dtypes)
-    kinds = [
-        " ".join(["number"] * number + ["thesis"] * column.startswith("thesis"))
-        for column, number in zip(text.columns, numbers, strict=True)
-    ]
-    files = [f for f in (section.table, section.table.with_suffix(".md")) if f.parent == folder]
-    return shown | {
-        "columns": list(zip(text.columns, kinds, strict=True)),
+        "caption": to_html(section.caption, config, table),
+        "same": same,
+        "folded": len(text) > MOST_ROWS,
+        "columns": [
+            (name, "number" * (name.removesuffix(" (thesis)") in numbers)) for name in text.columns
+        ],
         "rows": text.to_numpy().tolist(),
-        "files": [file.name for file in files if file.exists()],
+        "files": [one.name for one in files if one.parent == folder and one.exists()],
     }
+
+
+def _varied(text: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The first column and those that differ between rows, and the values of the others."""
+    same = {
+        name: text[name].iloc[0]
+        for name in text.columns[1:]
+        if len(text) > 1 and text[name].nunique() == 1
+    }
+    known = {name: value for name, value in same.items() if value != UNKNOWN}
+    return text.drop(columns=list(same)), known
 
 
 def _data_url(picture: Path) -> str:
     return f"data:image/png;base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
 
 
-def fill(text: str, config: Mapping[str, object]) -> str:
-    """``text`` with its Jinja expressions filled in; they see ``snakemake.config``.
+def fill(text: str, config: Mapping[str, object], table: pd.DataFrame | None = None) -> str:
+    """``text`` with its Jinja expressions filled in; they see ``snakemake.config`` and ``table``.
 
     Raises :class:`jinja2.UndefinedError` for an unknown name.
     """
     template = jinja2.Template(text, undefined=jinja2.StrictUndefined)
-    return template.render(snakemake=SimpleNamespace(config=config))
+    return template.render(snakemake=SimpleNamespace(config=config), table=table)
 
 
-def to_html(text: str, config: Mapping[str, object]) -> str:
+def to_html(text: str, config: Mapping[str, object], table: pd.DataFrame | None = None) -> str:
     """HTML of a filled-in caption, without raw HTML or included files.
 
     Raises :class:`docutils.utils.SystemMessage` for reStructuredText with a mistake.
     """
     parts = docutils.core.publish_parts(
-        fill(text, config),
+        fill(text, config, table),
         writer="html5",
         settings_overrides={
             "report_level": 2,

@@ -12,6 +12,8 @@ from lfcore.files import read_json, write_json, write_text
 
 DIGITS = 5
 """The significant digits of published numbers."""
+UNKNOWN = "–"
+"""The text of a cell without a value."""
 
 
 class TableError(LfcoreError):
@@ -72,20 +74,39 @@ def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption
 
 
 def readable(table: pd.DataFrame) -> pd.DataFrame:
-    """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash."""
+    """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash, and the
+    thesis's values in brackets behind ours, next to the keys."""
     text = pd.DataFrame(index=table.index)
     for column in table.columns:
         in_bytes = "bytes" in column
-        name = column.replace("_bytes", "").replace("bytes_", "") if in_bytes else column
-        text[name.replace("_", " ")] = [
+        text[readable_name(column)] = [
             _cell(value, in_bytes=in_bytes) for value in table[column].tolist()
         ]
-    return text
+    both = [name for name in text if f"thesis {name}" in text]
+    if not both:
+        return text
+    keys = list(text.columns)[: text.columns.get_loc(both[0])]
+    renamed = {}
+    for name in both:
+        thesis = text.pop(f"thesis {name}")
+        if (thesis != UNKNOWN).any():
+            renamed[name] = f"{name} (thesis)"
+            text[name] = [
+                ours if value == UNKNOWN else f"{ours} ({value})"
+                for ours, value in zip(text[name], thesis, strict=True)
+            ]
+    others = [name for name in text if name not in (*keys, *both)]
+    return text[[*keys, *both, *others]].rename(columns=renamed)
+
+
+def readable_name(column: str) -> str:
+    """The name of a column for people."""
+    return column.replace("_bytes", "").replace("bytes_", "").replace("_", " ")
 
 
 def _cell(value: Any, *, in_bytes: bool) -> str:
     if value is None or value != value:
-        return "–"
+        return UNKNOWN
     if in_bytes:
         return human_bytes(float(value))
     if isinstance(value, float):

@@ -103,7 +103,15 @@ def test_each_row_stands_beside_the_thesis():
     assert retrieval.thesis_psnr_db.tolist() == [45.268]
     table = make_table("table_7_1", [quality("teapot", 16)])
     assert table.thesis_seconds.isna().all()
-    assert "–" in readable(table)["thesis seconds"].tolist()
+    assert list(readable(table))[:3] == ["scene", "N", "seconds"]
+
+
+def test_the_thesis_is_in_brackets_behind_ours_and_next_to_the_keys():
+    rows = [quality("bike", 16), quality("teapot", 16)]
+    text = readable(make_table("table_7_1", rows))
+    names = ["scene", "N", "seconds (thesis)", "psnr db (thesis)", "ssim (thesis)"]
+    assert list(text)[:5] == names and not any(name.startswith("thesis") for name in text)
+    assert text["seconds (thesis)"].tolist() == ["1.235 (175)", "1.235"]
 
 
 def test_sizes_in_both_conventions():
@@ -204,6 +212,21 @@ def test_curves_share_an_axis_with_the_thesis_if_m_is_its():
     quality, time = curves_over_n(of_scenes(512), (QUALITY[0], TIME)).axes
     assert set(shown(quality)) == {("a", "-"), ("b", "-"), ("_", "--")}
     assert shown(time)["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
+
+
+def test_a_page_folds_long_tables_and_says_once_what_is_the_same(tmp_path):
+    table = pd.DataFrame({"case": [f"c{k}" for k in range(21)], "device": ["a device"] * 21})
+    table["verdict"], table["value"] = ["pass"] * 20 + ["fail"], range(21)
+    for rows, folded in ((table, True), (table[1:], False)):
+        rows.to_csv(tmp_path / "t.csv", index=False)
+        caption = "{{ (table['verdict'] == 'pass').sum() }} of {{ table | length }} pass."
+        section = Section("t", "T", caption, table=tmp_path / "t.csv")
+        write_page(tmp_path / "index.html", [section], title="", introduction="", facts={},
+                   config={})  # fmt: skip
+        text = (tmp_path / "index.html").read_text()
+        assert ("<details><summary>Table of 21 rows" in text) == folded
+        assert text.count("a device") == 1 and f"{len(rows) - 1} of {len(rows)} pass." in text
+        assert text.index("pass.") < text.index("<table>")
 
 
 def test_page_is_whole_and_self_contained(tmp_path):

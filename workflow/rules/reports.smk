@@ -51,24 +51,25 @@ def curves(name):
     return unlabelled(f"{name}_curves") if "quality" in REPORTS else {}
 
 
-# The sections of results/tables/: title, whether there is a table, figures.
+# The sections of results/tables/: title, whether there is a table, figures. First the thesis's own, in
+# its order: figures 4.2 to 4.6 and 6.3, tables 7.1 to 7.3.
 SECTIONS = {
+    "focal_stack": ("Focal stack", False, by_scene),
+    "aperture_stack": ("Aperture stack", False, by_scene),
+    "other_renderers": ("Other ray tracers", True, unlabelled),
+    "plenoptic_photograph": ("Photographs of a plenoptic camera", False, unlabelled),
+    "sub_aperture_views": ("Sub-aperture views", False, by_scene),
     "table_7_1": ("Table 7.1: angular resolution", True, curves),
     "table_7_2": ("Table 7.2: encoding", True, curves),
     "table_7_3": ("Table 7.3: retrieval", True, curves),
-    "chosen_rays": ("Which rays should I choose?", True, panels()),
-    "focal_stack": ("Focal stack", False, by_scene),
-    "aperture_stack": ("Aperture stack", False, by_scene),
-    "sub_aperture_views": ("Sub-aperture views", False, by_scene),
     "recipes": ("The thesis's recipe and slicing by depth", False, by_scene),
-    "plenoptic_photograph": ("Photographs of a plenoptic camera", False, unlabelled),
-    "other_renderers": ("Other ray tracers", True, unlabelled),
+    "chosen_rays": ("Which rays should I choose?", True, panels()),
+    "work_precision": ("Error against run time", True, panels("on_the_fly", "stored")),
     "storage_layouts": ("Layouts of the stored light field", True, unlabelled),
     "rate_distortion": ("Rate against distortion", True, by_scene),
     "bd_rate": ("Bits at equal quality (BD-rate)", True, panels()),
     "equivalence": ("One picture made in four ways", True, by_scene),
     "retrieval": ("What it costs to read a stored light field", True, unlabelled),
-    "work_precision": ("Error against run time", True, panels("on_the_fly", "stored")),
     "stability": ("Stiff and extreme cases", True, panels("heat_map", "error_growth")),
     "left_out": ("Nothing a scene does not need", True, panels()),
     "camera_array": (ARRAY_TABLES["camera_array"], True, panels()),

@@ -83,12 +83,11 @@ def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
         rows = diagram.points[diagram.points.scene == scene]
         _panel(axis, rows, diagram.seconds, methods)
         axis.set_title(f"{scene}, {diagram.title}", fontsize=10)
-    for line in axes:
-        line[0].set_ylabel("PSNR of the worst plane (dB)")
+        axis.set_xlabel("core seconds", fontsize=8)
+        axis.set_ylabel("PSNR of the worst plane (dB)", fontsize=8)
     caption = (
-        f"core seconds for all planes ({machine})\n"
-        "Upper left is better. Grey band: Pareto front, with its settings. Dashed: slope of "
-        f"independent samples, {GUIDE_DB:g} dB per tenfold time.\n"
+        f"{machine}. Upper left is better. Grey band: Pareto front, with its settings.\n"
+        f"Dashed: slope of independent samples, {GUIDE_DB:g} dB per tenfold time. "
         "Dotted: the true picture judges what is below; hollow points are above."
     )
     figure.supxlabel(caption, fontsize=8)
@@ -117,7 +116,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> Non
         axis.axhline(known, color="0.4", linestyle=":", linewidth=1)
     axis.margins(x=0.1, y=0.12)
     _guide(axis, rows)
-    axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
+    axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 
 def _curve(axis: Axes, curve: pd.DataFrame, method: str, number: int, time: str) -> None:
