@@ -9,8 +9,20 @@ POINT, DIRECTIONAL = 0, 1
 class Dielectric:
     """What a glTF file says of glass and clear coats.  It is kept, and not drawn yet.
 
-    ``thickness`` and ``attenuation_distance`` are in the file's units; 0 is a thin wall, and light
-    that is not absorbed.  ``attenuation_colour`` is linear RGB.
+    Parameters
+    ----------
+    ior : float
+        Index of refraction.
+    transmission : float
+        Share of light that enters, 0 to 1.
+    thickness : float
+        Thickness of the volume below the surface in the file's units; 0 is a thin wall.
+    attenuation_distance : float
+        Distance in the file's units after which white light has ``attenuation_colour``; 0: never.
+    attenuation_colour : (float, float, float)
+        Linear RGB.
+    clearcoat, clearcoat_roughness : float
+        Strength and roughness of a clear coat, 0 to 1.
     """
 
     ior: float = 1.5
@@ -59,6 +71,8 @@ class Material:
     curved : bool
         Shadow rays start on the curved surface that the smooth normals describe, so that a coarse
         mesh casts no jagged shadows on itself.
+    dielectric : Dielectric, optional
+        What a file says of glass and clear coats.
     """
 
     name: str

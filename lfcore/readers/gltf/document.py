@@ -59,9 +59,9 @@ class Document:
 
     def check_version(self) -> None:
         asset = self.tree.get("asset", {})
-        version = str(asset.get("minVersion", asset.get("version")))
-        if version != "2.0" and not (version[:2] == "2." and "minVersion" not in asset):
-            problem = f"it is glTF {version}, not 2.0"
+        version, least = str(asset.get("version")), str(asset.get("minVersion", "2.0"))
+        if version[:2] != "2." or least != "2.0":
+            problem = f"it is glTF {version if least == '2.0' else least}, not 2.0"
             raise self.broken(problem, "Convert it, e.g. with 'gltf-pipeline', or export it again")
 
     def _chunks(self, raw: bytes) -> tuple[bytes, bytes | None]:

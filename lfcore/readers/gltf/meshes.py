@@ -106,8 +106,9 @@ class Meshes:
             self._drawn += len(here) * part.count
             if self._drawn > MOST_TRIANGLES:
                 raise self.document.broken(f"it has more than {MOST_TRIANGLES} triangles")
+            still = len(here) == 1 and np.array_equal(here[0], np.eye(4))
             if here:
-                parts.append(join([part.transformed(each) for each in here]))
+                parts.append(part if still else join([part.transformed(each) for each in here]))
         return parts
 
     def _part(

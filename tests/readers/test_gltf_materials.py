@@ -1,0 +1,74 @@
+"""glTF's materials: factors, defaults, texture sets, and what is kept for later."""
+
+import numpy as np
+import pytest
+from gltf_files import UVS, File
+
+from lfcore.readers.load import load_scene
+from lfcore.scene.appearance import Dielectric
+from lfcore.scene.files import read_scene, save_scene
+from lfcore.scene.needs import Needs
+
+
+@pytest.fixture
+def scene_of(tmp_path):
+    """A function: the scene of a square with a material; ``attributes`` are a texture's name."""
+
+    def read(material, file=None, names=(), **attributes):
+        file = file or File()
+        file.use(*names)
+        file.node(file.primitive(material, **attributes))
+        return load_scene(file.write(tmp_path), bare=True)
+
+    return read
+
+
+def test_factors_are_what_the_file_says_and_defaults_the_specification_s(scene_of):
+    given = {"baseColorFactor": [0.003, 0.5, 1 / 3, 1], "roughnessFactor": 0.123}
+    material = scene_of({"pbrMetallicRoughness": given, "emissiveFactor": [0.0007, 0, 0]})
+    (material,) = material.materials
+    assert material.diffuse == (0.003, 0.5, 1 / 3) and material.emission == (0.0007, 0, 0)
+    assert (material.metallic, material.roughness) == (1, 0.123)
+    for nothing in (None, {}):
+        (material,) = scene_of(nothing).materials
+        assert material.diffuse == (1, 1, 1)
+        assert (material.metallic, material.roughness) == (1, 1)
+
+
+@pytest.mark.parametrize("texture_set", [0, 1, 2])
+def test_textures_have_the_coordinates_that_they_name(scene_of, texture_set):
+    file = File()
+    texture = file.texture() | {"texCoord": texture_set}
+    sets = {f"TEXCOORD_{number}": UVS + np.float32(number) for number in (1, 2)}
+    scene = scene_of({"pbrMetallicRoughness": {"baseColorTexture": texture}}, file, **sets)
+    if texture_set:
+        assert len(scene.textures) == 1 and scene.uvs[..., 0].min() == texture_set
+    else:
+        assert not scene.textures and "has no coordinates for them" in scene.summary()
+
+
+@pytest.mark.parametrize("unlit", [True, False])
+def test_a_picture_that_is_base_and_emission_is_drawn_as_both(scene_of, unlit):
+    file = File()
+    texture = file.texture()
+    base = {"baseColorTexture": texture, "metallicFactor": 0}
+    glow = {"emissiveTexture": texture, "emissiveFactor": [1, 1, 1]}
+    more = {"extensions": {"KHR_materials_unlit": {}}} if unlit else glow
+    scene = scene_of({"pbrMetallicRoughness": base, **more}, file, TEXCOORD_0=UVS)
+    (material,) = scene.materials
+    assert material.texture == material.emission_texture == 0
+    assert Needs.of(scene).physical, "kernels that read the texture of emission"
+
+
+def test_glass_and_coats_are_kept_and_noted(scene_of, tmp_path):
+    given = {
+        "KHR_materials_ior": {"ior": 1.25}, "KHR_materials_transmission": {"transmissionFactor": 1},
+        "KHR_materials_volume": {"thicknessFactor": 2, "attenuationColor": [1, 0.5, 0.25]},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5},
+    }  # fmt: skip
+    scene = scene_of({"extensions": given}, names=given)
+    expected = Dielectric(1.25, 1, 2, attenuation_colour=(1, 0.5, 0.25), clearcoat=0.5)
+    assert scene.materials[0].dielectric == expected
+    assert all(name in scene.summary() for name in given)
+    save_scene(tmp_path / "scene.npz", scene)
+    assert read_scene(tmp_path / "scene.npz").materials == scene.materials
