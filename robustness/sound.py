@@ -21,8 +21,8 @@ def check_scene(scene: Scene) -> None:
     lengths = np.linalg.norm(scene.normals.astype(np.float64), axis=-1)
     _must(bool((abs(lengths - 1) < 1e-3).all()), "normals are not unit vectors")
     ids = scene.material_ids
-    _must(bool(((ids >= 0) & (ids < len(scene.materials))).all()), "material ids out of range")
-    for material in scene.materials:
+    _must(bool(((ids >= 0) & (ids < len(scene.every_material))).all()), "material ids out of range")
+    for material in scene.every_material:
         values = (*material.diffuse, *material.specular, *material.emission, material.shininess)
         _must(all(_storable(value) and value >= 0 for value in values), f"material {values}")
         _must(-1 <= material.texture < len(scene.textures), f"texture {material.texture}")

@@ -30,7 +30,7 @@ _here: dict[str, Any] = {}
 
 def matt(scene: Scene) -> Scene:
     """The scene without highlights and metal."""
-    plain = [replace(m, specular=(0.0, 0.0, 0.0), metallic=-1.0) for m in scene.materials]
+    plain = [replace(m, specular=(0.0, 0.0, 0.0), metallic=-1.0) for m in scene.every_material]
     return replace(scene, materials=plain)
 
 
@@ -100,7 +100,7 @@ def _mesh(bpy, blender, scene: Scene, lights: bool) -> None:
     mesh.polygons.foreach_set("material_index", scene.material_ids.astype(np.int32))
     if len(scene.uvs):
         mesh.uv_layers.new(name="uv").data.foreach_set("uv", scene.uvs.ravel())
-    for index in range(len(scene.materials)):
+    for index in range(len(scene.every_material)):
         mesh.materials.append(_material(bpy, scene, index, lights))
     mesh.update()
     if len(scene.normals):
@@ -111,7 +111,7 @@ def _mesh(bpy, blender, scene: Scene, lights: bool) -> None:
 def _material(bpy, scene: Scene, index: int, lights: bool):
     """Diffuse, plus emission of ambient light times the same colour, for the camera's rays alone,
     and of its own, which ``lights`` other surfaces or not."""
-    ours = scene.materials[index]
+    ours = scene.every_material[index]
     material = bpy.data.materials.new(f"material {index}")
     material.use_nodes = True
     nodes, link = material.node_tree.nodes, material.node_tree.links.new

@@ -36,9 +36,9 @@ def check_plain(scene: Scene, *, may_bounce: bool = False) -> None:
     maps = ("metal_texture", "normal_texture", "emission_texture")
     left_out = {
         "colours at corners": len(scene.colours) > 0,
-        "cut-outs": any(scene.is_cut_out(m) for m in scene.materials),
+        "cut-outs": any(scene.is_cut_out(m) for m in scene.every_material),
         "maps of metal, normals or emission": any(
-            getattr(m, name) >= 0 for m in scene.materials for name in maps
+            getattr(m, name) >= 0 for m in scene.every_material for name in maps
         ),
         "area lights and spots": any(x.is_of_emitter or x.is_spot for x in scene.lights),
         "a sky or bounces": not may_bounce and (len(scene.sky) > 0 or scene.bake is not None),
@@ -77,17 +77,19 @@ def _integrator(scene: Scene):
         places.append((sum(len(t) for t in texels) // 3, texture.shape[1], texture.shape[0]))
         texels.append(srgb_decode(texture[..., :3] / 255.0).astype(np.float32).ravel())
     atlas = mi.Float(np.concatenate(texels))
-    used = [places[material.texture + 1] for material in scene.materials]
+    used = [places[material.texture + 1] for material in scene.every_material]
     place = [mi.UInt32(np.array(column, np.uint32)) for column in zip(*used, strict=True)]
-    textured = mi.Bool([material.texture >= 0 for material in scene.materials])
+    textured = mi.Bool([material.texture >= 0 for material in scene.every_material])
     material_ids = mi.UInt32(scene.material_ids.astype(np.uint32))
 
     def table(name: str):
-        return mi.Float(np.array([getattr(m, name) for m in scene.materials], np.float32).ravel())
+        return mi.Float(
+            np.array([getattr(m, name) for m in scene.every_material], np.float32).ravel()
+        )
 
     diffuse, specular, emission = map(table, ("diffuse", "specular", "emission"))
     shininess, metallic, rough = map(table, ("shininess", "metallic", "roughness"))
-    has_metal = any(material.is_metallic for material in scene.materials)
+    has_metal = any(material.is_metallic for material in scene.every_material)
 
     def texture_colour(material, uv, active):
         """Bilinear, wrapping; v runs up from the bottom."""

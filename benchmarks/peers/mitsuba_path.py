@@ -37,7 +37,7 @@ class _Lit(Description):
         self._glows = False
 
     def _glow(self, index: int) -> dict | None:
-        emission = self._scene.materials[index].emission
+        emission = self._scene.every_material[index].emission
         return {"type": "rgb", "value": list(emission)} if any(emission) else None
 
     def sky(self) -> dict:
@@ -66,7 +66,7 @@ def panorama(sky: np.ndarray, axes: np.ndarray) -> np.ndarray:
 
 def _with_backs(scene: Scene) -> Scene:
     """With a second sheet, turned around, behind triangles that emit: Mitsuba's emit in front."""
-    emits = np.array([any(material.emission) for material in scene.materials])
+    emits = np.array([any(material.emission) for material in scene.every_material])
     which = np.flatnonzero(emits[scene.material_ids])
     p, q, r = scene.triangles[which].swapaxes(0, 1).astype(np.float64)
     out = np.cross(q - p, r - p)

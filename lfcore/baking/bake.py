@@ -58,6 +58,9 @@ def bake_light(
         unlit = replace(unlit, uvs=unlit.uvs[:0])
     around = Surroundings(scene, Tracer(unlit, bvh, device))
     faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
+    if not len(faces):  # the picture is of the sky alone
+        grids = np.tile(np.int32([0, 0, 1]), (scene.triangle_count, 1))
+        return BakedLight(grids, np.zeros((3, 3), np.float32), rays=around.rays)
     sides, direct_sides, cells = _grid_sides(scene, distance, options.cells)
     normals = corner_normals(scene, around.lens)
     grids, direct_grids = (Grids(scene, each, *normals) for each in (sides, direct_sides))
@@ -78,7 +81,7 @@ def bake_light(
 def _check_albedo(scene: Scene) -> None:
     most = scene.colours.max(initial=0) if len(scene.colours) else 1.0
     for number in np.unique(scene.material_ids).tolist():
-        material = scene.materials[number]
+        material = scene.every_material[number]
         if max(material.diffuse) * most > 1:
             raise SceneError(
                 f"reflects {max(material.diffuse) * most:g} of its light", file=scene.name,

@@ -57,7 +57,7 @@ class Gatherer:
         small, has_uvs = around.small, len(scene.uvs) > 0
         firsts = np.cumsum([0, *(t.size // 3 for t in small)]).tolist()
         textures = [(first, *t.shape[1::-1]) for first, t in zip(firsts, small, strict=False)]
-        parts = around.diffuse, around.emission, around.base, scene.materials
+        parts = around.diffuse, around.emission, around.base, scene.every_material
         materials = [
             (*values, m.texture, m.emission_texture) if has_uvs else (*values, -1, -1)
             for *values, m in zip(*parts, strict=True)

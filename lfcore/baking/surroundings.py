@@ -70,7 +70,7 @@ class Surroundings:
         self.emits = (self.emission.max(1, initial=0) > 0)[scene.material_ids] & ~of_light
 
     def _read_materials(self) -> None:
-        materials, has_uvs = self.scene.materials, len(self.scene.uvs)
+        materials, has_uvs = self.scene.every_material, len(self.scene.uvs)
         self.diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
         self.emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
         metal = [
@@ -152,7 +152,7 @@ class Surroundings:
         material = self.scene.material_ids[triangle]
         on = np.flatnonzero((faces >= 0) & self.emits[triangle])
         if len(on):
-            textures = np.array([m.emission_texture for m in self.scene.materials])
+            textures = np.array([m.emission_texture for m in self.scene.every_material])
             light[on] = self.emission[material[on]]
             light[on] *= self.texels(textures, triangle[on], weights[on])
         return light

@@ -37,6 +37,10 @@ KINDS: dict[str, dict[str, Any]] = {
     "sky": {"type": values.sky, "metavar": "SKY[,KEY=VALUE...]",
             "help": "light from all around: an .hdr or .exr panorama, or #rrggbb; keys: bounces, "
             "rotation_deg, strength (the scene's)"},
+    "floor": {
+        "action": argparse.BooleanOptionalAction,
+        "help": "a floor under the scene; without, that of a mesh is left out",
+    },
     "bare": {"action": "store_true", "help": "no sky and no floor for a mesh that has no lights"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
@@ -104,7 +108,7 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None, **
     """The scene that a command traces, and the device that traces it."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
     command.add_argument(name, type=Path, help=help or usual, **more)
-    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "device")
+    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "floor", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
@@ -235,7 +239,7 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
-    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare")
+    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare", "floor")
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     for line in _as_options(scene.summary()).splitlines():
         say(line)

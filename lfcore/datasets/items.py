@@ -78,7 +78,7 @@ def make_item(
     triangle, depth = (
         found[0] for found in tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
     )
-    behind = np.array([material.name in BACKDROP for material in scene.materials])
+    behind = np.array([material.name in BACKDROP for material in scene.every_material])
     seen = float((~behind[scene.material_ids[triangle]] & (triangle >= 0)).mean())
     if seen < description.placement.least_seen:
         problem = f"empty frustum: objects fill {100 * seen:.1f} % of the picture"

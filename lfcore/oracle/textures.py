@@ -29,7 +29,7 @@ class Spots:
 
     @cached_property
     def materials(self) -> list[Material]:
-        return [self.scene.materials[k] for k in self.scene.material_ids[self.triangle]]
+        return [self.scene.every_material[k] for k in self.scene.material_ids[self.triangle]]
 
     def of_material(self, name: str) -> np.ndarray:
         """(R,) numbers or (R, 3) colours."""
@@ -87,7 +87,7 @@ def solid_of(scene: Scene, numbers: np.ndarray | None = None) -> Solid | None:
     if all of it does, everywhere.  ``numbers`` are the triangles that are asked about, or all."""
     holes = {
         number: material
-        for number, material in enumerate(scene.materials)
+        for number, material in enumerate(scene.every_material)
         if material.alpha_cutoff > 0 and material.texture >= 0 and len(scene.uvs)
         and scene.textures[material.texture].shape[2] == 4
     }  # fmt: skip

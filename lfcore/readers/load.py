@@ -29,7 +29,7 @@ from lfcore.scene.framing import FoundCamera, z_seems_up
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import ASSUMED, NOT_USED, Notebook
+from lfcore.scene.notes import APPROXIMATED, ASSUMED, FIRST_POSE, NOT_USED, Note, Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -51,6 +51,7 @@ def load_scene(
     scale: float | None = None,
     light: Mapping[str, Any] | None = None,
     bare: bool = False,
+    floor: bool | None = None,
 ) -> Scene:
     """Load a scene from any file that describes one.
 
@@ -83,6 +84,9 @@ def load_scene(
     bare : bool
         Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
         where it has lights of its own or the camera is within it.
+    floor : bool, optional
+        Put a floor under the scene, as one of its things, or leave out the one under a mesh, which
+        is no part of ``materials`` and ``depth_range``; ``floor`` and ``studio`` of a scene.yaml.
 
     Returns
     -------
@@ -102,10 +106,11 @@ def load_scene(
     """
     path = Path(path)
     check_kind(camera, Camera | None, "camera", "a Camera")
+    check_kind(floor, bool | None, "floor", "True or False")
     pose = {"position_m": position_m, "look_at_m": look_at_m, "matrix": matrix}
     view = {**pose, "camera": camera, "view_from": view_from, "zoom": zoom, "scale": scale}
     if path.suffix.lower() == ".npz":
-        _refuse_view(path, **view, light=light, up=up)
+        _refuse_view(path, **view, light=light, up=up, floor=floor)
         return read_scene(path)
     if light is not None:
         check_kind(light, Mapping, "light")
@@ -115,7 +120,7 @@ def load_scene(
         path = path / "scene.yaml"
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
-        _refuse_view(path, **view, light=light)
+        _refuse_view(path, **view, light=light, floor=floor)
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
@@ -137,6 +142,10 @@ def load_scene(
         if scale is not None:
             remedy = "Give the object a transform: [{scale: ...}] in the file"
             raise Where(path, "scale").error("belongs to a mesh file", remedy)
+    if floor is not None:
+        description["floor"] = floor
+    if bare:
+        description.pop("studio", None)
     if light:
         description = complete(check({**description, **light}, file=path))
     description = _placed(description, path, pose, camera, view_from, zoom)
@@ -148,8 +157,8 @@ def load_scene(
     if zoom is not None:
         lens["zoom"] *= zoom
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
-    bare = bare or not mesh or bool(light)
-    return build(description, file=path, name=name, note_up=note_up, bare=bare, lens=camera)
+    alone = mesh and not bare and not light
+    return build(description, file=path, name=name, note_up=note_up, alone=alone, lens=camera)
 
 
 def _placed(
@@ -219,11 +228,11 @@ def build(
     file: Path,
     name: str,
     note_up: bool,
-    bare: bool,
+    alone: bool,
     lens: Camera | None = None,
 ) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``, and
-    ``lens`` takes the place of the description's."""
+    ``lens`` takes the place of the description's.  A mesh that is ``alone`` is given a studio."""
     where, notebook = Where(file), Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
@@ -251,6 +260,8 @@ def build(
             moving += [(part, (start, start @ move)) for part in made]
         else:
             parts += made
+    if moving:
+        notebook.add(APPROXIMATED, file, FIRST_POSE)
     every = parts + [part for part, _ in moving]
     if note_up and z_seems_up(every, file.parent / description["objects"][0]["file"]):
         notebook.add(ASSUMED, file, 'y is up, but z seems to be; up="z" turns it')
@@ -299,8 +310,16 @@ def build(
         from lfcore.scene.sky import with_sky  # seldom needed
 
         scene = with_sky(scene, description["sky"], to_camera, file=file)
-    if not bare and not lamps:
-        scene = studio.around(scene, extent, to_camera, file=file)
+    alone = alone and not lamps and not studio.encloses(extent, to_camera)
+    in_studio, floor = description.get("studio", alone), description.get("floor")
+    if in_studio:
+        scene = studio.lit(scene, to_camera)
+    if in_studio if floor is None else floor:
+        scene = studio.on_floor(scene, extent, to_camera, apart=not floor)
+    if alone:
+        what = "a sky" if floor is False else "a sky and a floor"
+        note = Note(ASSUMED, file, 0, f"{what}; bare=True leaves it out")
+        scene = dataclasses.replace(scene, notes=(*scene.notes, note))
     return within_limits(scene, file)
 
 

@@ -57,7 +57,7 @@ def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
     """The same; of a mesh on a floor the ends that the scene has, without the floor."""
     scene = tracer.scene
-    if scene.floor_material < 0 or scene.depth_range is None:
+    if scene.floor is None or scene.depth_range is None:
         return depth_range(tracer, slab)
     near, far = scene.depth_range
     return near, far
@@ -66,7 +66,7 @@ def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 def depth_content(tracer: Tracer, slab: Slab) -> dict:
     """The ends of depth as a file's ``content`` has them."""
     found = {"depth_m": depth_range(tracer, slab), "ends_m": tracer.scene.depth_range}
-    if tracer.scene.floor_material >= 0:
+    if tracer.scene.floor:
         found["seen_m"] = seen_range(tracer, slab)
     return {name: list(ends) for name, ends in found.items() if ends}
 

@@ -133,7 +133,7 @@ def peak_to_store(tracer: Tracer, slab: Slab, transfer: str | None) -> float | N
     found = bundles.views(coarse := spread_over(slab), all_samples(coarse))
     seen = float(tracer.bundle_radiance(found).max(initial=0.0)) if stops else 1.0
     scene = tracer.scene
-    glows = np.array([max(material.emission) for material in scene.materials], np.float64)
+    glows = np.array([max(material.emission) for material in scene.every_material], np.float64)
     x, y, z = np.moveaxis(scene.triangles, -1, 0).astype(np.float64)
     reach = slab.camera.field_width / 2 * max(slab.size) / min(slab.size)
     reach = reach * np.maximum(z, 0) + slab.camera.lens_radius_m

@@ -32,11 +32,12 @@ def check_scene(scene: Scene) -> None:
     for name in ("triangles", "normals"):
         if not np.isfinite(getattr(scene, name)).all():
             raise SceneError("are not finite", key=name, remedy="Leave the triangles out")
+    check_kind(scene.floor, Material | None, "floor", "a Material")
     check_array("material_ids", scene.material_ids, (count,), "integers")
-    check_numbers("material_ids", scene.material_ids, len(scene.materials))
+    check_numbers("material_ids", scene.material_ids, len(scene.every_material))
     for number, texture in enumerate(scene.textures):
         check_texture(f"textures[{number}]", texture)
-    for number, material in enumerate(scene.materials):
+    for number, material in enumerate(scene.every_material):
         _check_material(f"materials[{number}]", material, len(scene.textures))
     for number, light in enumerate(scene.lights):
         check_kind(light, Light, f"lights[{number}]")
@@ -45,7 +46,6 @@ def check_scene(scene: Scene) -> None:
     for name in ("ambient", "background"):
         check_triple(name, getattr(scene, name))
     check_array("sky", scene.sky, (len(scene.sky), len(scene.sky), 3))
-    check_numbers("floor_material", np.array([scene.floor_material]), len(scene.materials), -1)
     for number, motion in enumerate(scene.motions):
         ends = np.array([motion.first, motion.first + motion.count])
         check_numbers(f"motions[{number}]", ends, count + 1)

@@ -65,7 +65,7 @@ def _header(scene: Scene) -> dict:
         "format": FORMAT,
         **{name: getattr(scene, name) for name in PLAIN},
         "camera": camera,
-        "materials": [_material_json(material) for material in scene.materials],
+        "materials": [_material_json(material) for material in scene.every_material],
         "textures": len(scene.textures),
         "lights": [asdict(light) for light in scene.lights],
         "triangles": scene.triangle_count,
@@ -76,7 +76,7 @@ def _header(scene: Scene) -> dict:
         ],
         "notes": [[note.kind, str(note.file), note.line, note.what] for note in scene.notes],
         **({"bake": asdict(scene.bake)} if scene.bake else {}),
-        **({"floor": scene.floor_material} if scene.floor_material >= 0 else {}),
+        **({"floor": True} if scene.floor else {}),
     }
 
 
@@ -123,10 +123,12 @@ def _scene(archive: Any) -> Scene:
         lengths = (count,) if every else (0, count)
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise ValueError(f"array {name!r} is {array.dtype} {array.shape}")
+    materials = [_material(material) for material in header["materials"]]
     return Scene(
         **_tuples({name: header[name] for name in PLAIN}),
         camera=Camera.from_json(header["camera"]),
-        materials=[_material(material) for material in header["materials"]],
+        floor=materials.pop() if "floor" in header else None,
+        materials=materials,
         textures=[archive[f"texture_{index:04d}"] for index in range(header["textures"])],
         lights=[Light(**_tuples(light)) for light in header["lights"]],
         view=View.from_json(header["view"]) if header["view"] else None,
@@ -139,7 +141,6 @@ def _scene(archive: Any) -> Scene:
         ),
         sky=archive["sky"] if "sky" in archive else NO_SKY,
         bake=BakeOptions(**header["bake"]) if "bake" in header else None,
-        floor_material=header.get("floor", -1),
         **arrays,
     )
 

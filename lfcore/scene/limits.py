@@ -33,7 +33,7 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
     where = Where(file)
     for index, light in enumerate(scene.lights):
         _check_light(light, where["lights"][index])
-    for material in scene.materials:
+    for material in scene.every_material:
         for name in ("diffuse", "specular", "emission"):
             here = where[f"material {material.name}: {name}"]
             _check(getattr(material, name), 0, BRIGHTEST, here)

@@ -85,7 +85,7 @@ class Description:
         for index, light in enumerate(self._scene.lights):
             if light.casts_shadows and any(light.colour):
                 out[f"light_{index}"] = self._light(light)
-        for material in range(len(self._scene.materials)):
+        for material in range(len(self._scene.every_material)):
             mesh = self._mesh(material)
             if mesh is not None:
                 out[f"mesh_{material}"] = mesh
@@ -103,7 +103,7 @@ class Description:
         return {"type": "directional", "direction": direction, "irradiance": value}
 
     def _glow(self, material: int) -> dict | None:
-        light = self._scene.ambient, self._scene.materials[material].emission
+        light = self._scene.ambient, self._scene.every_material[material].emission
         return self._colour(material, *map(np.array, light)) if self._glows else None
 
     def _mesh(self, material: int) -> Any:
@@ -122,7 +122,7 @@ class Description:
 
     def _colour(self, index: int, light: np.ndarray, more: np.ndarray) -> dict:
         """Diffuse colour times ``light``, plus ``more`` where there is no texture."""
-        material, scene = self._scene.materials[index], self._scene
+        material, scene = self._scene.every_material[index], self._scene
         diffuse = np.array(material.diffuse) * light
         if material.texture < 0 or not len(scene.uvs):
             return {"type": "rgb", "value": (diffuse + more).tolist()}
@@ -134,7 +134,7 @@ class Description:
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
 
     def _bsdf(self, index: int) -> dict:
-        material = self._scene.materials[index]
+        material = self._scene.every_material[index]
         diffuse = self._colour(index, np.ones(3), np.zeros(3))
         if not any(material.specular):
             return {"type": "diffuse", "reflectance": diffuse}

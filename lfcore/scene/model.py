@@ -88,7 +88,7 @@ class Scene:
     uvs : (T, 3, 2) float32, texture coordinates (v up, wrapping); (0, 3, 2) without textures.
     colours : (T, 3, 3) float32, linear RGB per corner multiplying the diffuse colour;
         (0, 3, 3) without vertex colours.
-    material_ids : (T,) int32 into ``materials``.
+    material_ids : (T,) int32 into ``materials``; the number behind them is the floor's.
     textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top; (H, W, 4) with alpha, which
         is linear, where materials cut holes by it.  Codes of a material's ``data_textures`` are
         linear, too.
@@ -104,8 +104,8 @@ class Scene:
     view : the film and pinholes that the scene's own camera asks for (pbrt's cameras and
         scene.yaml's ``lightfield``); None where the square picture of ``camera`` is all there is.
     motions : triangles that move while the shutter is open.
-    floor_material : of the floor that was put under a mesh, -1 without; the floor is no part of
-        ``depth_range``.
+    floor : the material of the floor that was put under a mesh, behind those of ``materials``; it
+        is no part of them, nor the floor of ``depth_range``.
     notes : what could not be mapped exactly from another program's format, with file and line.
     account : how many things of each kind the files hold, and how many of them are here; of a
         scene that was read just now, as it is not saved.
@@ -135,7 +135,7 @@ class Scene:
     motions: tuple[Motion, ...] = ()
     notes: tuple[Note, ...] = ()
     account: tuple[Count, ...] = ()
-    floor_material: int = -1
+    floor: Material | None = None
     sky: np.ndarray = field(default_factory=lambda: NO_SKY)
     bake: BakeOptions | None = None
     light: BakedLight | None = None
@@ -295,11 +295,16 @@ class Scene:
     def triangle_count(self) -> int:
         return len(self.triangles)
 
+    @property
+    def every_material(self) -> list[Material]:
+        """The materials that ``material_ids`` count, with that of the floor."""
+        return [*self.materials, *([self.floor] if self.floor else [])]
+
     @cached_property
     def depth_range(self) -> DepthRange | None:
         """The near and the far end of what the camera sees, metres, without the outermost 2
         percent of the picture; None where it sees nothing."""
-        seen = self.triangles[self.material_ids != self.floor_material]
+        seen = self.triangles[self.material_ids < len(self.materials)]
         return depth_range(seen, self.camera.field_width)
 
     @cached_property

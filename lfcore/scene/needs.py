@@ -34,7 +34,7 @@ def stops_above_white(scene: Scene) -> int:
     around = max(around, sky)  # which metals reflect
     most = sky if len(scene.sky) else max(scene.background)
     for number in np.unique(scene.material_ids):
-        m = scene.materials[number]
+        m = scene.every_material[number]
         base = max(m.diffuse) * tint + (DIELECTRIC if m.is_metallic else 0.0)
         reflected = (around + arriving) * base + arriving * _highlight(m, base)
         most = max(most, max(m.emission) + reflected)
@@ -94,7 +94,7 @@ class Needs:
     @classmethod
     def of(cls, scene: Scene) -> Needs:
         """Only materials that some triangle has, and lights that are not black, count."""
-        used = [scene.materials[i] for i in sorted(set(scene.material_ids.tolist()))]
+        used = [scene.every_material[i] for i in sorted(set(scene.material_ids.tolist()))]
         casting = any(light.casts_shadows and any(light.colour) for light in scene.lights)
         return cls(
             textures=any(material.textures for material in used) and len(scene.uvs) > 0,
@@ -112,7 +112,7 @@ class Needs:
 
 def _has_curves(scene: Scene) -> bool:
     """Whether a triangle of a curved material has unlike normals."""
-    curved = np.array([material.curved for material in scene.materials], bool)
+    curved = np.array([material.curved for material in scene.every_material], bool)
     if not len(scene.normals) or not curved.any():
         return False
     normals = scene.normals[curved[scene.material_ids]]

@@ -15,6 +15,8 @@ KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
     "left out", "approximated", "not used", "assumed"
 )  # fmt: skip
 
+FIRST_POSE = "motion: pictures through the lens and light fields have the first pose"
+
 
 @dataclass(frozen=True)
 class Note:

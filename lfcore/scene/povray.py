@@ -82,7 +82,7 @@ def _lights(scene: Scene) -> Iterator[str]:
 
 def _texture(scene: Scene, index: int, folder: Path) -> str:
     """The texture of material ``index``; its picture, times the diffuse colour, is written."""
-    material = scene.materials[index]
+    material = scene.every_material[index]
     diffuse = np.array(material.diffuse)
     pigment = f"rgb {_vector(diffuse)}"
     textured = material.texture >= 0 and len(scene.uvs) > 0
@@ -113,7 +113,7 @@ def _mesh(scene: Scene, folder: Path) -> Iterator[str]:
         yield _block("normal_vectors", scene.normals.reshape(-1, 3) * flip)
     if len(scene.uvs):
         yield _block("uv_vectors", scene.uvs.reshape(-1, 2))
-    textures = [_texture(scene, index, folder) for index in range(len(scene.materials))]
+    textures = [_texture(scene, index, folder) for index in range(len(scene.every_material))]
     yield f"texture_list {{ {len(textures)},\n" + "\n".join(textures) + "\n}"
     faces = [
         f"<{3 * k},{3 * k + 1},{3 * k + 2}>,{material}"

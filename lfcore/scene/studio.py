@@ -1,4 +1,5 @@
-"""What surrounds a mesh file without lights: a soft sky, one lamp, and a floor.
+"""What surrounds a mesh file without lights, and scenes that ask for it: a soft sky, one lamp, and
+a floor.
 
 Where nothing shadows the floor, it is as bright as the sky at the horizon, so that no edge shows
 between them: a photographer's backdrop.  A mesh is left alone where the camera is within its box,
@@ -8,7 +9,6 @@ nothing but its underside, so there is none.
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.framing import Bounds, default_lights
 from lfcore.scene.model import Scene
-from lfcore.scene.notes import ASSUMED, Note
 from lfcore.scene.sky import texel_directions
 from lfcore.scene.surface_mesh import DEFAULTS, Surface, SurfaceMesh, triple
 
@@ -47,15 +46,19 @@ def lamp() -> Light:
     return replace(default_lights()[0], colour=LAMP)
 
 
-def around(scene: Scene, extent: Bounds, to_camera: np.ndarray, *, file: Path) -> Scene:
-    """The scene of a mesh of this extent, in the world, in its surroundings."""
+def encloses(extent: Bounds, to_camera: np.ndarray) -> bool:
+    """Whether the camera is within what is in a scene."""
     place = _camera(to_camera)
-    if ((extent.low < place) & (place < extent.high)).all():
-        return scene
-    note = Note(ASSUMED, file, 0, "a sky and a floor; bare=True leaves them out")
-    scene = replace(
-        scene, sky=sky(to_camera), lights=[lamp()], bake=BAKE, notes=(*scene.notes, note)
-    )
+    return bool(((extent.low < place) & (place < extent.high)).all())
+
+
+def lit(scene: Scene, to_camera: np.ndarray) -> Scene:
+    """The scene in the light of sky and lamp."""
+    return replace(scene, sky=sky(to_camera), lights=[lamp()], bake=scene.bake or BAKE)
+
+
+def on_floor(scene: Scene, extent: Bounds, to_camera: np.ndarray, *, apart: bool) -> Scene:
+    """The scene on a floor, which is ``apart`` from its own things, or one of them."""
     below = floor(extent, to_camera)
     if below is None:
         return scene
@@ -65,11 +68,12 @@ def around(scene: Scene, extent: Bounds, to_camera: np.ndarray, *, file: Path) -
         for name, default in DEFAULTS.items()
         if len(getattr(scene, name))
     }
-    number = len(scene.materials)
+    (material,), number = made.materials, np.int32(len(scene.materials))
     return replace(
-        scene, **arrays, floor_material=number, materials=[*scene.materials, *made.materials],
+        scene, **arrays, floor=material if apart else None,
+        materials=scene.materials if apart else [*scene.materials, material],
         triangles=np.concatenate([scene.triangles, made.triangles]),
-        material_ids=np.concatenate([scene.material_ids, made.material_ids + np.int32(number)]),
+        material_ids=np.concatenate([scene.material_ids, made.material_ids + number]),
     )  # fmt: skip
 
 

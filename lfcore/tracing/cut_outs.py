@@ -32,19 +32,19 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
     if not needs.cut_outs:
         empty: dict[str, Any] = {"cut_out_of": np.int32, "cut_outs": CUT_OUT, "alpha": np.uint8}
         return {name: np.zeros(0, dtype) for name, dtype in empty.items()}
-    cut = np.array([scene.is_cut_out(material) for material in scene.materials])
+    cut = np.array([scene.is_cut_out(material) for material in scene.every_material])
     numbers = np.flatnonzero(cut[scene.material_ids])
     of = np.full(scene.triangle_count, -1, np.int32)
     of[numbers] = np.arange(len(numbers))
     offsets, pictures, at = {}, [], 0
-    for material in scene.materials:
+    for material in scene.every_material:
         if scene.is_cut_out(material) and material.texture not in offsets:
             picture = scene.textures[material.texture][..., 3]
             offsets[material.texture] = at
             pictures.append(picture.ravel())
             at += picture.size
-    materials = np.zeros(len(scene.materials), CUT_OUT)
-    for record, material in zip(materials, scene.materials, strict=True):
+    materials = np.zeros(len(scene.every_material), CUT_OUT)
+    for record, material in zip(materials, scene.every_material, strict=True):
         if scene.is_cut_out(material):
             record["offset"] = offsets[material.texture]
             record["height"], record["width"] = scene.textures[material.texture].shape[:2]

@@ -69,7 +69,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         parts.append(scene.colours.reshape(count, 9))
     used = [light for light in scene.lights if any(light.colour)]
     lights = sorted(used, key=lambda light: light.casts_shadows)
-    data = {number for material in scene.materials for number in material.data_textures}
+    data = {number for material in scene.every_material for number in material.data_textures}
     levels, texels = pack_textures(
         scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
     )
@@ -155,9 +155,9 @@ def pack_light(values: np.ndarray) -> np.ndarray:
 
 
 def _pack_materials(scene: Scene) -> np.ndarray:
-    packed = np.zeros(len(scene.materials), MATERIAL)
+    packed = np.zeros(len(scene.every_material), MATERIAL)
     same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps"}
-    for row, m in zip(packed, scene.materials, strict=True):
+    for row, m in zip(packed, scene.every_material, strict=True):
         for name in same:
             row[name] = getattr(m, name)
         row["specular_cutoff"] = LEAST_HIGHLIGHT ** (1 / m.shininess) if m.shininess > 0 else 0

@@ -226,6 +226,11 @@ def test_light_of_a_lamp_at_a_point_itself_is_finite():
     assert found.tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
+def test_a_picture_of_the_sky_alone_is_the_sky():
+    """All surfaces are behind the camera."""
+    assert seen(world(plain_scenes.wall(-3.0), sky=0.3 * WHITE), 8) == pytest.approx(0.3)
+
+
 def test_a_sun_is_one_light_and_the_rest_is_a_sky():
     sky = np.ones((64, 64, 3), np.float32)
     sky[20, 40] = 1e5

@@ -63,7 +63,7 @@ def test_light_on_grids(plain):
         ({"lights": ["sun"]}, r"lights\[0\]: must be a Light"),
         ({"ambient": 0.1}, "ambient: must be three numbers"),
         ({"sky": np.zeros((4, 5, 3), np.float32)}, "sky: "),
-        ({"floor_material": 3}, "floor_material: "),
+        ({"floor": 3}, "floor: must be a Material"),
         ({"motions": (Motion(1, 2, np.eye(4), np.eye(4)),)}, r"motions\[0\]: .*0 to 2, not 1 to 3"),
         ({"camera": "wide"}, "camera: must be a Camera"),
     ],

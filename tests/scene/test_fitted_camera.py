@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from plain_scenes import balls, refused
 
 import lfcore
@@ -220,7 +221,7 @@ def mesh(tmp_path):
 
 
 def floor_of(scene):
-    return scene.triangles[scene.material_ids == scene.floor_material]
+    return scene.triangles[scene.material_ids == len(scene.materials)]
 
 
 @pytest.mark.parametrize(("size", "up"), [(1e-3, "y"), (1.0, "z"), (1e3, "z")])
@@ -234,7 +235,7 @@ def test_camera_and_distances_are_those_of_the_mesh_alone(mesh, size, up):
     below = floor_of(scene)
     assert len(below) + bare.triangle_count == scene.triangle_count
     # In the camera's space y is down, and the fitted camera looks down on the floor.
-    lowest = (scene.triangles[scene.material_ids != scene.floor_material] @ [0, 1, -0.3]).max()
+    lowest = (scene.triangles[scene.material_ids < len(scene.materials)] @ [0, 1, -0.3]).max()
     assert (below @ [0, 1, -0.3]).max() > lowest
     height = np.ptp(bare.triangles.reshape(-1, 3), axis=0).max()
     assert np.ptp(below.reshape(-1, 3), axis=0).max() > 4 * height
@@ -242,7 +243,7 @@ def test_camera_and_distances_are_those_of_the_mesh_alone(mesh, size, up):
 
 def test_no_floor_hides_a_mesh_that_is_seen_from_below_and_the_workflow_has_none(mesh):
     scene = lfcore.load_scene(mesh(), view_from="0,-20")
-    assert scene.floor_material == -1 and scene.bake is not None
+    assert scene.floor is None and scene.bake is not None
     assert load_scene(mesh(), bare=True).bake is None
 
 
@@ -252,10 +253,38 @@ def test_what_has_a_light_or_walls_around_the_camera_is_left_alone(tmp_path):
     room.camera_transform = np.eye(4)
     room.export(tmp_path / "room.glb")
     scene = lfcore.load_scene(tmp_path / "room.glb")
-    assert scene.bake is None and len(scene.lights) == 2 and scene.floor_material == -1
+    assert scene.bake is None and len(scene.lights) == 2 and scene.floor is None
     sky = {"sky": {"colour": [1, 1, 1]}}
     scene = lfcore.load_scene(tmp_path / "room.glb", view_from="front", light=sky)
-    assert scene.lights == [] and scene.floor_material == -1
+    assert scene.lights == [] and scene.floor is None
+
+
+def test_a_scene_asks_for_studio_and_floor(mesh, tmp_path):
+    """With a camera and two meshes; a floor that is asked for is a thing like others."""
+    ball = {"file": mesh().name}
+    two = {"objects": [ball, {**ball, "transform": [{"translate_m": [3, 0, 0]}]}],
+           "camera": {"view_from": "20,30"}}  # fmt: skip
+    path = tmp_path / "scene.yaml"
+
+    def loaded(floor=None, **keys):
+        path.write_text(yaml.safe_dump({**two, **keys}))
+        return lfcore.load_scene(path, floor=floor)
+
+    plain, studio, asked = loaded(), loaded(studio=True), loaded(floor=True)
+    assert plain.bake is None and len(plain.lights) == 2 and not len(floor_of(plain))
+    assert len(floor_of(studio)) > 100 and studio.bake and len(studio.sky) and studio.floor
+    assert studio.materials == plain.materials and studio.depth_range == plain.depth_range
+    assert len(asked.materials) == len(plain.materials) + 1 and asked.floor is None
+    assert asked.depth_range.far_m > plain.depth_range.far_m and asked.lights == plain.lights
+    assert asked.camera == studio.camera == plain.camera
+    assert not len(floor_of(loaded(studio=True, floor=False)))
+    assert loaded(floor=True).triangle_count == loaded(True).triangle_count > 1 + len(two)
+    sky = {"sky": {"colour": [1, 1, 1]}}
+    under_sky = lfcore.load_scene(mesh(), light=sky, floor=True)
+    assert under_sky.materials[-1].name == "floor under a mesh" and under_sky.lights == []
+    refused("sky: excludes studio", loaded, studio=True, **sky)
+    refused("lights: excludes studio", loaded, studio=True, lights=[])
+    refused("floor: ", lfcore.load_scene, path, floor=3)
 
 
 @pytest.mark.kernels

@@ -39,7 +39,7 @@ def scene():
         normals=np.zeros((0, 3, 3), np.float32),
         uvs=rng.random((5, 3, 2)).astype(np.float32),
         colours=np.zeros((0, 3, 3), np.float32),
-        material_ids=np.array([0, 1, 1, 0, 1], np.int32),
+        material_ids=np.array([0, 1, 1, 2, 1], np.int32),
         materials=[Material("a"), Material("b", (1, 0, 0), (0.5,) * 3, 9.0, texture=0)],
         textures=[rng.integers(0, 255, (4, 6, 3), np.uint8)],
         lights=[
@@ -48,7 +48,7 @@ def scene():
         ],
         dropped={"zero area": 2},
         focus_distances_m=(1.0, 2.0),
-        floor_material=1,
+        floor=Material("floor"),
         bake=BakeOptions(2),
     )
 

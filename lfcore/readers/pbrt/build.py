@@ -13,7 +13,7 @@ from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, Notebook
+from lfcore.scene.notes import APPROXIMATED, FIRST_POSE, LEFT_OUT, Notebook
 from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, triple
 
@@ -46,6 +46,8 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
             notebook.add(APPROXIMATED, item.place, what)
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
+    if moves:
+        notebook.add(APPROXIMATED, path, FIRST_POSE)
     rig, view = interpreter.rig, interpreter.view
     assert view is not None  # of the world block
     scene = Scene(
