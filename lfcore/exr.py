@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 
 from lfcore.errors import StorageError
+from lfcore.files import refuse_special
 
 MOST_EMPTY = 1 << 24
 """The pixels of a display window, up to which its data window may be arbitrarily small."""
@@ -92,6 +93,8 @@ def _opened(path: str | Path | io.BytesIO, **how: bool) -> Iterator[OpenEXR.File
     name = None if isinstance(path, io.BytesIO) else str(path)
     if name and not Path(name).exists():
         raise StorageError("no such file", file=name, remedy="Check the path")
+    if name:
+        refuse_special(name)
     try:
         with OpenEXR.File(name or path, separate_channels=True, **how) as file:
             yield file

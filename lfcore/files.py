@@ -13,6 +13,7 @@ import os
 import re
 import secrets
 import shutil
+import stat
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -130,6 +131,7 @@ def read_arrays(
     """What ``read`` makes of the arrays of an npz file."""
     import numpy as np  # help needs no arrays
 
+    refuse_special(path, kind)
     try:
         with np.load(path, allow_pickle=False) as archive:
             return read(archive)
@@ -138,6 +140,16 @@ def read_arrays(
     except Exception as error:  # zipfile, zlib, numpy and a foreign header raise anything
         reason = " ".join(str(error).split())[:120]
         raise kind(f"not a whole {what} ({reason})", file=path, remedy=remedy) from None
+
+
+def refuse_special(path: str | Path, kind: type[LfcoreError] = StorageError) -> None:
+    """Raise an error for a device or a pipe, which would be read for ever."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):  # whoever opens it says so
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise kind("is a device or pipe", file=path, remedy="Give a regular file")
 
 
 def make_folder(path: Path) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from lfcore.colour import check_exposure, exposed, srgb_codes, srgb_decode
 from lfcore.errors import LfcoreError
 from lfcore.files import make_folder, whole_file
+from lfcore.reading import LARGEST_PICTURE, opened, read_bytes
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -214,9 +215,7 @@ def read_picture(path: str | Path) -> np.ndarray:
     As :func:`decode`; :class:`LfcoreError` names the file.
     """
     try:
-        return decode(Path(path).read_bytes())
-    except OSError as error:
-        raise LfcoreError(f"cannot be read: {error.strerror or error}", file=path) from None
+        return decode(read_bytes(path, LARGEST_PICTURE, "picture"))
     except LfcoreError as error:
         raise error.named(LfcoreError, file=path) from None
 
@@ -268,7 +267,11 @@ def picture_size(file: str | Path | io.BytesIO) -> tuple[int, int]:
     """
     name = None if isinstance(file, io.BytesIO) else file
     try:
-        with io.BytesIO(file.getvalue()) if isinstance(file, io.BytesIO) else open(file, "rb") as f:
+        with (
+            io.BytesIO(file.getvalue())
+            if isinstance(file, io.BytesIO)
+            else opened(file, "picture") as f
+        ):
             head = f.read(1 << 16)
             if head.startswith(EXR_MAGIC):
                 from lfcore.exr import exr_size

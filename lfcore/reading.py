@@ -9,7 +9,7 @@ import stat
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import yaml
 
@@ -24,6 +24,8 @@ MIB = 2**20
 LARGEST_DESCRIPTION = 4 * MIB
 LARGEST_TEXT = 1024 * MIB
 LARGEST_MESH = 4096 * MIB
+LARGEST_PICTURE = 4096 * MIB
+"""Mosaics of views are large by nature."""
 DEEPEST_YAML = 64
 MOST_YAML_NODES = 100_000
 """The largest number of values of a YAML file with its aliases followed."""
@@ -51,24 +53,39 @@ NOWHERE = Where("")
 
 def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
     """At most ``most`` bytes of a regular file; a ``.gz`` is unpacked."""
+    path = Path(path)
+    with opened(path, what) as stream:
+        if path.suffix.lower() == ".gz":
+            return _unpacked(stream, path, most, what)
+        try:
+            data = stream.read(most + 1)
+        except OSError as error:
+            raise _unreadable(path, error, what) from None
+    if len(data) > most:
+        raise _too_large(path, most, what)
+    return data
+
+
+def opened(path: str | Path, what: str = "file") -> BinaryIO:
+    """A regular file, open; :class:`SceneError` for anything else, and where it cannot be read."""
     path, check = Path(path), "Check the path"
     try:
-        with open(os.open(path, os.O_RDONLY | _NO_WAIT), "rb") as stream:
-            status = os.fstat(stream.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise Where(path).error(f"{what} is a device or pipe", "Give a regular file")
-            if path.suffix.lower() == ".gz":
-                return _unpacked(stream, path, most, what)
-            if status.st_size > most:
-                raise _too_large(path, most, what)
-            return stream.read()
+        stream = open(path, "rb", opener=lambda name, flags: os.open(name, flags | _NO_WAIT))
     except (FileNotFoundError, NotADirectoryError):
         raise Where(path).error(f"{what} not found", check) from None
     except ValueError:  # a NUL in the name
         raise SceneError(f"{what} cannot have the name {str(path)!r}", remedy=check) from None
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise Where(path).error(f"{what} cannot be read: {reason}", check) from None
+        raise _unreadable(path, error, what) from None
+    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        stream.close()
+        raise Where(path).error(f"{what} is a device or pipe", "Give a regular file")
+    return stream
+
+
+def _unreadable(path: Path, error: OSError, what: str) -> SceneError:
+    problem = f"{what} cannot be read: {error.strerror or error}"
+    return Where(path).error(problem, "Check the path")
 
 
 # A pipe that nobody writes to would keep open() waiting; Windows has none in its file system.

@@ -1,6 +1,5 @@
 """Scenes of a few triangles, with nothing that they do not need; and calls that are refused."""
 
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import trimesh
 from lfcore import LfcoreError, Material
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
 
-__all__ = ["CAMERA", "CHART", "SCENES", "balls", "files_of_at_most", "refused", "scene", "wall"]
+__all__ = ["CAMERA", "CHART", "SCENES", "balls", "refused", "scene", "wall"]
 SCENES = Path(__file__).parents[1] / "scenes"
 CHART = SCENES / "chart"
 
@@ -46,16 +45,3 @@ def refused(words, call, *arguments, **more):
         call(*arguments, **more)
     assert "\n" not in str(caught.value)
     return caught.value
-
-
-@contextmanager
-def files_of_at_most(size):
-    """Bytes beyond are refused as on a full disk: a write is cut short, and the next one fails."""
-    import resource  # Windows has none
-
-    before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))

@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import resource
 import subprocess
 import sys
+from contextlib import contextmanager
 from functools import partial
 from zipfile import ZipFile
 
@@ -13,7 +15,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from plain_scenes import files_of_at_most, refused, scene, wall
+from plain_scenes import refused, scene, wall
 
 from lfcore import Camera, CameraArray, Encoding, LfcoreError, SensorPlane, Slab, write_picture
 from lfcore.colour import srgb_codes, srgb_decode
@@ -133,6 +135,17 @@ def test_only_whole_files_are_read(tmp_path, name):
         refused(re.escape(name), read, path)
 
 
+@contextmanager
+def files_of_at_most(size):
+    """Bytes beyond are refused as on a full disk: a write is cut short, and the next one fails."""
+    before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
+
+
 def test_a_disk_that_fills_is_said_and_leaves_nothing(tmp_path):
     for writer in writers(tmp_path):
         folder = tmp_path / writer.name
@@ -183,7 +196,7 @@ def test_light_comes_back_as_floats(tmp_path):
 
 
 def test_what_is_not_there_is_said(tmp_path):
-    refused(r"none\.png: cannot be read: No such file", read_picture, tmp_path / "none.png")
+    refused(r"none\.png: picture not found", read_picture, tmp_path / "none.png")
     refused(r"a\.gif: unknown format", write_picture, tmp_path / "a.gif", CODES)
     for shape in ((2, 2, 7), (1, 70_000, 3)):  # a JPEG has at most 65,535 columns
         refused(r"a\.jpg: ", write_picture, tmp_path / "a.jpg", np.zeros(shape, np.uint8))

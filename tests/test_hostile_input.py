@@ -2,8 +2,10 @@
 
 import contextlib
 import io
+import json
 import os
 import re
+import signal
 import subprocess
 import unicodedata
 
@@ -21,6 +23,23 @@ from lfcore.pictures import picture_size, read_picture
 
 POSTSCRIPT = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 8\n%%EndComments\nshowpage\n"
 OBJ = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
+
+
+def import_(path):
+    """What imports a file, or the folder that it is in."""
+    source = path.parent if path.parent.name == "views" else path
+    lfcore.import_lightfield(source, path.with_name("out.mkv"))
+
+
+@contextlib.contextmanager
+def in_time():
+    """Interrupts what waits for ever."""
+    signal.signal(signal.SIGALRM, lambda *_: pytest.fail("it was read for ever"))
+    signal.alarm(20)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
 
 
 @pytest.fixture
@@ -117,3 +136,79 @@ def test_names_reach_no_page_as_they_are(named, tmp_path):
                config={})  # fmt: skip
     text = (tmp_path / "a.html").read_text()
     assert all(map(harmless, text.split("\n"))) and "u202ed" in text
+
+
+def meshes_that_name(what):
+    """Descriptions and meshes, by their names, that name another file."""
+    gltf = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"uri": what, "byteLength": 36}],
+    }  # fmt: skip
+    objects = {"objects": [{"file": "plain.obj", "material": {"texture": what}}]}
+    return {
+        "buffer.gltf": json.dumps(gltf),
+        "mesh.yaml": yaml.safe_dump({"objects": [{"file": what}]}),
+        "texture.yaml": yaml.safe_dump(objects),
+        "sky.yaml": yaml.safe_dump({"objects": [{"file": "plain.obj"}], "sky": {"file": what}}),
+        "texture.pbrt": f'WorldBegin\nTexture "a" "spectrum" "imagemap" "string filename" "{what}"',
+        "mesh.pbrt": f'WorldBegin\nShape "plymesh" "string filename" "{what}"',
+        "include.pbrt": f'Include "{what}"',
+    }
+
+
+@pytest.fixture(params=["/dev/zero", "pipe.ply", "pipe.png", "pipe.hdr", "pipe.bin"])
+def endless(request, tmp_path):
+    """A device, or a pipe that nobody writes to."""
+    (tmp_path / "plain.obj").write_text(OBJ.replace("mtllib m.mtl\n", ""))
+    if request.param.startswith("pipe"):
+        os.mkfifo(tmp_path / request.param)
+    return tmp_path, request.param
+
+
+def test_devices_and_pipes_that_a_scene_names_are_refused(endless):
+    folder, what = endless
+    for name, text in meshes_that_name(what).items():
+        (folder / name).write_text(text)
+        with in_time():
+            refused("device|not found|no reader|Check the path", lfcore.load_scene, folder / name)
+
+
+def test_a_material_library_or_texture_that_is_a_device_or_pipe_is_said(endless):
+    folder, what = endless
+    (folder / "m.mtl").write_text(f"newmtl a\nmap_Kd {what}\n")
+    for text in (OBJ, OBJ.replace("m.mtl", what)):
+        (folder / "m.obj").write_text(text)
+        with in_time():
+            try:
+                said = lfcore.load_scene(folder / "m.obj", bare=True).summary()
+            except lfcore.SceneError as error:
+                said = str(error)
+        assert what in said
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("a.mkv", lfcore.LightField.open), ("a.exr", lfcore.read_exr), ("a.png", read_picture),
+        ("a.png", picture_size), ("a.obj", lfcore.load_scene), ("a.npz", lfcore.load_scene),
+        ("a.yaml", lfcore.load_scene), ("a.glb", lfcore.load_scene), ("a.ply", lfcore.load_scene),
+        ("a.npz", lfcore.BakedLight.load), ("a.h5", import_), ("a.mat", import_),
+        ("views/scene.h5", import_), ("views/transforms.json", import_),
+        ("views/param.txt", import_), ("views/0_0.png", import_),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
+def test_pipes_are_read_by_nobody(tmp_path, name, read):
+    (tmp_path / "views").mkdir()
+    os.mkfifo(tmp_path / name)
+    with in_time():
+        refused("pipe|not found|no such|known format", read, tmp_path / name)
+
+
+def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(lfcore.pictures, "LARGEST_PICTURE", 1000)
+    lfcore.write_picture(tmp_path / "a.png", np.random.default_rng(1).random((32, 32, 3)))
+    refused("holds more than 1000 bytes", read_picture, tmp_path / "a.png")

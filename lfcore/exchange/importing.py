@@ -10,7 +10,7 @@ from lfcore.exchange import table
 from lfcore.exchange.grid import Order, ReadOptions, ViewGrid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.reading import NOT_OF_THE_FORMAT, ExchangeError
-from lfcore.files import make_folder
+from lfcore.files import make_folder, refuse_special
 from lfcore.lightfield import LightField
 from lfcore.progress import Progress
 from lfcore.storage.codecs import Encoding
@@ -32,6 +32,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
         source = inside[0]
     if format is None and options.views and is_picture(source):
         format = "eslf" if ".eslf." in source.name.lower() else "mosaic"
+    refuse_special(source, ExchangeError)
     row = table.find(format, imports=True) if format else table.recognise(source)
     folder = source.parent if source.name in row.marks else source
     try:

@@ -9,9 +9,10 @@ import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import LfcoreError
-from lfcore.exchange.reading import ExchangeError, unreadable
+from lfcore.exchange.reading import ExchangeError
 from lfcore.files import whole_file
 from lfcore.pictures import by_opencv, picture_size, read_picture
+from lfcore.reading import LARGEST_PICTURE, read_bytes
 
 SUFFIXES = (
     ".png",
@@ -88,9 +89,9 @@ def write_ppm(path: Path, picture: np.ndarray, bits: int) -> None:
 def read_pfm(path: Path) -> np.ndarray:
     """(h, w) or (h, w, 3) float32 of a Portable FloatMap, first row on top."""
     try:
-        picture = by_opencv(path.read_bytes())
-    except OSError as error:
-        raise unreadable(path, error, "cannot be read as a picture") from None
+        picture = by_opencv(read_bytes(path, LARGEST_PICTURE, "picture"))
+    except LfcoreError as error:
+        raise error.named(ExchangeError) from None
     if picture is None or picture.dtype != np.float32:
         raise ExchangeError("is no whole float map (PFM)", file=path)
     return picture

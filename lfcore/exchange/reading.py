@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from lfcore.errors import StorageError
+from lfcore.errors import SceneError, StorageError
+from lfcore.reading import LARGEST_TEXT, read_bytes
 
 
 class ExchangeError(StorageError):
@@ -37,8 +38,11 @@ def refused(problem: str, file: Path, key: str | None = None) -> Iterator[None]:
 
 def read_text(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8-sig")  # others write a byte order mark
-    except (OSError, UnicodeDecodeError) as error:
+        # Others write a byte order mark, and Windows's line ends.
+        return read_bytes(file, LARGEST_TEXT).decode("utf-8-sig").replace("\r\n", "\n")
+    except SceneError as error:
+        raise error.named(ExchangeError) from None
+    except UnicodeDecodeError as error:
         raise unreadable(file, error) from None
 
 

@@ -13,7 +13,7 @@ from lfcore.readers.content import Content
 from lfcore.readers.faces import strip_faces
 from lfcore.readers.gltf.document import SUFFIXES
 from lfcore.readers.gltf.meshes import read_gltf
-from lfcore.reading import Where
+from lfcore.reading import LARGEST_MESH, LARGEST_TEXT, Where, read_bytes
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.trimesh_parts import clipped, parts_of, picture
@@ -74,8 +74,8 @@ def _load(path: Path, notebook: Notebook) -> Any:
                 name = name.replace("\\", "/")  # written on Windows
             is_picture = Path(name.strip()).suffix.lower() in IMAGE_SUFFIXES
             try:
-                data = super().get(name)
-            except (OSError, ValueError):
+                data = read_bytes(path.parent / name.strip(), LARGEST_TEXT)
+            except SceneError:
                 if kind == "obj" and not is_picture:
                     what = f"material library {name.strip()!r}, not found"
                     notebook.add(LEFT_OUT, path, f"{what}; the default material is used")
@@ -102,7 +102,7 @@ def _load(path: Path, notebook: Notebook) -> Any:
     trouble: list[SceneError] = []
     resolver = Resolver(str(path), allow_anywhere=True)
     try:
-        with path.open("rb") as stream:
+        with io.BytesIO(read_bytes(path, LARGEST_MESH, "mesh file")) as stream:
             scene = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
         for name, mesh in scene.geometry.items():
             scene.geometry[name] = with_strips(mesh)

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import TypeVar, cast
 
 from lfcore.errors import LfcoreError, StorageError
+from lfcore.files import refuse_special
 from lfcore.storage import ranges
 from lfcore.storage.ranges import DOWNLOAD, ranges_of
 
@@ -152,4 +153,5 @@ def located(name: str | Path) -> Path:
         return cast(Path, name)
     if isinstance(name, str) and "://" in name:
         return cast(Path, RemoteFile(name))
+    refuse_special(name)
     return Path(name)
