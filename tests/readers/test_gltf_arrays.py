@@ -101,7 +101,8 @@ def test_sparse_accessors(tmp_path, name, base):
         ({"count": 5}, "accessor ends beyond"), ({"byteOffset": 4}, "accessor ends beyond"),
         ({"componentType": 7}, "known type"), ({"type": "VEC9"}, "known type"),
         ({"count": -1}, "accessor of -1"), ({"bufferView": 99}, r"bufferViews\[99\]"),
-        ({"count": 10**12}, "accessor of"), ({"byteOffset": -4}, "makes no sense"),
+        ({"type": "VEC2"}, "POSITION has 2 numbers"), ({"count": 10**12}, "accessor of"),
+        ({"byteOffset": -4}, "makes no sense"),
     ],
 )  # fmt: skip
 def test_accessors_that_make_no_sense_are_one_line(tmp_path, change, words):

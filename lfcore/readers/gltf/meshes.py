@@ -24,6 +24,9 @@ from lfcore.scene.surface_mesh import SurfaceMesh, crease_normals, join
 NOT_FACES = {0: "points", 1: "lines", 2: "lines", 3: "lines"}
 """The modes of primitives without triangles."""
 LIST, STRIP, FAN = 4, 5, 6
+VALUES = {"POSITION": {3}, "NORMAL": {3}, "TEXCOORD": {2}, "COLOR": {3, 4}, "JOINTS": {4},
+          "WEIGHTS": {4}}  # fmt: skip
+"""The numbers per vertex of each attribute."""
 MOST_TRIANGLES = 1 << 28
 """The largest number of triangles of a file, its instances counted."""
 
@@ -47,7 +50,8 @@ def read_gltf(
         content = Content(meshes.parts(), nodes.lights(), nodes.camera())
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         reason = " ".join(str(error).split())[:120]
-        raise document.broken(f"{type(error).__name__}: {reason}") from error
+        problem = f"its JSON makes no sense: {type(error).__name__}: {reason}"
+        raise document.broken(problem) from error
     except MemoryError:
         remedy = "Split it, or use a machine with more memory"
         raise document.broken("there is not enough memory for it", remedy) from None
@@ -235,6 +239,8 @@ class Primitive:
         for target, weight in self.targets:
             if weight and name in target:
                 values = values + float(weight) * document.accessor(target[name], unit=unit)
+        if values.shape[1] not in VALUES[name.partition("_")[0]]:
+            raise document.broken(f"{name} has {values.shape[1]} numbers per vertex")
         return values
 
     def faces(self, mode: int) -> np.ndarray:
