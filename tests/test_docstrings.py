@@ -28,7 +28,7 @@ def names(tmp_path_factory):
 
 
 def examples():
-    for name in lfcore.__all__:
+    for name in sorted(lfcore.__all__):
         public = getattr(lfcore, name)
         if isinstance(public, type) and issubclass(public, Exception):
             continue

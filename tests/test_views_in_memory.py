@@ -47,10 +47,10 @@ def test_light_is_stored_as_light(codes, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "wrong", [np.ones, np.bool_, np.complex64, object, np.int32, "U3"], ids=str
+    "wrong", ["ragged", np.bool_, np.complex64, object, np.int32, "U3"], ids=str
 )
 def test_views_of_other_types_are_refused(codes, tmp_path, wrong):
-    given = [[1], [2, 3]] if wrong is np.ones else codes.astype(wrong)
+    given = [[1], [2, 3]] if wrong == "ragged" else codes.astype(wrong)
     refused("views: are (of type|no array)", stored, given, CAMERA, tmp_path / "a.mkv")
 
 

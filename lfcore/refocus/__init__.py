@@ -1,1 +1,1 @@
-"""Pictures from light fields: slicing, shift-sum, focal stacks, synthesis."""
+"""Pictures from light fields: slicing, shift-sum, focal stacks, views, camera arrays."""

@@ -1,15 +1,15 @@
-"""Slicing by depth: pictures from few rays, each spread over what its cell sweeps.
+"""Slicing by depth: pictures from few rays, each spread over the area that its cell sweeps.
 
-A ray of lens cell ds that meets depth z stands for rays that fall (1/d' - 1/z) ds apart on the
-plane focused at d'.  Spread over a box of that side, a few samples of the lens give what all of it
-would, where slicing leaves gaps.  What the cell as a whole sees is neglected in two ways: that
-colour changes with direction, and that what hides a surface may hide part of its cell.  The second
-is made good between surfaces of unlike sweep: light from behind adds to a pixel only what nearer
-light has left of it.
+The rays of a lens cell of side ds that hit depth z are up to (1/d' - 1/z) ds apart on the plane
+focused at d'.  A traced ray represents its cell: its light is spread over a box of that side, the
+ray's *sweep*.  A few lens samples then fill the picture, where plain slicing leaves gaps.  Two
+differences within a cell are neglected: colour that changes with direction, and occluders that hide
+only a part of the cell.  The second is corrected between surfaces with different sweeps: light from
+behind fills only the part of a pixel that nearer light has left.
 
-Zwicker et al. ("EWA Splatting", 2002) splat surfaces by their footprint; Lehtinen et al. ("Temporal
-Light Field Reconstruction for Rendering Distribution Effects", SIGGRAPH 2011) reproject sparse
-samples by their depth; Soler et al. ("Fourier Depth of Field", TOG 2009) say how many are needed.
+Sources: Zwicker et al., "EWA Splatting", 2002 (splats by footprint); Lehtinen et al., "Temporal
+Light Field Reconstruction for Rendering Distribution Effects", SIGGRAPH 2011 (reprojection by
+depth); Soler et al., "Fourier Depth of Field", TOG 2009 (the number of samples).
 `lfcore.oracle.depth_slicing` is the reference.
 """
 
@@ -27,49 +27,62 @@ from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
 from lfcore.optics.size import Size
 from lfcore.storage.depth_stream import DepthCodes
 
-IN_FOCUS_PX, WIDE_PX = 0.5, 2.0
-"""Sweeps, pixels of the picture, up to which rays are in focus, and from which blur is wide."""
+IN_FOCUS_PX = 0.5
+"""The largest sweep in focus, pixels of the picture."""
+WIDE_PX = 2.0
+"""The smallest sweep of wide blur, pixels of the picture."""
 WIDE_LAYERS = 5
-"""Layers of wide blur before the plane, and behind it: measured, docs/notebook/true-picture.md."""
-LEAST_OF_RAY, LEAST_OF_ALL = 0.5, 2.0
-"""Least side of a box: of the distance between neighbouring rays of a view, and of all views
-together where they are in focus, whichever is less: measured there."""
+"""Layers of wide blur on each side of the plane (measured, docs/notebook/true-picture.md)."""
+LEAST_OF_RAY = 0.5
+"""The least side of a box, in distances between neighbouring rays of a view (measured there)."""
+LEAST_OF_ALL = 2.0
+"""The least side of a box, in distances between neighbouring rays of all views together, which
+counts if it is less (measured there)."""
 COARSE_PX = 1.25
-"""The largest pixel of a view, in pixels of the picture, whose weave a pixel averages away."""
+"""The largest pixel of a view, in pixels of the picture, whose pattern a pixel averages away."""
 LARGE_FROM = 2048
-"""Pixels of a picture's longer side from which 4 x 4 rays share boxes 32 rays wide, of which
-smaller pictures have few, and sums of wide blur have pixels of 2 x 2."""
+"""The longer side, in pixels, from which pictures are large: 4 x 4 rays share boxes 32 rays wide,
+which smaller pictures hardly have, and sums of wide blur have pixels of 2 x 2."""
 FULL_LAYERS = 3
-"""Layers before the plane, and behind it, whose sums have all pixels in large pictures: with one
-fewer, pictures lose up to 3 dB."""
-TILE_ROWS, TILE_COLUMNS, TILE_BYTES = 4, 64, 6 * 64
-"""Rays that the kernel joins to squares at a time, and the memory of these."""
-STRIPS_A_THREAD, STRIP_ROWS = 2, 256
-"""Strips of a picture at least, and rows of one at most: views come some rows at a time."""
+"""Layers on each side of the plane with all pixels in large pictures; with two, pictures lose up to
+3 dB."""
+TILE_ROWS = 4
+"""The rows of rays that the kernel joins to squares at a time."""
+TILE_COLUMNS = 64
+"""The columns of rays that the kernel joins to squares at a time."""
+TILE_BYTES = 6 * 64
+"""The memory of the squares of a tile."""
+STRIPS_A_THREAD = 2
+"""The least number of a picture's strips per thread, so that threads end together."""
+STRIP_ROWS = 256
+"""The most rows of a strip: views arrive some rows at a time."""
 SUMS_BYTES = 1 << 33
-"""Sums of the planes that are formed at a time.  About an eighth is written to, for a pixel has few
-of the layers; what is not written to takes no memory of a CPU."""
+"""The most bytes of sums at a time.  A pixel has few of the layers, so that about an eighth is
+written to; a CPU allocates no memory for the rest."""
 MOST_RAYS_A_PIXEL = 1 << 20
-LONG_RAY_BITS, SUM_BITS = 40, 29
-"""Of a ray in sums of 64 bits, where light above white takes bits that rays leave, or its last
-ones; and of all rays of a pixel in sums of 32 bits, which hold eight times as much."""
+"""The most rays per pixel whose sums fit in 32 bits."""
+LONG_RAY_BITS = 40
+"""The bits of a ray in sums of 64 bits; light above white uses bits that few rays leave free, or
+drops its last ones."""
+SUM_BITS = 29
+"""The bits of all rays of a pixel in sums of 32 bits: boxes may add up to eight times as much."""
 
 HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
-"""Colours and depths of views on a device, and the least and most depth of each row."""
+"""Colours and depths of views on a device, and the least and largest depth of each row."""
 
 
 def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
-    """Rays as of :meth:`DepthSlicer.add`, for several slicers."""
+    """Copy rays to the device once for several slicers; arrays as in :meth:`DepthSlicer.add`."""
     ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
     light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
     return device.shown(light), device.shown(depth), ranges
 
 
 def layer_bounds(widest_px: float) -> tuple[float, ...]:
-    """Sweeps that part the layers before a plane and behind it, where infinity's is ``widest_px``.
+    """The sweeps between the layers on each side of a plane; infinity has ``widest_px``.
 
-    From layer to layer they double; by more where pictures have so many pixels that the last begins
-    below half of the widest.
+    They double from layer to layer, or grow faster, so that the last layer begins at half the
+    widest sweep or above.
     """
     last = WIDE_LAYERS - 1
     ratio = max(2.0, (widest_px / 2 / WIDE_PX) ** (1 / last))
@@ -77,7 +90,7 @@ def layer_bounds(widest_px: float) -> tuple[float, ...]:
 
 
 def typical_sweep(bounds_px: Sequence[float], away: int) -> float:
-    """A layer's typical sweep, by its number from the plane; 0 where rays are hardly spread."""
+    """A layer's typical sweep, by its number from the plane; 0 for the layers around focus."""
     if away < 2:
         return 0.0
     ends = *bounds_px, 2 * bounds_px[-1]
@@ -85,17 +98,32 @@ def typical_sweep(bounds_px: Sequence[float], away: int) -> float:
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
-    """How many pictures of that size are formed at a time."""
+    """The number of pictures of this size that are formed at a time."""
     most = min(SUMS_BYTES, device.device.max_mem_alloc_size, device.device.global_mem_size // 2)
     return max(1, most // DepthSlicer.sums_bytes(1, size, stops))
 
 
 class DepthSlicer:
-    """Forms ``planes`` of ``pixels`` on the longer side from rays of ``views`` with known depth.
+    """Forms pictures from rays whose depth is known.
 
-    ``bounds_px`` are as for the reference, by default :func:`layer_bounds`; ``stops`` those above
-    white of the brightest ray.  ``codes`` are of depths, and ``one`` is radiance 1 in fixed point,
-    where rays of a file are added (:meth:`add_stored`) and not traced ones.
+    Parameters
+    ----------
+    views : ViewSet
+        The rays.
+    planes : sequence of SensorPlane
+        The pictures.
+    pixels : int
+        The pictures' longer side.
+    device : Device, optional
+        Default: the default device.
+    bounds_px : sequence of float, optional
+        Sweeps between layers.  Default: :func:`layer_bounds` of each plane.
+    stops : int
+        Stops above white of the brightest ray.
+    codes : DepthCodes, optional
+        The codes of a file's depths, for :meth:`add_stored`.  Default: rays are traced.
+    one : float
+        Radiance 1 in a file's fixed-point views.
     """
 
     def __init__(
@@ -118,8 +146,8 @@ class DepthSlicer:
         self.size = Size(width, height)
         if (rays := slab.rays / math.prod(self.size)) > MOST_RAYS_A_PIXEL:
             raise OpticsError(
-                f"{rays:,.0f} rays a pixel are more than {MOST_RAYS_A_PIXEL:,}",
-                remedy="Trace fewer, or ask for more pixels",
+                f"{rays:,.0f} rays per pixel are more than {MOST_RAYS_A_PIXEL:,}",
+                remedy="Give fewer views, or more pixels",
             )
         self.views, self.planes, self.pixels = views, list(planes), pixels
         self.device = device or open_device()
@@ -170,19 +198,19 @@ class DepthSlicer:
         self._used = self.device.zeros(4 * len(planes) * self._strips)
 
     def _cells_of(self, plane: SensorPlane) -> LensCells:
-        """What the views stand for in a plane's aperture."""
+        """The views' cells in a plane's aperture."""
         return lens_cells(self.views.slab, plane.lens_aperture(self.views.slab))
 
     @property
     def _middle(self) -> np.ndarray:
-        """(2,) float64: where the axis is in the pictures, pixels."""
+        """The axis's position in the pictures, (2,) float64 pixels."""
         return self.pixels / 2 - np.array([self.left, self.top])
 
     @staticmethod
     def sums_bytes(
         planes: int, size: Size, stops: int, bounds: int = 1 + WIDE_LAYERS, rows: int | None = None
     ) -> int:
-        """Bytes of the sums, in strips of ``rows``, default one strip."""
+        """The bytes of the sums, in strips of ``rows``; by default one strip."""
         rows = rows or size.height
         whole = min(bounds, FULL_LAYERS) if size.longer >= LARGE_FROM else bounds
         pixels = (2 * whole + 1) * (rows + 1) * (size.width + 1)
@@ -190,12 +218,12 @@ class DepthSlicer:
         return planes * -(-size.height // rows) * pixels * (32 if stops else 16)
 
     def _scale(self, plane: SensorPlane) -> float:
-        """Pixels of a picture, a metre of the lens and a dioptre."""
+        """Pixels of a picture per metre of the lens and dioptre."""
         slab = self.views.slab
         return plane.magnification(slab) * self.pixels / slab.camera.field_width
 
     def _step(self, plane: SensorPlane) -> float:
-        """Pixels of a picture from one pixel of the slab to the next."""
+        """Pixels of a picture per pixel of the slab."""
         slab = self.views.slab
         return plane.magnification(slab) * self.pixels / slab.pixels
 
@@ -209,7 +237,7 @@ class DepthSlicer:
         return cells.share.sum() / self._step(plane) ** 2
 
     def _first(self, plane: SensorPlane) -> np.ndarray:
-        """(K, 2) float64: where the ray of pixel (0, 0) of each view falls, pixels."""
+        """The pixel that the ray of pixel (0, 0) of each view hits, (K, 2) float64."""
         views = self.views
         corner = np.array(views.slab.held.pixels[:2])
         moved = views.displacement + corner - (views.slab.pixels - 1) / 2
@@ -217,7 +245,7 @@ class DepthSlicer:
         return moved * self._step(plane) + shift * self._scale(plane) + self._middle
 
     def _cell_records(self) -> np.ndarray:
-        """(planes, views, 8) float32, as the kernel's Cell."""
+        """The kernel's Cell records, (planes, views, 8) float32."""
         views = self.views.positions
         records = np.zeros((len(self.planes), len(views), 8), np.float32)
         for record, plane, cells, one in zip(
@@ -233,27 +261,35 @@ class DepthSlicer:
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rays of the views i + N j of ``part``, rows from ``first_row`` on, a multiple of 4.
+        """Add rows of some views.
 
-        ``light`` is (K, rows, columns, 3) float32 linear radiance, more than ``2 ** stops`` counts
-        as that; ``depth`` (K, rows, columns) float32, metres, infinity for a miss.
+        Parameters
+        ----------
+        part : slice or ndarray
+            The views' numbers i + N j.
+        light : ndarray
+            (K, rows, columns, 3) float32 linear radiance, clipped at ``2 ** stops``.
+        depth : ndarray
+            (K, rows, columns) float32, metres, infinity for a miss.
+        first_row : int
+            A multiple of 4.
         """
         views, rows, columns = depth.shape
         size, fits = self.views.slab.size, light.shape == (*depth.shape, 3)
         fits = fits and (views, columns) == (len(self.views.positions[part]), size.width)
         if not fits or first_row + rows > size.height:
-            raise ValueError(f"rays of shapes {light.shape} and {depth.shape} are not these views'")
+            raise ValueError(f"shapes {light.shape} and {depth.shape} are not the views'")
         self.add_held(part, *held_rays(self.device, light, depth), first_row)
 
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
     ) -> None:
-        """Add rows of views of a file, from ``first_row`` on, a multiple of 4.
+        """Add rows of a file's views, as :meth:`add` does.
 
-        ``light`` holds (K, 3, rows, columns) uint32, ``one`` to one, ``codes`` (K, rows, columns).
+        ``light`` has (K, 3, rows, columns) uint32 in fixed point, ``codes`` (K, rows, columns).
         """
         ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
-        if self._codes.shape != codes.shape:  # kept: drivers are slow with what begins no page
+        if self._codes.shape != codes.shape:  # kept: drivers are slow with unaligned memory
             self._codes = page_aligned(codes.shape, codes.dtype.type)
         self._codes[:] = codes
         self.add_held(part, light, self.device.shown(self._codes), self._table[ends], first_row)
@@ -262,7 +298,7 @@ class DepthSlicer:
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
         first_row: int = 0,
     ) -> None:  # fmt: skip
-        """As :meth:`add`, of :func:`held_rays`."""
+        """As :meth:`add`, with :func:`held_rays`."""
         device, (views, rows, _), columns = self.device, ranges.shape, self.views.slab.size.width
         rays = light, depth, device.buffer(1 / self._table)
         if self._join:
@@ -295,10 +331,10 @@ class DepthSlicer:
         device.queue.finish()
 
     def pictures(self) -> np.ndarray:
-        """(P, height, width, 3) float32, linear light, of all rays; the sums are gone then.
+        """(P, height, width, 3) float32, linear light, of all rays; the sums are lost.
 
-        A pixel is divided by what it got, or, with ``normalise='lens'``, dims as the lens stops
-        down.  Where no ray fell it is black.
+        A pixel is divided by the weight of its rays.  With ``normalise='lens'`` the picture then
+        dims as the lens stops down.  Pixels without rays are black.
         """
         device = self.device
         pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
@@ -329,33 +365,38 @@ class DepthSlicer:
         return pictures
 
     def _rooms(self, number: int, layers: int) -> tuple[np.ndarray, np.ndarray]:
-        """Weights (rows, width) float32 of the rays that a pixel gets if all are swept as those of
-        a layer, and the row (layers, height) int32 of each of the ``layers``, which are bits."""
+        """The weight of all rays per pixel, as if each had a layer's typical sweep.
+
+        Returns different rows of weights, (rows, width) float32, and the row of each pixel row,
+        (layers, height) int32.  ``layers`` has a bit per layer in use.
+        """
         cells, one = self._cells[number], self._ones[number]
         bounds = self.bounds_px[number]
         row_of = np.zeros((2 * len(bounds) + 1, self.size.height), np.int32)
         rooms: list[np.ndarray] = []
         share = cells.share[:, None] / self._step(self.planes[number]) ** 2
-        alike = defaultdict(list)
+        layers_of = defaultdict(list)
         for layer in range(len(row_of)):
             if layers >> layer & 1:
-                alike[typical_sweep(bounds, abs(layer - len(bounds)))].append(layer)
-        for sweep, swept in alike.items():
-            across, down = self._reached(number, sweep)
-            # Most rows are within all views, and alike.
-            unlike = np.append(True, np.any(np.diff(down, axis=1), axis=0))
-            row_of[swept] = np.cumsum(unlike) - 1 + sum(map(len, rooms))
-            rows = down[:, unlike] * share
-            # Without BLAS, whose threads spin, and which sums in another order on each processor.
+                layers_of[typical_sweep(bounds, abs(layer - len(bounds)))].append(layer)
+        for sweep, same in layers_of.items():
+            across, down = self._coverage(number, sweep)
+            # Most rows are inside all views, and equal.
+            differs = np.append(True, np.any(np.diff(down, axis=1), axis=0))
+            row_of[same] = np.cumsum(differs) - 1 + sum(map(len, rooms))
+            rows = down[:, differs] * share
+            # Without BLAS: its threads spin, and its order of sums depends on the processor.
             rooms.append(np.einsum("kv,ku->vu", rows, across) * one)
-        none = np.zeros((1, self.size.width))
-        return np.concatenate([*rooms, none]).astype(np.float32), row_of
+        empty = np.zeros((1, self.size.width))
+        return np.concatenate([*rooms, empty]).astype(np.float32), row_of
 
-    def _reached(self, number: int, sweep: float) -> list[np.ndarray]:
-        """(K, width) and (K, height): how much of a pixel a view's rays reach, each spread over its
-        cell's part of ``sweep``."""
+    def _coverage(self, number: int, sweep: float) -> list[np.ndarray]:
+        """The share of each column and row that a view's rays cover, (K, width) and (K, height).
+
+        Each ray is spread over its cell's part of ``sweep``.
+        """
         plane, slab = self.planes[number], self.views.slab
-        step, reached = self._step(plane), []
+        step, coverage = self._step(plane), []
         sides = self._cells[number].extent / slab.lens_pitch_m * sweep
         for low, side, rays, count in zip(
             (self._first(plane) - step / 2).T, sides.T, slab.size, self.size, strict=True
@@ -363,12 +404,12 @@ class DepthSlicer:
             half = np.maximum(side, 1e-3)[:, None] / 2
             left, ends = np.arange(count), np.stack([low, low + step * rays])[..., None]
 
-            def until(place: np.ndarray, ends: np.ndarray = ends) -> np.ndarray:
-                """The integral over the part of a view before a place, up to it."""
-                before = np.square(np.maximum(place - ends, 0)) / 2
-                return before[0] - before[1]
+            def integral(place: np.ndarray, ends: np.ndarray = ends) -> np.ndarray:
+                """The second integral of a view's extent up to a place."""
+                ramp = np.square(np.maximum(place - ends, 0)) / 2
+                return ramp[0] - ramp[1]
 
-            whole = until(left + 1 + half) - until(left + half)
-            whole -= until(left + 1 - half) - until(left - half)
-            reached.append(np.round(whole / (2 * half), 6))  # where all is reached, alike
-        return reached
+            swept = integral(left + 1 + half) - integral(left + half)
+            swept -= integral(left + 1 - half) - integral(left - half)
+            coverage.append(np.round(swept / (2 * half), 6))  # full coverage is exactly equal
+        return coverage

@@ -1,17 +1,17 @@
-"""A fast focal stack: many focus distances for little more than the price of a few.
+"""A fast focal stack: many focus distances cost little more than a few.
 
-Shift-sum adds N^2 views for every picture.  Here neighbouring views are first added in blocks, at
-a few *coarse* shears, and every picture then adds the (N / B)^2 block pictures of the coarse
-shear nearest to its own: within a block shears differ by less than ``tolerance_px`` pixels.  For
-P pictures that are ``C N^2 + P (N / B)^2`` additions instead of ``P N^2``; C grows with the
-range of focus, not with P.  It is the two-level form of the fast discrete focal stack transform
-(Marichal-Hernandez et al., "Fast approximate 4-D/3-D discrete Radon transform, from light field
-to focal stack with O(N^4) sums", 2011).
+Shift-sum adds N^2 views per picture.  Here neighbouring views are first added in blocks, at C
+*coarse* shears.  Each picture then adds the (N / B)^2 block pictures of the nearest coarse shear:
+within a block, shears differ by less than ``tolerance_px`` pixels.  P pictures take
+``C N^2 + P (N / B)^2`` additions instead of ``P N^2``; C grows with the range of focus, not with P.
 
-Measured: of 16 x 16 views, 60 pictures take 0.16 of slicing's time, 10 take 0.74.
+With 16 x 16 views, 60 pictures take 0.16 of slicing's time, 10 pictures 0.74.
 
-Whole pixels are added throughout, so a ray lands within ``1 + tolerance_px`` pixels of its place,
-where slicing lands within one half.
+All shifts are whole pixels.  A ray is at most ``1 + tolerance_px`` pixels off its exact position;
+with slicing it is at most 0.5 pixels off.
+
+Source: the two-level form of Marichal-Hernandez et al., "Fast approximate 4-D/3-D discrete Radon
+transform, from light field to focal stack with O(N^4) sums", 2011.
 """
 
 import math
@@ -32,14 +32,27 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 
 MOST_BYTES = 1 << 30
-MOST_BLOCKS = 63  # a side: 32-bit sums hold no more block pictures
+"""The most bytes of block pictures."""
+MOST_BLOCKS = 63
+"""The most blocks per side: 32-bit sums hold no more block pictures."""
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How a stack is split: ``blocks`` a side of the lens, ``shears`` (C,) in pixels a metre,
-    ``pad`` pixels around a block picture, ``additions`` of views that it takes."""
+    """The blocks and coarse shears of a stack.
+
+    Attributes
+    ----------
+    blocks : int
+        Blocks per side of the lens.
+    shears : ndarray
+        (C,) coarse shears, pixels per metre of the lens.
+    pad : int
+        Pixels around a block picture.
+    additions : int
+        The cost, in additions of views.
+    """
 
     blocks: int
     shears: np.ndarray
@@ -52,9 +65,9 @@ class Schedule:
 
 
 def plan(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> Schedule:
-    """The cheapest schedule whose block pictures fit into memory.
+    """Choose the cheapest schedule whose block pictures fit into memory.
 
-    Raises :class:`OpticsError` when none does.
+    Raises :class:`OpticsError` if none does.
     """
     shears = np.array([_shear(slab, plane) for plane in planes])
     views = int(planes[0].mask(slab).sum())
@@ -75,22 +88,34 @@ def plan(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> Sche
     if best is None:
         raise OpticsError(
             "the focal stack does not fit into memory",
-            remedy="Ask for a smaller range of focus, or allow a larger tolerance",
+            remedy="Give a smaller range of focus, or a larger tolerance",
         )
     return best
 
 
 def _shear(slab: Slab, plane: SensorPlane) -> float:
-    """Pixels by which a view is shifted, a metre of lens."""
+    """The shift of views, pixels per metre of the lens."""
     return (plane.delta - slab.camera.delta) / slab.pixel_pitch
 
 
 class FocalStackSummer:
-    """Adds views to a focal stack; to be used as a :class:`lfcore.refocus.shift_sum.ViewSummer`.
+    """Adds views to a focal stack, as :class:`lfcore.refocus.shift_sum.ViewSummer` does.
 
-    A view is displaced within its block by at most ``tolerance_px``; ``layout`` is of a file's
-    frames, where views come from one.  Raises :class:`OpticsError` for planes of several apertures
-    or with magnification.
+    Parameters
+    ----------
+    slab, planes
+        The views and the pictures, all with one aperture and without magnification.
+    tolerance_px : float
+        The most that a view's shift may differ from its block's.
+    device : Device, optional
+        Default: the default device.
+    layout : FrameLayout, optional
+        The layout of a file whose views are added.
+
+    Raises
+    ------
+    OpticsError
+        Planes have several apertures, or keep the magnification.
     """
 
     def __init__(
@@ -104,7 +129,7 @@ class FocalStackSummer:
     ):
         _check(slab, planes, tolerance_px)
         self.slab, self.planes = slab, list(planes)
-        # Sums of blocks hold as many views of PQ, too, where these lose their last bits.
+        # Views with PQ lose their last bits, so that block sums hold as many of them.
         self._one = layout.one if layout else FIXED_ONE
         self._divisor = MOST_VIEWS // layout.most_views if layout else 1
         self.device = device or open_device()
@@ -123,7 +148,7 @@ class FocalStackSummer:
         self._blocks = self.device.zeros(self.schedule.pictures * 12 * self._size**2)
 
     def group_size(self, width: int, height: int) -> int:
-        """Views of that size that go to the device at a time."""
+        """The number of views of this size that are added at a time."""
         return int(np.clip(GROUP_BYTES // (12 * width * height), 1, MOST_VIEWS))
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
@@ -133,9 +158,9 @@ class FocalStackSummer:
             self._scale(self.device.queue, (length,), None, views, np.uint32(self._divisor))
         blocks, pad, lens = self.schedule.blocks, self.schedule.pad, self.slab.lens_positions()
         place = self._block[samples]
-        which = place[:, 1] * blocks + place[:, 0]
-        order = np.argsort(which, kind="stable")
-        cuts = np.searchsorted(which[order], np.arange(blocks**2 + 1))
+        block = place[:, 1] * blocks + place[:, 0]
+        order = np.argsort(block, kind="stable")
+        cuts = np.searchsorted(block[order], np.arange(blocks**2 + 1))
         lists, entries = [], []
         for k, shear in enumerate(self.schedule.shears):
             shift = np.floor(shear * (lens[samples] - self._centre[place]) + 0.5).astype(np.int32)
@@ -153,7 +178,7 @@ class FocalStackSummer:
         self.device.queue.finish()
 
     def pictures(self) -> np.ndarray:
-        """(P, M, M, 3) float32, linear light, of what was added; to be asked for once."""
+        """(P, M, M, 3) float32, linear light, of all added views; can be called once."""
         size, pad, blocks = self.slab.pixels, self.schedule.pad, self.schedule.blocks
         length = self.schedule.pictures * 3 * self._size**2
         divisor = self._side**2
@@ -176,8 +201,8 @@ class FocalStackSummer:
             (0, 0, size, size), size, np.array(lists), np.concatenate(entries), sums,
         )  # fmt: skip
         out = np.empty((len(self.planes), size, size, 3), np.float32)
-        found = read_sums(self.device, sums, len(self.planes), self.slab)
-        for picture, plane, light in zip(out, self.planes, found, strict=True):
+        lights = read_sums(self.device, sums, len(self.planes), self.slab)
+        for picture, plane, light in zip(out, self.planes, lights, strict=True):
             scaled = light * (divisor * self._divisor / self._one)
             picture[:] = normalise(self.slab, plane, "nearest", scaled)
         return out
@@ -191,8 +216,10 @@ def focal_stack_views(
     tolerance_px: float = 0.5,
     device: Device | None = None,
 ) -> np.ndarray:
-    """As :func:`focal_stack`, of views in memory: (N, N, M, M, 3), indexed [j, i, v, u], uint8
-    sRGB or floating linear light."""
+    """As :func:`focal_stack`, for views in memory.
+
+    ``views`` is (N, N, M, M, 3), indexed [j, i, v, u], uint8 sRGB or floating linear light.
+    """
     summer = FocalStackSummer(slab, planes, tolerance_px=tolerance_px, device=device)
     add_views(summer, slab, views)
     return summer.pictures()
@@ -200,7 +227,7 @@ def focal_stack_views(
 
 def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> None:
     if not planes:
-        raise OpticsError("a focal stack of no planes")
+        raise OpticsError("there are no planes", key="planes")
     if not tolerance_px > 0:
         raise OpticsError(f"must be positive, not {tolerance_px}", key="tolerance_px")
     for plane in planes:
@@ -208,7 +235,7 @@ def _check(slab: Slab, planes: Sequence[SensorPlane], tolerance_px: float) -> No
         plane.check_pixels(slab.pixels)
     if any(plane.keep_magnification for plane in planes):
         raise OpticsError(
-            "a fast focal stack does not keep the magnification",
+            "a fast focal stack cannot keep the magnification",
             key="keep_magnification",
             remedy="Use slicing or shift-sum",
         )
@@ -229,7 +256,7 @@ def focal_stack(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(P, M, M, 3) float32, linear light, from a stored light field in either layout."""
+    """Refocus a stored light field: (P, M, M, 3) float32, linear light."""
     device = device if isinstance(device, Device) else open_device(device)
     summer = FocalStackSummer(
         field.require_grid(), planes, tolerance_px=tolerance_px, device=device, layout=field.layout

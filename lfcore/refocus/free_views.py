@@ -1,10 +1,9 @@
-"""Views from any point of the lens, of a stored light field that holds depth.
+"""Views from any point of the lens, made from a stored light field with depth.
 
-The cells of slicing by depth, with an opening that is a point: a ray of lens point s that meets
-depth z is seen from c where the surface's shift puts it, ``x_f + (s - c) (1 / z - delta)``, and is
-as wide as itself.  Views near c have most of the picture, those farther away what the others do not
-see; layers of inverse depth, the nearest first, let what lies behind through only where nothing is
-before it.
+It is slicing by depth with a point as aperture.  A ray of lens point s that hits depth z appears,
+from c, at the tangent ``x_f + (s - c) (1 / z - delta)``, one ray wide.  Views near c provide most
+of the picture; farther views fill what nearer ones do not see.  Layers of inverse depth are
+composed from front to back.
 """
 
 from collections.abc import Callable
@@ -24,22 +23,37 @@ from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
 
 LAYERS = 6
-"""Of inverse depth: what differs by less is one surface.  More bring nothing: measured,
-docs/notebook/true-picture.md, as are the next."""
-NEAR, FAR, FAR_SHARE = 2, 4, 1e-3
-"""Within how many views of a point a view has a share, and one of holes; and how much that is."""
-HELD_BACK, HELD_BACK_DB = 3, 4.5
-"""The number of traced views that are compared with views made of all others, and how much better
-views are that lie between: a view that is held back is twice as far from its neighbours and has few
-rays per pixel itself.  Measured on five scenes: 4.7 to 7.2 dB."""
+"""Layers of inverse depth; differences within a layer count as one surface.  More layers are not
+better.  This and the next three are measured in docs/notebook/true-picture.md."""
+NEAR = 2
+"""The distance, in views, within which a view contributes to a picture."""
+FAR = 4
+"""The distance, in views, within which a view contributes to holes."""
+FAR_SHARE = 1e-3
+"""The weight of views that fill holes: small enough to be invisible elsewhere."""
+HELD_BACK = 3
+"""The number of traced views that are compared with views made from all others."""
+HELD_BACK_DB = 4.5
+"""The dB by which views between recorded ones are better than views that were held back, which are
+twice as far from their neighbours.  On five scenes it was 4.7 to 7.2 dB."""
 
 
 class FreeViews:
-    """Views and their depths from points of the lens; the rays of ``field`` are decoded once.
+    """Views and their depths from points of the lens; the file's rays are decoded once.
 
-    ``pixels`` are the longer side of the pictures, or width and height; by default those that the
-    file was traced for.  Raises :class:`OpticsError` for a file without depth, pixels of another
-    shape than its views, or more rays than are held at a time.
+    Parameters
+    ----------
+    field : LightFieldFile
+        The file.
+    pixels : int or (int, int), optional
+        The pictures' longer side, or width and height.  Default: as the file was recorded for.
+    device : Device or str, optional
+        An open device, or part of its name.
+
+    Raises
+    ------
+    OpticsError
+        The file has no depth or too many rays, or the pixels have another shape than its views.
     """
 
     def __init__(
@@ -52,10 +66,10 @@ class FreeViews:
         self.field, self.stored, self.slab = field, field.require_depth(), field.require_slab()
         side = self.stored.pixels if pixels is None else picture_side(field, pixels)
         self.made = self.slab.resized(side)
-        """The slab of the same views with the pictures' pixels."""
+        """The slab with the same views and the pictures' pixels."""
         self.views, self._device = self.stored.views(self.slab), device
         self.without: list[int] = []
-        """Numbers i + N j of views that are not used."""
+        """The numbers i + N j of unused views."""
 
     @cached_property
     def _rays(self) -> HeldRays:
@@ -66,35 +80,35 @@ class FreeViews:
         return self._device if isinstance(self._device, Device) else open_device(self._device)
 
     def picture(self, point: np.ndarray) -> np.ndarray:
-        """(height, width, 3) float32, linear light, of a point (2,), metres."""
-        seen = self._seen(point, self._shares(point))
-        if (dark := ~seen.any(axis=-1)).any():
+        """The view from a point (2,), metres: (height, width, 3) float32, linear light."""
+        picture = self._slice(point, self._shares(point))
+        if (dark := ~picture.any(axis=-1)).any():
             depth = self._nearest(point)
-            seen = _filled(seen, depth, dark & np.isnan(depth), self._surface)
-        return seen
+            picture = _filled(picture, depth, dark & np.isnan(depth), self._surface)
+        return picture
 
     def inverse_depth(self, point: np.ndarray) -> np.ndarray:
-        """(height, width) float64, 1/m: of what the middle of each pixel sees from a point.
+        """The inverse depth in the middle of each pixel, (height, width) float64, 1/m; 0 is a miss.
 
-        0 is a miss.  What no view sees is as far as the farthest surface around it.
+        Pixels that no view sees get the depth of the farthest surface around them.
         """
-        found = self._nearest(point)
-        return _filled(found, found, np.isnan(found), self._surface)
+        inverse = self._nearest(point)
+        return _filled(inverse, inverse, np.isnan(inverse), self._surface)
 
     def only(self, number: int) -> np.ndarray:
-        """The stored view ``number`` alone, from its own point, as :meth:`picture`."""
+        """The picture of stored view ``number`` from its own point, made from this view alone."""
         share = np.zeros(self.slab.views**2)
         share[number] = 1.0
-        return self._seen(self.views.positions[number], share)
+        return self._slice(self.views.positions[number], share)
 
     @property
     def _surface(self) -> float:
-        """The inverse depth, 1/m, within which all is one surface."""
+        """The difference in inverse depth, 1/m, within one surface."""
         codes = self.stored.codes
         return (codes.near - codes.far) / LAYERS
 
     def _shares(self, point: np.ndarray) -> np.ndarray:
-        """(N N,) float64: what each view has of a point."""
+        """The weight of each view for a point, (N N,) float64."""
         away = self._away(point)
         near, far = (np.clip(1 - away / reach, 0, 1).prod(axis=1) for reach in (NEAR, FAR))
         share = near + FAR_SHARE * far
@@ -102,10 +116,10 @@ class FreeViews:
         return share
 
     def _away(self, point: np.ndarray) -> np.ndarray:
-        """(N N, 2) float64: distances of all views along s and t, in views."""
+        """The distances of all views along s and t, in views: (N N, 2) float64."""
         return np.abs(self.views.positions - point) / self.slab.lens_pitch_m
 
-    def _seen(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def _slice(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
         slicer = _PointSlicer(
             self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
             self.field.layout.stops, self.device,
@@ -114,24 +128,27 @@ class FreeViews:
         return slicer.pictures()[0]
 
     def _nearest(self, point: np.ndarray) -> np.ndarray:
-        """The nearest surface in each pixel's middle half, else anywhere in the pixel; by the views
-        around the point, else by those farther away.  NaN where there is none."""
+        """The inverse depth of the nearest surface per pixel; NaN where no view sees one.
+
+        Surfaces in the middle half of a pixel come first, then others in the pixel; the views
+        around the point come before farther views.
+        """
         away = self._away(point).max(axis=1)
         away[self.without] = np.inf
         width, height = self.made.size
-        found = np.zeros((height, width), np.uint32)
-        for within, before in ((0.99, -1.0), (FAR, 0.99)):
-            numbers = np.flatnonzero((before <= away) & (away < within))
+        code = np.zeros((height, width), np.uint32)
+        for low, high in ((-1.0, 0.99), (0.99, FAR)):
+            numbers = np.flatnonzero((low <= away) & (away < high))
             if len(numbers):
-                for more in self._nearest_of(point, numbers):
-                    found = np.where(found, found, more)
-            if found.all():
+                for level in self._nearest_of(point, numbers):
+                    code = np.where(code, code, level)
+            if code.all():
                 break
-        inverse = (found - np.uint32(1)).view(np.float32).astype(float)
-        return np.where(found, inverse, np.nan)
+        inverse = (code - np.uint32(1)).view(np.float32).astype(float)
+        return np.where(code, inverse, np.nan)
 
     def _nearest_of(self, point: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """(2, height, width) uint32 of views by their numbers, as the kernel writes them."""
+        """The kernel's codes for some views, (2, height, width) uint32: middle, whole pixel."""
         slab, device, (width, height) = self.slab, self.device, self.made.size
         columns, rows = slab.size
         if "_rays" in self.__dict__:
@@ -143,15 +160,15 @@ class FreeViews:
         move = (self.views.positions[numbers] - point) * (step / slab.pixel_pitch)
         first = (self.views.displacement[numbers] + slab.held.pixels[:2] + 0.5) * step
         first -= move * slab.camera.delta + self.made.held.pixels[:2]
-        found = device.zeros(8 * width * height)
+        codes = device.zeros(8 * width * height)
         cl.Kernel(build_program(device, ["refocus/kernels/nearest.cl"]), "nearest")(
             device.queue, (rows, len(numbers)), None, depth,
             device.buffer(np.concatenate([first, move], 1).astype(np.float32)),
             device.buffer(places.astype(np.int32)), np.int32(columns), np.int32(rows),
-            np.float32(step), np.int32(width), np.int32(height), found,
+            np.float32(step), np.int32(width), np.int32(height), codes,
         )  # fmt: skip
         levels = np.empty((2, height, width), np.uint32)
-        cl.enqueue_copy(device.queue, levels, found)
+        cl.enqueue_copy(device.queue, levels, codes)
         return levels
 
 
@@ -168,8 +185,8 @@ def views_at(
     points, lens = np.asarray(points_m, float).reshape(-1, 2), views.slab.camera.lens_radius_m
     if points.size and not np.abs(points).max() <= lens:
         raise OpticsError(
-            f"lies outside the lens, which reaches {1e3 * lens:.4g} mm from its middle",
-            file=field.path, key="at",
+            f"is outside the lens, which reaches {1e3 * lens:.4g} mm from its middle",
+            file=field.path, key="points_m",
         )  # fmt: skip
     out = np.empty((len(points), *views.made.size[::-1], 3), np.float32)
     for number, point in enumerate(points):
@@ -180,17 +197,20 @@ def views_at(
 
 
 def served_positions(field: LightFieldFile, count: int) -> np.ndarray:
-    """(count,) metres: columns or rows of views, evenly from the first recorded one to the last."""
+    """The positions of ``count`` columns or rows of views, (count,) metres.
+
+    They are evenly spaced from the first recorded view to the last.
+    """
     slab = field.require_slab()
     reach = (slab.views - 1) * slab.lens_pitch_m or slab.lens_pitch_m * (1 - 1 / count)
     return reach * (np.arange(count) - (count - 1) / 2) / max(1, count - 1)
 
 
 def expected_db(views: FreeViews) -> float | None:
-    """PSNR in dB, sRGB, to expect of ``views`` between the outermost recorded ones.
+    """Estimate the PSNR, dB in sRGB, of views between the outermost recorded ones.
 
-    Traced views inside the lens are held back and made from the others; the worst counts.  None of
-    a file of fewer than 3 x 3 views.
+    Traced views inside the lens are made from the others, and the worst counts.  None for fewer
+    than 3 x 3 views.
     """
     slab = views.slab
     if slab.views < 3 or not slab.views_held().all():
@@ -209,9 +229,9 @@ def expected_db(views: FreeViews) -> float | None:
 
 
 def inverse_depth(field: LightFieldFile, pixels: int | None = None) -> np.ndarray:
-    """(height, width) float64, 1/m: what a pixel sees from the lens's middle.
+    """The inverse depth from the middle of the lens, (height, width) float64, 1/m; 0 is a miss.
 
-    By the views around it; 0 is a miss.  ``pixels`` and errors are as of :class:`FreeViews`.
+    ``pixels`` and errors are as for :class:`FreeViews`.
     """
     return FreeViews(field, pixels).inverse_depth(np.zeros(2))
 
@@ -219,9 +239,10 @@ def inverse_depth(field: LightFieldFile, pixels: int | None = None) -> np.ndarra
 def _filled(
     values: np.ndarray, inverse: np.ndarray, holes: np.ndarray, surface: float
 ) -> np.ndarray:
-    """Fill what no view sees by the nearest of the farthest surface around it.
+    """Fill holes with the nearest pixel of the farthest surface around them.
 
-    ``inverse`` is of each pixel, NaN where it is not known; ``surface`` as of :class:`FreeViews`.
+    ``inverse`` is each pixel's inverse depth, NaN if unknown; ``surface`` the difference of inverse
+    depth within one surface.
     """
     from scipy.ndimage import distance_transform_edt, minimum_filter  # slow to import
 
@@ -237,7 +258,7 @@ def _filled(
 
 
 class _PointSlicer(DepthSlicer):
-    """Forms what is seen from one ``point`` (2,) of the lens, metres, by each view's ``share``."""
+    """Forms the picture from one point (2,) of the lens, metres; ``share`` weights the views."""
 
     def __init__(
         self, views: ViewSet, point: np.ndarray, share: np.ndarray, pixels: int, codes: DepthCodes,
@@ -247,7 +268,7 @@ class _PointSlicer(DepthSlicer):
         self.point, self.share = point, share
         plane = SensorPlane(1 / codes.far if codes.far else np.inf, slab.camera.f_number, "square")
         scale = pixels / slab.camera.field_width
-        # All lies before the plane: sweeps from 0 to that of the nearest.
+        # All surfaces are before the plane: sweeps are from 0 to the nearest surface's.
         widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
         bounds = np.arange(1, LAYERS) * widest / LAYERS
         self._piled_px = widest / LAYERS * np.abs(views.positions - point) / slab.lens_pitch_m

@@ -1,4 +1,4 @@
-"""Views of a light field file as a lazy xarray.DataArray."""
+"""A light field file's views as a lazy xarray.DataArray."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def labelled_views(field: LightFieldFile, *, codes: bool = False) -> xarray.Data
 
 
 def _chunks(field: LightFieldFile) -> tuple[tuple[int, ...], ...]:
-    """Sides of the blocks along each dimension: between the edges of segments, or a row made."""
+    """The chunks' sides along each dimension: by segments, or by rows of views made by depth."""
     if field.displaced:
         count, (width, height) = field.views_to_serve, field.made_views.size
         return (1,) * count, (count,), (height,), (width,), (3,)

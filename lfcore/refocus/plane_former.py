@@ -78,8 +78,10 @@ class PlaneFormer:
         self._inner = () if views else (np.int32(slab.views),)
 
     def add(self, frames: np.ndarray, first: int) -> None:
-        """Add consecutive frames of the tile: (F, frame_bytes) uint8, the first being number
-        ``first``; returns when the device has done with them."""
+        """Add consecutive frames (F, frame_bytes) uint8 of the tile, from number ``first`` on.
+
+        Returns when the device no longer reads them.
+        """
         layout = self.tile.layout
         start, stop = np.searchsorted(self._placements["frame"], [first, first + len(frames)])
         if start == stop:
@@ -112,5 +114,5 @@ class PlaneFormer:
         device.queue.finish()
 
     def plane_sums(self) -> PlaneSums:
-        """What was added so far."""
+        """The sums of all added frames."""
         return self._sums.collect()

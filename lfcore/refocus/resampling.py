@@ -1,14 +1,14 @@
-"""Where a refocused picture reads each view, and how much of it there is to read.
+"""The pixels of each view that a refocused picture reads, and their coverage.
 
 Equation 6.1 of the thesis, in pixels: with alpha = v'/v, pixel X of the picture reads the view of
 lens column i at
 
     u = (X - c) / m + c - shift_i        c the middle, m = alpha with the magnification kept, else 1
 
-Columns and rows are alike and independent, so all of it is tables of one axis.
+Columns and rows are independent and alike, so tables have one axis.
 
-There is no sharper kernel: a cubic one (Keys, a = -1/2) was measured against pictures traced
-directly and lay within 0.7 dB of the better of these two, above it or below.
+A cubic filter (Keys, a = -1/2) is not better: against traced pictures it was within 0.7 dB of the
+better of these two, above or below.
 """
 
 import numpy as np
@@ -18,15 +18,15 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 
 FILTERS = ("nearest", "bilinear")
-"""Of views as they are; a file with depth has the filter ``depth``, too."""
+"""The filters that need no depth."""
 
 
 def taps(slab: Slab, plane: SensorPlane, filter: str) -> tuple[np.ndarray, np.ndarray]:
-    """Source pixels of every output pixel: (N, M) int32 ``first`` and (N, M) float32 ``share``.
+    """The source pixels of every output pixel: (N, M) int32 ``first``, (N, M) float32 ``share``.
 
-    Pixel X of the picture reads pixel ``first[i, X]`` of lens column i with weight 1 - share and
-    the next one with ``share``.  The nearest pixel is the one from which slicing throws to X,
-    where the magnification is not kept: a shift by one whole number.
+    Pixel X of the picture reads pixel ``first[i, X]`` of lens column i with weight 1 - share, and
+    the next pixel with ``share``.  Without magnification, the nearest filter reads the pixel whose
+    ray slicing adds to X: a view shifts by one whole number.
     """
     check_known(OpticsError, "filter", filter, FILTERS)
     pixels, shifts = np.arange(slab.pixels), plane.shifts(slab)
@@ -43,10 +43,10 @@ def taps(slab: Slab, plane: SensorPlane, filter: str) -> tuple[np.ndarray, np.nd
 
 
 def coverage(slab: Slab, plane: SensorPlane, filter: str) -> np.ndarray:
-    """(M, M) float64: how many views, or shares of views, a pixel reads.
+    """The number of views that a pixel reads, fractions included: (M, M) float64.
 
-    Separable but for the aperture: A mask B^T, A[Y, j] the share of row j that lies within, and B
-    that of columns.
+    It is A mask B^T, where A[Y, j] is the share of row Y's taps that is inside the view of lens
+    row j, and B the same for columns.
     """
     first, share = taps(slab, plane, filter)
     left, top, width, height = slab.held.pixels
@@ -57,15 +57,15 @@ def coverage(slab: Slab, plane: SensorPlane, filter: str) -> np.ndarray:
 
 
 def _within(first: np.ndarray, share: np.ndarray, low: int, high: int) -> np.ndarray:
-    """How much of each pair of taps lies among pixels [low, high)."""
+    """The weight of each pair of taps inside the pixels [low, high)."""
     inside = np.where((first >= low) & (first < high), 1 - share.astype(np.float64), 0)
     return inside + np.where((first >= low - 1) & (first < high - 1), share, 0)
 
 
 def normalise(slab: Slab, plane: SensorPlane, filter: str, sums: np.ndarray) -> np.ndarray:
-    """(M, M, 3) float32 picture of sums (3, M, M) of linear light; black where nothing was read.
+    """The (M, M, 3) float32 picture of sums (3, M, M) of linear light; black without taps.
 
-    Dimmed pictures are divided by N^2 and by m^2 as well: a sensor farther from the lens spreads
+    With ``normalise='lens'`` sums are divided by N^2 m^2: a sensor farther from the lens spreads
     the same light over more pixels.
     """
     if plane.normalise == "lens":
@@ -77,6 +77,6 @@ def normalise(slab: Slab, plane: SensorPlane, filter: str, sums: np.ndarray) -> 
 
 
 def crop(slab: Slab, pictures: np.ndarray) -> np.ndarray:
-    """Pictures (P, height, width, 3) of the pixels that are there, of pictures (P, M, M, 3)."""
+    """Crop pictures (P, M, M, 3) to the slab's used pixels, (P, height, width, 3)."""
     left, top, width, height = slab.held.pixels
     return np.ascontiguousarray(pictures[:, top : top + height, left : left + width])

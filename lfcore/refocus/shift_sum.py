@@ -1,8 +1,8 @@
 """Shift-sum refocusing on views (thesis section 6.2, equation 6.1).
 
-Every view is shifted to the plane in focus and added.  Without the sensor's magnification the
-nearest filter shifts a whole view by one whole number, and the sums are those of slicing to the
-last bit; bilinear shifts by fractions.
+Every view is shifted to the plane in focus and added.  Without magnification, the nearest filter
+shifts a view by a whole number, and its sums equal those of slicing to the last bit.  The bilinear
+filter shifts by fractions.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,14 +19,26 @@ from lfcore.refocus.resampling import crop, normalise, taps
 from lfcore.refocus.stored_views import GROUP_BYTES, TakesViews, add_frames
 from lfcore.storage.lightfield import LightFieldFile
 
-MOST_VIEWS = 4095  # of a group: 32-bit sums hold no more
+MOST_VIEWS = 4095
+"""The most views of a group: 32-bit sums hold no more."""
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 
 class ViewSummer:
-    """Adds views of ``slab``, or rectangles of them, to planes.
+    """Adds views, or rectangles of views, to planes.
 
-    ``one`` is radiance 1 in the fixed point of views, and 32 bits hold ``most_views`` of them.
+    Parameters
+    ----------
+    slab, planes
+        The views and the pictures.
+    filter : str
+        ``nearest`` or ``bilinear``.
+    device : Device, optional
+        Default: the default device.
+    one : float
+        Radiance 1 in the views' fixed point.
+    most_views : int
+        The views whose sum fits in 32 bits.
     """
 
     def __init__(
@@ -47,19 +59,19 @@ class ViewSummer:
         self.device = device or open_device()
         self._masks = [plane.mask(slab) for plane in planes]
         self.open_samples = np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
-        # Without magnification each view has one shift, else each pixel has an entry in tables.
+        # Without magnification each view has one shift; else tables have an entry per pixel.
         self._magnified = any(plane.magnification(slab) != 1.0 for plane in planes)
         defines = {"BILINEAR": int(filter == "bilinear"), "MAGNIFIED": int(self._magnified)}
         self._kernel = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
-        found = [taps(slab, plane, filter) for plane in planes]
-        self._first = np.stack([first for first, _ in found])  # (planes, N, M)
-        self._share = np.stack([share for _, share in found])
+        tables_of = [taps(slab, plane, filter) for plane in planes]
+        self._first = np.stack([first for first, _ in tables_of])  # (planes, N, M)
+        self._share = np.stack([share for _, share in tables_of])
         tables = (self._first, self._share) if self._magnified else (np.zeros(1, np.int32),) * 2
         self._tables = [self.device.buffer(table) for table in tables]
         self._sums = self.device.zeros(len(planes) * 24 * slab.pixels**2)
 
     def group_size(self, width: int, height: int) -> int:
-        """Views of that size that go to the device at a time."""
+        """The number of views of this size that are added at a time."""
         return int(np.clip(GROUP_BYTES // (12 * width * height), 1, self.most_views))
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
@@ -76,7 +88,7 @@ class ViewSummer:
         self.device.queue.finish()
 
     def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Per plane the views that it lets through, and how each is shifted."""
+        """The open views of each plane, and their shifts."""
         lists, entries, shares = [], [], []
         i, j = samples.T
         count = 0
@@ -95,24 +107,24 @@ class ViewSummer:
         return np.array(lists, np.int32), np.concatenate(entries), np.concatenate(shares)
 
     def _reach(self, lens: np.ndarray, first: int, length: int) -> tuple[int, int]:
-        """Output pixels along one axis that can read pixels first ... first + length - 1."""
+        """The output pixels of an axis that can read pixels first ... first + length - 1."""
         table = self._first[:, lens.min() : lens.max() + 1]
-        touched = ((table >= first - 1) & (table < first + length)).any(axis=(0, 1))
-        where = np.flatnonzero(touched)
-        return (int(where[0]), int(where[-1]) + 1) if len(where) else (0, 0)
+        reads = ((table >= first - 1) & (table < first + length)).any(axis=(0, 1))
+        pixels = np.flatnonzero(reads)
+        return (int(pixels[0]), int(pixels[-1]) + 1) if len(pixels) else (0, 0)
 
     def pictures(self) -> np.ndarray:
-        """(P, M, M, 3) float32, linear light, of what was added."""
+        """(P, M, M, 3) float32, linear light, of all added views."""
         size = self.slab.pixels
         out = np.empty((len(self.planes), size, size, 3), np.float32)
-        found = read_sums(self.device, self._sums, len(self.planes), self.slab)
-        for picture, plane, sums in zip(out, self.planes, found, strict=True):
+        sums_of = read_sums(self.device, self._sums, len(self.planes), self.slab)
+        for picture, plane, sums in zip(out, self.planes, sums_of, strict=True):
             picture[:] = normalise(self.slab, plane, self.filter, sums / float(self.one))
         return out
 
 
 def to_fixed(views: np.ndarray) -> np.ndarray:
-    """(K, 3, h, w) uint32 fixed point of views (K, h, w, 3), uint8 sRGB or linear light."""
+    """Convert views (K, h, w, 3), uint8 sRGB or linear light, to (K, 3, h, w) uint32."""
     planar, are_codes = np.moveaxis(views, -1, 1), views.dtype == np.uint8
     light = srgb_decode(np.arange(256, dtype=np.uint8)) if are_codes else np.clip(planar, 0, 1)
     rounded = np.floor(light.astype(np.float32) * np.float32(FIXED_ONE) + np.float32(0.5))
@@ -121,7 +133,7 @@ def to_fixed(views: np.ndarray) -> np.ndarray:
 
 
 def read_sums(device: Device, sums: cl.Buffer, count: int, slab: Slab) -> Iterator[np.ndarray]:
-    """(3, M, M) uint64 of each of ``count`` planes, one at a time; the array is used again."""
+    """Yield the (3, M, M) uint64 sums of each plane, always in the same array."""
     host = np.empty((3, slab.pixels, slab.pixels), np.uint64)
     for k in range(count):
         cl.enqueue_copy(device.queue, host, sums, src_offset=k * host.nbytes)
@@ -142,10 +154,10 @@ def launch_add(
     tables: Sequence[cl.Buffer] | None = None,
     lens: int = 0,
 ) -> None:
-    """Start the kernel ``add_views``; arguments are its own, in kernels/shift_sum.cl."""
+    """Start the kernel ``add_views`` of kernels/shift_sum.cl, which explains its arguments."""
     nothing = np.zeros(1, np.int32)
     left, top, right, bottom = output
-    # A GPU wants many work-items, a CPU long ones.
+    # A GPU needs many work-items, a CPU long ones.
     across = 1 if device.is_cpu else -(-(right - left) // device.lanes)
     kernel(
         device.queue,
@@ -172,9 +184,9 @@ def shift_sum(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """Refocus a stored light field by shift-sum: (P, M, M, 3) float32, linear light.
+    """Refocus a stored light field by shift-sum: (P, height, width, 3) float32, linear light.
 
-    The next frames are decoded meanwhile.  Of a part of the grids the pixels alone that are there.
+    The next frames are decoded while views are added.
     """
     device = device if isinstance(device, Device) else open_device(device)
     summer = ViewSummer(
@@ -196,7 +208,7 @@ def shift_sum_views(
     """Refocus views in memory: (P, M, M, 3) float32, linear light.
 
     ``views`` is (N, N, M, M, 3), indexed [j, i, v, u], uint8 sRGB or floating linear light.
-    Raises :class:`OpticsError` when its shape is not the slab's.
+    Raises :class:`OpticsError` for another shape.
     """
     summer = ViewSummer(slab, planes, filter=filter, device=device)
     add_views(summer, slab, views)
@@ -204,13 +216,13 @@ def shift_sum_views(
 
 
 def add_views(summer: TakesViews, slab: Slab, views: np.ndarray) -> None:
-    """Add those of all views (N, N, M, M, 3) that ``summer`` wants, some at a time.
+    """Add the open views among all views (N, N, M, M, 3), some at a time.
 
-    Raises :class:`OpticsError` when their shape is not the slab's.
+    Raises :class:`OpticsError` for another shape.
     """
     expected = (slab.views, slab.views, slab.pixels, slab.pixels, 3)
     if views.shape != expected:
-        raise OpticsError(f"views are {expected} for this slab, not {views.shape}")
+        raise OpticsError(f"must be {expected} for this slab, not {views.shape}", key="views")
     samples = summer.open_samples
     step = summer.group_size(slab.pixels, slab.pixels)
     for start in range(0, len(samples), step):

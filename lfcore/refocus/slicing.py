@@ -18,7 +18,7 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.timing import Stopwatch
 
 CHUNK_BYTES = 64 << 20
-"""Decoded frames that are added at a time: enough to keep the device busy, and still in cache."""
+"""The decoded frames that are added at a time: enough for the device, and still in the cache."""
 
 
 def form_planes(
@@ -29,9 +29,9 @@ def form_planes(
     device: Device | str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Retrieval:
-    """Form ``planes`` from a stored light field (Algorithm 4), whole segments side by side.
+    """Form planes of a stored light field (Algorithm 4), several segments at a time.
 
-    ``threads`` are the segments decoded at a time, each by one thread that also forms its planes.
+    Each of ``threads`` decodes a segment and forms its planes.
     """
     slab = field.require_grid()
     for plane in planes:
@@ -50,14 +50,14 @@ def form_planes(
             if progress:
                 progress(done, total_frames)
 
-    def one(index: int) -> Retrieval:
+    def form(index: int) -> Retrieval:
         if not hasattr(local, "device"):
             local.device = open_device(name, threads=1)
         return _form_segment(field, index, planes, local.device, count)
 
     with watch.part("whole"):
         with ThreadPoolExecutor(threads) as pool:
-            parts = list(pool.map(one, [part.index for part in field.segments]))
+            parts = list(pool.map(form, [part.index for part in field.segments]))
         sums = total(slab, list(planes), (part.sums for part in parts))
     return Retrieval(
         sums,
@@ -70,7 +70,7 @@ def form_planes(
 
 @dataclass(frozen=True)
 class Retrieval:
-    """Planes formed from a file: wall ``seconds``, and seconds of all threads by part."""
+    """Planes of a file, with wall seconds, and the decoding and forming seconds of all threads."""
 
     sums: PlaneSums
     seconds: float

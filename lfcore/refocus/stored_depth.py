@@ -1,4 +1,4 @@
-"""Slicing by depth of a stored light field: colours and depths from the file, side by side."""
+"""Slicing by depth of a stored light field, whose two streams have colours and depths."""
 
 from collections.abc import Iterator, Sequence
 
@@ -15,9 +15,9 @@ from lfcore.refocus.stored_views import add_frames, frame_planes, read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 VIEWS_RAYS = 1 << 20
-"""Rays of views that are sliced at a time."""
+"""The rays of views that are sliced at a time."""
 HELD_RAYS = 1 << 27
-"""Most rays that are held at a time, as a file of macropixels needs: 2 GiB."""
+"""The most rays in memory, as for a file of macropixels: 2 GiB."""
 
 
 def slice_stored(
@@ -28,9 +28,9 @@ def slice_stored(
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """Pictures of a file that holds depth: (P, height, width, 3) float32, linear light.
+    """Make pictures of a file with depth: (P, height, width, 3) float32, linear light.
 
-    ``pixels`` are as for :func:`picture_side`, by default those that the file was traced for.
+    ``pixels`` is as in :func:`picture_side`; by default the size that the file was recorded for.
     """
     stored = field.require_depth()
     side = stored.pixels if pixels is None else picture_side(field, pixels)
@@ -41,11 +41,11 @@ def slice_stored(
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
-            file=field.path, key="size", remedy="Ask for fewer pixels",
+            file=field.path, key="pixels", remedy="Give fewer pixels",
         )  # fmt: skip
     room = planes_at_a_time(device, size, layout.stops)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
-    made = []
+    pictures = []
     for number, group in enumerate(groups):
         views = stored.views(field.require_slab())
         by_views = layout.kind == "views"
@@ -53,53 +53,56 @@ def slice_stored(
         slicer = DepthSlicer(
             views, group, side, device, stops=layout.stops, codes=codes, one=layout.one
         )
-        tell = part_of(progress, number, len(groups))
+        report = part_of(progress, number, len(groups))
         if by_views:
-            add_frames(_Taker(field, slicer), field, tell)
+            add_frames(_ColourReceiver(field, slicer), field, report)
         else:
-            light, depth = read_rays(field, device=device, progress=tell)
+            light, depth = read_rays(field, device=device, progress=report)
             slicer.add(slice(0, len(light)), light, depth)
         field.close()  # decoders hold more memory than pictures
-        made.append(slicer.pictures())
-    return made[0] if len(made) == 1 else np.concatenate(made)  # which copies
+        pictures.append(slicer.pictures())
+    return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # which copies
 
 
 def picture_side(field: LightFieldFile, pixels: Pixels) -> int:
-    """The longer side of a picture of so many pixels: that side, or a width and height.
+    """The longer side of a picture whose longer side, or width and height, is ``pixels``.
 
     Raises :class:`OpticsError` for a width and height of another shape than the views'.
     """
-    asked = Size.of(pixels)
-    shown = Size(*field.require_slab().picture(asked.longer)[2:])
-    if isinstance(pixels, Sequence) and asked != shown:
+    size = Size.of(pixels)
+    shown = Size(*field.require_slab().picture(size.longer)[2:])
+    if isinstance(pixels, Sequence) and size != shown:
         raise OpticsError(
-            f"a picture of {asked} pixels has another shape than the views, {shown}",
+            f"a picture of {size} pixels has another shape than the views, {shown}",
             file=field.path, key="pixels", remedy="Give the longer side alone",
         )  # fmt: skip
-    return asked.longer
+    return size.longer
 
 
 def read_rays(
     field: LightFieldFile, *, device: Device, progress: Progress | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All rays of a file that holds depth, view by view with i fastest, as they are stored.
+    """Read all rays of a file with depth, view by view with i fastest.
 
-    Light (N N, H, W, 3) float32, linear, and depth (N N, H, W) float32, metres; infinity for a
-    miss, and where nothing can be read.  Raises :class:`OpticsError` for more rays than are held at
-    a time.
+    Returns light (N N, H, W, 3) float32, linear, and depth (N N, H, W) float32, metres; infinity
+    for a miss, and for damaged segments.  Raises :class:`OpticsError` for more than
+    :data:`HELD_RAYS`.
     """
     slab = field.require_slab()
     if slab.rays > HELD_RAYS:
         raise OpticsError(
-            f"{slab.rays:,} rays are more than the {HELD_RAYS:,} that are held at a time",
-            file=field.path, remedy="Trace fewer views, or store views and refocus them",
+            f"{slab.rays:,} rays are more than the {HELD_RAYS:,} that fit in memory",
+            file=field.path, remedy="Record fewer views, or the layout views",
         )  # fmt: skip
     light = read_views(field, all_samples(slab), device=device, progress=progress)
     return light, read_depths(field, np.arange(len(light)))
 
 
 def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
-    """(K, H, W) float32 metres of views by their numbers (K,), i + N j; else as above."""
+    """Read depths of some views, (K, H, W) float32, as :func:`read_rays` does.
+
+    ``views`` (K,) are their numbers i + N j.
+    """
     slab, codes = field.require_slab(), field.require_depth().codes
     depth = np.full((len(views), *slab.size[::-1]), np.inf, np.float32)
     place = np.full(slab.views**2, -1)
@@ -117,8 +120,8 @@ def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:
     return depth
 
 
-class _Taker:
-    """Takes the colours of whole views as they are decoded, and their depths beside them."""
+class _ColourReceiver:
+    """Receives the colours of whole views, and reads their depths for the slicer."""
 
     def __init__(self, field: LightFieldFile, slicer: DepthSlicer):
         self.device, self._slicer, self._field = slicer.device, slicer, field
@@ -135,17 +138,17 @@ class _Taker:
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         top, rows = region[1] - self._field.extent.pixels[1], region[3]
-        if not top:  # both streams have the same elements in the same order
+        if not top:  # both streams have their elements in the same order
             places, codes = zip(*[next(self._codes) for _ in samples], strict=True)
             if list(places) != [tuple(sample) for sample in samples.tolist()]:
-                raise AssertionError("the streams of colours and depths are in unlike order")
+                raise AssertionError("the streams of colours and depths have different orders")
             self._shown = np.stack(codes) if len(codes) > 1 else codes[0][None]
         index = samples[:, 1] * self._field.layout.views + samples[:, 0]
         self._slicer.add_stored(index, views, self._shown[:, top : top + rows], top)
 
 
 def _elements(field: LightFieldFile) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
-    """((E, 2) outer coordinates, E (rows, columns) codes) of each frame."""
+    """Yield, per frame, (E, 2) outer coordinates and E arrays (rows, columns) of depth codes."""
     video = field.require_depth_video()
     columns, rows = video.layout.inner
     for tile, number, (plane,) in frame_planes(video, field.segments):

@@ -1,4 +1,4 @@
-"""Frames of a stored light field, in either layout, as views in fixed-point linear light."""
+"""Views in fixed-point linear light from a stored light field's frames, in either layout."""
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
@@ -19,33 +19,36 @@ from lfcore.storage.stored_video import StoredVideo
 from lfcore.tracing.header import header
 
 CHUNK_BYTES = 8 << 20
+"""The bytes of frames with views that are decoded at a time."""
 GROUP_BYTES = 64 << 20
 """The bytes of a group of views in fixed point."""
 _SOURCE = "refocus/kernels/shift_sum.cl"
 
 
 class TakesViews(Protocol):
-    """Whatever views are handed to, on the device."""
+    """A receiver of views on the device."""
 
     device: Device
 
     @property
     def open_samples(self) -> np.ndarray:
-        """(K, 2) int32 (i, j): the views that are wanted."""
+        """The wanted views (i, j), (K, 2) int32."""
 
     def group_size(self, width: int, height: int) -> int:
-        """How many views of that size are taken at a time; 0 for some of their rows."""
+        """The number of views of this size per call; 0 for bands of rows."""
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
-        """Take views (K, 3, h, w) uint32, ``layout.one`` to one, of samples (K, 2); region is
-        their rectangle of pixels: (column, row, w, h)."""
+        """Receive views (K, 3, h, w) uint32 of samples (K, 2).
+
+        Radiance 1 is ``layout.one``; ``region`` is the views' rectangle (column, row, w, h).
+        """
 
 
 class FrameSummer:
-    """Unpacks frames of a stored light field on the device and hands views to ``summer``.
+    """Unpacks frames on the device, and passes their views to ``summer``.
 
-    ``pixels`` are those that the views have of the slab's square grid, default all; in frames they
-    begin at ``corner``.
+    ``pixels`` is the views' rectangle of the slab's square grid, by default the whole grid; in
+    frames it begins at ``corner``.
     """
 
     def __init__(
@@ -67,10 +70,10 @@ class FrameSummer:
         self._is_open[self._open[:, 1], self._open[:, 0]] = True
         _, _, width, height = self._pixels
         self.in_rows = layout.kind == "views" and not summer.group_size(width, height)
-        """Whether views are taken some rows at a time: frames then come as their planes."""
+        """Whether views are passed by bands of rows, from frames' planes."""
 
     def add_planes(self, planes: list[np.ndarray], tile: Tile, number: int) -> None:
-        """Add frame ``number`` of a tile, its planes (h, w), some rows at a time."""
+        """Add the planes (h, w) of frame ``number`` of a tile, by bands of rows."""
         elements = tile.elements()
         places = tile.placement(elements)
         here = (places[:, 0] == number) & self._is_open[elements[:, 1], elements[:, 0]]
@@ -94,10 +97,10 @@ class FrameSummer:
                 self.summer.device.queue.finish()
 
     def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
-        """Add consecutive frames (F, frame_bytes) uint8 of a tile, the first being ``first``.
+        """Add consecutive frames (F, frame_bytes) uint8 of a tile, from number ``first`` on.
 
-        Of macropixels all frames of a tile have to come together.  Returns when the device has
-        done with them.
+        Macropixels need all frames of a tile in one call.  Returns when the device no longer reads
+        the frames.
         """
         elements = tile.elements()
         places = np.zeros((len(elements), 4), np.int32)
@@ -118,8 +121,8 @@ class FrameSummer:
         step = self.summer.group_size(*region[2:])
         for start in range(0, len(samples), step):
             part = slice(start, start + step)
-            of = places[part] if by_views else places
-            self._unpack(buffer, self.layout.frame_height, of, samples[part], region)
+            chosen = places[part] if by_views else places
+            self._unpack(buffer, self.layout.frame_height, chosen, samples[part], region)
         self.summer.device.queue.finish()
 
     def _unpack(
@@ -128,7 +131,7 @@ class FrameSummer:
         device, layout = self.summer.device, self.layout
         (width, height), count = region[2:], len(samples)
         if (size := 12 * count * width * height) > self._views.size:
-            self._views = device.empty(size)  # kept: fresh pages cost as much as what fills them
+            self._views = device.empty(size)  # kept: new pages cost as much as filling them
         views_layout = layout.kind == "views"
         self._kernel(
             device.queue,
@@ -152,17 +155,17 @@ def add_frames(
     field: LightFieldFile,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Hand to ``summer`` all views of ``field`` that it wants; frames ahead are decoded meanwhile.
+    """Pass all wanted views of a file to ``summer``, while the next frames are decoded.
 
-    ``progress`` is called with (frames done, frames in all).
+    ``progress`` is called with (frames done, total).
     """
     frames, done = FrameSummer(summer, field.layout, field.extent.pixels, field.corner), 0
     total = sum(part.frames for part in field.segments)
     add = frames.add_planes if frames.in_rows else frames.add
     read = frame_planes if frames.in_rows else frame_chunks
-    for tile, first, some in prefetched(read(field.video, field.segments)):
-        add(some, tile, first)
-        done += 1 if frames.in_rows else len(some)
+    for tile, first, chunk in prefetched(read(field.video, field.segments)):
+        add(chunk, tile, first)
+        done += 1 if frames.in_rows else len(chunk)
         if progress:
             progress(done, total)
 
@@ -197,7 +200,7 @@ def frame_chunks(
 
 
 def prefetched(items: Iterator) -> Iterator:
-    """The items, each made by another thread while the one before is in use."""
+    """Yield the items; another thread computes the next one meanwhile."""
     with ThreadPoolExecutor(1) as pool:
         end = object()
         coming = pool.submit(next, items, end)
@@ -213,11 +216,11 @@ def read_views(
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """(K, height, width, 3) float32, linear light, of lens samples (K, 2) (i, j), which count from
-    the file's first view.
+    """Read some views, (K, height, width, 3) float32, linear light.
 
-    From macropixels every frame is decoded, once, however many views are asked for.  Raises
-    :class:`OpticsError` for samples outside the lens or asked for twice.
+    ``samples`` (K, 2) are (i, j) from the file's first view.  With macropixels all frames are
+    decoded, whatever the number of views.  Raises :class:`OpticsError` for samples outside the
+    lens, or given twice.
     """
     collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
     add_frames(collector, field, progress)
@@ -227,10 +230,10 @@ def read_views(
 def read_stored(
     field: LightFieldFile, *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[np.ndarray, CameraArray]:
-    """All pictures of a file, slab or array, side by side as a camera array's picture.
+    """Read all pictures of a file, slab or array, as a camera array's picture.
 
-    That is (N M, N M, 3) float32, linear radiance, for ``DeviceField`` and ``write_array``; the
-    array is sheared when the slab is focused.
+    Returns (N M, N M, 3) float32, linear radiance, and the array, which is sheared if the slab is
+    focused; for ``DeviceField`` and ``write_array``.
     """
     if not field.metric:
         raise OpticsError(
@@ -239,7 +242,7 @@ def read_stored(
         )  # fmt: skip
     slab, (columns, rows) = field.metadata.slab, field.grid
     array = field.array if slab is None else CameraArray.from_slab(slab)
-    assert array is not None  # a file holds one or the other
+    assert array is not None  # a file has a slab or an array
     samples = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
     views = read_views(field, samples, progress=progress)
     image = array.mosaic(views.reshape(rows, columns, *views.shape[1:]))
@@ -248,7 +251,7 @@ def read_stored(
 
 
 class _Collector:
-    """Takes views and keeps them."""
+    """A receiver that keeps all views."""
 
     def __init__(self, field: LightFieldFile, samples: np.ndarray, device: Device | None):
         column, row, columns, rows = field.extent.views
@@ -263,7 +266,7 @@ class _Collector:
         self.views = np.zeros((len(samples), height, width, 3), np.float32)
         self._place = {tuple(sample): k for k, sample in enumerate(samples.tolist())}
         if len(self._place) < len(samples):
-            raise OpticsError("a view is asked for twice", file=field.path)
+            raise OpticsError("has a view twice", file=field.path, key="samples")
 
     def group_size(self, width: int, height: int) -> int:
         return max(1, GROUP_BYTES // (12 * width * height))

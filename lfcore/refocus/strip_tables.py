@@ -1,9 +1,9 @@
-"""Tables from which macropixels become sensor planes, strip by strip of lens rows.
+"""Tables for forming sensor planes from stored macropixels, by strips of lens rows.
 
-A summed-area table is made of STRIP rows of a macropixel at a time, over its whole width: wide
-enough that a plane needs few look-ups, small enough for the second-level cache.  Along an axis the
-lens samples that fall on one pixel are a *run*; runs end at multiples of STRIP rows, where the next
-table begins, and of MOST_COLUMNS columns, so that the sum of a bin stays within 32 bits.
+A summed-area table has STRIP rows of a macropixel and its whole width: a plane needs few look-ups,
+and the table fits in the second-level cache.  A *run* is the lens samples of an axis that hit one
+pixel.  Runs end at multiples of STRIP rows, where the next table begins, and of MOST_COLUMNS
+columns, so that sums fit in 32 bits.
 """
 
 from collections.abc import Sequence
@@ -17,26 +17,29 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.plane_tables import PlaneTables, distinct_masks, reached_region
 
 STRIP = 32
+"""The lens rows of a table."""
 CHUNK = 16
-"""Columns of a strip that are open, closed or masked together."""
+"""The columns of a strip that are open, closed or masked together."""
 MOST_COLUMNS = 112
-"""STRIP * MOST_COLUMNS samples of at most 2^20 each are less than 2^32."""
+"""The most columns of a run: STRIP * MOST_COLUMNS samples of at most 2^20 are less than 2^32."""
 INT = np.int32
 PLANE = np.dtype([("mask", INT), ("columns", INT), ("rows", INT), ("per_pixel", INT)])
-"""A plane: its mask, its first pointers of columns and of rows, and whether each pixel has runs of
-its own (with magnification)."""
+"""A plane: its mask, its first pointers of columns and of rows, and whether each pixel has its own
+runs, as with magnification."""
 RUN = np.dtype([("end", INT), ("target", INT)])
-"""A run: one past its last lens column, or the table's row of its last lens row, and the offset to
-the target pixel."""
+"""A run: its end, and the offset to its target pixel.  The end is the lens column after its last,
+or the table's row of its last lens row."""
 TABLE_ROWS = np.dtype([("count", INT), ("end", INT, STRIP)])
-"""The rows of a strip's table, each the sum of the strip's lens rows before its end."""
+"""The rows of a strip's table; each sums the strip's lens rows before its end."""
 RECORDS = {"StripPlane": PLANE, "StripRun": RUN, "TableRows": TABLE_ROWS}
-"""The structs that only ``slicing.cl`` has."""
+"""The structs of ``slicing.cl`` alone."""
 
 
 def table_words(views: int) -> int:
-    """32-bit words of a summed-area table, four an entry, rows padded as in slicing.cl; a multiple
-    of 16, so that the next worker's begins at a cache line."""
+    """The 32-bit words of a summed-area table: four per entry, rows padded as in slicing.cl.
+
+    A multiple of 16, so that each worker's table begins at a cache line.
+    """
     return 4 * (STRIP + 1) * (-(-views // CHUNK) * CHUNK + 68)
 
 
@@ -44,11 +47,17 @@ def table_words(views: int) -> int:
 class StripTables(PlaneTables):
     """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for strips of lens rows.
 
-    ``info`` is (P,) PLANE, ``runs`` (R,) RUN, ``masks`` (masks, N, N) uint8, [j, i], 255 if open,
-    ``kinds`` (masks, strips, chunks) uint8, of 16 columns of a strip: 0 closed, 1 partly, 2 open.
-    ``pointers`` are flat int32: for each pixel (or for all) the first of its runs of columns, and
-    for each pixel and strip the first of its runs of rows; each list ends with one past its last.
-    ``table_rows`` is (masks, strips) TABLE_ROWS.
+    Attributes
+    ----------
+    info, runs, masks : ndarray
+        (P,) PLANE, (R,) RUN, and (masks, N, N) uint8 indexed [j, i], 255 where open.
+    kinds : ndarray
+        (masks, strips, chunks) uint8 per 16 columns of a strip: 0 closed, 1 partly open, 2 open.
+    pointers : ndarray
+        int32 lists: per pixel, or once for all, the first of its runs of columns; per pixel and
+        strip the first of its runs of rows.  A list ends with the run after its last.
+    table_rows : ndarray
+        (masks, strips) TABLE_ROWS.
     """
 
     kinds: np.ndarray
@@ -61,7 +70,7 @@ class StripTables(PlaneTables):
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """What goes to the kernel, in its order."""
+        """The kernel's arguments, in its order."""
         return self.info, self.pointers, self.runs, self.masks, self.kinds, self.table_rows
 
 
@@ -69,23 +78,23 @@ def strip_tables(
     slab: Slab, planes: Sequence[SensorPlane], u0: int, v0: int, u1: int, v1: int
 ) -> StripTables:
     """Tables for a tile of macropixels."""
-    masks, which = distinct_masks(slab, list(planes))
-    order = np.argsort(which, kind="stable")
+    masks, mask_of = distinct_masks(slab, list(planes))
+    order = np.argsort(mask_of, kind="stable")
     info = np.zeros(len(planes), PLANE)
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     columns = [runs_of(moves, MOST_COLUMNS, slab.views) for moves in moves_of]
     rows = [runs_of(moves, STRIP, STRIP) for moves in moves_of]
-    numbered = table_rows(which[order], [runs for _, runs in rows], slab.views, len(masks))
+    numbered = table_rows(mask_of[order], [runs for _, runs in rows], slab.views, len(masks))
     pointers, runs = [np.zeros(0, np.int32)], [np.zeros(0, RUN)]
     pointed = used = 0
-    info["mask"] = which[order]
+    info["mask"] = mask_of[order]
     info["per_pixel"] = [len(moves) > 1 for moves in moves_of]
     for row in range(len(planes)):
-        for axis, (starts, found) in (("columns", columns[row]), ("rows", rows[row])):
+        for axis, (starts, axis_runs) in (("columns", columns[row]), ("rows", rows[row])):
             info[axis][row] = pointed
             pointers.append(starts + used)
-            runs.append(found)
-            pointed, used = pointed + len(starts), used + len(found)
+            runs.append(axis_runs)
+            pointed, used = pointed + len(starts), used + len(axis_runs)
     return StripTables(
         order,
         info,
@@ -99,9 +108,9 @@ def strip_tables(
 
 
 def chunk_kinds(masks: np.ndarray) -> np.ndarray:
-    """(masks, strips, chunks) uint8: 0 closed, 1 partly open, 2 wholly open.
+    """The kinds of chunks, (masks, strips, chunks) uint8: 0 closed, 1 partly open, 2 open.
 
-    A chunk that sticks out of the lens grid is at most partly open.
+    A chunk that reaches beyond the lens grid is at most partly open.
     """
     size = masks.shape[1]
     padded = np.pad(masks > 0, ((0, 0), (0, 0), (0, -size % CHUNK)))
@@ -113,31 +122,31 @@ def chunk_kinds(masks: np.ndarray) -> np.ndarray:
     return np.asarray(some + every.astype(np.uint8))
 
 
-def table_rows(which: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:
-    """The rows that the table of each strip needs: ``table_rows`` of :class:`StripTables`.
+def table_rows(mask_of: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:
+    """The rows that each strip's table needs: ``table_rows`` of :class:`StripTables`.
 
-    Runs (R,) of each plane, whose mask is ``which``, are changed: the end of a run, one past
-    its last lens row, becomes the number of the table's row that ends there, from 1.
+    ``mask_of`` has the mask of each plane, ``runs_of_rows`` its runs (R,), which are changed: the
+    end of a run, a lens row, becomes the number of the table's row that ends there, from 1.
     """
     strips = -(-size // STRIP)
     needed = np.zeros((masks, strips * STRIP), bool)
-    for mask, runs in zip(which, runs_of_rows, strict=True):
+    for mask, runs in zip(mask_of, runs_of_rows, strict=True):
         needed[mask, runs["end"] - 1] = True
     numbers = np.cumsum(needed.reshape(masks, strips, STRIP), axis=2, dtype=np.int32)
-    for mask, runs in zip(which, runs_of_rows, strict=True):
+    for mask, runs in zip(mask_of, runs_of_rows, strict=True):
         runs["end"] = numbers[mask].reshape(-1)[runs["end"] - 1]
-    found = np.zeros((masks, strips), TABLE_ROWS)
-    found["count"] = numbers[:, :, -1]
+    rows = np.zeros((masks, strips), TABLE_ROWS)
+    rows["count"] = numbers[:, :, -1]
     mask, strip, row = np.nonzero(needed.reshape(masks, strips, STRIP))
-    found["end"][mask, strip, numbers[mask, strip, row] - 1] = row + 1
-    return found
+    rows["end"][mask, strip, numbers[mask, strip, row] - 1] = row + 1
+    return rows
 
 
 def runs_of(moves: np.ndarray, step: int, each: int) -> tuple[np.ndarray, np.ndarray]:
-    """Runs of equal offset in ``moves`` (positions, N), which end at multiples of ``step`` too.
+    """The runs of equal offset in ``moves`` (positions, N), cut at multiples of ``step``.
 
-    Returns (starts, runs): runs (R,) RUN, and where those of each ``each`` samples of each position
-    begin, and one past the last: (positions * ceil(N / each) + 1).
+    Returns the first run of every ``each`` samples of each position, and the number of runs,
+    (positions * ceil(N / each) + 1,); and the runs (R,) RUN.
     """
     positions, size = moves.shape
     begins = np.ones(moves.shape, bool)

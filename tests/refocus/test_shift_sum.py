@@ -176,7 +176,7 @@ def test_bad_input_is_refused(tmp_path):
     views = random_views(slab)
     refused("unknown filter 'cubist'", shift_sum_views, slab, views, PLANES, filter="cubist")
     refused("wider than the lens", shift_sum_views, slab, views, [SensorPlane(3.0, 1.0)])
-    refused("views are", shift_sum_views, slab, views[:2], PLANES)
+    refused("views: must be", shift_sum_views, slab, views[:2], PLANES)
     refused("No such file", LightField.open, tmp_path / "none.mkv")
 
 

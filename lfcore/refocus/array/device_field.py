@@ -1,4 +1,4 @@
-"""A camera array's picture on an OpenCL device, ready for many syntheses."""
+"""A camera array's picture on an OpenCL device, for many syntheses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,36 +45,44 @@ SURFACE = np.dtype([
     ("radius", FLOAT),
 ])  # fmt: skip
 RECORDS = {"Array": ARRAY, "View": VIEW, "Surface": SURFACE}
-"""The structs of the kernels."""
+"""The kernels' structs."""
 _FOLDER = "refocus/array/kernels"
 
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
-    """``image`` (h, w, 3) float32, linear; ``coverage`` (h, w) float32.
+    """A synthetic picture.
 
-    ``coverage`` is the share of a pixel's samples (Isaksen: 0 or 1) that the array knows; a pixel
-    of coverage 0 is black.
+    Attributes
+    ----------
+    image : ndarray
+        (h, w, 3) float32, linear light.
+    coverage : ndarray
+        (h, w) float32: the share of a pixel's samples inside the array; 0 or 1 for Isaksen's
+        filter.  Pixels of coverage 0 are black.
     """
 
     image: np.ndarray
     coverage: np.ndarray
 
     @classmethod
-    def of(cls, found: np.ndarray, size: tuple[int, int]) -> Self:
-        """From (P, 4) colours and coverage of pixels in rows, to pictures of (width, height)."""
-        picture = found.reshape(*size[::-1], 4).astype(np.float32)
+    def of(cls, pixels: np.ndarray, size: tuple[int, int]) -> Self:
+        """Make a picture of (width, height) from colours and coverage of its pixels, (P, 4)."""
+        picture = pixels.reshape(*size[::-1], 4).astype(np.float32)
         return cls(np.ascontiguousarray(picture[..., :3]), picture[..., 3].copy())
 
     @property
     def skipped_share(self) -> float:
-        """Share of all samples that met no data camera, from 0 to 1."""
+        """The share of samples outside the array, 0 to 1."""
         return float(1.0 - self.coverage.mean(dtype=np.float64))
 
 
 class DeviceField:
-    """The tiles of ``array`` on ``device``: ``image`` is (Ny h, Nx w, 3) float32 or float16, linear
-    radiance.  Raises :class:`DeviceError` where it does not fit."""
+    """A camera array's tiles on a device.
+
+    ``image`` is (Ny h, Nx w, 3) float32 or float16, linear radiance.  Raises :class:`DeviceError`
+    if it does not fit.
+    """
 
     def __init__(self, device: Device, image: np.ndarray, array: CameraArray):
         array.tiles(image)
@@ -94,7 +102,7 @@ class DeviceField:
                 f"a light field of {self.image.size} numbers exceeds the kernels' 32-bit index",
                 remedy="Use fewer cameras or pixels",
             )
-        # A CPU reads the host's own memory; nothing is copied.
+        # A CPU reads the host's memory without a copy.
         self.buffer = (device.shown if device.is_cpu else device.buffer)(self.image)
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
@@ -103,13 +111,13 @@ class DeviceField:
         self.record = np.array((*sizes, 1.0 / pitch, array.delta, *array.bounds()), ARRAY)
 
     def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
-        """A kernel built for this field's number format."""
+        """A kernel for this field's number format."""
         values = {"HALF": int(self.image.dtype == np.float16), **defines}
         source = [f"{_FOLDER}/{file}"]
         return cl.Kernel(build_program(self.device, source, values, header(**RECORDS)), name)
 
     def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
-        """The arguments that all kernels start with."""
+        """The first arguments of all kernels."""
         lens = camera.pixel_pitch, camera.lens_radius_m
         view = np.array((camera.position_m, camera.rotation.ravel(), *camera.size, *lens), VIEW)
         record, inverse = np.zeros((), SURFACE), np.zeros(0, np.float32)
@@ -129,7 +137,7 @@ class DeviceField:
     def run_rows(
         self, kernel: cl.Kernel, camera: VirtualCamera, arguments: Sequence[Any]
     ) -> Synthesis:
-        """Run a per-pixel kernel in bands of rows; ``arguments`` end before first_row and out."""
+        """Run a per-pixel kernel by bands of rows; its last arguments are first_row and out."""
         width, height = camera.size
         out = np.empty((height, width, 4), np.float32)
         target = self.device.empty(out.nbytes)

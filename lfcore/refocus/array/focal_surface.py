@@ -1,7 +1,7 @@
-"""Focal surfaces: where a synthetic picture is sharp.
+"""Focal surfaces: the surfaces on which a synthetic picture is sharp.
 
-A surface answers with the *inverse* ray parameter ``q`` at which a ray ``O + z D`` meets it, so
-that focus at infinity is 0 and nothing overflows on a tilted plane's horizon.  The space is the
+A surface gives the inverse ray parameter ``q = 1 / z`` at which it intersects a ray ``O + z D``.
+Focus at infinity is then 0, and nothing overflows at a tilted plane's horizon.  The space is the
 camera array's: data cameras in z = 0, x right, y down, z forward, metres.
 """
 
@@ -17,9 +17,9 @@ PLANE, SPHERE, DEPTH_MAP = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class PlaneSurface:
-    """The plane through ``point`` with ``normal``; any tilt.
+    """The plane through ``point`` with the normal ``normal``, at any tilt.
 
-    Rays that run away from it are focused at infinity.
+    Rays that move away from it are focused at infinity.
     """
 
     point: np.ndarray
@@ -38,16 +38,16 @@ class PlaneSurface:
         distance = (self.point - origins) @ self.normal
         with np.errstate(divide="ignore", invalid="ignore"):
             q = towards / distance
-        # A ray that starts on the plane meets it at once: q is as large as it gets.
+        # A ray that starts on the plane intersects it at once: q is the largest value.
         return np.where(distance == 0, _NEAREST, np.clip(q, 0.0, _NEAREST))
 
 
 @dataclass(frozen=True, eq=False)
 class SphereSurface:
-    """The far side, as seen by the rays, of a sphere.
+    """The far side of a sphere, as seen by the rays.
 
-    A ray that misses is focused where it comes nearest to the centre, which continues the
-    surface without a jump; one that leaves the sphere behind, at infinity.
+    A ray that misses the sphere is focused where it is nearest to the centre, which continues the
+    surface without a jump.  A ray with the sphere behind it is focused at infinity.
     """
 
     centre: np.ndarray
@@ -73,10 +73,10 @@ class SphereSurface:
 
 @dataclass(frozen=True, eq=False)
 class DepthMapSurface:
-    """A depth for every place on the film.
+    """A depth per place on the film.
 
-    ``depth`` is (H, W): along the virtual camera's axis, metres, row 0 on top, bilinear between
-    texel centres and spread over the whole film whatever its resolution; ``inf`` is allowed.
+    ``depth`` is (H, W), metres along the virtual camera's axis, ``inf`` included, row 0 on top.
+    The map covers the whole film, whatever its resolution; it is bilinear between texel centres.
     """
 
     depth: np.ndarray
@@ -89,23 +89,24 @@ class DepthMapSurface:
 
 
 FocalSurface = PlaneSurface | SphereSurface | DepthMapSurface
-_NEAREST = 1e6  # dioptres
+_NEAREST = 1e6
+"""The largest inverse depth, dioptres: nearer points are as good as at the lens."""
 
 
 def parallel(z: float) -> PlaneSurface:
-    """The plane z metres before the data cameras, parallel to theirs.
+    """The plane z metres before the data cameras and parallel to their plane.
 
-    Raises :class:`OpticsError` unless it lies before them.
+    Raises :class:`OpticsError` for a plane behind them.
     """
     if not z > 0:
-        raise OpticsError(f"a focal plane at z = {z} lies behind the cameras", key="focalplanez")
+        raise OpticsError(f"a focal plane at z = {z} is behind the cameras", key="focalplanez")
     return PlaneSurface(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
 
 
 def at_distance(camera: VirtualCamera, distance: float) -> PlaneSurface:
     """The plane perpendicular to the virtual camera's axis, ``distance`` metres along it."""
     if not distance > 0:
-        raise OpticsError(f"a focus at {distance} m lies behind the camera", key="focaldistance")
+        raise OpticsError(f"a focus at {distance} m is behind the camera", key="focaldistance")
     axis = camera.rotation[:, 2]
     return PlaneSurface(camera.position_m + distance * axis, axis)
 
@@ -119,12 +120,12 @@ def inverse_depth(
 ) -> np.ndarray:
     """q of rays (..., 3) at film positions (..., 2) in pixels; the float64 reference."""
     if isinstance(surface, DepthMapSurface):
-        from scipy.ndimage import map_coordinates  # for few: slow to import
+        from scipy.ndimage import map_coordinates  # seldom needed, slow to import
 
         inverse, share = 1.0 / surface.depth, film / np.array(camera.size, np.float64)
         place = np.moveaxis(share[..., ::-1] * inverse.shape - 0.5, -1, 0)
         near = map_coordinates(inverse, place, order=1, mode="nearest")
-        axis = camera.rotation[:, 2]  # a ray has depth 1 / near along it, from the lens on
+        axis = camera.rotation[:, 2]  # the depth 1 / near is measured along it from the lens
         start = (origins - camera.position_m) @ axis
         forward = directions @ axis
         return np.clip(near * forward / np.maximum(1.0 - near * start, 1e-12), 0.0, _NEAREST)

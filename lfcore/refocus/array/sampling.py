@@ -1,9 +1,9 @@
 """Samples of film and lens for one pixel: the same numbers in numpy and in the kernels.
 
 A sample is four numbers in [0, 1): film x, film y, lens a, lens b.  ``independent`` is plain Monte
-Carlo; ``stratified`` puts one jittered sample in each stratum of the lens and of the film, paired
-by a different permutation in every pixel; ``halton`` shifts one Halton set by a different random
-offset in every pixel (Cranley and Patterson 1976); ``quadrature`` is a fixed midpoint rule.
+Carlo.  ``stratified`` has one jittered sample per stratum of the lens and of the film, paired by a
+different permutation in each pixel.  ``halton`` shifts one Halton set by a random offset per pixel
+(Cranley and Patterson 1976).  ``quadrature`` is a fixed midpoint rule.
 """
 
 import math
@@ -15,7 +15,7 @@ SAMPLERS = {"halton": HALTON, "stratified": STRATIFIED, "independent": INDEPENDE
 
 
 def hash32(value: np.ndarray) -> np.ndarray:
-    """A bijective mix of 32 bits (multiply and xor-shift), uint32 in and out; as in lookup.cl."""
+    """Mix 32 bits bijectively by products and xor-shifts, as lookup.cl does."""
     x = np.asarray(value, np.uint32).copy()
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         x ^= x >> np.uint32(shift)
@@ -24,7 +24,7 @@ def hash32(value: np.ndarray) -> np.ndarray:
 
 
 def uniform(pixel: np.ndarray, index: np.ndarray, dimension: int, seed: int) -> np.ndarray:
-    """Numbers in [0, 1) with 24 bits for pixel, sample and dimension."""
+    """Pseudo-random numbers in [0, 1) with 24 bits, by pixel, sample and dimension."""
     key = hash32(np.asarray(pixel, np.uint32) + hash32(np.asarray([seed], np.uint32)))
     key = hash32(key + np.asarray(index, np.uint32) * np.uint32(0x9E3779B9))
     key = hash32(key + np.uint32(dimension))
@@ -32,20 +32,21 @@ def uniform(pixel: np.ndarray, index: np.ndarray, dimension: int, seed: int) -> 
 
 
 def strata(count: int) -> tuple[int, int]:
-    """(columns, rows) of the most nearly square grid of ``count`` cells."""
+    """(columns, rows) of the grid of ``count`` cells that is nearest to a square."""
     rows = next(n for n in range(math.isqrt(count), 0, -1) if count % n == 0)
     return count // rows, rows
 
 
 PERMUTATION_ROUNDS = 4
+"""The rounds of a permutation; the kernels have the same."""
 
 
 def permute(index: np.ndarray, count: int, key: np.ndarray) -> np.ndarray:
-    """A permutation of 0 ... count - 1 for every key: film stratum of sample ``index``, int64.
+    """The film stratum of sample ``index``, by a permutation of 0 ... count - 1 per key; int64.
 
-    Bijections of the next power of two (odd multiples, sums, xor-shifts), walked along until the
-    value falls below ``count``.  A fixed stride would tie the film's columns to the lens's, and
-    with them the error of many samples to that of few.
+    A bijection of the next power of two (odd multiples, sums, xor-shifts) is repeated until the
+    value is below ``count``.  A fixed stride would couple the film's columns to the lens's, and
+    more samples would then not reduce the error.
     """
     bits = max(1, (count - 1).bit_length())
     mask, shift = np.uint32((1 << bits) - 1), np.uint32((bits + 1) // 2)
@@ -64,14 +65,14 @@ def permute(index: np.ndarray, count: int, key: np.ndarray) -> np.ndarray:
 
 def halton_table(count: int) -> np.ndarray:
     """(count, 4) float32: the Halton set in bases 5, 7 (film) and 2, 3 (lens)."""
-    from scipy.stats import qmc  # half a second, for this alone
+    from scipy.stats import qmc  # only needed here, slow to import
 
     points = qmc.Halton(d=4, scramble=False).random(count)
     return np.ascontiguousarray(points[:, [2, 3, 0, 1]], np.float32)
 
 
 def midpoint_table(film: int, lens: int) -> np.ndarray:
-    """(film^2 lens^2, 4) float32: every film midpoint with every lens midpoint."""
+    """All pairs of a film midpoint and a lens midpoint, (film^2 lens^2, 4) float32."""
     f, a = ((np.arange(n) + 0.5) / n for n in (film, lens))
     grid = np.meshgrid(f, f, a, a, indexing="ij")
     return np.stack([axis.ravel() for axis in grid], -1).astype(np.float32)
@@ -80,7 +81,7 @@ def midpoint_table(film: int, lens: int) -> np.ndarray:
 def pixel_samples(
     sampler: int, table: np.ndarray | None, pixels: np.ndarray, count: int, seed: int
 ) -> np.ndarray:
-    """(P, count, 4) float64 samples of pixels (P,), numbered along rows of the picture."""
+    """The samples of pixels (P,), which are numbered row by row: (P, count, 4) float64."""
     pixels = np.asarray(pixels, np.uint32)[:, None]
     index = np.arange(count, dtype=np.uint32)[None, :]
     none = np.zeros(1, np.uint32)
@@ -104,7 +105,7 @@ def pixel_samples(
 
 
 def concentric_disk(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The unit square onto the unit disk, areas kept (Shirley and Chiu 1997), float64."""
+    """Map the unit square to the unit disk, preserving areas (Shirley and Chiu 1997); float64."""
     x, y = 2.0 * np.asarray(a) - 1.0, 2.0 * np.asarray(b) - 1.0
     wide = np.abs(x) > np.abs(y)
     radius = np.where(wide, x, y)

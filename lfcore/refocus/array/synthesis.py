@@ -1,7 +1,7 @@
-"""Pictures from a camera array by each method.
+"""Pictures from a camera array, a function per method.
 
-Each returns a :class:`~lfcore.refocus.array.device_field.Synthesis` and raises :class:`OpticsError`
-for settings that make no picture.
+Each returns a :class:`~lfcore.refocus.array.device_field.Synthesis`, and raises
+:class:`OpticsError` for impossible settings.
 """
 
 import math
@@ -17,6 +17,7 @@ from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 BATCH_RAYS = 1 << 20
+"""The rays that are traced through a realistic lens at a time."""
 
 
 def isaksen(
@@ -24,11 +25,11 @@ def isaksen(
 ) -> Synthesis:
     """Blend the data cameras within ``filter_width_m`` of each pixel's central ray.
 
-    That is the radius on the camera plane at which the cone reaches zero.  The camera's lens plays
-    no part.
+    It is the radius on the camera plane at which the conical filter reaches zero.  The virtual
+    camera's lens radius has no effect.
 
-    Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light Fields", SIGGRAPH 2000, figure 4;
-    the assignment's step 3.
+    Source: Isaksen, McMillan, Gortler, "Dynamically Reparameterized Light Fields", SIGGRAPH 2000,
+    figure 4; the assignment's step 3.
     """
     if not filter_width_m > 0:
         raise OpticsError(f"must be above 0, not {filter_width_m}", key="filter_width_m")
@@ -46,12 +47,12 @@ def monte_carlo(
     sampler: str = "halton",
     seed: int = 0,
 ) -> Synthesis:
-    """Average ``samples_per_pixel`` rays of every pixel over lens and film: step 4.
+    """Average ``samples_per_pixel`` rays per pixel over lens and film (step 4).
 
-    Rays leave a lens point drawn by the concentric map and pass the focal point of their film
-    position; each is looked up quadrilinearly: in the four data cameras around its crossing of the
-    camera plane, all aimed at the focal point, bilinearly in each.  Rays outside the grid are
-    skipped.  The same seed gives the same picture to the last bit.
+    A ray goes from a lens point, drawn by the concentric map, to the focal point of its film
+    position.  Its radiance is interpolated quadrilinearly: from the four data cameras around its
+    intersection with the camera plane, bilinearly at the pixel of each that shows the focal point.
+    Rays outside the grid are skipped.  The same seed gives the same picture to the last bit.
     """
     code = _checked(sampler, samples_per_pixel)
     table = sampling.halton_table(samples_per_pixel) if code == sampling.HALTON else None
@@ -65,10 +66,10 @@ def quadrature(
     lens_points: int = 16,
     film_points: int = 2,
 ) -> Synthesis:
-    """Average over ``lens_points``^2 lens and ``film_points``^2 film midpoints: no noise.
+    """Average over ``lens_points``^2 lens and ``film_points``^2 film midpoints, without noise.
 
-    A midpoint rule on the unit square of the lens, taken to the disk by the concentric map, which
-    keeps areas, so that all weights are equal; Monte Carlo converges to it.
+    It is a midpoint rule on the unit square, mapped to the lens by the concentric map.  The map
+    preserves areas, so all weights are equal.  Monte Carlo has the same limit.
     """
     for key, value in (("lens_points", lens_points), ("film_points", film_points)):
         if value < 1:
@@ -109,11 +110,11 @@ def realistic(
     sampler: str = "halton",
     seed: int = 0,
 ) -> Synthesis:
-    """A picture through ``lens``, already focused: the assignment's second bonus.
+    """Make a picture through a focused realistic lens (the assignment's second bonus).
 
-    Every film sample draws a point of the exit pupil; its ray is traced through the glass in
-    float64 and looked up where the data cameras are aimed at ``surface``.  The camera's field of
-    view and lens radius play no part.
+    Each film sample chooses a point of the exit pupil.  Its ray is traced through the lens in
+    float64, and its radiance is interpolated from the data cameras as in :func:`monte_carlo`.  The
+    camera's field of view and lens radius have no effect.
     """
     code = _checked(sampler, samples_per_pixel)
     if not film_diagonal_m > 0:
@@ -147,11 +148,11 @@ def film_rays(
     sampler: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rays of ``pixels`` (P,) in array space: origins and directions (P, S, 3), weights (P, S) and
-    film positions in pixels (P, S, 2), float64.
+    """The rays of pixels (P,) in array space, float64.
 
-    The camera's position is the middle of the film; the picture on it stands upside down and is
-    turned back.
+    Returns origins and directions (P, S, 3), weights (P, S) and film positions (P, S, 2) in pixels.
+    The camera's position is the middle of the film.  The picture on the film is upside down, and
+    is turned back.
     """
     width, height = camera.size
     table = sampling.halton_table(count) if sampler == sampling.HALTON else None
