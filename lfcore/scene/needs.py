@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 
 MOST_STOPS = 16
 """Sums of planes and stored light fields hold up to 2^16 times white."""
-LEAST_ROUGHNESS, DIELECTRIC = 0.05, 0.04
-"""As the kernels have them (tracing/kernels/shading/gloss.cl)."""
+LEAST_ROUGHNESS = 0.05
+"""The least roughness that is shaded: the highlight of a smoother surface falls between rays."""
+DIELECTRIC = 0.04
+"""The reflectance of dielectrics at normal incidence: an index of refraction of 1.5."""
 MOST_DISTANCES = 1 << 26
 """Distances of lights from triangles that are measured at most; with more, lights count as near."""
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.scene.limits import MOST_ATTENUATION
-from lfcore.scene.needs import FLAT_NORMALS
+from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.cut_outs import CUT_OUT
 
@@ -31,6 +31,7 @@ CONSTANTS: dict[str, int | float] = {
     "FAR": 3.0e38,  # beyond every depth
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "MOST_ATTENUATION": MOST_ATTENUATION,
+    "DIELECTRIC": DIELECTRIC, "LEAST_ROUGHNESS": LEAST_ROUGHNESS,  # scene/needs.py
     "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
     "SPARE_STOPS": SPARE_STOPS,
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with

@@ -43,7 +43,7 @@ inline Bundle rays_about(global const float *in, float c, float half_extent)
 inline Axis axis_of(const Bundle *r, global const Leaf *leaf)
 {
     Triangles t;
-    set_up_axes(r, leaf, FAR, &t);
+    set_up_axes(r, leaf, 0, FAR, &t);
     return t.x;
 }
 
@@ -94,7 +94,7 @@ kernel void sweeps(global const float *in, global Boxes *obstacle, global float 
             obstacle->low[a][0] = a == k ? in[6 + k] : -FAR;
             obstacle->high[a][0] = FAR;
         }
-        sweep_overlaps(&sweep, obstacle, FAR, near + k);
+        sweep_overlaps(&sweep, obstacle, 0, FAR, near + k);
     }
     vstore2((float2)(FIRST(near[0]) / FIRST(near[1]), SWEEP_SLACK - 1.0f), get_global_id(0), out);
 }
@@ -118,7 +118,7 @@ kernel void frusta(global const float *in, global Boxes *box, global float *out)
     while (low < high) {
         const int middle = (int)(((long)low + high + 1) >> 1);
         for (int lane = 0; lane < NODE_WIDTH; ++lane) box->low[0][lane] = float_of(middle);
-        const vi meets = frustum_overlaps(&frustum, box, FAR);
+        const vi meets = frustum_overlaps(&frustum, box, 0, FAR);
         if (row_any(meets)) low = middle;
         else high = middle - 1;
     }

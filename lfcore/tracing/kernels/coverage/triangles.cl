@@ -16,12 +16,12 @@
 // it to the last bit.
 inline Vec edge_normals(Vec p, Vec q) { return cross3(plus3(p, q), minus3(q, p)); }
 
-// Corners of LANES triangles of a leaf, relative to `origin`.
-inline void load_corners(global const Leaf *leaf, float3 origin, Vec *v)
+// Corners of LANES triangles of a leaf, from `lane` on, relative to `origin`.
+inline void load_corners(global const Leaf *leaf, int lane, float3 origin, Vec *v)
 {
     for (int k = 0; k < 3; ++k) {
-        const Vec p = {VLOAD(leaf->corner[k][0]), VLOAD(leaf->corner[k][1]),
-                       VLOAD(leaf->corner[k][2])};
+        const Vec p = {VLOAD(leaf->corner[k][0] + lane), VLOAD(leaf->corner[k][1] + lane),
+                       VLOAD(leaf->corner[k][2] + lane)};
         v[k] = minus3(p, spread3(origin));
     }
 }
@@ -232,10 +232,11 @@ inline Affine affine_of(const WideAffine *f, uint lane)
 }
 
 // Mask of triangles whose bounding boxes overlap the block, be it between its rays.
-inline vi set_up_axes(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
+inline vi set_up_axes(const Bundle *r, global const Leaf *leaf, int lane, float z_far,
+                      Triangles *out)
 {
     Vec *v = out->v;
-    load_corners(leaf, 0.0f, v);
+    load_corners(leaf, lane, 0.0f, v);
     shear_corners(r, v);
     out->x = make_axis(r, v, 0);
     out->y = make_axis(r, v, 1);
@@ -245,12 +246,13 @@ inline vi set_up_axes(const Bundle *r, global const Leaf *leaf, float z_far, Tri
     return ~(beside_rays(&out->x) | beside_rays(&out->y) | GT(near, (vf)(z_far)));
 }
 
-inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, float z_far, Triangles *out)
+inline void set_up_triangles(const Bundle *r, global const Leaf *leaf, int lane, float z_far,
+                             Triangles *out)
 {
     const Vec *v = out->v;
     vf error[3];
     out->keep = 0;
-    vi keep = set_up_axes(r, leaf, z_far, out);
+    vi keep = set_up_axes(r, leaf, lane, z_far, out);
     if (!row_any(keep)) return;
     for (int k = 0; k < 3; ++k) error[k] = edge_error(r, v[(k + 1) % 3], v[(k + 2) % 3]);
     keep &= set_up_edges(r, error, out);

@@ -20,7 +20,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
     int changed = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const int *ids = triangle_ids(tree, leaf, lane);
-        set_up_triangles(bundle, leaf_corners(tree, leaf, lane), c->z_far, &t);
+        set_up_triangles(bundle, tree->leaves + leaf, lane, c->z_far, &t);
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
             if (t.near[k] > c->z_far) continue;
@@ -39,12 +39,12 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
     for (int base = 0; base < list->count; base += LANES) {
         const int left = list->count - base;
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
-        global const Boxes *boxes = boxes_from(list->of->boxes + base / NODE_WIDTH,
-                                               base % NODE_WIDTH);
-        const vi overlaps = frustum_overlaps(&frustum, boxes, c->z_far);
+        global const Boxes *boxes = list->of->boxes + base / NODE_WIDTH;
+        const int lane = base % NODE_WIDTH;
+        const vi overlaps = frustum_overlaps(&frustum, boxes, lane, c->z_far);
         for (uint bits = row_bits(overlaps) & listed; bits; bits &= bits - 1) {
             const int k = lowest(bits);
-            if (boxes->low[2][k] > c->z_far) continue;
+            if (boxes->low[2][lane + k] > c->z_far) continue;
             visit_leaf(tree, bundle, list->of->leaf[base + k], c);
         }
     }

@@ -23,11 +23,6 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
 
 inline int is_metallic(const Material *m) { return m->of.metallic >= 0.0f; }
 
-// The reflectance of dielectrics at normal incidence: an index of refraction of 1.5.
-#define DIELECTRIC 0.04f
-// A smoother surface has a highlight that rays miss.
-#define LEAST_ROUGHNESS 0.05f
-
 inline Vec map_row(const Scene *scene, const Material *m, int map, global const Samples *samples,
                    int at)
 {

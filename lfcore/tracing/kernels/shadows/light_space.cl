@@ -182,10 +182,10 @@ inline vf component(Vec n, int k) { return k == 0 ? n.x : k == 1 ? n.y : n.z; }
 // Set up LANES triangles of a leaf; returns those of `may` that reach the hit points' box in
 // the picture.
 inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global const Leaf *leaf,
-                           vi may, PictureEdges *out)
+                           int lane, vi may, PictureEdges *out)
 {
     Occluders o;
-    load_corners(leaf, r->apex, o.v);
+    load_corners(leaf, lane, r->apex, o.v);
 #pragma unroll
     for (int k = 3; k >= 0 && row_any(may); --k) {
         const HalfSpace plane = k == 3 ? face_plane(r, &o, &may) : edge_plane(r, &o, k);
@@ -295,12 +295,12 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
 // Take from l->active the rays behind LANES triangles of a leaf.
 inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
-    global const Leaf *corners = leaf_corners(s->tree, leaf, lane);
+    global const Leaf *corners = s->tree->leaves + leaf;
     global const int *ids = triangle_ids(s->tree, leaf, lane);
     PictureEdges edges;
-    const vi may = sweep_overlaps_leaf(&l->rays.shaft, corners, l->rays.end) &
+    const vi may = sweep_overlaps_leaf(&l->rays.shaft, corners, lane, l->rays.end) &
                    ~are_of_light(l->rays.light_triangles, ids);
-    const uint keep = set_up_picture(&l->rays, &l->space, corners, may, &edges);
+    const uint keep = set_up_picture(&l->rays, &l->space, corners, lane, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];
     reach_stripes(&l->stripes, &edges, keep, l->lit, reaching);

@@ -10,11 +10,10 @@ inline int occludes(const Tree *tree, const Ray *r, int leaf, float far, int rec
     Hit hit = {far, -1};
     const uint bits = may_hit(r, tree->leaves + leaf, far * SWEEP_SLACK);
     for (int lane = 0; bits >> lane && lane < NODE_WIDTH && hit.id < 0; lane += LANES) {
-        global const Leaf *at = leaf_corners(tree, leaf, lane);
         global const int *ids = triangle_ids(tree, leaf, lane);
         const vi own = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids);
         Vec v[3];
-        load_corners(at, 0.0f, v);
+        load_corners(tree->leaves + leaf, lane, 0.0f, v);
         const Vec n = face_normal(v);
         const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
         const vi is_off = GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));

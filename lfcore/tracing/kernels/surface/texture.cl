@@ -206,8 +206,8 @@ inline Vec sample_texture(global const uint *texels, Level image, vf u, vf v)
     const vf y = fma(1.0f - (v - floor(v)), (vf)(height), (vf)(-0.5f));
     const vf left = floor(x), top = floor(y), fx = x - left, fy = y - top;
     // NaN outside a mask must not become an address.
-    const vi x0 = clamp(TO_VI(left), (vi)(-1), (vi)(width));
-    const vi y0 = clamp(TO_VI(top), (vi)(-1), (vi)(height));
+    const vi x0 = clamp(TO_VI(left), (vi)(-1), (vi)(width - 1));
+    const vi y0 = clamp(TO_VI(top), (vi)(-1), (vi)(height - 1));
     const vi xa = wrap(x0, width), xb = wrap(x0 + 1, width);
     const vi ya = wrap(y0, height) * width + image.offset;
     const vi yb = wrap(y0 + 1, height) * width + image.offset;

@@ -51,37 +51,45 @@ inline vi sweep_overlaps_ranges(const Sweep *s, const Ranges *ranges, float unti
     return LE(from, to) & ~miss;
 }
 
-// Likewise of boxes and a ray that is parallel to no side of them.
-inline vi ray_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
+// LANES boxes of a node, from `lane` on.
+inline Ranges box_ranges(global const Boxes *boxes, int lane)
 {
+    Ranges r;
+    for (int k = 0; k < 3; ++k) {
+        r.low[k] = VLOAD(boxes->low[k] + lane);
+        r.high[k] = VLOAD(boxes->high[k] + lane);
+    }
+    return r;
+}
+
+// Likewise of boxes and a ray that is parallel to no side of them.
+inline vi ray_overlaps(const Sweep *s, global const Boxes *boxes, int lane, float until, vf *near)
+{
+    const Ranges r = box_ranges(boxes, lane);
     vf from = 0.0f, to = FAR;
     for (int k = 0; k < 3; ++k) {
         const float inverse = axis(s->inverse_lo, k), at = axis(s->lo, k);
-        const int back = inverse < 0.0f;
-        from = max(from, (VLOAD(boxes->low[k + 3 * back]) - at) * inverse);
-        to = min(to, (VLOAD(boxes->low[k + 3 * !back]) - at) * inverse);
+        const vf low = r.low[k], high = r.high[k];
+        from = max(from, ((inverse < 0.0f ? high : low) - at) * inverse);
+        to = min(to, ((inverse < 0.0f ? low : high) - at) * inverse);
     }
     *near = from;
     return LE(from, min(to * SWEEP_SLACK, (vf)(until)));
 }
 
 // Likewise of boxes, and of the triangles of a leaf.
-inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, float until, vf *near)
+inline vi sweep_overlaps(const Sweep *s, global const Boxes *boxes, int lane, float until, vf *near)
 {
-    Ranges r;
-    for (int k = 0; k < 3; ++k) {
-        r.low[k] = VLOAD(boxes->low[k]);
-        r.high[k] = VLOAD(boxes->high[k]);
-    }
+    const Ranges r = box_ranges(boxes, lane);
     return sweep_overlaps_ranges(s, &r, until, near);
 }
-inline vi sweep_overlaps_leaf(const Sweep *s, global const Leaf *leaf, float until)
+inline vi sweep_overlaps_leaf(const Sweep *s, global const Leaf *leaf, int lane, float until)
 {
     Ranges r;
     vf near;
     for (int k = 0; k < 3; ++k) {
-        const Triple x = {VLOAD(leaf->corner[0][k]), VLOAD(leaf->corner[1][k]),
-                          VLOAD(leaf->corner[2][k])};
+        const Triple x = {VLOAD(leaf->corner[0][k] + lane), VLOAD(leaf->corner[1][k] + lane),
+                          VLOAD(leaf->corner[2][k] + lane)};
         r.low[k] = least3(x);
         r.high[k] = most3(x);
     }

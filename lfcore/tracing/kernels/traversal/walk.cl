@@ -17,15 +17,7 @@ typedef struct {
     CutOuts cut_outs;            // of the triangles that have holes
 } Tree;
 
-// Records of 16 boxes or triangles from `lane` on: index 0 of each array is that lane.
-inline global const Boxes *boxes_from(global const Boxes *boxes, int lane)
-{
-    return (global const Boxes *)(boxes->low[0] + lane);
-}
-inline global const Leaf *leaf_corners(const Tree *tree, int leaf, int lane)
-{
-    return (global const Leaf *)(tree->leaves[leaf].corner[0][0] + lane);
-}
+// The numbers of a leaf's triangles from `lane` on.
 inline global const int *triangle_ids(const Tree *tree, int leaf, int lane)
 {
     return tree->leaf_ids + leaf * NODE_WIDTH + lane;
@@ -81,12 +73,13 @@ inline vi beside_interval(const Frustum *f, const Interval *a, vf lo, vf hi, vf 
            LT(hi, min(fma(z0, d_lo, a->o_lo - w0), fma(z1, d_lo, a->o_lo - w1)));
 }
 
-// Mask of LANES boxes that the frustum may overlap nearer than z_far.
-inline vi frustum_overlaps(const Frustum *f, global const Boxes *b, float z_far)
+// Mask of LANES boxes, from `lane` on, that the frustum may overlap nearer than z_far.
+inline vi frustum_overlaps(const Frustum *f, global const Boxes *boxes, int lane, float z_far)
 {
-    const vf z_lo = VLOAD(b->low[2]), z1 = VLOAD(b->high[2]), z0 = max(z_lo, (vf)(0.0f));
-    return ~(beside_interval(f, &f->x, VLOAD(b->low[0]), VLOAD(b->high[0]), z0, z1) |
-             beside_interval(f, &f->y, VLOAD(b->low[1]), VLOAD(b->high[1]), z0, z1) |
+    const Ranges b = box_ranges(boxes, lane);
+    const vf z_lo = b.low[2], z1 = b.high[2], z0 = max(z_lo, (vf)(0.0f));
+    return ~(beside_interval(f, &f->x, b.low[0], b.high[0], z0, z1) |
+             beside_interval(f, &f->y, b.low[1], b.high[1], z0, z1) |
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
@@ -112,11 +105,12 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
 {
     vi found = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-        global const Boxes *boxes = boxes_from(tree->boxes + node, lane);
-        vf begin = VLOAD(boxes->low[2]);
-        const vi overlaps = volume->sorted > 1 ? ray_overlaps(volume->sweep, boxes, far, &begin)
-            : volume->sweep ? sweep_overlaps(volume->sweep, boxes, far, &begin)
-                            : frustum_overlaps(volume->frustum, boxes, far);
+        global const Boxes *boxes = tree->boxes + node;
+        vf begin = VLOAD(boxes->low[2] + lane);
+        const vi overlaps =
+            volume->sorted > 1 ? ray_overlaps(volume->sweep, boxes, lane, far, &begin)
+            : volume->sweep ? sweep_overlaps(volume->sweep, boxes, lane, far, &begin)
+                            : frustum_overlaps(volume->frustum, boxes, lane, far);
         VSTORE(begin, near + lane);
         found |= overlaps & (LANE_BITS << lane);
     }
@@ -160,11 +154,11 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
 {
     for (int leaf; list->count < LIST && (leaf = next_leaf(tree, volume, far, stack)) >= 0;) {
         const int at = list->count++, child = (int)stack->of[stack->size];
-        global const Boxes *from = boxes_from(tree->boxes + child / NODE_WIDTH, child % NODE_WIDTH);
+        global const Boxes *from = tree->boxes + child / NODE_WIDTH;
         global Boxes *to = list->of->boxes + at / NODE_WIDTH;
         for (int k = 0; k < 3; ++k) {
-            to->low[k][at % NODE_WIDTH] = from->low[k][0];
-            to->high[k][at % NODE_WIDTH] = from->high[k][0];
+            to->low[k][at % NODE_WIDTH] = from->low[k][child % NODE_WIDTH];
+            to->high[k][at % NODE_WIDTH] = from->high[k][child % NODE_WIDTH];
         }
         list->of->leaf[at] = leaf;
     }
