@@ -17,7 +17,8 @@ import numpy as np
 
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
-from lfcore.readers.meshes import load_mesh, read_texture
+from lfcore.readers.meshes import load_mesh
+from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble, sound

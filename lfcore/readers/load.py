@@ -16,7 +16,8 @@ from lfcore.optics.camera import Camera, check_focus
 from lfcore.optics.focus import exclude_twice
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES
-from lfcore.readers.meshes import read_mesh, read_texture
+from lfcore.readers.meshes import read_mesh
+from lfcore.readers.side_files import read_texture
 from lfcore.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light

@@ -203,6 +203,18 @@ def hex_colour(code: str) -> Colour:
     return triple(srgb_decode(encoded))
 
 
+def shaded(part: SurfaceMesh, shading: str, crease_deg: float) -> SurfaceMesh:
+    """The part with the normals it is shaded with: its own, if it has any and ``shading`` is
+    ``auto``, else smoothed but for edges beyond ``crease_deg``; none where it is ``flat``."""
+    normals = part.normals if shading == "auto" else None
+    if normals is None and shading != "flat":
+        normals = crease_normals(np.nan_to_num(part.triangles, posinf=0.0, neginf=0.0), crease_deg)
+        if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6:
+            normals = None  # no corner is smooth, so that it stays flat shaded
+    surface = replace(part.surface, curved=normals is not None)
+    return replace(part, surface=surface, normals=normals)
+
+
 MAX_VALENCE = 512
 
 

@@ -1,7 +1,5 @@
 """Parts of a trimesh.Scene: geometry, normals, textures, vertex colours, materials."""
 
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +8,7 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.reading import Where
-from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, crease_normals, triple
-
-OfSimple = Callable[[Any, Path], Surface]
+from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, shaded, triple
 
 
 def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
@@ -25,12 +21,11 @@ def parts_of(
     *,
     shading: str = "auto",
     crease_deg: float = 40.0,
-    of_simple: OfSimple | None = None,
 ) -> list[SurfaceMesh]:
     """The parts of a ``trimesh.Scene``; ``path`` names it in errors.
 
     ``shading`` is ``auto`` (the mesh's normals, else smoothed but for edges beyond ``crease_deg``),
-    ``smooth`` or ``flat``; ``of_simple`` makes a surface of a SimpleMaterial that a reader made.
+    ``smooth`` or ``flat``.
     """
     import trimesh  # the heaviest import of the package, not needed by procedural scenes
 
@@ -43,7 +38,7 @@ def parts_of(
     for matrix, mesh in meshes:
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             empty = False
-            surface, uvs = _surface(mesh.visual, np.asarray(mesh.faces, np.int64), path, of_simple)
+            surface, uvs = _surface(mesh.visual, np.asarray(mesh.faces, np.int64), path)
             part = _part(mesh, surface, uvs, path, shading, crease_deg)
             parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
@@ -62,37 +57,26 @@ def _part(
         raise _error(path, f"a vertex has {count} coordinates", "Give each vertex x, y and z")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise _error(path, f"face names vertex {int(faces.max())} of {len(vertices)}")
-    triangles = vertices[faces]
-    normals = None
     # trimesh computes normals on demand; only those in the cache came with the file.
-    given = mesh._cache.cache.get("vertex_normals") if shading == "auto" else None
-    if given is not None and np.shape(given) == vertices.shape:
-        normals = np.asarray(given, np.float64)[faces]
-    elif shading != "flat":
-        finite = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
-        normals = crease_normals(finite, crease_deg)
-        if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6:
-            normals = None  # no corner is smooth, so that it stays flat shaded
+    given = mesh._cache.cache.get("vertex_normals")
+    if given is not None and np.shape(given) != vertices.shape:
+        given = None
+    normals = None if given is None else np.asarray(given, np.float64)[faces]
     colours = _colours(mesh.visual, faces, path)
-    surface = replace(surface, curved=normals is not None)
-    return SurfaceMesh(triangles, surface, normals, uvs, colours)
+    return shaded(SurfaceMesh(vertices[faces], surface, normals, uvs, colours), shading, crease_deg)
 
 
-def _surface(
-    visual: Any, faces: np.ndarray, path: Path, of_simple: OfSimple | None
-) -> tuple[Surface, np.ndarray | None]:
+def _surface(visual: Any, faces: np.ndarray, path: Path) -> tuple[Surface, np.ndarray | None]:
     """Surface and texture coordinates (T, 3, 2) of a mesh."""
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
     material = getattr(visual, "material", None)
     if _is_invented(material, path):
         material = None
-    if isinstance(material, SimpleMaterial) and of_simple is None:
+    if isinstance(material, SimpleMaterial):
         material = material.to_pbr()
     if isinstance(material, PBRMaterial):
         made = surface_of_pbr(material, path)
-    elif isinstance(material, SimpleMaterial) and of_simple is not None:
-        made = of_simple(material, path)
     else:
         made = Surface(path.stem)
     values = (*made.diffuse, *made.specular, *made.emission, made.shininess)

@@ -12,7 +12,7 @@ from lfcore.exr import read_exr_picture
 from lfcore.optics.array import CameraArray
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.pictures import write_picture
-from lfcore.readers.meshes import read_texture
+from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.storage.tiled_exr import read_array, write_array
 from robustness.mutate import damage_bytes, damage_text

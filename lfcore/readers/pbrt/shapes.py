@@ -4,9 +4,9 @@ Curved shapes are tessellated so that no triangle leaves its surface by more tha
 :data:`TOLERANCE` times the radius; normals are the surface's own.
 """
 
-import io
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,8 +14,10 @@ import numpy as np
 from scipy import sparse
 
 from lfcore.errors import SceneError
-from lfcore.readers.meshes import vertex_columns, with_strips
+from lfcore.readers.account import Account
 from lfcore.readers.pbrt.parameters import ParameterSet
+from lfcore.readers.ply import part_of
+from lfcore.readers.ply_elements import Ply
 from lfcore.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, grid_triangles, normalise, xyz
@@ -91,32 +93,21 @@ def _points(parameters: ParameterSet) -> np.ndarray:
 
 
 def _plymesh(parameters: ParameterSet, folder: Path) -> SurfaceMesh:
-    import trimesh  # slow to import
-
     name = parameters.string("filename")
     if name is None:
         raise parameters.error("filename", "is missing", "Name the PLY file")
     place, path = parameters.items["filename"].place, folder / name
     try:
-        data = read_bytes(path, LARGEST_MESH)
-        loaded = with_strips(trimesh.load(io.BytesIO(data), file_type="ply", process=False))
-        points = np.asarray(loaded.vertices, np.float64)
-        faces = np.asarray(getattr(loaded, "faces", ()), np.int64)
-        if not len(faces):
+        account = Account(parameters.notebook, path)
+        part, _ = part_of(Ply(read_bytes(path, LARGEST_MESH)), account)
+        if not part.count:
             raise ValueError("it holds no faces")
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError("its vertices have no x, y and z")
     except SceneError as error:
         raise place.error(f"PLY file {str(path)!r}: {error.problem}") from error
-    except Exception as error:  # the reader raises whatever its parts raise on damage
-        reason = getattr(error, "strerror", None) or error
-        raise place.error(f"PLY file {str(path)!r} cannot be read: {reason}") from error
-    raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    normals, uvs, other = (
-        vertex_columns(raw, len(points), names)
-        for names in (("nx", "ny", "nz"), ("u", "v"), ("s", "t"))
-    )
-    return _indexed(points, faces, normals, other if uvs is None else uvs)
+    except ValueError as error:
+        raise place.error(f"PLY file {str(path)!r} cannot be read: {error}") from error
+    account.close()
+    return replace(part, colours=None)  # pbrt has no use for them
 
 
 def _loopsubdiv(parameters: ParameterSet) -> SurfaceMesh:

@@ -1,0 +1,156 @@
+"""Wavefront OBJ: polygons with texture coordinates, normals, colours and materials.
+
+Source: Wavefront Technologies, "The Advanced Visualizer", appendix B1.  Colours behind a vertex's
+coordinates are the convention of MeshLab and ZBrush; they are display values.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.colour import srgb_decode
+from lfcore.errors import SceneError
+from lfcore.readers.account import Account
+from lfcore.readers.mtl import Libraries
+from lfcore.readers.polygons import triangulate
+from lfcore.readers.text import Statements, numbers, rows, words_of
+from lfcore.reading import LARGEST_MESH, Where, read_bytes
+from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.surface_mesh import SurfaceMesh
+
+PER_CORNER = ("vertices", "texture coordinates", "normals")
+NAMES = ("o", "g")
+"""Statements that name parts of the file; they change no picture."""
+CURVED = (
+    "cstype", "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con", "curv",
+    "curv2", "surf", "vp", "ctech", "stech",
+)  # fmt: skip
+"""Statements of curves and surfaces that are no polygons."""
+
+
+def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+    """The parts of an OBJ file, one per material; normals are those of the file."""
+    account = Account(notebook, path)
+    found = Statements(read_bytes(path, LARGEST_MESH, "mesh file"), ("v", "vt", "vn", "f"))
+    libraries = Libraries(path, notebook, account)
+    switches: list[tuple[int, str]] = [(-1, "")]  # lines from which a material holds
+    for line, word, rest in found.others():
+        if word == "usemtl":
+            switches.append((line, rest))
+        elif word == "mtllib":
+            libraries.add(rest)
+        else:
+            what = f"statements '{word}'" if word.isprintable() else "statements of no words"
+            account.hold(what)
+            if word in NAMES:
+                account.use(what)
+            elif word in CURVED:
+                account.lose(what, LEFT_OUT, "curves and curved surfaces")
+    if b"#MRGB" in found.text:
+        notebook.add(NOT_USED, path, "colours of vertices in comments '#MRGB'")
+    try:
+        mesh = _Polygons(found, account)
+    except ValueError as error:
+        raise _error(path, f"mesh cannot be read: {error}") from None
+    faces = found.lines("f")[mesh.polygons]
+    lines, names = zip(*switches, strict=True)
+    known = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    numbers_of = np.array([known[name] for name in names])
+    material = numbers_of[np.searchsorted(lines, faces, side="right") - 1]
+    order = np.argsort(material, kind="stable")
+    ends = np.cumsum(np.bincount(material, minlength=len(known)))
+    parts = []
+    for name, start, end in zip(known, [0, *ends[:-1].tolist()], ends.tolist(), strict=True):
+        if start < end:
+            chosen = order[start:end] if end - start < len(faces) else slice(None)
+            parts.append(libraries.surface(name).placed(mesh.part(chosen)))
+    libraries.close()
+    account.close()
+    if not len(faces):
+        remedy = "Export triangles, not only points, lines or curves"
+        raise _error(path, "mesh holds no triangles", remedy)
+    return parts
+
+
+def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
+    return Where(path).error(problem, remedy)
+
+
+class _Polygons:
+    """The triangles of all faces: ``polygons`` (T,), the face of each, and what corners have."""
+
+    def __init__(self, found: Statements, account: Account):
+        values, counts = found.numbers("v")
+        if len(counts) and counts.min() < 3:
+            raise ValueError(f"a vertex has {counts.min()} coordinates")
+        self.points = rows(values, counts, 3, 0.0)
+        self.colours = self._colours(values, counts, account)
+        more = [found.numbers(word) for word in ("vt", "vn")]
+        self.uvs, normals = rows(*more[0], 2, 0.0), rows(*more[1], 3, 0.0)
+        if more[0][1].max(initial=0) > 2 and rows(*more[0], 3, 0.0)[:, 2].any():
+            words = "third texture coordinates"
+            account.hold(words, int((more[0][1] > 2).sum()))
+        self.normals = normals
+        tables = self.points, self.uvs, self.normals
+        for name, table in zip(PER_CORNER, tables, strict=True):
+            account.hold(name, len(table))
+            account.use(name, len(table))  # those that no face has are not looked for
+        corners, counts = _corners(found.body("f"))
+        self._absolute(corners, counts, found, tables)
+        self._triangles, self.polygons = triangulate(self.points[corners[:, 0]], counts, account)
+        self._corners = corners
+
+    @staticmethod
+    def _colours(values: np.ndarray, counts: np.ndarray, account: Account) -> np.ndarray | None:
+        """(V, 3) linear colours behind the coordinates, white where there are none."""
+        has = counts >= 6
+        if not has.any():
+            return None
+        colours = rows(values, counts, 6, np.nan)[:, 3:]
+        account.hold("colours of vertices", int(has.sum()))
+        account.use("colours of vertices", int(has.sum()))
+        most = np.nanmax(colours, initial=1.0)
+        return srgb_decode(np.nan_to_num(colours / (255.0 if most > 1 else 1.0), nan=1.0))
+
+    @staticmethod
+    def _absolute(
+        corners: np.ndarray, counts: np.ndarray, found: Statements, tables: tuple[np.ndarray, ...]
+    ) -> None:
+        """Count indices (C, 3) from 0, in place; -1 is none.  Those below 0 count back from their
+        line (appendix B1, "Referencing groups of vertices")."""
+        for k, (word, table) in enumerate(zip(("v", "vt", "vn"), tables, strict=True)):
+            index = corners[:, k]
+            back = index < 0
+            if back.any():
+                so_far = np.searchsorted(found.lines(word), found.lines("f"))
+                index[back] += np.repeat(so_far, counts)[back] + 1
+                index[back & (index <= 0)] = len(table) + 1
+            index -= 1
+            least = 0 if k == 0 else -1
+            if len(index) and (index.min() < least or index.max() >= len(table)):
+                wrong = int(index[(index < least) | (index >= len(table))][0]) + 1
+                raise ValueError(f"face names number {wrong} of {len(table)} {PER_CORNER[k]}")
+
+    def part(self, chosen: np.ndarray | slice) -> SurfaceMesh:
+        """Some triangles, without their surface."""
+        point, uv, normal = np.moveaxis(self._corners[self._triangles[chosen]], -1, 0)
+        uvs = self.uvs[uv] * (uv >= 0)[..., None] if (uv >= 0).any() else None
+        normals = self.normals[normal] if normal.size and (normal >= 0).all() else None
+        colours = None if self.colours is None else self.colours[point]
+        return SurfaceMesh(self.points[point], normals=normals, uvs=uvs, colours=colours)
+
+
+def _corners(text: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """(C, 3) int64: numbers of vertex, texture coordinate and normal of all corners of faces, 0 for
+    none, and the number of corners of each face."""
+    if b"/" not in text:
+        values, counts = numbers(text, np.int64)
+        return np.stack([values, *np.zeros((2, len(values)), np.int64)], -1), counts
+    for old, new in ((b"//", b"/0/"), (b"/ ", b"/0 "), (b"/\n", b"/0\n")):
+        text = text.replace(old, new) if old in text else text
+    starts, counts = words_of(text)
+    values, _ = numbers(text.replace(b"/", b" "), np.int64)
+    slashes = np.add.reduceat(np.frombuffer(text, np.uint8) == ord("/"), starts, dtype=np.int8)
+    if slashes.max(initial=0) > 2 or len(values) != (slashes + 1).sum(dtype=np.int64):
+        raise ValueError("a face has a corner that is not vertex/texture/normal")
+    return rows(values, slashes + 1, 3, 0).astype(np.int64), counts

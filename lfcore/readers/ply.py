@@ -1,0 +1,170 @@
+"""PLY files as meshes: polygons and strips with normals, texture coordinates and colours.
+
+Names of properties are those that Blender, MeshLab, CloudCompare and pbrt's exporters write.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lfcore.readers.account import Account
+from lfcore.readers.colours import display_colours
+from lfcore.readers.faces import strip_faces
+from lfcore.readers.ply_elements import Lists, Ply
+from lfcore.readers.polygons import triangulate
+from lfcore.readers.side_files import beside, read_texture
+from lfcore.reading import LARGEST_MESH, Where, read_bytes
+from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
+
+NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+UVS = (
+    ("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"), ("tx", "ty"),
+)  # fmt: skip
+COLOURS = (
+    ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
+)  # fmt: skip
+ALPHA = ("alpha", "a", "diffuse_alpha")
+INDICES = ("vertex_indices",), ("vertex_index",)
+
+
+def read_ply(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+    """The parts of a PLY file, one per texture; normals are those of the file."""
+    account, where = Account(notebook, path), Where(path)
+    try:
+        ply = Ply(read_bytes(path, LARGEST_MESH, "mesh file"))
+        part, numbers = part_of(ply, account)
+    except ValueError as error:
+        problem = f"mesh cannot be read: {error}"
+        remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
+        raise where.error(problem, remedy) from None
+    if not part.count:
+        raise where.error("mesh holds no triangles", "Export triangles, not only points or lines")
+    if ply.rest:
+        unit = "numbers" if ply.is_text else "bytes"
+        notebook.add(NOT_USED, path, f"{ply.rest} {unit} at its end")
+    names = [line[11:].strip() for line in ply.comments if line.startswith("TextureFile")]
+    parts = []
+    for number in np.unique(numbers).tolist() if len(names) > 1 else [0]:
+        texture = _texture(names[number], path, account) if 0 <= number < len(names) else None
+        white = texture is not None or part.colours is not None
+        surface = Surface(path.stem, (1.0 if white else 0.8,) * 3, texture=texture)
+        own = part.picked(numbers == number) if len(names) > 1 else part
+        parts.append(replace(own, surface=surface))
+    account.close()
+    return parts
+
+
+def _texture(name: str, path: Path, account: Account) -> np.ndarray | None:
+    """(H, W, 3) uint8 of a comment's TextureFile; None and a note if it is not there."""
+    account.hold("textures")
+    file = beside(name, path)
+    if file is None:
+        account.lose("textures", LEFT_OUT, f"texture {name!r}, not found")
+        return None
+    account.use("textures")
+    return read_texture(file, Where(path))
+
+
+def part_of(ply: Ply, account: Account) -> tuple[SurfaceMesh, np.ndarray]:
+    """All triangles, without their surface, and (T,) the number of each one's texture.
+
+    Raises ValueError for elements that make no sense.
+    """
+    return _Mesh(ply, account).part()
+
+
+class _Mesh:
+    """The triangles of a PLY file, and the properties that make them."""
+
+    def __init__(self, ply: Ply, account: Account):
+        self._ply, self._account = ply, account
+        self._used: set[tuple[str, str]] = set()
+
+    def part(self) -> tuple[SurfaceMesh, np.ndarray]:
+        points = self._columns("vertex", (("x", "y", "z"),))
+        if points is None:
+            raise ValueError("its vertices have no x, y and z")
+        points = points.astype(np.float64)
+        faces = self._lists("face", INDICES) or Lists(np.zeros(0), np.zeros(0, np.int64))
+        index = _checked(faces.values, len(points), 0)
+        picked, polygon = triangulate(points[index], faces.counts, self._account)
+        corners = np.concatenate([index[picked], self._strips(len(points))])
+        given = {}
+        for name, groups in (("normals", NORMALS), ("uvs", UVS)):
+            if (values := self._columns("vertex", groups)) is not None:
+                given[name] = np.nan_to_num(values.astype(np.float64))[corners]
+        if (colours := self._colours("vertex")) is not None:
+            given["colours"] = colours[corners]
+        textures = np.zeros(len(corners), np.int64)
+        if len(polygon) == len(corners):  # no strips
+            of_faces = self._columns("face", (("texnumber",),))
+            textures = textures if of_faces is None else of_faces[polygon, 0].astype(np.int64)
+            if colours is None and (own := self._colours("face")) is not None:
+                given["colours"] = np.repeat(own[polygon][:, None], 3, 1)
+            wedges = self._lists("face", (("texcoord",), ("texcoords",)))
+            if wedges is not None and (wedges.counts == 2 * faces.counts).all():
+                given["uvs"] = wedges.values.reshape(-1, 2).astype(np.float64)[picked]
+            elif wedges is not None:
+                self._used -= {("face", "texcoord"), ("face", "texcoords")}
+        self._close()
+        return SurfaceMesh(points[corners], **given), textures
+
+    def _columns(self, element: str, names: Sequence[tuple[str, ...]]) -> np.ndarray | None:
+        """(count, width) of the first group of numbers that the element has."""
+        known = self._ply.elements.get(element, {})
+        for group in names:
+            found = [values for name in group if isinstance(values := known.get(name), np.ndarray)]
+            if len(found) == len(group):
+                self._used |= {(element, name) for name in group}
+                return np.stack(found, -1)
+        return None
+
+    def _lists(self, element: str, names: Sequence[tuple[str]]) -> Lists | None:
+        known = self._ply.elements.get(element, {})
+        for (name,) in names:
+            if isinstance(found := known.get(name), Lists):
+                self._used.add((element, name))
+                return found
+        return None
+
+    def _colours(self, element: str) -> np.ndarray | None:
+        """(count, 3) linear colours of an element."""
+        for name in ALPHA:  # of which there is nothing to say if it is the same everywhere
+            alpha = self._ply.elements.get(element, {}).get(name)
+            if isinstance(alpha, np.ndarray) and np.ptp(alpha) == 0:
+                self._used.add((element, name))
+        values = self._columns(element, COLOURS)
+        return None if values is None else display_colours(values)
+
+    def _strips(self, vertices: int) -> np.ndarray:
+        """(T, 3) vertices of the triangles of all strips."""
+        strips, faces = self._lists("tristrips", INDICES), [np.zeros((0, 3), np.int64)]
+        if strips is not None:
+            index = _checked(strips.values, vertices, -1)
+            faces += map(strip_faces, np.split(index, np.cumsum(strips.counts)[:-1]))
+        return np.concatenate(faces)
+
+    def _close(self) -> None:
+        """Count elements, and the properties of those that are used."""
+        for element, known in self._ply.elements.items():
+            count = self._ply.counts[element]
+            used = {name for of, name in self._used if of == element}
+            if element != "face":  # counted where they are triangulated
+                things = "vertices" if element == "vertex" else f"elements '{element}'"
+                self._account.hold(things, count)
+                self._account.use(things, count if used else 0)
+            for name in known if used else ():
+                self._account.hold(f"values of {element}.{name}", count)
+                self._account.use(f"values of {element}.{name}", count if name in used else 0)
+
+
+def _checked(index: np.ndarray, count: int, least: int) -> np.ndarray:
+    """Indices as int64; ValueError for one that no vertex has."""
+    index = index.astype(np.int64)
+    wrong = index[(index < least) | (index >= count)]
+    if len(wrong):
+        raise ValueError(f"a face names vertex {wrong[0]} of {count}")
+    return index

@@ -1,0 +1,171 @@
+"""The elements of PLY files, of any properties, in text and in binary.
+
+Source: G. Turk, "The PLY Polygon File Format" (1994).
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lfcore.readers.text import BOM, numbers
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+STRUCT = {
+    "i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q",
+    "f4": "f", "f8": "d",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Property:
+    """``type`` is numpy's; ``length`` the type of a list's length, "" for a single number."""
+
+    name: str
+    type: str
+    length: str = ""
+
+
+@dataclass(frozen=True)
+class Lists:
+    """Lists of numbers, one behind the other, and their lengths."""
+
+    values: np.ndarray
+    counts: np.ndarray
+
+
+Column = np.ndarray | Lists
+
+
+class Ply:
+    """A PLY file: ``elements[element][property]`` is (count,) numbers or :class:`Lists`.
+
+    ``counts`` are the elements', ``comments`` the header's, ``rest`` is the number of bytes, of
+    numbers in a text, behind the last element.  Raises ValueError for what is no PLY file, or is
+    cut short.
+    """
+
+    def __init__(self, data: bytes):
+        data = data.removeprefix(BOM)
+        end = re.search(rb"[\r\n]end_header *(\r\n|\n|\r|$)", data)
+        if not data.startswith(b"ply") or not end:
+            raise ValueError("it has no header of a PLY file")
+        lines = data[: end.start()].decode("utf-8", errors="surrogateescape").splitlines()
+        self.comments = [line.strip()[8:].strip() for line in lines if line.startswith("comment")]
+        order, layout = _layout(lines)
+        self.is_text, self._at = not order, end.end()
+        if self.is_text:  # from here on as binary of doubles
+            data, order, self._at = numbers(data[self._at :])[0].tobytes(), "<", 0
+        self._data, self._order = data, order
+        self.counts = {name: count for name, (count, _) in layout.items()}
+        self.elements = {name: self._element(*each) for name, each in layout.items()}
+        self.rest = (len(data) - self._at) // (8 if self.is_text else 1)
+
+    def _stored(self, kind: str) -> np.dtype:
+        return np.dtype(self._order + ("f8" if self.is_text else kind))
+
+    def _element(self, count: int, properties: list[Property]) -> dict[str, Column]:
+        if not 0 <= count * len(properties) <= len(self._data) - self._at:
+            raise ValueError("it is cut short")
+        if not count or not properties:
+            none = np.zeros(0, np.int64)
+            return {p.name: Lists(none, none) if p.length else none for p in properties}
+        found = self._alike(count, properties)
+        return self._unlike(count, properties) if found is None else found
+
+    def _alike(self, count: int, properties: list[Property]) -> dict[str, Column] | None:
+        """An element whose lists are all as long as those of its first row; None if they are not,
+        or if the file ends before."""
+        fields: list[Any] = []
+        row, left = np.dtype(fields), len(self._data) - self._at
+        for k, one in enumerate(properties):
+            size = 1
+            if one.length:
+                kind = self._stored(one.length)
+                if row.itemsize + kind.itemsize > left:
+                    return None
+                size = int(np.frombuffer(self._data, kind, 1, self._at + row.itemsize)[0])
+                fields.append((f"n{k}", kind))
+            kind = self._stored(one.type)
+            if not 0 <= size * kind.itemsize <= left:
+                return None
+            fields.append((f"v{k}", (kind, (size,))))
+            row = np.dtype(fields)
+        if row.itemsize * count > left:
+            return None
+        table = np.frombuffer(self._data, row, count, self._at)
+        found: dict[str, Column] = {}
+        for k, one in enumerate(properties):
+            values = table[f"v{k}"].astype(one.type)
+            if one.length:
+                if (table[f"n{k}"] != values.shape[1]).any():
+                    return None
+                found[one.name] = Lists(values.ravel(), np.full(count, values.shape[1]))
+            else:
+                found[one.name] = values[:, 0]
+        self._at += row.itemsize * count
+        return found
+
+    def _unlike(self, count: int, properties: list[Property]) -> dict[str, Column]:
+        """An element whose lists differ in length: row after row."""
+        at, data = self._at, self._data
+        steps: list[tuple[struct.Struct, int, list[int], list[int]]] = []
+        for one in properties:
+            code = STRUCT[self._stored(one.length).str[1:]] if one.length else ""
+            head, size = struct.Struct(self._order + code), self._stored(one.type).itemsize
+            steps.append((head, size, [], []))
+        try:
+            for _ in range(count):
+                for head, size, places, lengths in steps:
+                    number = 1
+                    if head.size:
+                        number = int(head.unpack_from(data, at)[0])
+                        at += head.size
+                        if number < 0:
+                            raise ValueError("it has a list of no length")
+                    places.append(at)
+                    lengths.append(number)
+                    at += number * size
+                if at > len(data):
+                    raise ValueError("it is cut short")
+        except (struct.error, OverflowError):
+            raise ValueError("it is cut short") from None
+        self._at, raw, found = at, np.frombuffer(data, np.uint8), {}
+        for one, (_, size, places, lengths) in zip(properties, steps, strict=True):
+            starts, counts = np.array(places), np.array(lengths)
+            within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+            first = np.repeat(starts, counts) + within * size
+            stored = raw[first[:, None] + np.arange(size)].view(self._stored(one.type))[:, 0]
+            values = stored.astype(one.type)
+            found[one.name] = Lists(values, counts) if one.length else values
+        return found
+
+
+def _layout(lines: list[str]) -> tuple[str, dict[str, tuple[int, list[Property]]]]:
+    """The byte order, "" for text, and the elements, in order: count and properties."""
+    order, properties = None, list[Property]()
+    layout: dict[str, tuple[int, list[Property]]] = {}
+    for line in lines:
+        try:
+            match line.split():
+                case ["format", kind, *_]:
+                    order = ORDERS[kind]
+                case ["element", name, count, *_]:
+                    properties = []
+                    layout[name] = int(count), properties
+                case ["property", "list", length, kind, name, *_]:
+                    properties.append(Property(name, TYPES[kind], TYPES[length]))
+                case ["property", kind, name, *_]:
+                    properties.append(Property(name, TYPES[kind]))
+        except (KeyError, ValueError):
+            raise ValueError(f"its header has a line that is none: {line[:60]!r}") from None
+    if order is None:
+        raise ValueError("its header has no format")
+    return order, layout

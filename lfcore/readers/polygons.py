@@ -1,0 +1,84 @@
+"""Polygons as triangles: fans where these are right, else by ear clipping."""
+
+import numpy as np
+
+from lfcore.readers.account import Account
+from lfcore.scene.notes import APPROXIMATED
+from lfcore.scene.surface_mesh import normalise
+
+
+def triangulate(
+    points: np.ndarray, counts: np.ndarray, account: Account
+) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles of polygons, whose corners follow one another.
+
+    Parameters
+    ----------
+    points : (C, 3) positions of the corners of all polygons.
+    counts : (F,) corners of each polygon; one of fewer than three has no triangle.
+    account : counts the faces, and notes those that cross themselves, whose area is uncertain.
+
+    Returns
+    -------
+    corners : (T, 3) int64, which of the C corners a triangle has, polygon after polygon.
+    polygons : (T,) int64, the polygon of each triangle.
+    """
+    starts = np.cumsum(counts) - counts
+    made, owners, crossed = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], 0
+    for number in np.unique(counts[counts >= 3]).tolist():
+        polygons = np.flatnonzero(counts == number)
+        corners = starts[polygons, None] + np.arange(number)
+        first = np.broadcast_to(corners[:, :1], corners[:, 2:].shape)
+        fans = np.stack([first, corners[:, 1:-1], corners[:, 2:]], -1)
+        if number > 3:
+            normals, wrong = _wrong_fans(points[corners])
+            if number == 4:  # the other diagonal
+                a, b, c, d = corners[wrong].T
+                fans[wrong] = np.stack([np.stack([b, c, d], -1), np.stack([b, d, a], -1)], 1)
+            else:
+                for k in np.flatnonzero(wrong).tolist():
+                    ears, is_crossed = _ears(points[corners[k]], normals[k])
+                    crossed += is_crossed
+                    missing = number - 2 - len(ears)  # where corners coincide
+                    fans[k] = corners[k][np.pad(ears, ((0, missing), (0, 0)))]
+        made.append(fans.reshape(-1, 3))
+        owners.append(np.repeat(polygons, number - 2))
+    owner, triangles = np.concatenate(owners), np.concatenate(made)
+    if len(made) > 2:
+        order = np.argsort(owner, kind="stable")
+        owner, triangles = owner[order], triangles[order]
+    account.hold("faces", len(counts))
+    account.use("faces", int((counts > 2).sum()))
+    if crossed:
+        account.lose("faces", APPROXIMATED, f"{crossed} faces that cross themselves", 0)
+    return triangles, owner
+
+
+def _wrong_fans(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (F, 3) of polygons (F, N, 3), and of which a triangle of the fan from the first
+    corner is turned over."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        sides = points[:, 1:] - points[:, :1]
+        areas = np.cross(sides[:, :-1], sides[:, 1:])
+        normals = normalise(areas.sum(1))  # M. Newell's, as long as twice the area
+        along = (areas * normals[:, None]).sum(-1)
+        wrong = along.min(1) < -1e-12 * np.abs(along).max(1)
+    return normals, wrong & np.isfinite(points).all((1, 2))
+
+
+def _ears(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(T, 3) corners of the triangles of one polygon (N, 3), wound as it is, and whether it crosses
+    itself, so that triangles do not add up to its area."""
+    import mapbox_earcut
+
+    axis = int(np.abs(normal).argmax())
+    keep = [(1, 2), (2, 0), (0, 1)][axis]
+    flat = points[:, keep] * [1.0, np.sign(normal[axis])]  # counter-clockwise
+    ears = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], np.uint32))
+    ears = ears.reshape(-1, 3).astype(np.int64)
+    (a, b), (c, d) = (flat[ears[:, k]].T - flat[ears[:, 0]].T for k in (1, 2))
+    areas = a * d - b * c
+    ears[areas < 0] = ears[areas < 0][:, ::-1]
+    x, y = (flat - flat[0]).T
+    whole = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    return ears, bool(abs(np.abs(areas).sum() - whole) > 1e-3 * whole)

@@ -1,0 +1,38 @@
+"""Files that a mesh file names: beside it, or where names of another computer mean them."""
+
+import os
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+
+from lfcore.errors import LfcoreError
+from lfcore.pictures import codes_of, decode
+from lfcore.reading import LARGEST_TEXT, Where, read_bytes
+
+
+def beside(name: str, *files: Path) -> Path | None:
+    """The file of a name that one of ``files`` has: in its folder, or in that of the next.
+
+    Backslashes count as slashes where there is no such file, and at last the name alone counts.
+    """
+    for candidate in (name, name.replace("\\", "/"), PureWindowsPath(name).name):
+        for file in files:
+            try:
+                if candidate and os.path.isfile(file.parent / candidate):
+                    return file.parent / candidate
+            except ValueError:  # a NUL in the name
+                continue
+    return None
+
+
+def read_texture(path: Path, where: Where, *, alpha: bool = False) -> np.ndarray:
+    """An image file as (H, W, 3) uint8 sRGB, or 4 with ``alpha``; :class:`SceneError` if missing
+    or damaged."""
+    if not os.path.isfile(path):
+        remedy = "Give a path relative to the scene file"
+        raise where.error(f"texture {str(path)!r} not found", remedy)
+    try:
+        return codes_of(decode(read_bytes(path, LARGEST_TEXT, "texture"), alpha=alpha))
+    except LfcoreError as error:
+        problem = f"texture {str(path)!r} cannot be decoded: {error.problem}"
+        raise where.error(problem, "Use a PNG or JPEG") from None
