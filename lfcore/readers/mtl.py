@@ -18,13 +18,15 @@ from lfcore.reading import LARGEST_TEXT, Where, read_bytes
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, triple
 
+Statements = dict[str, tuple[str, str]]
+"""The statements of a material by their words in small letters: word as written, and the rest."""
 MAPS = {"map_kd": "texture", "map_ke": "emission_texture", "norm": "normal_texture"}
 OPTIONS = {
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-bm": 1,
     "-texres": 1, "-type": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3,
 }  # fmt: skip
 """The options of maps, and the most arguments of each."""
-SEEN = {"-mm": "range", "-t": "turbulence", "-cc": "colour correction"}
+SEEN = {"-mm": "range", "-t": "turbulence", "-cc": "colour correction", "-imfchan": "channel"}
 """Options that change what is seen and are not followed."""
 PLAIN = {"illum": (1.0, 2.0), "d": (1.0,), "tr": (0.0,), "ni": (1.0,), "tf": (1.0,), "ka": (0.0,)}
 """Values that say what is so anyway; illumination models 1 and 2 are matt and glossy."""
@@ -91,7 +93,7 @@ class Libraries:
 
     def __init__(self, obj: Path, notebook: Notebook, account: Account):
         self.obj, self._notebook, self._account = obj, notebook, account
-        self._statements: dict[str, tuple[Path, dict[str, str]]] = {}
+        self._statements: dict[str, tuple[Path, Statements]] = {}
         self._accounts: dict[Path, Account] = {}
         self._lacking = False
         self._made: dict[str, Made] = {}
@@ -115,14 +117,14 @@ class Libraries:
     def _read(self, file: Path) -> None:
         self._accounts.setdefault(file, Account(self._notebook, file))
         text = plain(read_bytes(file, LARGEST_TEXT, "material library"), joined=True)
-        statements: dict[str, str] = {}
+        statements: Statements = {}
         for line in text.decode("utf-8", errors="surrogateescape").splitlines():
             word, _, rest = line.strip().partition(" ")
             if word.lower() == "newmtl":
                 statements = {}
                 self._statements[rest.strip()] = file, statements
             elif word and not word.startswith("#"):
-                statements[word.lower()] = rest.strip()
+                statements[word.lower()] = word, rest.strip()
 
     def surface(self, name: str) -> Made:
         """The surface of a material."""
@@ -154,17 +156,17 @@ class _Material:
     """One material: what its statements say, each of which is used or noted."""
 
     def __init__(
-        self, libraries: Libraries, name: str, file: Path, statements: dict[str, str],
+        self, libraries: Libraries, name: str, file: Path, statements: Statements,
         account: Account,
     ):  # fmt: skip
         self.libraries, self.name, self.file = libraries, name, file
         self.statements, self.account = statements, account
         self.maps = {
-            key: Map.parse(text) for key, text in statements.items()
+            key: Map.parse(text) for key, (_, text) in statements.items()
             if key.startswith("map_") or key in ("norm", "bump", "disp", "decal", "refl")
         }  # fmt: skip
-        for key in statements:
-            account.hold(_called(key))
+        for word, _ in statements.values():
+            account.hold(_called(word))
         self._used: set[str] = set()
 
     def made(self) -> Made:
@@ -200,10 +202,11 @@ class _Material:
 
     def _numbers(self, key: str, otherwise: float) -> np.ndarray:
         """(3,) of what is behind a key; a single number counts for all three."""
-        text = self.statements.get(key)
         self._used.add(key)
-        if text is None:
+        if key not in self.statements:
             return np.full(3, otherwise)
+        _, text = self.statements[key]
+        text = text.removeprefix("-halo ")
         if text.split()[:1] in (["spectral"], ["xyz"]):
             self._note(LEFT_OUT, f"{key.title()} {text.split()[0]}")
             return np.full(3, otherwise)
@@ -226,12 +229,15 @@ class _Material:
         self._used.add(key)
         asked = self.maps[key]
         for option in asked.options.keys() & SEEN:
+            if asked.options[option] == ["off"] or (option == "-imfchan" and alpha):
+                continue
             self._note(APPROXIMATED, f"{SEEN[option]} ({option}) of its texture {asked.name!r}")
         if asked.options.get("-clamp") == ["on"]:
             self._note(APPROXIMATED, "a texture that is clamped; it repeats")
         file = beside(asked.name, self.file, self.libraries.obj)
         if file is None:
-            self.account.lose(_called(key), LEFT_OUT, f"texture {asked.name!r}, not found")
+            word, _ = self.statements[key]
+            self.account.lose(_called(word), LEFT_OUT, f"texture {asked.name!r}, not found")
             self._used.discard(key)
             return None
         codes = read_texture(file, Where(self.file, f"material {self.name}: {key}"), alpha=True)
@@ -273,16 +279,14 @@ class _Material:
 
     def _account_for_all(self) -> None:
         """Use what was asked for, and what says nothing beyond it; the rest is noted."""
-        for key, text in self.statements.items():
+        for key, (word, text) in self.statements.items():
             values = [_number(word) for word in text.split()]
             if key in self._used or (values and set(values) <= set(PLAIN.get(key, ()))):
-                self.account.use(_called(key))
+                self.account.use(_called(word))
 
 
-def _called(key: str) -> str:
-    known = "Ka Kd Ks Ke Ni Ns Tf Tr Pm Pr map_Ka map_Kd map_Ks map_Ke map_Ns map_Bump".split()
-    name = next((name for name in known if name.lower() == key), key)
-    return f"statements '{name}'" if re.fullmatch(r"[\w.-]{1,32}", name) else "other statements"
+def _called(word: str) -> str:
+    return f"statements '{word}'" if re.fullmatch(r"[\w.-]{1,32}", word) else "other statements"
 
 
 def _clipped(colour: np.ndarray) -> Colour:

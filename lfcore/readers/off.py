@@ -11,7 +11,7 @@ import numpy as np
 from lfcore.readers.account import Account
 from lfcore.readers.colours import display_colours
 from lfcore.readers.polygons import triangulate
-from lfcore.readers.text import numbers, plain, rows
+from lfcore.readers.text import numbers, plain, rows, whole
 from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
@@ -43,8 +43,8 @@ def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> Surf
     starts, counts = (np.cumsum(counts) - counts)[counts > 0], counts[counts > 0]
     if not len(counts) or not 2 <= counts[0] <= 3:
         raise ValueError("it does not say how many vertices and faces it has")
-    vertices, faces = (int(value) for value in values[:2])
-    if min(vertices, faces) < 0 or len(counts) - 1 < vertices + faces:
+    vertices, faces = whole(values[:2]).tolist()
+    if len(counts) - 1 < vertices + faces:
         raise ValueError(f"it is cut short: {len(counts) - 1} lines of {vertices} + {faces}")
     if len(counts) - 1 > vertices + faces:
         notebook.add(NOT_USED, path, f"{len(counts) - 1 - vertices - faces} lines at its end")
@@ -68,12 +68,12 @@ def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> Surf
         account.use("colours of vertices", vertices if coloured else 0)
     begins = starts[1 + vertices : 1 + vertices + faces]
     width = counts[1 + vertices : 1 + vertices + faces]
-    sides = values[begins].astype(np.int64)
+    sides = whole(values[begins])
     if ((sides < 1) | (sides > width - 1)).any():
         raise ValueError("a face has not as many vertices as it says")
     within = np.arange(sides.sum()) - np.repeat(np.cumsum(sides) - sides, sides)
-    index = values[np.repeat(begins, sides) + 1 + within].astype(np.int64)
-    if len(index) and (index.min() < 0 or index.max() >= vertices):
+    index = whole(values[np.repeat(begins, sides) + 1 + within])
+    if index.max(initial=-1) >= vertices:
         raise ValueError(f"a face names vertex {index.max()} of {vertices}")
     picked, polygon = triangulate(points[index], sides, account)
     corners = index[picked]

@@ -86,17 +86,17 @@ class Ply:
         fields: list[Any] = []
         row, left = np.dtype(fields), len(self._data) - self._at
         for k, one in enumerate(properties):
-            size = 1
+            size = 1.0
             if one.length:
                 kind = self._stored(one.length)
                 if row.itemsize + kind.itemsize > left:
                     return None
-                size = int(np.frombuffer(self._data, kind, 1, self._at + row.itemsize)[0])
+                size = float(np.frombuffer(self._data, kind, 1, self._at + row.itemsize)[0])
                 fields.append((f"n{k}", kind))
             kind = self._stored(one.type)
             if not 0 <= size * kind.itemsize <= left:
                 return None
-            fields.append((f"v{k}", (kind, (size,))))
+            fields.append((f"v{k}", (kind, (int(size),))))
             row = np.dtype(fields)
         if row.itemsize * count > left:
             return None

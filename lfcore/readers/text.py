@@ -67,6 +67,14 @@ def rows(values: np.ndarray, counts: np.ndarray, width: int, default: float) -> 
     return out
 
 
+def whole(values: np.ndarray) -> np.ndarray:
+    """Indices and counts as int64; ValueError for a number that is none."""
+    wrong = ~((values >= 0) & (values < 1 << 53) & (values == np.floor(values)))
+    if wrong.any():
+        raise ValueError(f"{values[wrong][0]:g} is no index or count")
+    return values.astype(np.int64)
+
+
 class Statements:
     """The lines of a text that begin with one of some words, and all the others.
 

@@ -1,4 +1,4 @@
-"""Mesh files of the four common formats: OBJ with MTL, PLY, STL, GLB."""
+"""Mesh files of the common formats: OBJ with MTL, PLY, STL, OFF, GLB."""
 
 import runpy
 from collections.abc import Sequence
@@ -26,6 +26,9 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
         return [OBJ.encode() + MATERIALS + MTL.encode(), OBJ.encode().replace(b"mtllib", b"#")]
     if kind == "ply":
         return [PLY.encode(), box.export(file_type="ply")]
+    if kind == "off":
+        colours = b"COFF\n3 1 0\n0 0 1 255 0 0\n1 0 1 0 255 0\n0 1 1 0 0 9\n3 0 1 2\n"
+        return [colours, box.export(file_type="off").encode()]
     if kind == "stl":
         return [(SEEDS / "one.stl").read_bytes(), box.export(file_type="stl")]
     write_sides(folder)
@@ -67,7 +70,13 @@ def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 def targets() -> list[Target]:
     either = mixed((0.75, damage_text), (0.25, damage_bytes))
-    mutations = {"obj": damage_text, "ply": either, "stl": either, "glb": damage_glb}
+    mutations = {
+        "obj": damage_text,
+        "ply": either,
+        "stl": either,
+        "off": damage_text,
+        "glb": damage_glb,
+    }
     return [
         Target(kind, partial(seeds_of, kind), mutation, partial(judge, kind), write_sides)
         for kind, mutation in mutations.items()

@@ -113,12 +113,13 @@ def test_triangle_strips(tmp_path, kind):
     np.testing.assert_allclose(part.colours, [[[1, 0, 0]] * 3] * 3)
 
 
-@pytest.mark.parametrize(("content", "words"), [(None, r"skin\.png"), (b"none", "texture")])
-def test_a_texture_that_cannot_be_read_is_refused_not_ignored(textured, content, words):
+def test_a_texture_that_is_not_there_is_noted_and_a_damaged_one_refused(textured):
     path, _ = textured
-    skin = path.with_name("skin.png")
-    skin.unlink() if content is None else skin.write_bytes(content)
-    assert refused(words, load_scene, path).remedy
+    path.with_name("skin.png").write_bytes(b"none")
+    assert refused("texture", load_scene, path).remedy
+    path.with_name("skin.png").unlink()
+    scene = load_scene(path, bare=True)
+    assert scene.textures == [] and "texture 'skin.png', not found" in scene.summary()
 
 
 def test_texture_override_and_removal(textured, write_scene):
