@@ -239,7 +239,7 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """The scene of the command line; reports its size and what was approximated or left out."""
-    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare", "floor")
+    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare", "floor", "pixels")
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     for line in _as_options(scene.summary()).splitlines():
         say(line)

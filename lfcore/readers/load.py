@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from lfcore.errors import OpticsError, SceneError, check_kind
 from lfcore.optics.camera import Camera, check_focus
 from lfcore.optics.focus import exclude_twice
+from lfcore.optics.size import Pixels, Size
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES
 from lfcore.readers.meshes import read_mesh
@@ -53,6 +54,7 @@ def load_scene(
     light: Mapping[str, Any] | None = None,
     bare: bool = False,
     floor: bool | None = None,
+    pixels: Pixels = 1,
 ) -> Scene:
     """Load a scene from any file that describes one.
 
@@ -88,6 +90,8 @@ def load_scene(
     floor : bool, optional
         Put a floor under the scene, as one of its things, or leave out the one under a mesh, which
         is no part of ``materials`` and ``depth_range``; ``floor`` and ``studio`` of a scene.yaml.
+    pixels : int or (int, int)
+        The width and height of the pictures where they differ, for a camera that frames the scene.
 
     Returns
     -------
@@ -159,7 +163,10 @@ def load_scene(
         lens["zoom"] *= zoom
     note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
     alone = mesh and not bare and not light
-    return build(description, file=path, name=name, note_up=note_up, alone=alone, lens=camera)
+    return build(
+        description, file=path, name=name, note_up=note_up, alone=alone, lens=camera,
+        size=Size.of(pixels),
+    )  # fmt: skip
 
 
 def _placed(
@@ -231,9 +238,11 @@ def build(
     note_up: bool,
     alone: bool,
     lens: Camera | None = None,
+    size: Size = framing.SQUARE,
 ) -> Scene:
     """The scene of a checked and completed description; paths are relative to ``file``, and
-    ``lens`` takes the place of the description's.  A mesh that is ``alone`` is given a studio."""
+    ``lens`` takes the place of the description's.  A mesh that is ``alone`` is given a studio, and
+    a camera that frames the scene fits pictures of ``size``."""
     where, notebook = Where(file), Notebook()
     parts: list[SurfaceMesh] = []
     moving: list[Moving] = []
@@ -270,7 +279,9 @@ def build(
         what = 'its own camera; view_from="front" frames all of it'
         notebook.add(ASSUMED, file, what)
     extent = framing.bounds(every, file=file)
-    camera, to_camera = framing.place_camera(description["camera"], extent, where, found, lens)
+    camera, to_camera = framing.place_camera(
+        description["camera"], extent, where, found, lens, size
+    )
     geometry = assemble(every, to_camera)
     placed = [
         (part.transformed(to_camera), (to_camera @ start, to_camera @ end))

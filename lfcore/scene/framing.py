@@ -14,6 +14,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus_distance
+from lfcore.optics.size import Size
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, Light
 from lfcore.scene.seen import depth_range, focus_at
@@ -23,7 +24,7 @@ from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 FIELD_WIDTH = 0.7
 """The tangent extent of a fitted lens's field: 39 degrees."""
 FILLED = 0.9
-"""The share of the picture's shorter side that a framed scene fills."""
+"""The share of one of the picture's sides that a framed scene fills."""
 BLUR = 0.02
 """The blur at the far end of what is seen, through a fitted lens that is focused in the middle:
 its diameter as a share of the picture's shorter side."""
@@ -31,6 +32,7 @@ F_NUMBER = 2.0
 """The f-number of a fitted lens whose focal length is fitted as well."""
 WIDEST = 1 / 8
 """The diameter of a fitted lens per distance to the near end, at most: flat scenes never blur."""
+SQUARE = Size(1, 1)
 FRONT_LEFT = "24,18"
 """The direction that a scene is framed from unless another is given."""
 DIRECTIONS = {
@@ -106,10 +108,12 @@ def place_camera(
     where: Where,
     found: FoundCamera | None = None,
     lens: Camera | None = None,
+    size: Size = SQUARE,
 ) -> tuple[Camera, np.ndarray]:
     """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping; ``found`` is
     a glTF file's camera, for a description without pose and direction; ``lens`` takes the place of
-    the description's."""
+    the description's.  What is framed fills a picture of the shape of ``size``: a lens that is
+    fitted is as long as its sides admit, and another as near."""
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
         raise where["zoom"].error(f"must be positive, not {zoom:g}", "Give 2 for twice")
@@ -119,15 +123,20 @@ def place_camera(
     if found is not None:
         to_camera = rigid_to_camera(TURNED @ found.to_world[:3, :3].T, found.to_world[:3, 3])
     elif pose is None:
-        to_camera = _framing_pose(description, extent, where)
+        own = _own_width(description, lens)
+        shape = np.array(size) / size.shorter
+        to_camera = _framing_pose(description, extent, where, own, shape if own else np.ones(2))
     elif "matrix" in pose:
         to_camera = pose_from_matrix(pose["matrix"], at["matrix"])
     else:
         to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], at)
     if lens is not None:
         return replace(lens, pose=None), to_camera
+    points = extent.points @ to_camera[:3, :3].T + to_camera[:3, 3]
     width = (FIELD_WIDTH if found is None else found.field_width) / zoom
-    triangles = extent.points.reshape(-1, 3, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]
+    if found is None and pose is None:
+        width *= _share_needed(points, size)
+    triangles = points.reshape(-1, 3, 3)
     try:
         return _lens(description, triangles, width), to_camera
     except OpticsError as error:
@@ -184,18 +193,38 @@ def fitted_diameter(seen: DepthRange, width: float) -> float:
     return min(widest, BLUR * width / defocus) if defocus > 0 else widest
 
 
-def _framing_pose(description: dict, extent: Bounds, where: Where) -> np.ndarray:
-    """Just far enough from the direction asked for that every vertex is in the picture, and so
-    that the picture of all of them is in its middle."""
+def _own_width(description: dict, lens: Camera | None) -> float | None:
+    """The tangent extent of a lens's field that is given, without the zoom."""
+    if lens is not None:
+        return lens.field_width
     given = _given_lens({**description, "zoom": 1.0})
-    width = FIELD_WIDTH if given is None else given[1] / given[0]
+    return given and given[1] / given[0]
+
+
+def _share_needed(points: np.ndarray, size: Size) -> float:
+    """The share of the field of a square that frames ``points`` (V, 3) in camera space, that the
+    shorter side of a picture of another shape needs."""
+    sides = np.abs(points[:, :2] / points[:, 2:]).max(0)
+    needed = sides * size.shorter / np.array(size)
+    return float(needed.max() / sides.max()) if sides.max() > 0 else 1.0
+
+
+def _framing_pose(
+    description: dict, extent: Bounds, where: Where, own: float | None, shape: np.ndarray
+) -> np.ndarray:
+    """Just far enough from the direction asked for that every vertex is in the picture, and so
+    that the picture of all of them is in its middle; ``own`` is the field of a given lens, and
+    ``shape`` the picture's sides over the shorter one."""
     direction, up = _direction(description.get("view_from", FRONT_LEFT), where["view_from"])
     turn = look_at(direction.tolist(), (0, 0, 0), up.tolist())[:3, :3]
     *across, z = turn @ (extent.points - extent.centre).T
     # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
     # alike.  The sum of what bounds k distance from above and below does not hold x0.
-    k = FILLED * width / 2
-    bounds_of = [((x - k * z).max() + (-x - k * z).max()) / 2 / k for x in across]
+    halves = FILLED * (own or FIELD_WIDTH) / 2 * shape
+    bounds_of = [
+        ((x - k * z).max() + (-x - k * z).max()) / 2 / k
+        for x, k in zip(across, halves, strict=True)
+    ]
     distance = max(*map(float, bounds_of), 1.5 * extent.radius) or 1.0
     aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
     middle = extent.centre + aside

@@ -9,7 +9,7 @@ import yaml
 from plain_scenes import balls, refused
 
 import lfcore
-from lfcore import Slab
+from lfcore import Camera, Slab
 from lfcore.readers.load import load_scene
 from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
@@ -218,6 +218,27 @@ def mesh(tmp_path):
         return tmp_path / "ball.ply"
 
     return write
+
+
+@pytest.mark.parametrize("lens", [None, Camera(0.035, 0.024, 4.0, 9.0)])
+@pytest.mark.parametrize("sides", [(4.0, 0.5, 0.5), (0.5, 4.0, 0.5), (1.0, 1.0, 1.0)])
+@pytest.mark.parametrize("size", [(64, 64), (64, 36), (36, 64), (80, 40)])
+def test_a_framed_scene_fills_one_side_of_any_picture(tmp_path, sides, size, lens):
+    """As it fills the square, and no less of the other side."""
+    trimesh.creation.box(sides).export(tmp_path / "box.ply")
+    how = {"view_from": "front", "bare": True, "camera": lens}
+    scene, square = (
+        lfcore.load_scene(tmp_path / "box.ply", pixels=pixels, **how) for pixels in (size, 1)
+    )
+
+    def filled(scene, size):
+        places = scene.triangles.reshape(-1, 3)
+        field = scene.camera.field_width * np.array(size) / min(size)
+        return 2 * np.abs(places[:, :2] / places[:, 2:]).max(0) / field
+
+    now, before = filled(scene, size), filled(square, size)
+    assert now.max() == pytest.approx(filled(square, (1, 1)).max(), rel=1e-5)
+    assert (now >= before - 1e-6).all()
 
 
 def floor_of(scene):
