@@ -1,4 +1,4 @@
-"""What rays of four small scenes give, to the last bit: one digest for each piece of work.
+"""What rays of six small scenes give, to the last bit: one digest for each piece of work.
 
     PYTHONPATH=tests python tests/tracing/digests.py --write
 
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import tracing_scenes
-from tracing_scenes import LAMP, WALL, lit_soup, scene, soup, unit
+from tracing_scenes import LAMP, WALL, baked, curved, lit_soup, scene, soup, unit
 
 from lfcore import Device, Scene, SensorPlane, Slab, open_device
 from lfcore.optics import bundles
@@ -87,7 +87,15 @@ def holes_and_metal() -> Scene:
     )
 
 
-WORLDS = {"lit": lit_soup, "textured": textured_soup, "fine": fine_soup, "holes": holes_and_metal}
+def under_a_sky() -> Scene:
+    """Light baked on grids of many sizes, and the sky beside triangles."""
+    return baked(soup(60, 2, 0.5), 1)
+
+
+WORLDS: dict[str, Callable[[], Scene]] = {
+    "lit": lit_soup, "textured": textured_soup, "fine": fine_soup, "holes": holes_and_metal,
+    "curved": lambda: curved([LAMP, SUN]), "sky": under_a_sky,
+}  # fmt: skip
 Case = Callable[[Tracer], Iterator[np.ndarray]]
 
 
@@ -110,12 +118,12 @@ def single(tracer: Tracer) -> Iterator[np.ndarray]:
     yield from tracer.closest_hit(origins, ends - origins)
 
 
-def radiance(views: int, pixels: int) -> Case:
-    """Colours as floats, of views."""
+def light_and_depth(views: int, pixels: int) -> Case:
+    """Light and depth of some views, as pictures by depth are made of."""
 
     def run(tracer: Tracer) -> Iterator[np.ndarray]:
         places = np.argwhere(np.ones((2, 3))) + 1
-        yield tracer.bundle_radiance(bundles.views(Slab(CAMERA, views, pixels), places), places)
+        yield from tracer.radiance_and_depth(bundles.views(Slab(CAMERA, views, pixels), places))
 
     return run
 
@@ -155,7 +163,7 @@ CASES: dict[tuple[str, str], Case] = {
     ("lit", "frames and planes, N = 4"): tiles("macropixels", 4, 512),
     ("lit", "frames and planes, N = 8"): tiles("macropixels", 8, 24),
     ("lit", "frames and planes, N = 64"): tiles("macropixels", 64, 5),
-    ("lit", "radiance of views"): radiance(5, 40),
+    **{(world, "light and depth"): light_and_depth(5, 40) for world in WORLDS},
     ("textured", "frames and planes, N = 16"): tiles("macropixels", 16, 12, "yuv444p10le"),
     ("textured", "views, N = 4"): tiles("views", 4, 40),
 }

@@ -18,6 +18,7 @@ from lfcore.oracle.shading import radiance
 from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
+from lfcore.scene.baked import BakedLight
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -87,6 +88,42 @@ def flat(triangles, **changes):
     normals = bent_normals(triangles, np.random.default_rng(0), 0.0)
     had = {"normals": normals, "colours": np.ones_like(triangles), "lights": [LAMP]}
     return scene(triangles, **{**had, **changes})
+
+
+def tiles(z, size, count=12):
+    """A wall of 2 count x count triangles, which blocks lie on or share."""
+    y, x = np.mgrid[-count : count + 1, -count : count + 1] * size / count
+    return mesh(np.stack([x, y, np.full_like(x, z)], -1))
+
+
+def curved(lights, shininess=30.0, texture=None, bend=0.3):
+    """A soup before a wall: smooth normals that turn by ``bend``, gloss, and a texture or none."""
+    rng = np.random.default_rng(8)
+    triangles = np.concatenate([soup(12, 5, 0.8), tiles(3.0, 0.9, 8), tiles(4.0, 9.0, 1)])
+    gloss = (0.3, 0.3, 0.3)
+    changes = {"lights": lights, "normals": bent_normals(triangles, rng, bend)}
+    if texture is None:
+        changes["colours"] = np.ones_like(triangles, np.float32)
+    changes["materials"] = [Material("gloss", (0.7, 0.6, 0.5), gloss, shininess)]
+    if texture is not None:
+        changes["uvs"] = (triangles[..., :2] * 30).astype(np.float32)
+        changes["textures"] = [texture]
+        changes["materials"] = [Material("tiles", (0.7, 0.6, 0.5), gloss, shininess, texture=0)]
+    return scene(triangles, **changes)
+
+
+def baked(triangles, seed=1):
+    """Random light, as points hold it, on grids of 1, 2, 4 and 7 cells, and a random sky."""
+    rng = np.random.default_rng(seed)
+    sides = rng.choice([1, 2, 4, 7], len(triangles))
+    counts = (sides + 1) * (sides + 2) // 2
+    ends = np.cumsum(2 * counts)
+    grids = np.stack([ends - 2 * counts, ends - counts, sides], 1).astype(np.int32)
+    values = rng.random((ends[-1], 3)).astype(np.float32)
+    step = 2.0 ** (np.ceil(np.log2(values.max(1, keepdims=True))) - 9)
+    values = (np.rint(values / step).clip(0, 511) * step).astype(np.float32)
+    sky = rng.random((16, 16, 3)).astype(np.float32)
+    return scene(triangles, light=BakedLight(grids, values), sky=sky)
 
 
 def crowd():
