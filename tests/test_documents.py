@@ -28,7 +28,7 @@ DOCS = ROOT / "docs"
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_the_page_runs(name, tmp_path):
-    """Every command and every line of Python of a tutorial, at a small size."""
+    """Every command and every line of Python of a tutorial or how-to, at a small size."""
     page = Page.read(name)
     assert page.blocks
     for whole in page.small:

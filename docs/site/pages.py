@@ -7,6 +7,7 @@ the rest:
     <!-- small: --pixels 256 = --pixels 24 | views=9 = views=3 -->   replacements in tests
     <!-- picture: near.png | caption -->   shows a picture that a block made
     <!-- viewer: bike.html | caption -->   shows a page that a block made, in a frame
+    <!-- given: model.glb studio.exr -->   files of the reader's, for which small ones are made
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ PAGES = {
     "cluster": "tutorials/cluster.md",
     "gallery": "gallery.md",
 }
+PAGES |= {
+    path.stem: f"how-to/{path.name}" for path in sorted((ROOT / "docs" / "how-to").glob("*.md"))
+}
 """The pages that are run, as paths below docs/."""
 LANGUAGES = ("bash", "python")
 REACHED = ("Snakefile", "config", "profiles", "scenes", "workflow")
@@ -40,6 +44,7 @@ FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SMALL = re.compile(r"^<!-- small: (.*?) -->$", re.MULTILINE)
 PICTURE = re.compile(r"^<!-- picture: (\S+) \| (.*?) -->$", re.MULTILINE)
 VIEWER = re.compile(r"^<!-- viewer: (\S+) \| (.*?) -->$", re.MULTILINE)
+GIVEN = re.compile(r"^<!-- given: (.*?) -->$", re.MULTILINE)
 BEYOND_WORDS = re.compile(r"[|<>;&$*`'\"]")
 """Characters that need a shell; other ``lfcore`` commands run in this process, which is faster."""
 
@@ -83,6 +88,9 @@ def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
     """
     for name in REACHED:
         (folder / name).symlink_to(ROOT / name)
+    for said in GIVEN.findall(page.text):
+        for name in said.split():
+            _give(folder / name)
     names: dict[str, object] = {"__name__": page.name}
     printed = []
     with contextlib.chdir(folder):
@@ -96,6 +104,21 @@ def run(page: Page, folder: Path, *, small: bool = False) -> list[str]:
                 first_line = block.code.strip().partition("\n")[0]
                 raise PageError(f"{page.name}: {first_line}\n{error}") from error
     return printed
+
+
+def _give(path: Path) -> None:
+    """Make a small file in place of the reader's: a mesh, or a panorama."""
+    if path.suffix == ".exr":
+        import numpy as np
+
+        from lfcore import write_picture
+
+        write_picture(path, np.linspace(1.0, 0.1, 16 * 32 * 3, dtype="f4").reshape(16, 32, 3))
+    else:
+        import trimesh
+
+        shape = trimesh.creation.box if path.suffix == ".obj" else trimesh.creation.icosphere
+        shape().export(path)
 
 
 def _run(language: str, code: str, names: dict[str, object]) -> str:
