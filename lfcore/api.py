@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def bake(
     scene: Scene,
     *,
     sky: Mapping[str, Any] | None = None,
-    bounces: int | None = None,
+    bounces: int | Literal["all"] | None = None,
     error: float | None = None,
     cells: int | None = None,
     mib: int | None = None,
@@ -66,8 +66,8 @@ def bake(
         From :func:`load_scene` or :meth:`Scene.from_triangles`.
     sky : mapping, optional
         As ``sky`` in a scene.yaml, upright before the camera.  Default: the scene's, if any.
-    bounces : int, optional
-        Default: the scene's, or 3.
+    bounces : int or "all", optional
+        Default: the scene's, or all: until further ones change less than ``error``.
     error : float, optional
         The root mean square error in the picture, relative to the light.
         Default: the scene's, or 0.02.

@@ -20,10 +20,12 @@ from lfcore.scene.sky import radiance, suns
 SKY_HEIGHT = 512
 BEHIND = 1e-5
 """The distance of a second sheet, as a share of the scene's size."""
+ROULETTE = 8
+"""The length from which on paths end at random, with weights that keep the mean."""
 _here: dict[str, Any] = {}
 
 
-def mitsuba_path(scene: Scene, bounces: int, threads: int) -> Renderer:
+def mitsuba_path(scene: Scene, bounces: int | str, threads: int) -> Renderer:
     """Mitsuba with a scene.  Raises :class:`SkippedError` for a missing package."""
     check_installed("mitsuba", "mitsuba_oidn")
     return Renderer(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
@@ -84,11 +86,12 @@ def _with_backs(scene: Scene) -> Scene:
     )
 
 
-def _open(scene: Scene, bounces: int, threads: int, llvm: str | None) -> None:
+def _open(scene: Scene, bounces: int | str, threads: int, llvm: str | None) -> None:
     mitsuba = start(threads, llvm)
     describe = _Lit(mitsuba, scene)
     described = describe.all({})
-    described["integrator"] = {"type": "path", "max_depth": bounces + 2, "rr_depth": 64}
+    most = -1 if bounces == "all" else int(bounces) + 2
+    described["integrator"] = {"type": "path", "max_depth": most, "rr_depth": ROULETTE}
     del described["sensor"]
     if len(scene.sky):
         described["sky"] = describe.sky()

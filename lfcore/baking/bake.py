@@ -6,6 +6,7 @@ over the stored hits.  Then seen points send more rays where two halves of their
 grids are refined where neighbours differ.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from lfcore.baking.denoising import denoised
 from lfcore.baking.irradiance_cache import IrradianceCache
 from lfcore.baking.mesh_colours import Grids, corner_normals, dot, extent, longest_edge
 from lfcore.baking.surroundings import FIELD, Surroundings
+from lfcore.baking.verification import measured_error
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
@@ -29,8 +31,11 @@ _RAYS_PER_CELL = 32
 """Sample rays per cell, per side of the picture, that find seen faces."""
 _LARGEST_SIDE = 256
 """The most cells along an edge before refinement: 33,000 points per face."""
-_LEAST_CELL, _LARGEST_CELL = 1 / 1024, 1 / 24
-"""Bounds of a cell, shares of the scene's size; unseen faces have the largest."""
+_LARGEST_CELL = 1 / 24
+"""The largest cell, a share of the scene's size."""
+_UNSEEN_CELLS, _UNSEEN_SIDE = 1.0, 64
+"""The cells of unseen triangles: so many times as large as those that are seen at this distance,
+and at most so many along an edge."""
 _DIRECT_FINER = 4
 """Cells of direct light per cell, per side: its edges are sharp."""
 _DIRECT_CELLS = 128
@@ -72,8 +77,11 @@ def bake_light(
     report(2, 4)
     cache.converge()
     report(3, 4)
-    irradiance, error = denoised(cache)
+    irradiance, noise = denoised(cache)
     light = Refinement(cache, irradiance, cells).refine()
+    m = measured_error(cache, light)
+    print("measured", m, "noise", noise, "cut", cache.cut)
+    error = math.hypot(max(m, noise), cache.cut)
     report(4, 4)
     return replace(light, error=error, rays=around.rays)
 
@@ -144,8 +152,10 @@ def _grid_sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndar
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.sqrt(dot(normal, normal)) / 2
     seen = np.isfinite(distance)
-    width = scene.camera.field_width * np.where(seen, distance, 0)
-    cell = np.clip(np.where(seen, width / cells, np.inf), size * _LEAST_CELL, size * _LARGEST_CELL)
+    ends = np.concatenate([corners, corners.mean(1, keepdims=True)], 1)
+    nearest = np.sqrt(dot(ends, ends)).min(1)
+    width = scene.camera.field_width * np.where(seen, distance, _UNSEEN_CELLS * nearest)
+    cell = np.clip(width / cells, edge / np.where(seen, np.inf, _UNSEEN_SIDE), size * _LARGEST_CELL)
     finer = min(_DIRECT_FINER, max(1, _DIRECT_CELLS / cells))
     powers = [np.log2(np.maximum(many * edge / cell, 1)) + _ROUND_UP for many in (1, finer)]
     sides, direct_sides = (

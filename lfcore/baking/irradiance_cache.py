@@ -6,6 +6,7 @@ SIGGRAPH 1988, for irradiance as the stored quantity.
 
 import numpy as np
 
+from lfcore.baking.bounces import MOST_BOUNCES, Bounces
 from lfcore.baking.emitters import Emitters
 from lfcore.baking.gather import Gatherer
 from lfcore.baking.importance_guide import ImportanceGuide
@@ -31,6 +32,8 @@ _HIT_BYTES = 18
 """The size of a stored hit, bytes."""
 _INSIDE = 0.9
 """The share of the way from the centre of a face to its corner that must be free."""
+_TRIAL_BOUNCES = 2
+"""Bounces beyond those that are required, from which the light that is cut off is estimated."""
 _BEFORE_SMOOTHING = 3.0
 """The noise that rays may leave, as a multiple of the required error: averaging over neighbours
 divides noise by about as much."""
@@ -54,6 +57,7 @@ class IrradianceCache:
     is_open : (S,) the mask of seen points outside of objects and not covered.
     in_view : (S,) the mask of seen points in the camera's field.
     guide : the importance guide, after :meth:`bounce`.
+    cut : the light of bounces that is missing, a share of all, after :meth:`bounce`.
     """
 
     def __init__(
@@ -145,19 +149,50 @@ class IrradianceCache:
         )
         self.gatherer.set_grids(self.grids, self.direct_grids)
         del self.direct_grids  # frees memory: only its light is needed from here on
-        unreflected, ray_light = self.sums, [hits[0] for *_, hits in self._hits]
-        for _ in range(self.options.bounces):
-            irradiance, self.sums = self.mean(), unreflected.copy()
-            self.gatherer.set_light(irradiance, direct)
-            for number, (part, count, hits) in enumerate(self._hits):
-                sums, ray_light[number] = self.gatherer.reflect(part.stop - part.start, count, hits)
-                self.sums[:, part] += sums
+        self.cut = self._bounce(direct)
         parts = [part for part, *_ in self._hits]
         points = self.grids.points.take(slice(0, self._seen_points))
-        first_rays = list(zip(parts, ray_light, strict=True))
+        first_rays = list(zip(parts, self._ray_light, strict=True))
         self.guide = ImportanceGuide(points, self._first_rays, first_rays)
         self.gatherer.set_guide(self.guide)
         self._hits = []
+
+    def _bounce(self, direct: np.ndarray) -> float:
+        """Add the light of bounces to ``sums``; returns the light that is missing, a share."""
+        emitted, wanted, error = self.sums, self.options.bounces, self.options.error
+        self._ray_light = [hits[0] for *_, hits in self._hits]
+        bounces = Bounces(self.mean(), self.is_open & self.in_view)
+
+        def reflect(irradiance: np.ndarray) -> None:
+            self.sums = emitted.copy()
+            self.gatherer.set_light(irradiance, direct)
+            for number, (part, count, hits) in enumerate(self._hits):
+                points = part.stop - part.start
+                sums, self._ray_light[number] = self.gatherer.reflect(points, count, hits)
+                self.sums[:, part] += sums
+
+        if wanted == "all":
+            for _ in range(MOST_BOUNCES):
+                reflect(bounces.irradiance)
+                bounces.add(self.mean())
+                if bounces.is_converged(error):
+                    break
+            reflect(bounces.limit)
+            return bounces.missing_from(bounces.limit)
+        for _ in range(wanted):
+            last = bounces.irradiance
+            reflect(last)
+            bounces.add(self.mean())
+        reached = bounces.irradiance
+        for _ in range(_TRIAL_BOUNCES):
+            reflect(bounces.irradiance)
+            bounces.add(self.mean())
+        if wanted:
+            reflect(last)
+        else:
+            self.sums = emitted
+            self.gatherer.set_light(np.zeros_like(reached), np.zeros_like(direct))
+        return bounces.missing_from(reached)
 
     def gather(
         self, points: Points, near: np.ndarray, seeds: np.ndarray, first: int, count: int

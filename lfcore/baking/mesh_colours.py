@@ -179,6 +179,11 @@ class Grids:
         vectors = (array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat))
         return Points(*vectors, np.repeat(edge, number)), hashed(key.reshape(-1, 6))
 
+    def shading_normals(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return the unit normals (R, 3), float32, at barycentric ``weights`` (R, 3) of faces."""
+        corners = self._normals[faces // 2, faces % 2]
+        return _unit(_interpolated(weights[:, None], corners)[:, 0]).astype(np.float32)
+
     def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the points (R,) nearest to hits on faces (R,) with barycentric ``weights`` (R, 3);
         a face without a grid has its substitute."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lfcore.baking.mesh_colours import Points, dot, extent
+from lfcore.baking.mesh_colours import Points, dot
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
@@ -25,7 +25,8 @@ _LIFT_PER_CELL = 1e-4
 """The distance of a ray's start from its triangle, a share of a cell: it covers interpolation
 errors and is too small to see."""
 _NEAR = 1 / 512
-"""The distance, a share of the scene's size, across a surface, below which an occluder is near."""
+"""The distance across a surface below which an occluder is near, a share of the picture's width
+there: about a pixel."""
 _ASLANT = 4.0
 """Along a ray, near is this many times as far."""
 FIELD = 1.05
@@ -58,7 +59,6 @@ class Surroundings:
         p, q, r = scene.triangles.swapaxes(0, 1)
         flat = np.cross(q - p, r - p)
         self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
-        self._near = _NEAR * extent(scene.triangles)[1]
         self._least_lift = np.float32(_LEAST_LIFT * np.abs(scene.triangles).max(initial=0))
         self.small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0
@@ -113,7 +113,8 @@ class Surroundings:
         """Return the mask (P,) of points that a near surface hides from the whole lens.  Such a
         point is below an object that touches its surface, and is darker than the surface beside
         that object."""
-        hidden, within = np.arange(len(points)), np.minimum(points.cells, self._near)
+        near = _NEAR * self.scene.camera.field_width * np.maximum(points.places[:, 2], 0)
+        hidden, within = np.arange(len(points)), np.minimum(points.cells, near)
         for lens_point in self.lens:
             tested = points.take(hidden)
             towards = np.append(lens_point, 0).astype(np.float32) - tested.places

@@ -204,7 +204,7 @@ def sky(text: str) -> dict[str, Any]:
     for setting in settings:
         key, _, value = setting.partition("=")
         if key == "bounces":
-            made[key] = count(0)(value)
+            made[key] = value if value == "all" else count(0)(value)
         elif key in ("rotation_deg", "strength") and what:
             made["sky"][key] = number()(value)
         else:

@@ -17,11 +17,7 @@ from lfcore.reading import DESCRIPTIONS
 from lfcore.scene.baked import ASKS
 
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
-_SKY = re.compile(
-    rb'^[^#\n]*LightSource\s*"infinite"(?:"[^"\n]*"|#[^\n]*|[^"#A-DF-Z])*?'  # parameters before it
-    rb'"string\s+(?:mapname|filename)"',
-    re.MULTILINE,
-)
+_SKY = re.compile(rb'^[^#\n]*LightSource\s*"infinite"', re.MULTILINE)
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
 _NAMED = re.compile(
     rb"^[ \t]*(?:mtllib|comment TextureFile|map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -27,8 +27,8 @@ class BakeOptions:
 
     Parameters
     ----------
-    bounces : int
-        Bounces between matt surfaces.
+    bounces : int or "all"
+        Bounces between matt surfaces; all: until further ones change less than the error.
     error : float
         The root mean square error to reach, relative to the light, or to a quarter of its mean
         where the light is less.
@@ -38,7 +38,7 @@ class BakeOptions:
         Cells of the first grids per width of the picture.
     """
 
-    bounces: int = 3
+    bounces: int | Literal["all"] = "all"
     error: float = 0.02
     mib: int = 1024
     cells: int = 32
@@ -62,7 +62,8 @@ class BakedLight:
         (P, 3) float32 linear RGB at the points (i, j) with i + j <= R, row by row of j; i / R and
         j / R are the weights of the second and the third corner.
     error : float
-        The expected root mean square error in the picture, as in :class:`BakeOptions`.
+        The expected root mean square error in the picture, as in :class:`BakeOptions`; it
+        includes the light of bounces that were not asked for.
     rays : int
         The number of traced rays.
     """

@@ -198,15 +198,55 @@ def test_a_slit_lights_a_closed_room_as_its_form_factor_says():
     assert np.sqrt((off**2).mean()) < 1.5 * scene.light.error
 
 
-def test_bounces_of_a_closed_room_are_a_geometric_series():
-    """Inside a sphere that glows with 1 and reflects a share a, light is 1 + a + a^2 + ..."""
+def closed_room(albedo, bounces):
+    """A sphere, seen from its middle, that emits 1 and reflects a share."""
     room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
-    for albedo, bounces in ((0.6, 0), (0.6, 1), (0.6, 3), (1.0, 4)):
-        scene = world(room, albedo, 1.0, sky=np.zeros_like(WHITE), bounces=bounces, cells=8)
-        light = sum(albedo**power for power in range(bounces + 1))
-        assert seen(scene, 16) == pytest.approx(1 + albedo * light, rel=0.01)
-    dark = world(room, 1.0, sky=WHITE, bounces=4, cells=8)
+    dark = np.zeros_like(WHITE)
+    return lfcore.bake(world(room, albedo, 1.0, sky=dark, bounces=bounces, cells=8))
+
+
+@pytest.mark.parametrize(("albedo", "bounces"), [(0.6, 0), (0.6, 1), (0.6, 3), (0.9, 3)])
+def test_bounces_of_a_closed_room_are_a_geometric_series(albedo, bounces):
+    """Light is 1 + a + a^2 + ...; a share a^(n + 1) is cut off, and counts as an error."""
+    scene = closed_room(albedo, bounces)
+    light = sum(albedo**power for power in range(bounces + 1))
+    assert seen(scene, 16) == pytest.approx(1 + albedo * light, rel=0.01)
+    assert scene.light.error == pytest.approx(albedo ** (bounces + 1), rel=0.05, abs=0.02)
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.9, 0.97])
+def test_all_bounces_sum_the_series(albedo):
+    scene = closed_room(albedo, "all")
+    assert seen(scene, 16) == pytest.approx(1 / (1 - albedo), rel=0.01)
+    assert scene.light.error < 0.02
+
+
+def test_light_that_grows_with_each_bounce_is_an_infinite_error():
+    assert closed_room(1.0, "all").light.error == np.inf
+    dark = world(solid("icosphere", (0, 0, 0), radius=3.0), 1.0, bounces="all", cells=8)
     assert seen(dark, 16).max() == 0
+
+
+@pytest.mark.parametrize(("distance", "error"), [(1.0, 0.3), (0.02, 0.06)])
+def test_the_expected_error_is_that_of_the_picture(distance, error):
+    """Of noise, and of the edge of what a near plate lights."""
+    low, high = (0.1, -0.2), (0.5, 0.2)
+    plate = rectangle(low, high, 1.5 - distance)
+    scene = replace(
+        world(np.concatenate([plain_scenes.wall(1.5, 1.0), plate])),
+        materials=[Material("matt", (1.0,) * 3), Material("lamp", emission=(1.0,) * 3)],
+        material_ids=np.int32([0, 0, 1, 1]), sky=np.zeros_like(WHITE),
+        bake=BakeOptions(0, error=error, cells=16),
+    )  # fmt: skip
+    scene = lfcore.bake(scene)
+    side = 256
+    axis = scene.camera.field_width * ((np.arange(side) + 0.5) / side - 0.5) * 1.5
+    places = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    off = seen(scene, side)[..., 0].ravel() - (wanted := factor_to(places, low, high, distance))
+    on_wall = (abs(places - (0.3, 0.0)) > 0.2 / (1.5 - distance) * 1.5 + 0.02).any(1)
+    off = off / np.maximum(wanted, 0.25 * wanted[on_wall].mean())
+    real = np.sqrt((off[on_wall] ** 2).mean())
+    assert 0.5 < scene.light.error / real < 2
 
 
 def test_what_goes_through_a_wall_brings_no_light_from_beyond():

@@ -74,11 +74,12 @@ def test_pbrt_includes_of_any_name_meshes_textures_and_spectra(write):
     [
         ('"infinite" "rgb L" [1E0 1 1] # of all\n "string mapname" "sky.exr"', True),
         ('"infinite" "string filename" [ "sky.exr" ]', True),
-        ('"infinite" "rgb L" [1 1 1]\nTexture "a" "color" "imagemap" "string filename" "b"', False),
+        ('"infinite" "rgb L" [1 1 1]', True),
+        ('"distant" # LightSource "infinite"', False),
         ('"distant" "string mapname" "sky.exr"', False),
     ],
 )
-def test_light_of_a_pbrt_map_is_baked(write, light, asks):
+def test_infinite_light_of_pbrt_is_baked(write, light, asks):
     folder = write(main_pbrt='Include "a.inc"', a_inc=f"LightSource {light}\nWorldEnd", sky_exr="")
     assert asks_for_light(folder / "main.pbrt") is asks
 

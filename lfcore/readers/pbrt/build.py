@@ -15,7 +15,7 @@ from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, FIRST_POSE, LEFT_OUT, Notebook
 from lfcore.scene.sky import under
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge, triple
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
 MOST_LIGHT_POINTS = 1024
 
@@ -54,16 +54,13 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
         lights=rig.lights,
-        ambient=triple(rig.ambient),
-        background=triple(rig.ambient),
+        ambient=(0.0, 0.0, 0.0),
         view=view,
         notes=notebook.notes(),
         motions=moves,
         **vars(geometry),
     )
-    if not len(rig.sky):
-        return scene
-    return replace(under(scene, rig.sky + np.float32(rig.ambient)), bake=BakeOptions())
+    return replace(under(scene, rig.sky), bake=BakeOptions()) if len(rig.sky) else scene
 
 
 def _parts(

@@ -1,4 +1,4 @@
-"""pbrt lights as what the tracer has: point and directional lights, ambient light, and a sky.
+"""pbrt lights as what the tracer has: point and directional lights, and a sky.
 
 The tracer multiplies diffuse colours by irradiance without dividing by pi, so every irradiance
 here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radiance.
@@ -36,13 +36,15 @@ def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
     return np.asarray(colour, np.float64)
 
 
+CONSTANT_SIDE = 2
+"""The side of the octahedral map of a constant light, texels: the least that is interpolated."""
+
+
 class LightRig:
-    """Lights in camera space, and the light from everywhere: ``ambient`` of infinite lights of one
-    colour, ``sky`` of their maps."""
+    """Lights in camera space, and the ``sky``, the sum of infinite lights."""
 
     def __init__(self, folder: Path):
-        self.folder, self.lights = folder, list[Light]()
-        self.ambient, self.sky = np.zeros(3), NO_SKY
+        self.folder, self.lights, self.sky = folder, list[Light](), NO_SKY
 
     def add(self, kind: str, parameters: ParameterSet, to_camera: np.ndarray) -> None:
         """Handle ``LightSource "kind"``; ``to_camera`` is (4, 4), light space to camera space."""
@@ -95,12 +97,19 @@ class LightRig:
             if not (light.min() >= 0 and light.max() <= BRIGHTEST):
                 problem = f"{file!r} has values that are no light"
                 raise parameters.error(name, problem, f"Give radiance from 0 to {BRIGHTEST:g}")
-            side = len(self.sky) or max(2, min(picture.shape[1], LARGEST_SIDE))
-            sky = octahedral(light, np.linalg.inv(to_camera[:3, :3]), places, side)
-            self.sky = self.sky + sky if len(self.sky) else sky
-            return
-        parameters.approximated("ambient light without shadows")
-        self.ambient = self.ambient + radiance
+            side = max(2, min(picture.shape[1], LARGEST_SIDE))
+            if len(self.sky) > CONSTANT_SIDE:
+                side = len(self.sky)
+            return self._add_sky(octahedral(light, np.linalg.inv(to_camera[:3, :3]), places, side))
+        self._add_sky(np.tile(np.float32(radiance), (CONSTANT_SIDE, CONSTANT_SIDE, 1)))
+
+    def _add_sky(self, sky: np.ndarray) -> None:
+        """Add an octahedral map; one of a constant light has any size."""
+        before = self.sky if len(self.sky) else np.zeros_like(sky)
+        if len(before) != len(sky):
+            small, sky = sorted((before, sky), key=len)
+            before = small[0, 0]
+        self.sky = before + sky
 
     def add_area(self, points: EmitterPoints, radiance: np.ndarray, own: tuple[int, int]) -> None:
         """Let point lights in camera space stand for an emitting surface.
