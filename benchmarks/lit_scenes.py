@@ -83,13 +83,17 @@ def cards() -> tuple[list[Part], dict]:
 
 
 def shelf() -> tuple[list[Part], dict]:
-    """A strip that emits and touches the underside of a shelf."""
+    """A strip that emits, half a millimetre below a shelf."""
     strip = {"diffuse": [0.5, 0.5, 0.5], "emission": [14.0, 12.0, 9.0]}
+    corners = [
+        (x, 0.5995, z) for x, z in ((-0.5, -0.06), (0.5, -0.06), (0.5, -0.04), (-0.5, -0.04))
+    ]
+    sheet = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])
     parts = [
         box((-1.5, -0.05, -0.3), (1.5, 0, 1.5), GREY),
         box((-1.5, 0, -0.35), (1.5, 1.5, -0.3), WHITE),
         box((-0.6, 0.6, -0.3), (0.6, 0.63, 0.0), GREY),
-        box((-0.5, 0.59, -0.03), (0.5, 0.6, -0.015), strip),
+        (sheet, strip),
         box((-0.3, 0, -0.25), (-0.1, 0.25, -0.05), RED),
     ]  # fmt: skip
     return parts, {**_camera((0.2, 0.45, 2.0), (0, 0.35, -0.2), 40)}

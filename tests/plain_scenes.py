@@ -1,5 +1,6 @@
 """Scenes of a few triangles, with nothing that they do not need; and calls that are refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import trimesh
 
 from lfcore import LfcoreError, Material
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
+from lfcore.scene.baked import NO_SKY
 
-__all__ = ["CAMERA", "CHART", "SCENES", "balls", "refused", "scene", "wall"]
+__all__ = ["CAMERA", "CHART", "SCENES", "balls", "in_even_light", "refused", "scene", "wall"]
 SCENES = Path(__file__).parents[1] / "scenes"
 CHART = SCENES / "chart"
 
@@ -25,6 +27,12 @@ def scene(triangles, **changes):
         "clip": True,
     }
     return bare_scene(triangles, **{**grey, **changes})
+
+
+def in_even_light(made):
+    """A scene whose surfaces show their own colours, whatever is around them."""
+    white = (1.0, 1.0, 1.0)
+    return replace(made, bake=None, sky=NO_SKY, ambient=white, background=white)
 
 
 def wall(z, half=10.0):

@@ -2,13 +2,14 @@
 
 The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel.  The sky is the
 whole panorama, whose suns are no lights of their own: their shadows are as soft as they are wide.
-What glows does so on both sides, by a second sheet behind it.
+What glows does so on both sides: open meshes have a second sheet behind them.
 """
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from benchmarks.peers.method import Renderer, Samples, check_installed
 from benchmarks.peers.mitsuba_picture import NEEDS, chosen_llvm, render, start
@@ -67,8 +68,17 @@ def panorama(sky: np.ndarray, axes: np.ndarray) -> np.ndarray:
 
 
 def _with_backs(scene: Scene) -> Scene:
-    """With a second sheet, turned around, behind triangles that emit: Mitsuba's emit in front."""
-    emits = np.array([any(material.emission) for material in scene.every_material])
+    """With a second sheet, turned around, behind triangles that emit: Mitsuba's emit in front.
+
+    Closed meshes have none: Mitsuba's shadow rays end before the emitter, and would pass walls that
+    are thinner than that.
+    """
+    emits = np.zeros(len(scene.every_material), bool)
+    for number, material in enumerate(scene.every_material):
+        if any(material.emission):
+            corners = scene.triangles[scene.material_ids == number]
+            mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners))
+            emits[number] = not mesh.is_watertight
     which = np.flatnonzero(emits[scene.material_ids])
     p, q, r = scene.triangles[which].swapaxes(0, 1).astype(np.float64)
     out = np.cross(q - p, r - p)

@@ -3,7 +3,7 @@
 Rays gather light at points of the surfaces that the camera sees, and at points of the surfaces that
 these rays hit; few of the latter suffice, since each is averaged over many rays.  Bounces iterate
 over the stored hits.  Then seen points send more rays where two halves of their rays disagree, and
-grids are refined where neighbours differ.
+grids are refined where neighbours differ.  In the end the error is measured.
 """
 
 import math
@@ -77,11 +77,8 @@ def bake_light(
     report(2, 4)
     cache.converge()
     report(3, 4)
-    irradiance, noise = denoised(cache)
-    light = Refinement(cache, irradiance, cells).refine()
-    m = measured_error(cache, light)
-    print("measured", m, "noise", noise, "cut", cache.cut)
-    error = math.hypot(max(m, noise), cache.cut)
+    light = Refinement(cache, denoised(cache), cells).refine()
+    error = math.hypot(measured_error(cache, light), cache.cut)
     report(4, 4)
     return replace(light, error=error, rays=around.rays)
 

@@ -1,7 +1,5 @@
 """Denoising: irradiance is averaged over neighbouring points, where they differ by noise alone."""
 
-import math
-
 import numpy as np
 
 from lfcore.baking.irradiance_cache import IrradianceCache
@@ -16,9 +14,8 @@ _LIKE_NORMALS = 0.95
 """The least cosine between the normals of neighbours, 18 degrees."""
 
 
-def denoised(cache: IrradianceCache) -> tuple[np.ndarray, float]:
-    """Return the irradiance over pi (P, 3) at all points, averaged at seen ones, and the expected
-    error there, a share of the light."""
+def denoised(cache: IrradianceCache) -> np.ndarray:
+    """Return the irradiance over pi (P, 3) at all points, averaged at seen ones."""
     light, error = cache.estimate()
     # The difference of the halves is averaged in the same way: the rest of it is the error.
     irradiance = cache.mean()
@@ -39,10 +36,8 @@ def denoised(cache: IrradianceCache) -> tuple[np.ndarray, float]:
             mixed[:, column] += np.bincount(a, share * values[b, column], len(light))
             mixed[:, column] += np.bincount(b, share * values[a, column], len(light))
         values, variance = mixed, cache.variance(mixed[:, 3])
-    relative = variance / np.maximum(cache.reference_level(light), 1e-30) ** 2
-    relative = relative[cache.is_open & cache.in_view]
     irradiance[: len(light)] = values[:, :3]
-    return irradiance, math.sqrt(relative.mean()) if len(relative) else 0.0
+    return irradiance
 
 
 def _neighbours(cache: IrradianceCache) -> tuple[np.ndarray, np.ndarray]:

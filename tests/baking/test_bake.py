@@ -190,7 +190,7 @@ def test_a_slit_lights_a_closed_room_as_its_form_factor_says():
     for side in (-1, 1):
         wall = rectangle((-1, -0.5), (1, 1.5), side)
         things += [wall[..., [2, 0, 1]], wall[..., [0, 2, 1]]]
-    scene = lfcore.bake(world(np.concatenate(things), bounces=0, error=0.1))
+    scene = lfcore.bake(world(np.concatenate(things), albedo=0.0, bounces=0, error=0.05))
     places, found = on_grid(scene, 0, behind=True)
     wanted = factor_to(places, low, high, 2.0)
     assert found.mean() == pytest.approx(wanted.mean(), rel=0.01)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from plain_scenes import SCENES, refused
+from plain_scenes import SCENES, in_even_light, refused
 
 from lfcore import CameraArray, SensorPlane, load_scene, open_device
 from lfcore.evaluation import renderers
@@ -218,7 +218,7 @@ ARRAYS = {"bounds_m": (-0.4, 0.4, -0.4, 0.4), "fov_deg": 60.0}
 def tracer(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "s.pbrt"
     path.write_text(SCENE)
-    return open_tracer(build_pbrt_scene(path))
+    return open_tracer(in_even_light(build_pbrt_scene(path)))
 
 
 def lens_camera(z=0.0, radius=0.2, size=(32, 24)):

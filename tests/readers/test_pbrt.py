@@ -557,7 +557,7 @@ LISTED = {
         'Shape "curve"', 'Shape "paraboloid"', 'LightSource "goniometric"',
     },
     "approximated": {
-        'LightSource "infinite"', 'LightSource "spot"', 'AreaLightSource "diffuse"',
+        'LightSource "spot"', 'AreaLightSource "diffuse"',
         'Shape "plymesh": "alpha"', 'Material "matte" named "floor"', 'Material "metal"',
         'Material "mirror"', 'Material "mix" named "blend"', 'Material "glass"',
         'Material "subsurface"',

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain_scenes import refused
+from plain_scenes import in_even_light, refused
 
 from lfcore import CameraArray, Device, open_device
 from lfcore.cli import main
@@ -53,7 +53,7 @@ def scene(tmp_path):
 
     def read(camera, samples=4):
         (tmp_path / "scene.pbrt").write_text(SCENE % (camera, samples))
-        return build_pbrt_scene(tmp_path / "scene.pbrt")
+        return in_even_light(build_pbrt_scene(tmp_path / "scene.pbrt"))
 
     return read
 
@@ -93,16 +93,15 @@ def test_instants_lie_in_their_intervals():
     refused("times", shutter_times, 0)
 
 
-def test_the_shutter_says_how_far_things_move(scene):
+def test_the_shutter_says_how_far_things_move(scene, tmp_path):
     """Open until half of the motion: as far as a scene that moves half as far."""
     half = photograph(scene(ARRAY + ' "float shutterclose" [0.5]', 8))
     text = SCENE.replace("Translate 2 0 0", "Translate 1 0 0")
-    whole = scene(ARRAY, 8)
-    file = whole.notes[0].file
+    whole, file = scene(ARRAY, 8), tmp_path / "scene.pbrt"
     file.write_text(text % (ARRAY, 8))
-    np.testing.assert_allclose(half, photograph(build_pbrt_scene(file)), atol=1e-6)
+    np.testing.assert_allclose(half, photograph(in_even_light(build_pbrt_scene(file))), atol=1e-6)
     file.write_text("TransformTimes 0 2\n" + SCENE % (ARRAY, 8))
-    np.testing.assert_allclose(half, photograph(build_pbrt_scene(file)), atol=1e-6)
+    np.testing.assert_allclose(half, photograph(in_even_light(build_pbrt_scene(file))), atol=1e-6)
     assert np.abs(half - photograph(whole)).max() > 0.1
 
 
@@ -112,7 +111,9 @@ def test_render_writes_film_and_geometry(scene, tmp_path):
     assert main(["render", file, "-o", str(out)]) == 0
     found = read_array(out)
     assert found.array == made.view.array and found.extra["shutter"] == [0, 0]
-    np.testing.assert_array_equal(found.image, photograph(made))
+    np.testing.assert_array_equal(
+        found.image, photograph(build_pbrt_scene(tmp_path / "scene.pbrt"))
+    )
     assert main(["render", file, "-o", str(tmp_path / "x.exr"), "--pixels", "16"]) == 0
     assert read_exr_picture(tmp_path / "x.exr").shape == (16, 16, 3)
 
