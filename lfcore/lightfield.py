@@ -409,7 +409,10 @@ class LightField(LightFieldFile):
         -------
         ndarray
             (K, height, width) float32, metres along the axis, infinity for a miss;
-            :func:`lfcore.disparity` converts it to pixels.
+            :func:`lfcore.disparity` converts it to pixels.  Pictures of :meth:`views_at` have the
+            same pixels; :meth:`views` gives the recorded ones, by default twice as many per side.
+            A file's own depth is of the nearest surface in a pixel's middle half.  Its video blurs
+            a few pixels beside edges into depths between the two surfaces; ``ffv1`` does not.
 
         Raises
         ------

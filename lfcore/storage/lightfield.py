@@ -376,6 +376,8 @@ class LightFieldFile:
         -------
         ndarray
             (j1 - j0, i1 - i0, M, M, 3), indexed [j, i, v, u]: float32 linear light, or uint8 codes.
+            M is ``slab.size``, the recorded pixels: of a file with depth, twice those of its
+            pictures and of :meth:`lfcore.LightField.depth`, ``made_views.size``, by default.
 
         Raises
         ------

@@ -14,12 +14,14 @@ import json
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import tracing_scenes
 from tracing_scenes import LAMP, WALL, baked, curved, lit_soup, scene, soup, unit
 
-from lfcore import Device, Scene, SensorPlane, Slab, open_device
+from lfcore import Device, Encoding, Scene, SensorPlane, Slab, open_device, record
 from lfcore.optics import bundles
 from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, Light, Material
@@ -146,6 +148,25 @@ def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
     return run
 
 
+def files(depth: bool, **refocus: Any) -> Case:
+    """Pictures of a lossless file: refocused, and with depth views from between the recorded."""
+
+    def run(tracer: Tracer) -> Iterator[np.ndarray]:
+        world, device = tracer.scene, tracer.device
+        spec = Encoding("ffv1", preset=None, tune=None, depth=depth)
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "a.mkv")
+            field = record(world, path, views=4, pixels=24, encoding=spec, device=device)
+            planes = PLANES[1:3] if refocus.get("filter") else PLANES
+            yield field.refocus_many(planes, device=device, **refocus)
+            if depth:
+                points = np.array([(0, 0), (0.3, -0.2), (1.4, 1.1)]) * field.slab.lens_pitch_m
+                yield field.views_at(points, device=device)
+                yield field.depth(samples=[(0, 3)], device=device)
+
+    return run
+
+
 # (scene, name).  Few lens samples of many pixels make blocks that span pixels, others packets of a
 # pixel each; small triangles in few pixels make rays that are followed one by one.
 CASES: dict[tuple[str, str], Case] = {
@@ -166,6 +187,10 @@ CASES: dict[tuple[str, str], Case] = {
     **{(world, "light and depth"): light_and_depth(5, 40) for world in WORLDS},
     ("textured", "frames and planes, N = 16"): tiles("macropixels", 16, 12, "yuv444p10le"),
     ("textured", "views, N = 4"): tiles("views", 4, 40),
+    ("textured", "a file with depth"): files(True),
+    ("textured", "a file with depth, magnified"): files(True, pixels=70),
+    ("textured", "a file of views, sliced"): files(False),
+    ("textured", "a file of views, shifted"): files(False, filter="bilinear"),
 }
 
 

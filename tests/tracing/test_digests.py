@@ -16,7 +16,12 @@ pytestmark = pytest.mark.kernels
 
 KNOWN = json.loads(TABLE.read_text(encoding="utf-8"))
 
-FEW = ["fine: hits, N = 4", "fine: single rays", "lit: frames and planes, N = 4"]
+FEW = [
+    "fine: hits, N = 4",
+    "fine: single rays",
+    "lit: frames and planes, N = 4",
+    "textured: a file with depth",
+]
 """Cases that together take most kinds of arithmetic, for what builds programs of its own."""
 
 
