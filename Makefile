@@ -70,7 +70,7 @@ lint: $(VENV)/installed-dev
 	$(BIN)/snakemake --lint
 	$(BIN)/python -m lfcore.workflow.settings --check
 
-# Pages are run at full size the first time, and where they or the library changed.
+# Pages are run at full size the first time, and where they changed; all after `make clean`.
 docs: $(VENV)/installed-docs
 	$(BIN)/python -m sphinx -W --keep-going --quiet -b html docs build/docs/html
 	@echo "build/docs/html/index.html"

@@ -10,7 +10,9 @@ import numpy as np
 
 import lfcore
 
-HEAVY = ("snakemake", "pandas", "matplotlib", "docutils", "jinja2", "bjontegaard", "tabulate")
+HEAVY = (
+    "snakemake", "pandas", "matplotlib", "docutils", "jinja2", "bjontegaard", "tabulate", "skimage",
+)  # fmt: skip
 
 
 def main() -> None:

@@ -1,5 +1,7 @@
 """The manual's site: `make docs` writes build/docs/html, which is read from disk."""
 
+import os
+import re
 import sys
 from pathlib import Path
 
@@ -7,17 +9,21 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import lfcore
 
+# Pages that are run take this environment's commands.
+os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+
 project = "lfcore"
 author = "the authors of lfcore"
 copyright = author
 version = release = lfcore.__version__
 
-extensions = [
-    "myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinxarg.ext", "docs.site.extension",
-]  # fmt: skip
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinxarg.ext"]
+nb_custom_formats = {".md": "docs.site.pages.read"}
+nb_execution_timeout = 1800
+nb_execution_raise_on_error = True
+nb_merge_streams = True
 numpydoc_show_class_members = False
 autosummary_generate = False
-source_suffix = {".md": "markdown"}
 exclude_patterns = ["site", "examples", "pictures"]
 myst_enable_extensions = ["deflist", "attrs_inline"]
 myst_heading_anchors = 3
@@ -37,3 +43,17 @@ html_static_path = ["site/static"]
 html_css_files = ["manual.css"]
 html_show_sphinx = False
 html_copy_source = False
+
+# Files outside docs/; the site has a page that includes each.
+ELSEWHERE = {
+    "scenes/README": "scenes", "config/README": "configuration", "benchmarks/README": "benchmarks",
+    "README": "index", "CONTRIBUTING": "architecture",
+}  # fmt: skip
+OUTSIDE = re.compile(rf"\((?:\.\./)+({'|'.join(ELSEWHERE)})\.md(?:#[\w-]+)?\)")
+
+
+def setup(app) -> None:
+    def mend(app, document: str, source: list[str]) -> None:
+        source[0] = OUTSIDE.sub(lambda found: f"(/{ELSEWHERE[found[1]]}.md)", source[0])
+
+    app.connect("source-read", mend)

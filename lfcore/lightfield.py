@@ -495,7 +495,7 @@ class LightField(LightFieldFile):
         grid, pixels : int, optional
             Views per side, and pixels of a picture's longer side.
         format : str
-            ``jpeg``, ``avif`` or ``webp``.  Default: ``webp`` for a file with depth, else
+            ``jpeg`` or ``webp``.  Default: ``webp`` for a file with depth, else
             ``jpeg``.
         jpeg_quality : int
             The quality of the pictures' encoder, 1 to 100.  Default: 90; with depth, chosen by the

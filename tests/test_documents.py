@@ -1,50 +1,74 @@
-"""The manual's pages run and its links lead somewhere; published numbers are their results'."""
+"""The manual's pages run, and its links lead somewhere."""
 
+import os
 import re
-import shutil
-import subprocess
 import sys
+from pathlib import Path
 
-import nbformat
-import numpy as np
-import pandas as pd
 import pytest
 
 import lfcore
-from benchmarks import results, sceptic, tracer
-from benchmarks.peers.method import SkippedError
-from benchmarks.peers.mitsuba_lens import check_plain
-from docs.site import command_line, extension
-from docs.site.extension import ELSEWHERE
-from docs.site.pages import PAGES, ROOT, Block, Page, PageError, run
-from lfcore import SensorPlane
+from docs.conf import ELSEWHERE
+from docs.site import command_line
 from lfcore.cli import COMMANDS
-from lfcore.rendering.prepared import open_tracer
-from tests.plain_scenes import scene, wall
+from robustness.outcome import ROOT
 
 DOCS = ROOT / "docs"
+RUN_PAGES = [
+    path.relative_to(DOCS).as_posix() for path in sorted(DOCS.rglob("*.md"))
+    if "\n<!-- run" in path.read_text(encoding="utf-8")
+]  # fmt: skip
+
+
+@pytest.fixture
+def pages(monkeypatch):
+    """The module that reads pages; their commands are those of this environment."""
+    pytest.importorskip("nbclient", reason="pip install -e '.[docs]'")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    return pytest.importorskip("docs.site.pages", reason="pip install -e '.[docs]'")
+
+
+def executed(pages, text, folder):
+    """The page's notebook after a run at a small size."""
+    from nbclient import NotebookClient
+
+    book = pages.read(text, folder, small=True)
+    NotebookClient(book, timeout=300, kernel_name="python3").execute()
+    return book
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PAGES)
-def test_the_page_runs(name, tmp_path):
-    """Every command and every line of Python of a tutorial or how-to, at a small size."""
-    page = Page.read(name)
-    assert page.blocks
-    for whole in page.small:
-        assert any(whole in block.code for block in page.blocks), f"{whole!r} is in no block"
-    run(page, tmp_path, small=True)
-    for file in re.findall(r"<!-- (?:picture|viewer): (\S+) \|", page.text):
-        assert (tmp_path / file).stat().st_size > 0
+@pytest.mark.parametrize("name", RUN_PAGES)
+def test_the_page_runs(pages, name, tmp_path):
+    """Every command and every line of Python of a page, at a small size; pictures are shown."""
+    text = (DOCS / name).read_text(encoding="utf-8")
+    book = executed(pages, text, tmp_path)
+    kinds = [kind for cell in book.cells for one in cell.get("outputs", [])
+             for kind in one.get("data", {})]  # fmt: skip
+    assert kinds.count("image/png") >= text.count("<!-- picture: ")
+    assert kinds.count("text/html") >= text.count("<!-- viewer: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("language", "code"),
-    [("bash", "false\n"), ("bash", "lfcore info nothing.mkv\n"), ("python", "assert False\n")],
+    "block",
+    ["```bash\nfalse\ntrue\n```", "```bash\nlfcore info nothing.mkv\n```", "```python\n1 / 0\n```"],
 )
-def test_a_block_that_fails_fails_the_page(tmp_path, language, code):
-    with pytest.raises(PageError, match="broken"):
-        run(Page("broken", "", [Block(language, code, 0)]), tmp_path)
+def test_a_block_that_fails_fails_the_page(pages, tmp_path, block):
+    from nbclient.exceptions import CellExecutionError
+
+    with pytest.raises(CellExecutionError):
+        executed(pages, f"# Broken\n\n<!-- run -->\n\n{block}\n", tmp_path)
+
+
+def test_commands_are_shown_as_they_are_typed(pages, tmp_path):
+    text = "# A page\n\n<!-- run; small: 256 = 16 -->\n\n```bash\nlfcore info a --pixels 256\n```\n"
+    title, start, shown, command = pages.read(text, tmp_path, small=True).cells
+    assert title.source == "# A page" and "remove-cell" in start.metadata["tags"]
+    assert shown.source == "```bash\nlfcore info a --pixels 16\n```"
+    assert command.source.endswith("\nlfcore info a --pixels 16")
+    assert "remove-input" in command.metadata["tags"]
+    assert (tmp_path / "a-page" / "scenes" / "bike" / "scene.yaml").exists()
 
 
 def test_every_command_is_in_the_manual_and_examples_keep_their_lines(capsys):
@@ -62,18 +86,6 @@ def test_every_public_name_is_on_the_page():
     assert sorted(said) == sorted(lfcore.__all__)
 
 
-@pytest.mark.parametrize("name", ["first-picture", "stanford"])
-def test_a_notebook_has_the_pages_code(name, tmp_path):
-    page = Page.read(name)
-    assert "<!-- notebook -->" in page.text
-    made = nbformat.read(extension.write_notebook(page, tmp_path), 4)
-    nbformat.validate(made)
-    cells = [cell.source for cell in made.cells if cell.cell_type == "code"]
-    for block in page.blocks:
-        assert block.code.strip() in [cell.removeprefix("%%bash\n") for cell in cells]
-    assert not any("<!--" in cell.source for cell in made.cells)
-
-
 def test_links_that_lead_out_of_the_manual_lead_to_its_pages_or_to_files():
     """What a page of docs/ links to in the tree is there, and if it is Markdown the site has it."""
     for path in DOCS.rglob("*.md"):
@@ -83,106 +95,3 @@ def test_links_that_lead_out_of_the_manual_lead_to_its_pages_or_to_files():
             inside = target.is_relative_to(DOCS)
             outside = target.relative_to(ROOT).with_suffix("").as_posix() in ELSEWHERE
             assert target.suffix != ".md" or inside or outside, f"{path}: {link}"
-
-
-RUN = {"command": "make x", "commit": "abc", "processor": "a machine", "date": "2026-01-02"}
-
-
-@pytest.fixture
-def result(tmp_path):
-    """A result file with three rows."""
-    rows = pd.DataFrame({"N": [2, 3, 4], "s": ["1.50", "2.0", "inf"]})
-    file = tmp_path / "some.csv"
-    file.write_text(results.head(RUN | {"note": "Hot."}) + rows.to_csv(index=False))
-    return file
-
-
-def test_a_table_has_its_rows_and_its_run(result):
-    rows = results.read_result(result)[1]
-    results.write_tables(result, {"_part": rows[rows["N"] != "3"]})
-    *table, _, source, _ = result.with_name("some_part.md").read_text().split("\n")
-    assert [line.split() for line in table[2:]] == ["| 2 | 1.50 |".split(), "| 4 | inf |".split()]
-    assert source == "Made by `make x`: commit abc, 2026-01-02, a machine. Hot."
-
-
-def test_a_result_without_its_run_is_refused(tmp_path):
-    (tmp_path / "some.csv").write_text("# command: x\nN\n1\n")
-    with pytest.raises(results.ResultError, match=r"some\.csv.* has no commit, processor, date"):
-        results.read_result(tmp_path / "some.csv")
-
-
-def test_rows_of_other_runs_are_kept(result):
-    found = results.with_kept(pd.DataFrame({"N": ["3"], "s": ["9"]}), result, "N")
-    assert found[["N", "s"]].values.tolist() == [["3", "9"], ["2", "1.50"], ["4", "inf"]]
-    assert found["commit"].iloc[0]
-
-
-def test_published_tables_have_the_rows_of_their_results():
-    """Tables of the manual are files that a command wrote: their cells are in the CSV beside."""
-    published = ROOT / "benchmarks" / "published"
-    tables = {file.stem: file.read_text() for file in published.glob("*.md")}
-    assert tables
-    for name, text in tables.items():
-        whole = (published / f"{name}.csv").exists()
-        result = name if whole else name.partition("_")[0]
-        run, rows = results.read_result(published / f"{result}.csv")
-        assert text.endswith(f"\n\n{results.source(run)}\n"), name
-        names, _, *lines = [
-            [cell.strip() for cell in line.strip("|").split(" | ")]
-            for line in text.splitlines() if line.startswith("|")
-        ]  # fmt: skip
-        cells = {tuple(row) for row in rows[[one.strip() for one in names]].values.tolist()}
-        assert {tuple(line) for line in lines} <= cells, name
-
-
-def test_every_published_table_is_on_a_page():
-    pages = "".join(path.read_text(encoding="utf-8") for path in DOCS.glob("*.md"))
-    for file in (ROOT / "benchmarks" / "published").glob("*.md"):
-        assert f"../benchmarks/published/{file.name}\n" in pages
-
-
-def test_two_checkouts_take_turns():
-    git = shutil.which("git") and subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT)
-    if not git or git.returncode:
-        pytest.skip("no git, or no history: there is no other commit to compare with")
-    words = ["HEAD", "sum(range(10**6))", "--setup", "", "--rounds", "2"]
-    said = subprocess.run(
-        [sys.executable, "-m", "benchmarks.against", *words],
-        cwd=ROOT, capture_output=True, text=True, check=True, timeout=120,
-    ).stdout  # fmt: skip
-    before, now, ratio = map(float, re.findall(r"\d+\.\d+", said))
-    assert before > 0 and now > 0 and ratio == pytest.approx(before / now, rel=0.2)
-
-
-def test_embree_has_the_better_of_its_packets():
-    rows = [("lfcore", 90.0), ("embree, 4 x 4 pixels", 30.0), ("embree, 4 x 4 lens samples", 20.0)]
-    table = pd.DataFrame(rows, columns=["method", "mrays_per_core_second"])
-    (row,) = tracer.beside_embree(table.assign(scene="bike", N=16)).to_dict("records")
-    assert (row[tracer.HITS], row["Embree 3"], row["times Embree"]) == ("90", "30", "3")
-
-
-def test_a_scene_that_a_peer_cannot_shade_is_left_out_by_name():
-    cut = scene(wall(3.0), colours=np.ones((len(wall(3.0)), 3, 3), np.float32))
-    with pytest.raises(SkippedError, match="colours at corners"):
-        check_plain(cut)
-
-
-@pytest.mark.kernels
-def test_rows_have_what_each_setting_made(tmp_path):
-    """Seconds are of the best of the runs, dB of each plane; a figure and crops are made of it."""
-    shown = scene(wall(3.0))
-    tracer = open_tracer(shown)
-    planes = [SensorPlane(focus, shown.camera.f_number) for focus in (2.0, 3.0, 5.0)]
-    points = list(sceptic.ours(tracer, planes, 64, 4))
-    assert {point.rays for point in points if np.isfinite(point.rays)} == {1, 4}
-    fixed = [point for point in points if np.isfinite(point.rays)]
-    truths, kept = fixed[-1].make()[0], {}
-    rows = list(sceptic.rows_of(shown, fixed, truths, 64, 1, kept))
-    assert [row["setting"] for row in rows] == [point.setting for point in fixed]
-    assert all(float(row["core s"]) > 0 for row in rows)
-    assert float(rows[-1]["middle dB"]) > 60
-    kept[shown.name, 64, "true", ""] = truths[1]
-    table = sceptic.pd.DataFrame(rows)
-    sceptic.figure(table, tmp_path / "figure.png")
-    sceptic.crops(table, kept, tmp_path)
-    assert len(list(tmp_path.glob("*.png"))) == 2

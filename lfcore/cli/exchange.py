@@ -85,8 +85,6 @@ def export_options(command: argparse.ArgumentParser) -> None:
     add_scene(group, "--scene", "the scene that was recorded: traces depth of every view")
     more = group.add_argument
     more("--order", metavar="ORDER", help="of JPEG Pleno's names: columns or rows")
-    more("--depth-range", type=values.positive, nargs=2, metavar=("NEAR", "FAR"),
-         help="metres, where the file does not hold them")  # fmt: skip
 
 
 def _format_and_tiles(text: str) -> tuple[str, tuple[int, int] | None]:
@@ -130,7 +128,6 @@ def run_export(arguments: argparse.Namespace) -> None:
     from lfcore.exchange.source import Selection
 
     scene = open_scene(arguments) if arguments.scene else None
-    near, far = arguments.depth_range or (None, None)
     format, tiles = arguments.format
     with progress(f"writing {format}", "views") as report:
         notes = lfcore.export_lightfield(
@@ -145,7 +142,7 @@ def run_export(arguments: argparse.Namespace) -> None:
             device=arguments.device,
             options=WriteOptions(
                 Order.parse(arguments.order) if arguments.order else None, tiles,
-                near_m=near, far_m=far, progress=report,
+                progress=report,
             ),
         )  # fmt: skip
     for note in notes:

@@ -67,10 +67,6 @@ def options(command: argparse.ArgumentParser) -> None:
         help="spread each ray over what its part of lens and pixel covers at its depth "
         "(default), or count it in the pixel that it falls on",
     )  # fmt: skip
-    command.add_argument(
-        "--error-map", type=Path, metavar="FILE",
-        help="with --quality-db: picture of each pixel's expected error, sRGB",
-    )  # fmt: skip
     plane_options.add_options(command, of_file=False)
     film.add_options(command)
 
@@ -80,12 +76,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     check_suffix(arguments.output)
     check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
-    if arguments.error_map is not None:
-        check_suffix(arguments.error_map)
     excluded = ["--filter nearest"] if arguments.filter == "nearest" else []
-    quality = chosen_quality(
-        arguments, "error_map", flags(arguments, "views", "subpixels") + excluded
-    )
+    quality = chosen_quality(arguments, flags(arguments, "views", "subpixels") + excluded)
     scene = open_scene(arguments)
     if film.wanted(arguments, scene):
         film.render(arguments, scene)
@@ -105,33 +97,26 @@ def run(arguments: argparse.Namespace) -> None:
             made = lfcore.render_to_quality(scene, quality, progress=report, **same)
             pictures = made.pictures
     if quality:
-        _report_quality(arguments, made, planes)
+        _report_quality(made)
     plane_options.save(arguments.output, planes, pictures, form(arguments))
 
 
-def _report_quality(arguments: argparse.Namespace, made: lfcore.Rendering, planes: list) -> None:
-    import numpy as np
-
-    from lfcore.colour import srgb_decode
-
+def _report_quality(made: lfcore.Rendering) -> None:
     db = ", ".join(f"{each:.1f}" for each in made.expected_db)
     traced = f"{made.rays_per_pixel:.0f} rays per pixel ({made.lattice})"
     say(f"{traced}: {db} dB expected")
     note(expected_db=list(map(float, made.expected_db)), rays_per_pixel=made.rays_per_pixel)
-    if arguments.error_map is not None:
-        shown = srgb_decode(np.repeat(made.error[..., None], 3, axis=-1))
-        plane_options.save(arguments.error_map, planes, shown, {"bits": arguments.bits})
 
 
 def chosen_quality(
-    arguments: argparse.Namespace, other: str, excluded: Sequence[str], **more: Any
+    arguments: argparse.Namespace, excluded: Sequence[str], *others: str, **more: Any
 ) -> lfcore.Quality | None:
     """The quality for which the rays are chosen, if any.
 
-    Refuses the options ``excluded`` with it, and ``--most-rays`` and ``other`` without it.
+    Refuses the options ``excluded`` with it, and ``--most-rays`` and ``others`` without it.
     """
     if arguments.quality_db is None:
-        if alone := flags(arguments, "most_rays", other):
+        if alone := flags(arguments, "most_rays", *others):
             refuse("--quality-db", f"is what {alone[0]} belongs to", "Give it, too")
         return None
     if excluded:
@@ -202,7 +187,7 @@ def record(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output, (".mkv",))
     excluded = flags(arguments, "views", "subpixels", "depth")
     quality = chosen_quality(
-        arguments, "focus_range", excluded, focus_range_m=arguments.focus_range
+        arguments, excluded, "focus_range", focus_range_m=arguments.focus_range
     )
     scene = open_scene(arguments)
     if film.wanted(arguments, scene) and film.is_array(scene):

@@ -60,8 +60,8 @@ def options(command: argparse.ArgumentParser) -> None:
     page = command.add_argument_group("a page")
     add(page, pixels="pixels of a picture's longer side (at most 512)")
     page.add_argument(
-        "--format", choices=("jpeg", "avif", "webp"),
-        help="of its views: webp (default with depth), which blurs colours, jpeg (else) or avif",
+        "--format", choices=("jpeg", "webp"),
+        help="of its views: webp (default with depth), which blurs colours, or jpeg (else)",
     )  # fmt: skip
     page.add_argument(
         "--jpeg-quality", type=values.count(1, 100), metavar="Q",

@@ -129,7 +129,7 @@ def formed(of: Description, tracer: Tracer, focus: list[float]) -> Rendering:
     wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / of.pixels)
     made = QualitySearch(tracer, wide, planes, side, Quality(of.quality_db)).pictures()
     window = np.s_[:, margin : side - margin, margin : side - margin]
-    return replace(made, pictures=made.pictures[window], error=made.error[window])
+    return replace(made, pictures=made.pictures[window])
 
 
 def _add_sharp(item: Item, name: str, of: Description, tracer: Tracer) -> None:

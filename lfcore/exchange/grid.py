@@ -132,15 +132,11 @@ class WriteOptions:
         The order of the two numbers in the names (JPEG Pleno).
     tiles : (int, int), optional
         Columns and rows of a quilt.
-    near_m, far_m : float, optional
-        Depths, in metres, for a file that lacks them.
     progress : callable, optional
         Called with (views done, total).
     """
 
     order: Order | None = None
     tiles: tuple[int, int] | None = None
-    near_m: float | None = None
-    far_m: float | None = None
     progress: Progress | None = None
     notes: list[str] = field(default_factory=list, init=False)

@@ -256,21 +256,3 @@ def read_llff(path: Path, options: ReadOptions) -> ViewGrid:
         what = f"poses are of pictures in the alphabet's order: {files[0].name}, {files[1].name}"
         found = replace(found, notes=(*found.notes, what))
     return replace(found, depth_m=(near, far)) if 0 < near <= far else found
-
-
-def write_llff(source: Source, folder: Path, options: WriteOptions) -> None:
-    source.require_geometry(POSES)
-    near, far = options.near_m, options.far_m
-    if not (near and far):
-        near, far = source.depth_range(POSES)
-    half, cropped = parallel_views(source, options)
-    (folder / "images").mkdir()
-    rows = []
-    for column, row, picture in cropped:
-        write_picture(folder / "images" / pictures.view_name(column, row), picture)
-        pose = source.pose(column, row)
-        down, right, back = -pose[:3, 1], pose[:3, 0], pose[:3, 2]
-        size = np.array([2 * half[1], 2 * half[0], source.focal_px])
-        matrix = np.stack([down, right, back, pose[:3, 3], size], 1)
-        rows.append(np.concatenate([matrix.reshape(-1), [near, far]]))
-    write_picture(folder / POSES, np.array(rows, np.float64))

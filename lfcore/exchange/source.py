@@ -199,15 +199,6 @@ class Source:
             apart = 1.0 / np.asarray(depth, np.float64) - self.slab.camera.delta
         return (apart * scale).astype(np.float32)
 
-    def depth_range(self, what: str) -> tuple[float, float]:
-        """Nearest and farthest depth; :class:`ExchangeError` where they are not known."""
-        if self.field.depth_range is None:
-            problem = f"does not hold its range of depths, which {what} needs"
-            raise ExchangeError(
-                problem, file=self.field.path, remedy="Give the nearest and farthest depth"
-            )
-        return self.field.depth_range
-
     def pose(self, column: int, row: int) -> np.ndarray:
         """(4, 4) camera to world with OpenGL's axes: x right, y up, z backwards."""
         matrix = np.eye(4)

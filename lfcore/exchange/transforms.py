@@ -1,10 +1,9 @@
-"""Pictures with poses in JSON: nerfstudio's ``transforms.json``, and Blender's add-ons.
+"""Pictures with poses in JSON: nerfstudio's ``transforms.json``, and a Blender add-on's.
 
 nerfstudio has OpenGL's axes, and reads a principal point per frame where the file has none for all:
 where views coincide at a finite distance, the principal point moves with the camera.
 IDLab's add-on has poses, focal length and sensor of a plane in ``lightfield.json``.  Both worlds
-have z up.  gfxdisp's (``param.txt``) names pictures ``row_column``, counted from the bottom right
-camera; ``base_x`` is half the width of the grid, in the scene's unit.
+have z up.
 """
 
 import math
@@ -14,14 +13,14 @@ import numpy as np
 
 from lfcore.exchange import folder as by_file
 from lfcore.exchange import pictures, posed
-from lfcore.exchange.grid import Geometry, Order, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
 from lfcore.exchange.lenses import Lens
-from lfcore.exchange.reading import ExchangeError, existing, load_json, read_text, refused
+from lfcore.exchange.reading import ExchangeError, existing, load_json, refused
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture
 
-NERFSTUDIO, IDLAB, GFXDISP = "transforms.json", "lightfield.json", "param.txt"
+NERFSTUDIO, IDLAB = "transforms.json", "lightfield.json"
 TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 """The turn from x right, y up, z back to x right, y forward, z up."""
 MOST_MM = 65535
@@ -97,14 +96,7 @@ def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> Non
 
 
 def read_blender(path: Path, options: ReadOptions) -> ViewGrid:
-    if (path / IDLAB).is_file():
-        return _read_idlab(path / IDLAB)
-    if (path / GFXDISP).is_file():
-        return _read_gfxdisp(path)
-    raise ExchangeError(f"holds neither {IDLAB} nor {GFXDISP}", file=path)
-
-
-def _read_idlab(file: Path) -> ViewGrid:
+    file = path / IDLAB
     data = load_json(file)
     kind = data.get("lf_type", "PLANE")
     if kind != "PLANE":
@@ -154,27 +146,6 @@ def _idlab_lens(data: dict, size: tuple[int, int], file: Path) -> tuple:
         if "angle" in camera:
             return 2 * math.tan(float(camera["angle"]) / 2) / max(size), 0.0, None
     return None, 0.0, None
-
-
-def _read_gfxdisp(path: Path) -> ViewGrid:
-    file = path / GFXDISP
-    pairs = (line.split(":", 1) for line in read_text(file).splitlines() if ":" in line)
-    values = {key.strip(): value.strip() for key, value in pairs}
-    with refused("lacks num_x, num_y, base_x or base_y", file):
-        columns, rows = int(values["num_x"]), int(values["num_y"])
-        base = float(values["base_x"]), float(values["base_y"])
-    files = [one for one in pictures.pictures_of(path) if by_file.TWO.search(one.stem)]
-    found = by_file.by_numbers(files, path, Order()) if files else None
-    if found is None or (len(found[0]), len(found)) != (columns, rows):
-        asked = f"{GFXDISP} asks for {columns} x {rows} named row_column"
-        raise ExchangeError(f"holds {len(files)} views; {asked}", file=path)
-    steps = [2 * b / (n - 1) for b, n in zip(base, (columns, rows), strict=True) if n > 1]
-    even = steps and max(steps) - min(steps) <= 0.01 * max(steps)
-    differ = ("steps across and down differ: the spacing was not imported",)
-    geometry = Geometry(steps[0] if even else None, None, 0.0)
-    notes = () if even or not steps else differ
-    grid = by_file.of_files(found, path.name, geometry=geometry, notes=notes)
-    return grid.turned(left=True, up=True)
 
 
 def write_blender(source: Source, folder: Path, options: WriteOptions) -> None:

@@ -20,7 +20,7 @@ from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import plain_views
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Lattice, Slab
+from lfcore.optics.slab import Slab
 from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 
@@ -81,21 +81,13 @@ class FirstLook:
 
     def expected_db(self, views: np.ndarray | int, subpixels: np.ndarray | float) -> np.ndarray:
         """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
-        lacking = self._shares(np.asarray(views, float), np.asarray(subpixels, float))
-        error = np.einsum("pb,pb...->p...", self._differences, lacking)
-        return -10 * np.log10(np.maximum(error, 1e-12)) - MARGIN_DB
-
-    def error_map(self, lattice: Lattice) -> np.ndarray:
-        """(P, H, W) float32: each pixel's expected error, sRGB, root mean square."""
-        lacking = self._shares(np.array(lattice.views), np.array(lattice.subpixels))
-        shown = np.einsum("pb,pbhw->phw", lacking, self._parts)
-        return np.sqrt(shown).astype(np.float32)
-
-    def _shares(self, views: np.ndarray, subpixels: np.ndarray) -> np.ndarray:
-        """(P, bands, ...) of the differences in a band, the share that pictures lack."""
+        views, subpixels = np.asarray(views, float), np.asarray(subpixels, float)
         each = (slice(None), *[None] * views.ndim)
         seen = np.maximum(np.multiply.outer(self.narrower, views), 1.0)[:, None]
-        return SHARE[each] * seen ** -BY_VIEWS[each] * subpixels ** -BY_SUBPIXELS[each]
+        # (P, bands, ...): the share of the differences in a band that pictures lack.
+        lacking = SHARE[each] * seen ** -BY_VIEWS[each] * subpixels ** -BY_SUBPIXELS[each]
+        error = np.einsum("pb,pb...->p...", self._differences, lacking)
+        return -10 * np.log10(np.maximum(error, 1e-12)) - MARGIN_DB
 
     @property
     def _parts(self) -> np.ndarray:

@@ -81,15 +81,11 @@ class Rendering:
         The rays.
     expected_db : ndarray
         (P,) PSNR of each, sRGB, against the average over pixel and lens.
-    error : ndarray
-        (P, M, M) float32: the expected error of each pixel, sRGB in [0, 1], root mean square over
-        channels.  It is uncertain itself; smooth it to compare places.
     """
 
     pictures: np.ndarray = field(repr=False)
     lattice: Lattice
     expected_db: np.ndarray
-    error: np.ndarray = field(repr=False)
 
     @property
     def rays_per_pixel(self) -> float:
@@ -120,7 +116,7 @@ class QualitySearch:
             self.tracer, self.camera, self.planes, self.pixels, lattice, progress=progress
         )
         expected = self.look.expected_db(lattice.views, lattice.subpixels)
-        return Rendering(made, lattice, expected, self.look.error_map(lattice))
+        return Rendering(made, lattice, expected)
 
     def plan(self, spare_db: float = 0.0) -> Lattice:
         """As :meth:`lattice`, with a multiple of 8 pixels on a view's longer side, for encoders."""

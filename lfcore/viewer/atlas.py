@@ -27,8 +27,7 @@ MOST_PIXELS = 80 << 20
 READ_BYTES = 256 << 20
 """The bytes of linear light in memory at a time."""
 VIEWS, LEAST, MOST = 17, 9, 33
-FORMATS = {"jpeg": "image/jpeg", "avif": "image/avif", "webp": "image/webp"}
-AVIF_SPEED = 9
+FORMATS = {"jpeg": "image/jpeg", "webp": "image/webp"}
 
 
 @dataclass(frozen=True)
@@ -148,8 +147,8 @@ def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
 def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -> Atlas:
     """Pages of the pictures (K, height, width, 3) uint8.
 
-    AVIF is smaller than JPEG. WebP halves the resolution of colours, views with coloured edges
-    reach 30 dB at most, but at quality 100 it is lossless.
+    WebP halves the resolution of colours: views with coloured edges reach 30 dB at most. At
+    quality 100 it is lossless.
     """
     from PIL import Image
 
@@ -159,10 +158,8 @@ def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -
     count, height, width, _ = pictures.shape
     across = max(1, min(PAGE_SIDE // width, math.ceil(math.sqrt(count * height / width)), count))
     down = min(PAGE_SIDE // height, math.ceil(count / across))
-    # At this speed AVIF takes no longer than WebP, and half a dB more than at the slow default.
     own: dict[str, dict[str, Any]] = {
         "jpeg": {"subsampling": "4:4:4", "optimize": True},
-        "avif": {"subsampling": "4:4:4", "speed": AVIF_SPEED},
         "webp": {"lossless": jpeg_quality == 100},
     }
     pages = []

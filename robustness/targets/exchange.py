@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 
 from lfcore.exchange.exporting import export_lightfield
-from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid, WriteOptions
+from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid
 from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.table import FORMATS
@@ -49,14 +49,26 @@ def seeds(folder: Path) -> list[bytes]:
             continue
         if name == "folder":
             shutil.copytree(folder / "blender" / "png", folder / name)
+        elif name == "llff":
+            shutil.copytree(folder / "blender" / "png", folder / name / "images")
+            np.save(folder / name / "poses_bounds.npy", llff_poses(*GRID))
         else:
-            near_and_far = WriteOptions(near_m=1.0, far_m=4.0)
-            export_lightfield(folder / "noise.mkv", name, folder / name, options=near_and_far)
+            export_lightfield(folder / "noise.mkv", name, folder / name)
         files = _files(folder / name)
         pictures = [path for path in files if is_picture(path)]
         for file in [path for path in files if path not in pictures[PICTURES_A_FORMAT:]]:
             whole.append(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return whole
+
+
+def llff_poses(columns: int, rows: int) -> np.ndarray:
+    """Rows of LLFF's ``poses_bounds.npy``: axes down, right and back, place, size and depths."""
+    lens = np.array([16.0, 16.0, 50.0])
+    matrices = [
+        np.column_stack([[0, -1, 0], [1, 0, 0], [0, 0, 1], [0.04 * k, -0.04 * j, 0], lens])
+        for j in range(rows) for k in range(columns)
+    ]  # fmt: skip
+    return np.array([np.append(one.ravel(), (1.0, 2.0)) for one in matrices])
 
 
 def _files(folder: Path) -> list[Path]:

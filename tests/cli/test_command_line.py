@@ -234,7 +234,6 @@ REFUSED = [
     ("stack x.mkv --focus 1:2:1 -o a.png", "argument --focus: "),
     ("stack x.mkv --focus 1:2px:3 -o a.png", "argument --focus: "),
     ("stack x.mkv --fps 0 -o a.png", "argument --fps: "),
-    ("export x.mkv --format hci --depth-range 0 1 -o a.png", "argument --depth-range: "),
     ("import x --baseline -6mm -o a.png", "argument --baseline: "),
     ("render CHART --focus nearest -o a.png", "argument --focus: "),
     ("render CHART --focus near --focus-at 0.5,0.5 -o a.png", "argument --focus-at: "),

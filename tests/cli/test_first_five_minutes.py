@@ -15,9 +15,9 @@ import pytest
 import trimesh
 
 import lfcore
-from docs.site.pages import PAGES, ROOT
 from lfcore.cli import EPILOG, main, parser
 from lfcore.colour import srgb_encode
+from robustness.outcome import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -144,9 +144,10 @@ def texts() -> dict[str, str]:
     commands = next(one for one in PARSER._actions if hasattr(one, "choices") and one.choices)
     for name, command in commands.choices.items():
         found[f"lfcore {name}"] = command.epilog or ""
-    for name, path in {"README": "../README.md", **PAGES}.items():
-        page = (ROOT / "docs" / path).read_text(encoding="utf-8")
-        found[name] = "\n".join(fences.findall(page))
+    for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        page = path.read_text(encoding="utf-8")
+        if path.stem == "README" or "\n<!-- run" in page:
+            found[path.stem] = "\n".join(fences.findall(page))
     return {name: text for name, text in found.items() if shown(text)}
 
 

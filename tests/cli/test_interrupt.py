@@ -107,13 +107,3 @@ def test_handlers_of_others_are_left_alone(tmp_path):
         signal.signal(signal.SIGTERM, before)
     with pytest.raises(KeyboardInterrupt), interruptible(), whole_file(tmp_path / "a"):
         raise KeyboardInterrupt
-
-
-def test_a_command_that_is_done_ends_at_once_but_for_what_was_registered(tmp_path):
-    lines = "from lfcore.cli import main", "atexit.register(open, 'registered', 'w')", "main()"
-    words = "; ".join(["import atexit", *lines, "open('late', 'w')"])
-    ended = subprocess.run(
-        [sys.executable, "-c", words, "devices"], cwd=tmp_path, capture_output=True, check=True
-    )
-    assert b"lfcore" in ended.stdout
-    assert [path.name for path in tmp_path.iterdir()] == ["registered"]

@@ -29,6 +29,7 @@ from lfcore.pictures import read_picture
 from lfcore.rendering.depth import depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.storage.layout import FrameLayout
+from robustness.targets.exchange import llff_poses
 
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 
@@ -145,26 +146,6 @@ def check_parallel_cameras(stored, format, folder):
     return field
 
 
-def test_llff_has_its_axes_in_the_middle(stored, tmp_path):
-    notes = export_lightfield(
-        stored.path, "llff", tmp_path / "out", options=WriteOptions(near_m=1, far_m=4)
-    )
-    assert any("cropped to 14 x 14" in note for note in notes)
-    rows = np.load(tmp_path / "out" / "poses_bounds.npy")
-    assert (rows.shape, rows.dtype) == ((9, 17), np.float64)
-    np.testing.assert_array_equal(rows[:, 15:], [[1, 4]] * 9)
-    matrix = rows[:, :15].reshape(9, 3, 5)
-    np.testing.assert_allclose(matrix[0, :, :3].T, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    np.testing.assert_allclose(matrix[2, :, 3], [0.04, 0.04, 0])
-    np.testing.assert_allclose(matrix[5, :, 4], [14, 14, 50])
-    for row, column in np.ndindex(3, 3):
-        view = read_picture(tmp_path / "out" / "images" / f"view_{row:03d}_{column:03d}.png")
-        expected = stored.views[row, column, row : row + 14, column : column + 14]
-        np.testing.assert_array_equal(view, expected)
-    assert check_parallel_cameras(stored, "llff", tmp_path).depth_range == (1, 4)
-    refused("nearest and farthest depth", export_lightfield, stored.path, "llff", tmp_path / "b")
-
-
 @pytest.mark.parametrize("order", ["rows", "columns", "rows-up", "columns-left-up", "rows-snake"])
 def test_folders_in_any_order(order, wide, tmp_path):
     parsed, numbers = Order.parse(order), {}
@@ -221,17 +202,6 @@ def test_stanford_positions_decide(square, tmp_path):
     pictures(tmp_path / "in", square.views, name)
     grid, field = taken_back(tmp_path / "in", tmp_path)
     assert (grid.format, grid.geometry) == ("stanford", Geometry(pitch_m=0.05))
-    np.testing.assert_array_equal(all_views(field), square.views)
-
-
-def test_gfxdisp_counts_from_the_bottom_right(square, tmp_path):
-    pictures(
-        tmp_path / "in", square.views[::-1, ::-1], lambda row, column: f"{row:02}_{column:02}.png"
-    )
-    text = "cmera: Camera\nnum_x: 3\nnum_y: 3\nbase_x: 0.1\nbase_y: 0.1\n"
-    (tmp_path / "in" / "param.txt").write_text(text)
-    grid, field = taken_back(tmp_path / "in", tmp_path)
-    assert (grid.format, grid.geometry) == ("blender", Geometry(pitch_m=0.1, delta=0.0))
     np.testing.assert_array_equal(all_views(field), square.views)
 
 
@@ -509,12 +479,9 @@ def cut_short(end):
 
 
 def posed(change):
-    """A change of a file of poses: JSON, or an array of them."""
+    """A change of a file of poses."""
 
     def spoil(file):
-        if file.suffix == ".npy":
-            np.save(file, change(np.load(file)))
-            return
         data = json.loads(file.read_text())
         change(data)
         file.write_text(json.dumps(data))
@@ -554,20 +521,26 @@ SPOILT = [
     ("colmap", "sparse/0/cameras.txt", edited("PINHOLE", "THIN_PRISM_FISHEYE"),
      ["cameras.txt", "THIN_PRISM", "Models that can be"]),
     ("colmap", "images/view_001_001.png", Path.unlink, ["view_001_001.png", "images.txt asks"]),
-    ("llff", "poses_bounds.npy", posed(lambda rows: rows[:-1]), ["8 poses for 9 pictures"]),
-    ("llff", "poses_bounds.npy", posed(lambda rows: np.where(rows == 2, np.nan, rows)),
-     ["not finite"]),
-    ("llff", "poses_bounds.npy", cut_short(8), ["poses_bounds.npy"]),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("format", "name", "spoil", "words"), SPOILT)
 def test_what_was_spoilt_is_refused(square, tmp_path, format, name, spoil, words):
-    options = WriteOptions(near_m=1, far_m=2)
-    export_lightfield(square.path, format, tmp_path / "out", options=options)
+    export_lightfield(square.path, format, tmp_path / "out")
     (file,) = (tmp_path / "out").glob(name)
     spoil(file)
     import_fails(tmp_path / "out", *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(lambda rows: rows[:-1], "8 poses for 9 pictures"), (lambda rows: rows[:, :5], "17 numbers"),
+     (lambda rows: np.where(rows == 2, np.nan, rows), "not finite")],
+)  # fmt: skip
+def test_spoilt_poses_of_llff_are_refused(square, tmp_path, change, words):
+    pictures(tmp_path / "in" / "images", square.views, lambda row, column: f"{row}_{column}.png")
+    np.save(tmp_path / "in" / "poses_bounds.npy", change(llff_poses(3, 3)))
+    import_fails(tmp_path / "in", "poses_bounds.npy", words)
 
 
 def test_exports_that_cannot_be(square, chart, tmp_path):
@@ -577,9 +550,10 @@ def test_exports_that_cannot_be(square, chart, tmp_path):
         refused(words, export_lightfield, path, format, tmp_path / "out", **more)
         assert list(tmp_path.iterdir()) == [unknown.path]
 
-    for name in ("hci", "nerfstudio", "colmap", "llff", "blender"):
+    for name in ("hci", "nerfstudio", "colmap", "blender"):
         fails("does not hold its geometry.*baseline", unknown.path, name)
-    fails("'folder' cannot be exported", square.path, "folder")
+    for name in ("folder", "llff"):
+        fails(f"'{name}' cannot be exported", square.path, name)
     fails("not a multiple of the 4 mm", square.path, "hci", selection=Selection(baseline_m=0.006))
     fails("mkv: views:", square.path, "hci", selection=Selection((4, 4)))
     fails("mkv: crop:", square.path, "hci", selection=Selection(crop=(1, 1, 16, 16)))
