@@ -15,7 +15,7 @@ from lfcore.readers.account import Account
 from lfcore.readers.side_files import beside, read_texture
 from lfcore.readers.text import plain
 from lfcore.reading import LARGEST_TEXT, Where, read_bytes
-from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED, Notebook
+from lfcore.scene.notes import APPROXIMATED, ASSUMED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, triple
 
 Statements = dict[str, tuple[str, str]]
@@ -252,6 +252,9 @@ class _Material:
         opacity = float(np.clip(self._numbers("d", 1.0)[-1], 0, 1))
         if "tr" in self.statements and "d" not in self.statements:
             opacity = 1 - float(np.clip(self._numbers("tr", 0.0)[0], 0, 1))
+            if not opacity:
+                opacity = 1.0
+                self._note(ASSUMED, "Tr 1 is opaque, as in old exporters; d 0 is transparent")
         picture = self._picture("map_d", alpha=True)
         alpha = np.full((1, 1), 255, np.uint8)
         if picture is not None:

@@ -44,6 +44,8 @@ def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
             account.hold(what)
             if word in NAMES:
                 account.use(what)
+            elif word == "s" and len(found.lines("vn")):
+                account.use(what)  # the file's normals say it better
             elif word in CURVED:
                 account.lose(what, LEFT_OUT, "curves and curved surfaces")
     if b"#MRGB" in found.text:
@@ -96,7 +98,7 @@ class _Polygons:
             account.hold(name, len(table))
             account.use(name, len(table))  # those that no face has are not looked for
         corners, counts = _corners(found.body("f"))
-        self._absolute(corners, counts, found, tables)
+        self._absolute(corners, counts, found, tables, account)
         self._triangles, self.polygons = triangulate(self.points[corners[:, 0]], counts, account)
         self._corners = corners
 
@@ -114,8 +116,9 @@ class _Polygons:
 
     @staticmethod
     def _absolute(
-        corners: np.ndarray, counts: np.ndarray, found: Statements, tables: tuple[np.ndarray, ...]
-    ) -> None:
+        corners: np.ndarray, counts: np.ndarray, found: Statements,
+        tables: tuple[np.ndarray, ...], account: Account,
+    ) -> None:  # fmt: skip
         """Count indices (C, 3) from 0, in place; -1 is none.  Those below 0 count back from their
         line (appendix B1, "Referencing groups of vertices")."""
         for k, (word, table) in enumerate(zip(("v", "vt", "vn"), tables, strict=True)):
@@ -126,10 +129,13 @@ class _Polygons:
                 index[back] += np.repeat(so_far, counts)[back] + 1
                 index[back & (index <= 0)] = len(table) + 1
             index -= 1
-            least = 0 if k == 0 else -1
-            if len(index) and (index.min() < least or index.max() >= len(table)):
-                wrong = int(index[(index < least) | (index >= len(table))][0]) + 1
-                raise ValueError(f"face names number {wrong} of {len(table)} {PER_CORNER[k]}")
+            wrong = (index >= len(table)) | (index < 0) & (k == 0)
+            if wrong.any() and k == 0:
+                raise ValueError(f"face names vertex {index[wrong][0] + 1} of {len(table)}")
+            if wrong.any():
+                index[wrong] = -1
+                words = f"{PER_CORNER[k]} that the file lacks and its faces name"
+                account.lose(PER_CORNER[k], LEFT_OUT, words, 0)
 
     def part(self, chosen: np.ndarray | slice) -> SurfaceMesh:
         """Some triangles, without their surface."""

@@ -16,7 +16,7 @@ from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
-HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF(\s+BINARY)?(?=\s|#)")
+HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF(\s+BINARY)?(?=[\s#\d])")
 
 
 def read_off(path: Path, notebook: Notebook) -> list[SurfaceMesh]:

@@ -44,7 +44,7 @@ def read_ply(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
         raise where.error("mesh holds no triangles", "Export triangles, not only points or lines")
     if ply.rest:
         unit = "numbers" if ply.is_text else "bytes"
-        notebook.add(NOT_USED, path, f"{ply.rest} {unit} at its end")
+        notebook.add(NOT_USED, path, f"{ply.rest} {unit} that belong to no element")
     names = [line[11:].strip() for line in ply.comments if line.startswith("TextureFile")]
     parts = []
     for number in np.unique(numbers).tolist() if len(names) > 1 else [0]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.readers.text import BOM, numbers
+from lfcore.readers.text import BOM, numbers, plain
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -48,7 +48,7 @@ class Ply:
     """A PLY file: ``elements[element][property]`` is (count,) numbers or :class:`Lists`.
 
     ``counts`` are the elements', ``comments`` the header's, ``rest`` is the number of bytes, of
-    numbers in a text, behind the last element.  Raises ValueError for what is no PLY file, or is
+    numbers in a text, that belong to no element.  Raises ValueError for what is no PLY file, or is
     cut short.
     """
 
@@ -60,13 +60,21 @@ class Ply:
         lines = data[: end.start()].decode("utf-8", errors="surrogateescape").splitlines()
         self.comments = [line.strip()[8:].strip() for line in lines if line.startswith("comment")]
         order, layout = _layout(lines)
-        self.is_text, self._at = not order, end.end()
-        if self.is_text:  # from here on as binary of doubles
-            data, order, self._at = numbers(data[self._at :])[0].tobytes(), "<", 0
-        self._data, self._order = data, order
+        self.is_text, start = not order, end.end()
+        self._lines = np.zeros(0, np.int64)
+        if self.is_text:  # from here on as binary of doubles, with a row in each line
+            values, widths = numbers(plain(data[start:]))
+            data, order, start = values.tobytes(), "<", 0
+            rows = widths[widths > 0]
+            first = next((len(properties) for count, properties in layout.values() if count), 0)
+            total = sum(count for count, _ in layout.values())
+            if len(rows) >= total and len(rows) and rows[0] >= first:
+                self._lines = 8 * np.append(0, np.cumsum(rows))
+        self._data, self._order, self._at = data, order, start
         self.counts = {name: count for name, (count, _) in layout.items()}
+        self._taken = 0
         self.elements = {name: self._element(*each) for name, each in layout.items()}
-        self.rest = (len(data) - self._at) // (8 if self.is_text else 1)
+        self.rest = (len(data) - start - self._taken) // (8 if self.is_text else 1)
 
     def _stored(self, kind: str) -> np.dtype:
         return np.dtype(self._order + ("f8" if self.is_text else kind))
@@ -77,10 +85,17 @@ class Ply:
         if not count or not properties:
             none = np.zeros(0, np.int64)
             return {p.name: Lists(none, none) if p.length else none for p in properties}
-        found = self._alike(count, properties)
-        return self._unlike(count, properties) if found is None else found
+        starts = self._lines[: count + 1].tolist()
+        found = self._alike(count, properties, self._lines[: count + 1])
+        if found is None:
+            found = self._unlike(count, properties, starts)
+        if starts:
+            self._lines, self._at = self._lines[count:], starts[-1]
+        return found
 
-    def _alike(self, count: int, properties: list[Property]) -> dict[str, Column] | None:
+    def _alike(
+        self, count: int, properties: list[Property], starts: np.ndarray
+    ) -> dict[str, Column] | None:
         """An element whose lists are all as long as those of its first row; None if they are not,
         or if the file ends before."""
         fields: list[Any] = []
@@ -98,6 +113,11 @@ class Ply:
                 return None
             fields.append((f"v{k}", (kind, (int(size),))))
             row = np.dtype(fields)
+        steps, packed = np.diff(starts), row.itemsize
+        if len(steps):  # numbers at a line's end that no property has
+            if (steps != steps[0]).any() or steps[0] < row.itemsize:
+                return None
+            row = np.dtype([*fields, ("rest", f"V{steps[0] - row.itemsize}")])
         if row.itemsize * count > left:
             return None
         table = np.frombuffer(self._data, row, count, self._at)
@@ -111,9 +131,12 @@ class Ply:
             else:
                 found[one.name] = values[:, 0]
         self._at += row.itemsize * count
+        self._taken += packed * count
         return found
 
-    def _unlike(self, count: int, properties: list[Property]) -> dict[str, Column]:
+    def _unlike(
+        self, count: int, properties: list[Property], starts: list[int]
+    ) -> dict[str, Column]:
         """An element whose lists differ in length: row after row."""
         at, data = self._at, self._data
         steps: list[tuple[struct.Struct, int, list[int], list[int]]] = []
@@ -122,7 +145,8 @@ class Ply:
             head, size = struct.Struct(self._order + code), self._stored(one.type).itemsize
             steps.append((head, size, [], []))
         try:
-            for _ in range(count):
+            for k in range(count):
+                at = first = starts[k] if starts else at
                 for head, size, places, lengths in steps:
                     number = 1
                     if head.size:
@@ -133,16 +157,17 @@ class Ply:
                     places.append(at)
                     lengths.append(number)
                     at += number * size
-                if at > len(data):
+                self._taken += at - first
+                if at > (starts[k + 1] if starts else len(data)):
                     raise ValueError("it is cut short")
         except (struct.error, OverflowError):
             raise ValueError("it is cut short") from None
         self._at, raw, found = at, np.frombuffer(data, np.uint8), {}
         for one, (_, size, places, lengths) in zip(properties, steps, strict=True):
-            starts, counts = np.array(places), np.array(lengths)
+            counts = np.array(lengths)
             within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-            first = np.repeat(starts, counts) + within * size
-            stored = raw[first[:, None] + np.arange(size)].view(self._stored(one.type))[:, 0]
+            of_number = np.repeat(np.array(places), counts) + within * size
+            stored = raw[of_number[:, None] + np.arange(size)].view(self._stored(one.type))[:, 0]
             values = stored.astype(one.type)
             found[one.name] = Lists(values, counts) if one.length else values
         return found

@@ -29,7 +29,7 @@ def read_stl(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
     try:
         if b"vertex" in data[:4096].lower() and end != len(data):
             corners = _text(data, account)
-        elif count and end <= len(data):
+        elif end <= len(data) and len(data) >= HEAD:
             found = np.frombuffer(data, TRIANGLE, count, HEAD)
             corners = found["corners"].astype(np.float64)
             colours = _colours(data[:80], found["colour"], account)

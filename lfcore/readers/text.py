@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-BOM = b"\xef\xbb\xbf"
+BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 _BLANK = 32
 """The largest code of a blank: space, tab, line ends and control characters."""
 _INDENTED = 64
@@ -18,6 +18,8 @@ def plain(data: bytes, *, joined: bool = False) -> bytes:
 
     ``joined``: a backslash at a line's end continues the line.
     """
+    if data[:2] in UTF_16:
+        data = data.decode("utf-16", errors="replace").encode()
     data = data.removeprefix(BOM)
     for old, new in ((b"\r\n", b"\n"), (b"\r", b"\n"), (b"\t", b" ")):
         data = data.replace(old, new) if old in data else data
@@ -34,14 +36,22 @@ def numbers(text: bytes, dtype: type = np.float64) -> tuple[np.ndarray, np.ndarr
     if b"#" in text:
         text = re.sub(rb"#[^\n]*", b"", text)
     starts, counts = words_of(text)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # for text that is no number
-        found: np.ndarray = np.fromstring(text, dtype, sep=" ")
-    if len(found) != len(starts):
-        at = int(starts[len(found)]) if len(found) < len(starts) else 0
-        word = text[at : at + 40].split()[:1]
-        raise ValueError(f"{word[0] if word else b''!r} is no number")
-    return found, counts
+    if not len(starts):
+        return np.zeros(0, dtype), counts
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # of older versions
+            found: np.ndarray = np.fromstring(text, dtype, sep=" ")
+        if len(found) == len(starts):
+            return found, counts
+    except (ValueError, DeprecationWarning):
+        pass
+    for word in re.finditer(rb"\S+", text):
+        try:
+            dtype(word[0])
+        except (ValueError, OverflowError):
+            raise ValueError(f"{ascii(word[0][:40])[1:]} is no number") from None
+    raise ValueError("it has numbers that cannot be read")
 
 
 def words_of(text: bytes) -> tuple[np.ndarray, np.ndarray]:

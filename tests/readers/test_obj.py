@@ -34,6 +34,13 @@ def read(tmp_path):
     return read
 
 
+def test_text_of_two_bytes(read):
+    _, _ = read()
+    for kind in ("utf-16-le", "utf-16-be"):
+        (read.folder / "o.obj").write_bytes(("\ufeff" + QUAD).encode(kind))
+        assert load_mesh(read.folder / "o.obj")[0].count == 2
+
+
 def area(parts):
     return sum(np.linalg.norm(area_vectors(part.triangles), axis=1).sum() / 2 for part in parts)
 
@@ -72,8 +79,14 @@ def test_indices_count_back_from_their_line(read):
     (part,), _ = read(text)
     np.testing.assert_array_equal(part.triangles[:, 0, 0], np.arange(5))
     np.testing.assert_array_equal(part.uvs[:, :, 0], np.repeat(np.arange(5)[:, None], 3, 1))
-    for wrong in ("f -16 -2 -1\n", "f 1 2 16\n", "f 0 1 2\n", "f 1/9 2/1 3/1\n", "f 1 2 x\n"):
+    for wrong in ("f -16 -2 -1\n", "f 1 2 16\n", "f 0 1 2\n", "f 1 2 x\n", "f 1/1/1/1 2 3\n"):
         refused("o.obj: mesh cannot be read", read, text + wrong)
+
+
+def test_texture_coordinates_and_normals_that_are_not_there_are_noted(read):
+    (part,), notes = read(CORNERS + "f 1/1/1 2/2/1 3/9/1\n")
+    assert part.count == 1 and part.normals is None and (part.uvs[0, 2] == 0).all()
+    assert len(notes) == 2 and all("that the file lacks" in note for note in notes)
 
 
 STAR = np.array([(np.cos(t), np.sin(t)) for t in np.arange(10) * np.pi / 5])
@@ -183,7 +196,7 @@ def test_holes_by_map_d(read, name, base):
 @pytest.mark.parametrize(
     ("lines", "cutoff", "noted"),
     [("d 1", 0, False), ("Tr 0", 0, False), ("d 0.7", 0, True), ("Tr 0.3", 0, True),
-     ("d 0.3", 0.5, True), ("Tr 0.9", 0.5, True), ("d -halo 0.4", 0.5, True)],
+     ("d 0.3", 0.5, True), ("Tr 1", 0, True), ("Tr 0.9", 0.5, True), ("d -halo 0.4", 0.5, True)],
 )  # fmt: skip
 def test_opacity(read, lines, cutoff, noted):
     (part,), notes = read(mtl=f"newmtl m\nKd 1 1 1\n{lines}\n")

@@ -97,6 +97,24 @@ def test_what_is_not_used_is_named(tmp_path, kind):
         assert words in said
 
 
+def test_a_row_is_a_line(tmp_path):
+    """Numbers that no property has are left out, and noted; rows may run over several lines."""
+    data = ply("ascii", XYZ, [INDEX], POINTS, [[f] for f in FACES])
+    head, body = data.split(b"end_header\n")
+    lines = body.splitlines()
+    for k in range(2):  # all rows alike, then of several lengths
+        more = [line + b" 7 7" for line in lines[5:]]
+        more[1] += k * b" 7"
+        (part,), notes = read(
+            tmp_path / "a.ply", head + b"end_header\n\n" + b"\n".join(lines[:5] + more)
+        )
+        np.testing.assert_array_equal(part.triangles.reshape(-1, 3), POINTS[EXPECTED])
+        assert f"{4 + k} numbers that belong to no element" in notes[0]
+    (part,), notes = read(tmp_path / "a.ply", head + b"end_header\n" + body.replace(b" ", b"\n"))
+    np.testing.assert_array_equal(part.triangles.reshape(-1, 3), POINTS[EXPECTED])
+    assert not notes
+
+
 def test_textures_of_wedges(tmp_path):
     """MeshLab's: coordinates per corner, and the number of a texture per face."""
     for k in range(2):
