@@ -17,7 +17,8 @@ from lfcore.errors import SceneError
 
 DESCRIPTIONS = (".yaml", ".yml")
 SCENES = (
-    *DESCRIPTIONS, ".npz", ".pbrt", ".pbrt.gz", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl"
+    *DESCRIPTIONS, ".npz", ".pbrt", ".pbrt.gz", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl",
+    ".dae", ".zae", ".3mf",
 )  # fmt: skip
 """The ends of the names of files that are scenes; other formats of meshes are seldom met."""
 MIB = 2**20

@@ -15,7 +15,7 @@ from lfcore.errors import SceneError, check_kind
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
 from lfcore.optics.size import Pixels, Size
-from lfcore.readers.gltf.document import SUFFIXES
+from lfcore.readers.meshes import WITH_AXIS
 from lfcore.readers.scene_yaml import build
 from lfcore.reading import DESCRIPTIONS, Where, read_yaml
 from lfcore.scene import framing
@@ -150,7 +150,7 @@ def load_scene(
         lens["view_from"] = view_from
     if zoom is not None:
         lens["zoom"] *= zoom
-    note_up = mesh and up is None and path.suffix.lower() not in SUFFIXES
+    note_up = mesh and up is None and path.suffix.lower() not in WITH_AXIS
     alone = mesh and not bare and not light
     return build(
         description, file=path, name=name, note_up=note_up, alone=alone, lens=camera,
@@ -206,7 +206,7 @@ def _check_up(up: str | None, path: Path) -> None:
     if up not in ("y", "z", None):
         raise where.error(f"{up!r} is no axis", "Give y or z")
     scene = path.name.lower().endswith(PBRT) or path.suffix.lower() in DESCRIPTIONS
-    if up == "z" and (scene or path.suffix.lower() in SUFFIXES):
+    if up == "z" and (scene or path.suffix.lower() in WITH_AXIS):
         remedy = "Leave the option out; a scene.yaml may turn an object by its transform"
         raise where.error("the file says by itself where up is", remedy)
 

@@ -1,0 +1,170 @@
+"""COLLADA, 3MF and 3DXML through trimesh, which needs packages of theirs.
+
+Their unit and upward axis are applied.  Source: Khronos, "COLLADA 1.4.1"; 3MF Consortium, "3D
+Manufacturing Format Core Specification 1.3".
+"""
+
+import io
+import logging
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfcore.errors import SceneError
+from lfcore.readers.account import Account
+from lfcore.reading import LARGEST_MESH, LARGEST_TEXT, Where, read_bytes
+from lfcore.scene.notes import ASSUMED, LEFT_OUT, Notebook
+from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
+from lfcore.scene.transforms import rotate, scale
+from lfcore.scene.trimesh_parts import parts_of
+
+COLLADA, MANUFACTURING = (".dae", ".zae"), (".3mf",)
+WITH_AXIS = (*COLLADA, *MANUFACTURING)
+"""The formats that say where up is."""
+PACKAGES = {
+    **dict.fromkeys(COLLADA, "pycollada"), **dict.fromkeys((".3mf", ".3dxml"), "lxml and networkx")
+}  # fmt: skip
+"""The packages with which trimesh reads a format."""
+UNITS = {
+    "micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048,
+    "meter": 1.0,
+}  # fmt: skip
+"""Metres of 3MF's units."""
+LOST = {
+    COLLADA: {
+        "instance_camera": "cameras", "instance_light": "lights", "animation": "animations",
+        "instance_controller": "meshes with skins or morph targets", "lines": "lines",
+        "linestrips": "lines", "polygons": "meshes of polygons", "tristrips": "meshes of strips",
+        "trifans": "meshes of fans", "bump": "bumps",
+        r"transparency>\s*<float[^>]*>\s*0?\.\d*[1-9]": "transparencies",
+    },
+    MANUFACTURING: {
+        "basematerials": "groups of materials", "colorgroup": "groups of colours",
+        "texture2dgroup": "groups of textures", "compositematerials": "groups of materials",
+        "beamlattice": "lattices", "slicestack": "stacks of slices",
+    },
+}  # fmt: skip
+"""The elements that trimesh does not read, as patterns, by format."""
+
+
+def read_other(
+    path: Path, notebook: Notebook, shading: str, crease_deg: float
+) -> list[SurfaceMesh]:
+    """The parts of a file, metres, y up; what trimesh does not read is counted and noted.
+
+    Raises :class:`SceneError` for what is damaged, and names the package that is missing.
+    """
+    kind, account = path.suffix.lower(), Account(notebook, path)
+    data = read_bytes(path, LARGEST_MESH, "mesh file")
+    text = _text(path, data)
+    parts = parts_of(_load(path, data, account), path, shading=shading, crease_deg=crease_deg)
+    for suffixes, elements in LOST.items():
+        for element, what in elements.items() if kind in suffixes else ():
+            number = len(re.findall(rb"<(?:\w+:)?%s\b" % element.encode(), text))
+            account.hold(what, number)
+            if number:
+                account.lose(what, LEFT_OUT, what, number)
+    if re.search(rb"<vcount>[^<]*\b(?:[4-9]|\d\d)", text):
+        notebook.add(ASSUMED, path, "all its polygons are convex")
+    for what, number in (("parts", len(parts)), ("triangles", sum(part.count for part in parts))):
+        account.hold(what, number)
+        account.use(what, number)
+    account.close()
+    return transform_all(parts, _to_metres(path, kind, text))
+
+
+def _text(path: Path, data: bytes) -> bytes:
+    """The XML of a file, or of all XML files within it, if it is a ZIP archive of bounded size."""
+    if data[:2] != b"PK":
+        return data if b"\0" not in data[:64] else data.decode("utf-16", "replace").encode()
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(info.file_size for info in archive.infolist()) > LARGEST_TEXT:
+                raise Where(path).error("mesh file holds more than 1024 MiB", "Split it")
+            names = [
+                name for name in archive.namelist() if name.lower().endswith((".dae", ".model"))
+            ]
+            return b"\n".join(archive.read(name) for name in names)
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError) as error:
+        raise Where(path).error(f"mesh cannot be unpacked: {error}", "Export it again") from None
+
+
+def _to_metres(path: Path, kind: str, text: bytes) -> np.ndarray:
+    """(4, 4) from a file's unit and axes to metres, y up."""
+    if kind in MANUFACTURING:
+        unit = re.search(rb"<(?:\w+:)?model\b[^>]*\bunit\s*=\s*[\"'](\w+)", text)
+        name = unit[1].decode() if unit else "millimeter"
+        if name not in UNITS:
+            raise Where(path).error(f"unit {name!r} is not known", f"Give {', '.join(UNITS)}")
+        return rotate("x", -90) @ scale(UNITS[name])
+    given = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)", text)
+    try:
+        metres = float(given[1]) if given else 1.0
+    except ValueError:
+        metres = 0.0
+    if not 1e-12 < metres < 1e12:
+        raise Where(path).error("its unit makes no sense", "Mend <unit meter=...>")
+    axis = re.search(rb"<up_axis>\s*([XYZ])_UP", text)
+    turned = {b"X": rotate("z", 90), b"Z": rotate("x", -90)}
+    return turned.get(axis[1] if axis else b"Y", np.eye(4)) @ scale(metres)
+
+
+class Warnings(logging.Handler):
+    """Notes what trimesh only warns of."""
+
+    def __init__(self, account: Account):
+        super().__init__(logging.WARNING)
+        self.account, self.logger = account, logging.getLogger("trimesh")
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.account.lose("warnings", LEFT_OUT, record.getMessage())
+
+    def __enter__(self) -> None:
+        self.logger.addHandler(self)
+        self.logger.propagate = False
+
+    def __exit__(self, *_: object) -> None:
+        self.logger.removeHandler(self)
+        self.logger.propagate = True
+
+
+def _load(path: Path, data: bytes, account: Account) -> Any:
+    import trimesh  # the heaviest import of the package
+    from trimesh.resolvers import FilePathResolver
+
+    class Resolver(FilePathResolver):
+        """Reads side files within bounds of size; trimesh goes on without them."""
+
+        def get(self, name: str) -> bytes:
+            account.hold("side files")
+            try:
+                found = read_bytes(path.parent / name.strip(), LARGEST_TEXT)
+            except SceneError:
+                account.lose("side files", LEFT_OUT, f"file {name!r}, which cannot be read")
+                raise
+            account.use("side files")
+            return found
+
+    suffix = path.suffix.lower()
+    kind = suffix[1:]
+    if kind not in trimesh.available_formats():
+        remedy = "Convert it to GLB, e.g. with Blender"
+        if package := PACKAGES.get(suffix):
+            remedy = f"Install {package}, or export the mesh as GLB"
+        raise Where(path).error(f"no reader for mesh files named *{path.suffix}", remedy)
+    try:
+        resolver = Resolver(str(path), allow_anywhere=True)
+        with io.BytesIO(data) as stream, Warnings(account):
+            return trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
+    except SceneError:
+        raise
+    except ImportError as error:
+        remedy = f"Install {PACKAGES.get(suffix, error.name)}, or export the mesh as GLB"
+        raise Where(path).error(f"a package is missing: {error.name}", remedy) from None
+    except Exception as error:  # trimesh's readers raise whatever they stumble over
+        reason = " ".join(str(error).split()) or type(error).__name__
+        remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
+        raise Where(path).error(f"mesh cannot be read: {reason[:200]}", remedy) from error
