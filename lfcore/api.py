@@ -93,7 +93,7 @@ def bake(
 
     Notes
     -----
-    Source: docs/notebook/true-picture.md.
+    Source: docs/decisions.md.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def render(
 
     Notes
     -----
-    Source: docs/notebook/true-picture.md; thesis, Algorithm 1 and section 6.3.2.
+    Source: docs/decisions.md; thesis, Algorithm 1 and section 6.3.2.
 
     Examples
     --------
@@ -281,7 +281,7 @@ def render_to_quality(
 
     Notes
     -----
-    Source: docs/notebook/true-picture.md.
+    Source: docs/decisions.md.
 
     Examples
     --------
@@ -348,7 +348,7 @@ def record(
 
     By default the file holds 4 x 4 views of twice the pixels, and the inverse depth of every ray.
     Depth gives 12 dB better pictures than 16 x 16 plain views in the same number of bytes, and
-    views between the recorded ones (docs/notebook/true-picture.md).
+    views between the recorded ones (docs/decisions.md).
 
     All views of a pinhole camera are the same.  Such a scene gets a fitted lens, like a mesh
     without a camera, and ``content["lens"]`` of the file says so.

@@ -29,7 +29,7 @@ class Reference:
     """True pictures of ``planes``: (P, H, W, 3) float32, linear light, and their own error.
 
     ``known_db`` is (P,): the PSNR to which the mean of two unlike lattices is known, estimated by
-    their difference; right to 1.5 dB where it was checked (docs/notebook/true-picture.md).
+    their difference; right to 1.5 dB where it was checked (docs/decisions.md).
     """
 
     planes: list[SensorPlane]

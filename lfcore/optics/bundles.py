@@ -21,7 +21,7 @@ TEXTURE_PX = 0.7
 def texture_width(rays_per_pixel: float) -> float:
     """The width of the texture filter, in pixels of a picture.
 
-    It falls with the cube root of the rays per pixel (measured, docs/notebook/true-picture.md).
+    It falls with the cube root of the rays per pixel (measured, docs/decisions.md).
     """
     return TEXTURE_PX * rays_per_pixel ** (-1 / 3)
 

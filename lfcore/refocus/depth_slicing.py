@@ -32,7 +32,7 @@ IN_FOCUS_PX = 0.5
 WIDE_PX = 2.0
 """The smallest sweep of wide blur, pixels of the picture."""
 WIDE_LAYERS = 5
-"""Layers of wide blur on each side of the plane (measured, docs/notebook/true-picture.md)."""
+"""Layers of wide blur on each side of the plane (measured, docs/decisions.md)."""
 LEAST_OF_RAY = 0.5
 """The least side of a box, in distances between neighbouring rays of a view (measured there)."""
 LEAST_OF_ALL = 2.0

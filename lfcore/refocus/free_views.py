@@ -24,7 +24,7 @@ from lfcore.storage.lightfield import LightFieldFile
 
 LAYERS = 6
 """Layers of inverse depth; differences within a layer count as one surface.  More layers are not
-better.  This and the next three are measured in docs/notebook/true-picture.md."""
+better.  This and the next three are measured in docs/decisions.md."""
 NEAR = 2
 """The distance, in views, within which a view contributes to a picture."""
 FAR = 4

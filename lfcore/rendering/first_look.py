@@ -4,7 +4,7 @@ Rays err where light changes.  What a view's pixels differ from their neighbours
 of sRGB, is the light that can go wrong.  How much of it does depends on the blur there and on the
 lattice: in focus on the distance between the rays of all views, in wide blur on the number of
 views.  So the mean squared error is a sum over bands of blur: the differences in a band, times a
-power of the views and one of a view's rays (fitted, docs/notebook/true-picture.md).
+power of the views and one of a view's rays (fitted, docs/decisions.md).
 """
 
 from __future__ import annotations

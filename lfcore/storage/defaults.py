@@ -1,6 +1,6 @@
 """Layout and encoder settings that measured best, by the number of views a side.
 
-``docs/notebook/store.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
+``docs/decisions.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
 small N.  Where a view's side has fewer than 16 times the pixels of a macropixel's side, a block of
 a view sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
 bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  A macropixel is

@@ -78,7 +78,7 @@ class DepthCodes:
         """H.264 whose quantisers err by up to :data:`SWEEP_PX`, half their step, or FFV1.
 
         The step is 1 at quantiser 4 for 8 bits and doubles every 6. Measured: finer steps bring
-        nothing, coarser ones lose pictures (docs/notebook/true-picture.md).
+        nothing, coarser ones lose pictures (docs/decisions.md).
         """
         if lossless:
             return Encoding(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
