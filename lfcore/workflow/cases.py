@@ -3,12 +3,15 @@
 import math
 import os
 import re
+import tempfile
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfcore.errors import OpticsError, SettingsError
+import numpy as np
+
+from lfcore.errors import OpticsError, SettingsError, StorageError
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import SensorPlane
@@ -105,6 +108,22 @@ def encoding(settings: Mapping, views: int) -> Encoding:
     """Settings of the encoder for ``views`` per side; one thread, so that a stream is
     reproducible."""
     return defaults.chosen_encoding(views, Encoding(**given(settings["encoding"])))
+
+
+def check_encoder(spec: Encoding, layout: FrameLayout) -> None:
+    """Encode a black frame; raises :class:`SettingsError` for what the codec does not know."""
+    from lfcore.storage.segment import SegmentWriter  # loads the codecs
+
+    size = layout.frame_width, layout.frame_height
+    try:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            SegmentWriter(Path(folder) / "black.mp4", spec, *size) as writer,
+        ):
+            writer.write(np.zeros((1, layout.frame_bytes), np.uint8))
+    except StorageError as error:
+        key, remedy = "configuration: encoding", "Check the names of preset and tune"
+        raise SettingsError(error.problem, key=key, remedy=remedy) from None
 
 
 def given(settings: Mapping) -> dict:

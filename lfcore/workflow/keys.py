@@ -125,19 +125,11 @@ class Encoding(Keys):
     tune: str | None = key("the codec's name for its target; null: none", "psnr")
 
 
-FIGURES = (
-    "focal_stack", "aperture_stack", "sub_aperture_views", "recipes", "plenoptic_photograph",
-    "other_renderers", "quality",
-)  # fmt: skip
-STORAGE = ("storage_layouts", "rate_distortion", "equivalence", "retrieval")
-ANALYSES = ("chosen_rays", "work_precision", "stability", "left_out")
-REPORTS = (*FIGURES, *STORAGE, *ANALYSES, "camera_arrays")
-"""The reports beside the thesis's tables."""
 DEFAULT_SCENES = ["bike", "cabin", "bedroom"]
 
 
 class Configuration(Keys):
-    """The keys that a user sets, beside those of the studies."""
+    """The configuration of a run."""
 
     scenes: several(Scene) = key(
         "names of folders below `scenes/`, or paths of scene or mesh files", DEFAULT_SCENES
@@ -170,4 +162,11 @@ class Configuration(Keys):
         "none",
         {},
     )
-    reports: several(Literal[REPORTS], 0) = key("reports beside the thesis's tables", list(REPORTS))
+    reports: Literal["all"] | several(str, 0) = key(
+        "all reports beside the thesis's tables, or names from workflow/reports.yaml, `quality` "
+        "(curves of the tables) and `camera_arrays`",
+        "all",
+    )
+    studies: Literal["default", "thesis", "smoke", "micro"] = key(
+        "the size of these reports' measurements (workflow/reports.yaml)", "default"
+    )

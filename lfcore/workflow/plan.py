@@ -6,13 +6,14 @@ cannot make its output, and goes on with files of an earlier run.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfcore.datasets.description import Description
+from lfcore.errors import SettingsError, did_you_mean
 from lfcore.workflow import cases
 from lfcore.workflow.settings import check_settings
 
@@ -24,39 +25,46 @@ if TYPE_CHECKING:
 class Plan:
     """A checked configuration.
 
-    ``settings`` has all keys, ``scenes`` and ``assignment_scenes`` are files by name.
+    ``settings`` has all keys, ``scenes`` are files by name.
     """
 
     settings: dict
     scenes: dict[str, str]
-    assignment_scenes: dict[str, str]
     sweep: Sweep | None
     dataset: Description | None
 
     @classmethod
-    def of(cls, config: Mapping, *, room: Path | None = None) -> Plan:
-        """Check a configuration, and that the disk of the folder ``room`` can hold its data set.
+    def of(cls, config: Mapping, reports: Collection[str], *, first: bool = True) -> Plan:
+        """Check a configuration against the names of ``reports``.
+
+        The ``first`` process of a run also opens the encoder, and checks that the disk can hold a
+        data set; for its jobs the disk is filling already.
 
         Raises a subclass of :class:`LfcoreError` that names the key.
         """
         settings = check_settings(config)
+        if settings["reports"] == "all":
+            settings["reports"] = list(reports)
+        for name in settings["reports"]:
+            if name not in reports:
+                problem, remedy = f"there is no report {name!r}", did_you_mean(name, reports)
+                raise SettingsError(problem, key="configuration: reports", remedy=remedy)
         for views in settings["views"]:
-            cases.frame_layout(settings, views)
+            layout = cases.frame_layout(settings, views)
+            if first and settings["store"]:
+                cases.check_encoder(cases.encoding(settings, views), layout)
         dataset = sweep = None
         if settings["dataset"]:
             dataset = Description.check(settings["dataset"])
-            dataset.check_files(room)
+            dataset.check_files(Path() if first else None)
         if settings["sweep"]:
             from lfcore.workflow.sweep import plan  # loads pandas
 
             sweep = plan(Path(settings["sweep"]), settings)
-        scenes, others = (
-            cases.scene_files(one["scenes"]) for one in (settings, settings["assignment"])
-        )
-        return cls(settings, scenes, others, sweep, dataset)
+        return cls(settings, cases.scene_files(settings["scenes"]), sweep, dataset)
 
     @cached_property
     def files(self) -> dict[str, str]:
-        """The file of every scene: of the tables, of the assignment, of the sweep, and our own."""
+        """The file of every scene: of the tables, of the sweep, and our own."""
         swept = cases.scene_files(self.sweep.scenes) if self.sweep else {}
-        return cases.own_scenes() | swept | self.assignment_scenes | self.scenes
+        return cases.own_scenes() | swept | self.scenes

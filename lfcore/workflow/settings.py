@@ -1,7 +1,7 @@
 """The configuration: checked against its keys and completed.
 
 ``python -m lfcore.workflow.settings`` writes what is made from the keys: the schema, the default
-configuration with its studies, and the table of config/README.md.  ``--check`` says what is stale.
+configuration, and the table of config/README.md.  ``--check`` says what is stale.
 """
 
 import re
@@ -17,7 +17,7 @@ from lfcore.checked_keys import refusal
 from lfcore.errors import SettingsError
 from lfcore.files import write_text
 from lfcore.workflow import keys
-from lfcore.workflow.studies import STUDIES, Configuration
+from lfcore.workflow.keys import Configuration
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = "`python -m lfcore.workflow.settings`"
@@ -49,8 +49,7 @@ def rows(model: type[keys.Keys], above: str = "") -> Iterator[str]:
         if isinstance(default, keys.Keys):
             yield from rows(type(default), f"{above}{name}.")
         else:
-            words = "required" if field.is_required() else "all" if name == "reports" else ""
-            shown = words or f"`{_flow(default)}`"
+            shown = "required" if field.is_required() else f"`{_flow(default)}`"
             yield f"| `{above}{name}` | {field.description} | {shown} |"
 
 
@@ -73,19 +72,13 @@ def commented(model: type[keys.Keys], indent: str = "") -> Iterator[str]:
 
 def documents() -> dict[Path, str]:
     """The text of every file that is made from the keys."""
-    made = {ROOT / "config/config.yaml": "\n".join(commented(keys.Configuration)) + "\n"}
-    for name in STUDIES:
-        field = Configuration.model_fields[name]
-        lines = [f"# {field.description}. For a deployed workflow, its Snakefile needs the line"]
-        lines += [f'# configfile: "config/studies/{name}.yaml"', f"{name}:"]
-        lines += commented(type(field.get_default(call_default_factory=True)), "  ")
-        made[ROOT / "config/studies" / f"{name}.yaml"] = "\n".join(lines) + "\n"
+    made = {ROOT / "config/config.yaml": "\n".join(commented(Configuration)) + "\n"}
     text = yaml.safe_dump(
         schema(), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
     )
     made[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by {COMMAND}.\n{text}"
     readme = ROOT / "config/README.md"
-    models: dict[str, type[keys.Keys]] = {"keys": keys.Configuration, "planes": keys.Plane}
+    models: dict[str, type[keys.Keys]] = {"keys": Configuration, "planes": keys.Plane}
     head = "| key | meaning | default |\n|---|---|---|\n"
     made[readme] = re.sub(
         r"(<!-- (keys|planes) -->\n).*?(<!-- end of \2 -->)",

@@ -22,6 +22,7 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.storage import defaults
 from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import cases, costs
+from lfcore.workflow.plan import Plan
 from lfcore.workflow.settings import check_settings, schema
 from lfcore.workflow.sweep import joined, plan
 
@@ -83,6 +84,12 @@ def test_frames_too_small_for_the_encoder_are_refused_before_a_run():
     refused(r"codec: libx265 .* frames of 64 x 64", cases.tiles, settings(**small), 16)
     small["layout"]["pack"] = 5
     assert cases.frame_layout(settings(**small), 16).frame_width == 80
+
+
+@pytest.mark.parametrize("change", [{"preset": "bogus"}, {"codec": "libx265", "tune": "bogus"}])
+def test_what_the_encoder_does_not_know_is_refused_before_a_run(change):
+    words = "configuration: encoding: .*preset and tune"
+    refused(words, Plan.of, {"encoding": change}, ["quality"])
 
 
 def test_scenes_by_name_and_by_path(tmp_path):
@@ -200,25 +207,32 @@ def load(name):
     return yaml.safe_load((ROOT / "config" / name).read_text())
 
 
-def complete():
-    """The default configuration with its studies."""
-    made = load("config.yaml")
-    for file in (ROOT / "config" / "studies").iterdir():
-        made |= yaml.safe_load(file.read_text())
-    return made
-
-
 def test_the_files_of_the_project_hold_every_key_and_its_default():
-    given = complete()
+    given = load("config.yaml")
     settings = check_settings(given)
-    assert settings == check_settings({}) and given == complete(), "what is given is not changed"
+    assert settings == check_settings({}) and given == load("config.yaml"), "it is not changed"
     assert settings["layout"] == check_settings({"layout": {"order": "serpentine"}})["layout"]
-    assert VALIDATOR.is_valid(complete())
+    assert VALIDATOR.is_valid(given)
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "thesis.yaml", "smoke.yaml", "micro.yaml"])
 def test_the_configurations_of_the_project(name):
-    assert check_settings(complete() | load(name))["pixels"] == load(name).get("pixels", 128)
+    settings = Plan.of(load("config.yaml") | load(name), RECORDS | {"quality": {}}).settings
+    assert settings["pixels"] == load(name).get("pixels", 128)
+
+
+RECORDS = yaml.safe_load((ROOT / "workflow/reports.yaml").read_text())
+SIZES = {"default", "thesis", "smoke", "micro"}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_report_is_a_record_with_a_caption(name):
+    assert set(RECORDS[name]) <= {"title", "table", "figures", "with", "settings"}
+    assert (ROOT / f"workflow/report/{name}.rst").is_file()
+    settings = RECORDS[name].get("settings", {"default": {}})
+    assert set(settings) <= SIZES
+    for size in settings.values():
+        assert set(size) <= set(settings["default"])
 
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())
@@ -240,8 +254,8 @@ REFUSED = [
     ({"planes": [{"focus_m": 2}] * 101}, "planes"),
     ({"planes": [{"focus_m": -1}]}, r"planes.*0\.focus_m"),
     ({"planes": [{"focus_m": 1, "colour": 1}]}, r"planes.*0\.colour"),
-    ({"reports": ["equivalnce"]}, r"reports\.0: .*Did you mean 'equivalence'"),
-    ({"analysis": {"chosen_rays": {"qualities_db": [35, "x"]}}}, r"qualities_db\.1: 'x'"),
+    ({"analysis": {}}, "analysis: unknown key"),
+    ({"studies": "huge"}, "studies: 'huge' is unknown. Known are default, thesis, smoke, micro"),
 ]
 
 
@@ -252,6 +266,11 @@ def test_impossible_settings_are_refused_in_one_line_that_names_the_key(change, 
     assert len(str(caught)) < 1000
     infinite = change == {"pixels": float("inf")}  # which JSON does not have
     assert infinite or not VALIDATOR.is_valid(change)
+
+
+def test_a_report_that_there_is_not():
+    words = "reports: there is no report 'equivalnce'. Did you mean 'equivalence'"
+    refused(words, Plan.of, {"reports": ["equivalnce"]}, RECORDS)
 
 
 def sweep_of(tmp_path, text):

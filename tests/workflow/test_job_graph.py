@@ -144,16 +144,23 @@ def test_the_smallest_run_has_every_rule_and_script_and_a_second_nothing_to_do(m
 
 
 @pytest.mark.parametrize(
-    ("override", "rules"),
+    ("old", "new", "rules"),
     [
-        ("analysis={chosen_rays: {qualities_db: [30]}}", {"chosen_rays_scene", "chosen_rays"}),
-        ("analysis={stability_rays: 500}", {"stability"}),
-        ("figures={renderers: {views: 3}}", {"other_renderers"}),
-        ("assignment={instants: 3}", set()),
+        ("qualities_db: [25]", "qualities_db: [30]", {"chosen_rays_scene", "chosen_rays"}),
+        ("rays: 400 ", "rays: 500 ", {"stability"}),
+        ("views: 2\n", "views: 3\n", {"other_renderers"}),
+        ("instants: 2", "instants: 3", set()),
     ],
 )
-def test_a_key_runs_again_who_reads_it_and_nothing_else(made, override, rules):
-    assert again(made, "--config", override, "--", TABLES) == dict.fromkeys(rules | {"page"}, 1)
+def test_a_constant_of_a_study_runs_again_who_reads_it_and_nothing_else(made, old, new, rules):
+    records = made.folder / "workflow/reports.yaml"
+    text = records.read_text()
+    try:
+        records.write_text(text.replace(old, new))
+        assert text.count(old) == 1
+        assert again(made, "--", TABLES) == dict.fromkeys(rules | {"page"}, 1)
+    finally:
+        records.write_text(text)
 
 
 @pytest.mark.parametrize(

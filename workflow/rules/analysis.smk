@@ -1,12 +1,11 @@
 # Reports on the program itself: error against run time, chosen rays, stiff cases, what scenes leave out.
-ANALYSIS = config["analysis"]
-STUDY = ANALYSIS["work_precision"]
+STUDY = SETTINGS["work_precision"]
 TRUTHS = {
     "wide": "results/{scene}/analysis/truth_wide.npz",
     "stopped": "results/{scene}/analysis/truth_stopped.npz",
 }
 CHOSEN = f"results/{{scene}}/M{PIXELS}/chosen"
-CHOSEN_FIELDS = [f"{CHOSEN}/{db}dB.mkv" for db in ANALYSIS["chosen_rays"]["qualities_db"]]
+CHOSEN_FIELDS = [f"{CHOSEN}/{db}dB.mkv" for db in SETTINGS["chosen_rays"]["qualities_db"]]
 
 
 # Pictures averaged over pixel and lens, made once per scene.
@@ -93,7 +92,7 @@ if STORE:
         params:
             version=version("chosen_rays_scene"),
             views=VIEWS[-1],
-            qualities_db=ANALYSIS["chosen_rays"]["qualities_db"],
+            qualities_db=SETTINGS["chosen_rays"]["qualities_db"],
             device=DEVICE,
         script:
             "../scripts/chosen_rays_scene.py"
@@ -111,9 +110,8 @@ rule stability:
     conda:
         "../envs/lfcore.yaml"
     params:
+        **SETTINGS["stability"],
         version=version("stability"),
-        rays=ANALYSIS["stability_rays"],
-        cases=ANALYSIS["stability_cases"],
         device=DEVICE,
     script:
         "../scripts/stability.py"
@@ -131,7 +129,7 @@ rule left_out_scene:
         "../envs/lfcore.yaml"
     params:
         version=version("left_out_scene"),
-        measured=ANALYSIS["left_out"],
+        measured=SETTINGS["left_out"],
         device=DEVICE,
     script:
         "../scripts/left_out_scene.py"

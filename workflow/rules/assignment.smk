@@ -1,9 +1,9 @@
 # The light field camera of the assignment (CS348b, assignment 3): camera arrays as tiled EXR, and
 # pictures, measurements and tables from them. `snakemake --cores 2 results/assignment/`
-ARRAY = config["assignment"]
+ARRAY = SETTINGS["camera_array"]
 ARRAYS = "results/assignment/arrays"
 RECORDS = "results/assignment/records"
-ASSIGNMENT_SCENES = list(PLAN.assignment_scenes) if PLAN else ARRAY["scenes"]
+ASSIGNMENT_SCENES = ARRAY["scenes"]
 # What results/tables/ shows of it: the quick ones of its scenes.
 QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]

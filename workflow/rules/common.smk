@@ -5,6 +5,7 @@ import re
 from importlib.util import find_spec
 from pathlib import Path
 
+import yaml
 from snakemake.exceptions import WorkflowError
 
 # Jobs end with this process; see lfcore/workflow/job.py.
@@ -36,6 +37,18 @@ def read(value):
         return value
 
 
+# What is measured, and how it is shown: see the file.
+with open(workflow.source_path("../reports.yaml"), encoding="utf-8") as file:
+    REPORT_RECORDS = yaml.safe_load(file)
+THESIS_TABLES = [name for name in REPORT_RECORDS if name.startswith("table_7_")]
+# The names in the key `reports`; quality: curves of the thesis's tables.
+KNOWN_REPORTS = {one.get("with", name): None for name, one in REPORT_RECORDS.items()} | {
+    "quality": None
+}
+for name in THESIS_TABLES:
+    del KNOWN_REPORTS[name]
+
+
 def checked_plan():
     """The plan of the configuration; None where lfcore is not installed, for `snakemake --lint`."""
     try:
@@ -44,8 +57,7 @@ def checked_plan():
     except ImportError:
         return None
     try:
-        # Of a job's own process the disk is filling already.
-        return Plan.of(config, room=Path(".") if workflow.is_main_process else None)
+        return Plan.of(config, KNOWN_REPORTS, first=workflow.is_main_process)
     except LfcoreError as error:
         raise WorkflowError(str(error)) from None
 
@@ -62,7 +74,13 @@ WIDTH, HEIGHT = (int(str(config["pixels"]).split("x")[side]) for side in (0, -1)
 PIXELS = config["pixels"] = WIDTH if WIDTH == HEIGHT else f"{WIDTH}x{HEIGHT}"
 VIEWS = sorted(config["views"])
 STORE = config["store"]
-REPORTS = set(config["reports"])
+REPORTS = set(KNOWN_REPORTS if config["reports"] == "all" else config["reports"])
+# The constants of each report's study; captions read them, too.
+SETTINGS = config["settings"] = {
+    name: one["settings"]["default"] | one["settings"].get(config["studies"], {})
+    for name, one in REPORT_RECORDS.items()
+    if "settings" in one
+}
 DEVICE = config["device"]
 # A folder for each size of pictures: runs of different sizes are side by side.
 SLAB = f"results/{{scene}}/M{PIXELS}/N{{n}}"

@@ -34,8 +34,8 @@ if TRACED_STACKS:
             version=version("trace_stacks"),
             pixels=PIXELS,
             planes=config["planes"],
-            views=config["figures"]["views"],
-            stops=config["figures"]["aperture_stops"],
+            views=SETTINGS["sub_aperture_views"]["views"],
+            stops=SETTINGS["aperture_stack"]["stops"],
             device=DEVICE,
         script:
             "../scripts/trace_stacks.py"
@@ -75,7 +75,7 @@ rule plenoptic_photograph:
         "../envs/lfcore.yaml"
     params:
         version=version("plenoptic_photograph"),
-        camera=config["figures"]["plenoptic"],
+        camera=SETTINGS["plenoptic_photograph"],
         device=DEVICE,
     script:
         "../scripts/plenoptic_photograph.py"
@@ -95,7 +95,7 @@ rule other_renderers:
         version=version("other_renderers"),
         # Installing a renderer makes the figure anew.
         installed=[bool(shutil.which("povray")), bool(importlib.util.find_spec("mitsuba"))],
-        study=config["figures"]["renderers"],
+        study=SETTINGS["other_renderers"],
         device=DEVICE,
     script:
         "../scripts/other_renderers.py"

@@ -51,4 +51,4 @@ use rule page as assignment_page with:
         ),
         records=ASSIGNMENT_RECORDS,
         facts={},
-        config={"assignment": ARRAY},
+        config={"settings": SETTINGS},

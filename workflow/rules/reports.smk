@@ -1,7 +1,8 @@
 # What the pages show, in order: sections of a table, figures, or both.
 # Tables of storage need a stored light field.
-THESIS_TABLES = ["table_7_1", "table_7_2", "table_7_3"] if STORE else ["table_7_1"]
-ARRAY_TABLES = {"camera_array": "Camera arrays", "reconstruction": "Pictures from camera arrays"}
+if not STORE:
+    THESIS_TABLES = THESIS_TABLES[:1]
+ARRAY_TABLES = {name: REPORT_RECORDS[name]["title"] for name in ("camera_array", "reconstruction")}
 ASSIGNMENT_TITLES = {
     "light_fields": "Step 2: light fields",
     "synthesis": "Steps 3 and 4: pictures of the book",
@@ -33,81 +34,41 @@ def files_of(sections):
     return [file for one in sections for file in (one["table"], *one["figures"].values()) if file]
 
 
-def unlabelled(name):
-    return {"": f"results/tables/figures/{name}.png"}
+def figures_of(name, form):
+    """The figures of a report by label; its record says which."""
+    if form == "scene":
+        return {scene: f"results/tables/figures/{name}_{scene}.png" for scene in SCENES}
+    if form == "curves":
+        form = ["curves"] if "quality" in REPORTS else []
+    if isinstance(form, list):
+        files = [one if "/" in one else f"results/tables/figures/{name}_{one}.png" for one in form]
+        labels = [one.replace("_", " ") if len(form) > 1 else "" for one in form]
+        return dict(zip(labels, files))
+    return {"": f"results/tables/figures/{name}.png"} if form == "one" else {}
 
 
-def by_scene(name):
-    return {scene: f"results/tables/figures/{name}_{scene}.png" for scene in SCENES}
-
-
-def panels(*labels):
-    return lambda name: {
-        label.replace("_", " "): f"results/tables/figures/{name}_{label}.png" for label in labels
-    }
-
-
-def curves(name):
-    return unlabelled(f"{name}_curves") if "quality" in REPORTS else {}
-
-
-# The sections of results/tables/: title, whether there is a table, figures. First the thesis's own, in
-# its order: figures 4.2 to 4.6 and 6.3, tables 7.1 to 7.3.
-SECTIONS = {
-    "focal_stack": ("Focal stack", False, by_scene),
-    "aperture_stack": ("Aperture stack", False, by_scene),
-    "other_renderers": ("Other ray tracers", True, unlabelled),
-    "plenoptic_photograph": ("Photographs of a plenoptic camera", False, unlabelled),
-    "sub_aperture_views": ("Sub-aperture views", False, by_scene),
-    "table_7_1": ("Table 7.1: angular resolution", True, curves),
-    "table_7_2": ("Table 7.2: encoding", True, curves),
-    "table_7_3": ("Table 7.3: retrieval", True, curves),
-    "recipes": ("The thesis's recipe and slicing by depth", False, by_scene),
-    "chosen_rays": ("Which rays should I choose?", True, panels()),
-    "work_precision": ("Error against run time", True, panels("on_the_fly", "stored")),
-    "storage_layouts": ("Layouts of the stored light field", True, unlabelled),
-    "rate_distortion": ("Rate against distortion", True, by_scene),
-    "bd_rate": ("Bits at equal quality (BD-rate)", True, panels()),
-    "equivalence": ("One picture made in four ways", True, by_scene),
-    "retrieval": ("What it costs to read a stored light field", True, unlabelled),
-    "stability": ("Stiff and extreme cases", True, panels("heat_map", "error_growth")),
-    "left_out": ("Nothing a scene does not need", True, panels()),
-    "camera_array": (ARRAY_TABLES["camera_array"], True, panels()),
-    "reconstruction": (
-        ARRAY_TABLES["reconstruction"],
-        True,
-        lambda name: {"": "results/assignment/figures/reconstruction.png"},
-    ),
-}
-# Reports whose sections have other names.
-REPORT_OF = {"bd_rate": "rate_distortion", **dict.fromkeys(ARRAY_TABLES, "camera_arrays")}
 SHOWN = REPORTS if STORE else REPORTS - {"chosen_rays", "retrieval"}
 
 
-def assignment_sections():
-    """The sections of results/assignment/: the studies whose scene is there, and the tables."""
-    scenes = config["assignment"]["scenes"]
-    left_out = set()
-    if "book" not in scenes:
-        left_out |= {*BOOK_FIGURES, *SAMPLING_FIGURES, "reconstruction"}
-    if config["assignment"]["see_through"]["scene"] not in scenes:
-        left_out.add("see_through")
-    for name, title in ASSIGNMENT_TITLES.items():
-        if name not in left_out:
-            yield section(name, title, figures={"": f"results/assignment/figures/{name}.png"})
-    if "book" in scenes:
-        for name, title in ARRAY_TABLES.items():
-            file = f"results/assignment/{name}.csv"
-            yield section(f"table_{name}", f"Table: {title.lower()}", file)
+def shown_section(name, record):
+    """A section of results/tables/, as its record has it."""
+    file = f"results/tables/{name}.csv" if record.get("table") else None
+    return section(name, record["title"], file, figures_of(name, record.get("figures")))
 
 
 TABLE_SECTIONS = [
-    section(name, title, f"results/tables/{name}.csv" if has_table else None, figures(name))
-    for name, (title, has_table, figures) in SECTIONS.items()
-    if name in THESIS_TABLES or REPORT_OF.get(name, name) in SHOWN
+    shown_section(name, one)
+    for name, one in REPORT_RECORDS.items()
+    if name in THESIS_TABLES or one.get("with", name) in SHOWN
+]
+ASSIGNMENT_SECTIONS = [
+    section(name, title, figures={"": f"results/assignment/figures/{name}.png"})
+    for name, title in ASSIGNMENT_TITLES.items()
+] + [
+    section(f"table_{name}", f"Table: {title.lower()}", f"results/assignment/{name}.csv")
+    for name, title in ARRAY_TABLES.items()
 ]
 REPORTED = files_of(TABLE_SECTIONS)
-ASSIGNMENT_SECTIONS = list(assignment_sections())
 ASSIGNMENT_FILES = files_of(ASSIGNMENT_SECTIONS)
 ASSIGNMENT_RECORDS = list(
     dict.fromkeys(RECORD_OF[one["name"]] for one in ASSIGNMENT_SECTIONS if one["name"] in RECORD_OF)

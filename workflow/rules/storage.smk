@@ -1,5 +1,4 @@
 # Four reports on the store: its layouts, rate against distortion, ways to one picture, reading it.
-STORAGE = config["storage"]
 
 
 for name in ("storage_layouts", "rate_distortion"):
@@ -20,7 +19,7 @@ for name in ("storage_layouts", "rate_distortion"):
             **of_settings("pixels", "device"),
             version=version("storage_samples"),
             report=name,
-            study=STORAGE[name],
+            study=SETTINGS[name],
         script:
             "../scripts/storage_samples.py"
 
@@ -37,7 +36,7 @@ rule equivalence_scene:
         "../envs/lfcore.yaml"
     params:
         version=version("equivalence_scene"),
-        study=STORAGE["equivalence"],
+        study=SETTINGS["equivalence"],
         device=DEVICE,
     script:
         "../scripts/equivalence_scene.py"
@@ -57,7 +56,7 @@ if STORE:
             "../envs/lfcore.yaml"
         params:
             version=version("retrieval_scene"),
-            study=STORAGE["retrieval"],
+            study=SETTINGS["retrieval"],
             device=DEVICE,
         script:
             "../scripts/retrieval_scene.py"
