@@ -59,12 +59,12 @@ def read_bytes(path: str | Path, most: int, what: str = "file") -> bytes:
         if path.suffix.lower() == ".gz":
             return _unpacked(stream, path, most, what)
         try:
-            data = stream.read(most + 1)
+            size = os.fstat(stream.fileno()).st_size
+            if size > most:
+                raise _too_large(path, most, what)
+            return stream.read(size)  # which takes memory for as many bytes as it is told
         except OSError as error:
             raise _unreadable(path, error, what) from None
-    if len(data) > most:
-        raise _too_large(path, most, what)
-    return data
 
 
 def opened(path: str | Path, what: str = "file") -> BinaryIO:
@@ -94,9 +94,11 @@ _NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
+    made = bytearray()
     try:
         with gzip.GzipFile(fileobj=stream) as packed:
-            made = packed.read(most + 1)
+            while len(made) <= most and (part := packed.read(MIB)):
+                made += part
         if not stream.tell():
             raise EOFError("it is empty")
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
@@ -104,7 +106,7 @@ def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
         raise Where(path).error(problem, "Get or make the file again") from None
     if len(made) > most:
         raise _too_large(path, most, what)
-    return made
+    return bytes(made)
 
 
 def _too_large(path: Path, most: int, what: str) -> SceneError:

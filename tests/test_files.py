@@ -1,11 +1,13 @@
 """Files appear whole or not at all, on full disks, too; pictures come back as written."""
 
+import gzip
 import json
 import os
 import re
 import resource
 import subprocess
 import sys
+import tracemalloc
 from contextlib import contextmanager
 from functools import partial
 from zipfile import ZipFile
@@ -27,6 +29,7 @@ from lfcore.files import draft_folder, whole_file, write_json, write_text
 from lfcore.optics.plane_pictures import load_stack, save_stack
 from lfcore.optics.plane_sums import PlaneSums
 from lfcore.pictures import codes_of, decode, picture_size, read_picture, write_pictures
+from lfcore.reading import LARGEST_MESH, read_bytes
 from lfcore.scene.files import read_scene, save_scene
 from lfcore.storage.segment import SegmentWriter, read_segment
 from lfcore.storage.tiled_exr import read_array, write_array
@@ -158,6 +161,19 @@ def test_a_disk_that_fills_is_said_and_leaves_nothing(tmp_path):
                 writer.write(cut)
             assert str(error.value).startswith(f"{cut}: cannot be written: File too large")
             assert list(folder.iterdir()) == [whole]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".ply.gz"])
+def test_reading_takes_memory_for_the_file_alone(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(gzip.compress(b"ply") if "gz" in suffix else b"ply")
+    tracemalloc.start()
+    assert read_bytes(path, LARGEST_MESH) == b"ply"
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 << 20
+    path.write_bytes(gzip.compress(bytes(99)) if "gz" in suffix else bytes(99))
+    refused("holds more than 98 bytes", read_bytes, path, 98)
 
 
 CODES = np.random.default_rng(3).integers(0, 256, (13, 17, 3), np.uint8)
