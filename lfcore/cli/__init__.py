@@ -1,7 +1,7 @@
 """The ``lfcore`` command: light fields and pictures from the command line.
 
-Every command adapts: it reads options, calls the library, shows progress on standard error and
-writes files that appear whole or not at all.
+A command reads options, calls the library, shows progress on standard error and writes files, which
+appear whole or not at all.
 """
 
 import argparse
@@ -55,19 +55,19 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        found, unknown = super().parse_known_args(args, namespace)
-        if unknown and " " in self.prog:  # a command, which the whole program would not name
+        known, unknown = super().parse_known_args(args, namespace)
+        if unknown and " " in self.prog:  # the whole program's error would not name the command
             self.error(f"unknown: {' '.join(unknown)}")
-        return found, unknown
+        return known, unknown
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns the exit status.
+    """Run the command and return the exit status.
 
-    A user's errors are one line on standard error, with status 1.
+    Errors of the user are one line on standard error, with status 1.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if getattr(sys, name) is None:
                 setattr(sys, name, open(os.open(os.devnull, os.O_RDWR), mode))
     for stream in (sys.stdout, sys.stderr):
-        # A terminal that lacks a letter of a name shows its code, and the command goes on.
+        # A terminal that lacks a letter shows its code instead of ending the command.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         place = f"{error.filename}: " if error.filename else ""
         return _failed(one_line(f"{place}{error.strerror or error}."))
     except MemoryError:
-        return _failed("There is not enough memory. Ask for fewer pixels, or fewer views.")
+        return _failed("There is not enough memory. Give fewer pixels, or fewer views.")
     except KeyboardInterrupt as error:
         status = _failed(*ending(error))
         if argv is None:
@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _forget_output() -> None:
-    """Leave nothing to be flushed on exit."""
+    """Discard output that would be flushed on exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -116,13 +116,13 @@ def _failed(message: str, status: int = 1) -> int:
 
 
 def parser(argv: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """The parser; by default with all commands' options, else with those of the one in ``argv``."""
+    """The parser, with the options of the command in ``argv``, or by default of all commands."""
     top = Parser("lfcore", description=DESCRIPTION, epilog=EPILOG)
     top.add_argument("--version", action="version", version=f"lfcore {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    asked = next((word for word in argv or () if not word.startswith("-")), None)
+    command = next((word for word in argv or () if not word.startswith("-")), None)
     for name, (module, summary) in COMMANDS.items():
-        if argv is None or name == asked:
+        if argv is None or name == command:
             import_module(f"lfcore.cli.{module}").COMMANDS[name].add_to(commands, name, summary)
         else:
             commands.add_parser(name, help=summary)

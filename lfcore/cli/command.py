@@ -1,5 +1,4 @@
-"""The base of all commands: ``--json``, options that more than one of them has, opening
-files and devices, refusing options."""
+"""The base of all commands: shared options, ``--json``, opening of files and scenes, and errors."""
 
 from __future__ import annotations
 
@@ -84,7 +83,7 @@ FLAGS = {
 
 
 def add(group: Options, *names: str, **helps: str) -> None:
-    """Add options to a parser or group by name; those with another help text as keywords."""
+    """Add options to a parser or group by name; keywords add options with another help text."""
     for name, help in (dict.fromkeys(names) | helps).items():
         group.add_argument(flag(name), **(KINDS[name] | ({"help": help} if help else {})))
 
@@ -95,7 +94,7 @@ def flag(parameter: str) -> str:
 
 
 def add_lightfield(command: Options, help: str = "light field file (.mkv), or its URL") -> None:
-    """The light field file that a command reads, for :func:`open_field`."""
+    """Add the light field file, for :func:`open_field`."""
     command.add_argument("lightfield", help=help)
     add(command, "salvage")
 
@@ -105,33 +104,33 @@ def add_output(command: Options, help: str, *, required: bool = True) -> None:
 
 
 def add_scene(command: Options, name: str = "scene", help: str | None = None, **more: Any) -> None:
-    """The scene that a command traces, and the device that traces it."""
+    """Add the scene, and the device that traces it, for :func:`open_scene`."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file"
     command.add_argument(name, type=Path, help=help or usual, **more)
     add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "floor", "device")
 
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
-    """Options of the video in which a light field is stored; returns their group."""
+    """Add the options of a light field's video, and return their group."""
     how = command.add_argument_group("storage")
     how.add_argument(
         "--codec", type=values.codec(*keys), default={}, metavar="NAME[,KEY=VALUE...]",
         help=f"{', '.join(CODECS)} (lossless); keys: {', '.join(('preset', 'pixel_format', *keys))}"
-        f" (libx264; all else by its number of views)",
+        f" (libx264; others by the number of views)",
     )  # fmt: skip
     add(how, "crf")
     return how
 
 
 def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:
-    """The encoding of the options of :func:`add_encoder`."""
+    """The encoding that the options of :func:`add_encoder` give."""
     return lfcore.Encoding(**arguments.codec, **given(arguments, "crf"))
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """The arguments of these names that were given or have a default."""
-    found = {name: getattr(arguments, name, None) for name in names}
-    return {name: value for name, value in found.items() if value is not None}
+    """The arguments among these names that were given or have a default."""
+    values_of = {name: getattr(arguments, name, None) for name in names}
+    return {name: value for name, value in values_of.items() if value is not None}
 
 
 def form(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -150,9 +149,9 @@ def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Command:
-    """One command: texts for ``--help``, and functions that add its options and run it.
+    """One command: its texts for ``--help``, and functions that add its options and run it.
 
-    One without ``run`` has commands of its own.
+    A command without ``run`` has commands of its own.
     """
 
     description: str
@@ -184,7 +183,7 @@ def _run(
     ``of_flag`` has the argument's name of each flag.
     """
     try:
-        # First of all: a device that is not there is an error also where it has nothing to do.
+        # First: a missing device is an error even if it would not be used.
         if getattr(arguments, "device", None) is not None:
             arguments.device = lfcore.open_device(arguments.device)
         if not arguments.json:
@@ -194,7 +193,7 @@ def _run(
             run(arguments)
     except LfcoreError as error:
         raise _with_flags(error, of_flag, arguments) from None
-    # JSON lacks infinity: "inf" is in its place.
+    # JSON has no infinity: the text "inf" replaces it.
     finite = json.loads(json.dumps(record), parse_constant=lambda name: str(float(name)))
     print(json.dumps(finite))
 
@@ -230,7 +229,7 @@ def _as_options(notes: str) -> str:
 
 
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
-    """The light field of the command line; reports damaged segments that are left out."""
+    """Open the light field, and report damaged segments that are left out."""
     field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
     for damage in field.damage:
         say(f"left out: {damage.reason}")
@@ -238,7 +237,7 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
-    """The scene of the command line; reports its size and what was approximated or left out."""
+    """Load the scene, and report its size and what was approximated or left out."""
     how = given(arguments, "light_points", "up", "view_from", "zoom", "bare", "floor", "pixels")
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     for line in _as_options(scene.summary()).splitlines():
@@ -254,13 +253,12 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
 
 
 def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:
-    """Raise :class:`OpticsError` on an option, or on options that exclude each other."""
+    """Raise :class:`OpticsError` about an option."""
     raise OpticsError(problem, key=key, remedy=remedy)
 
 
 def write_named(named: Sequence[tuple[Path, np.ndarray]], **form: Any) -> None:
-    """Write pictures, all or none, and report their names; ``form`` as of ``--bits`` and
-    ``--exposure``."""
+    """Write all pictures or none, and report their names; ``form`` is :func:`form`'s."""
     write_pictures(named, **form)
     for path, _ in named:
         wrote(path)

@@ -23,14 +23,14 @@ from lfcore.pictures import CODED, check_suffix
 
 DESCRIPTION = """\
 Trace depth (metres along the axis) and disparity (pixels between neighbouring views) of a scene's
-views, exact and without anti-aliasing; without a scene, give the depth that a light field holds.
-Or make a picture in which everything is in focus."""
+views, exact and without anti-aliasing. Without a scene, write the depth of a light field file. Or
+make a picture with everything in focus."""
 EPILOG = """\
 examples:
   lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
       depth_m and disparity_px, (views, rows, columns), of the light field's views
   lfcore depth scenes/bike --pixels 512 -o centre.png
-      from the middle of the lens, to look at: near is warm, far is cold
+      the middle view as a picture: near is warm, far is cold
   lfcore depth bike.mkv --all-in-focus sharp.png
 """
 
@@ -40,8 +40,8 @@ def options(command: argparse.ArgumentParser) -> None:
     add_scene(command, help=usual, nargs="?")
     add_output(command, ".npz (every view); .pfm, .exr, or .png to look at (one view)",
                required=False)  # fmt: skip
-    one = "lens column and row, for output of one view (the middle)"
-    add(command, "pixels", views="N x N views (1)", view=one)
+    view = "lens column and row, for output of one view (the middle)"
+    add(command, "pixels", views="N x N views (1)", view=view)
     more = command.add_argument
     more("--all-in-focus", type=Path, metavar="PICTURE", help="all-in-focus picture to write")
     more("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
@@ -58,11 +58,11 @@ def run(arguments: argparse.Namespace) -> None:
     scene = open_scene(arguments) if arguments.scene else None
     if field:
         slab = field.made_views
-        of_samples = partial(field.depth, scene, device=arguments.device)
+        depth_of = partial(field.depth, scene, device=arguments.device)
     else:
         assert scene  # checked above
         slab = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
-        of_samples = partial(depths.depth_of_views, open_dark_tracer(scene, arguments.device), slab)
+        depth_of = partial(depths.depth_of_views, open_dark_tracer(scene, arguments.device), slab)
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
             samples = np.array([arguments.view or (middle, middle)])
         rays = len(samples) * math.prod(slab.size)
         with progress("tracing depth", rays=rays) as report:
-            depth = of_samples(samples=samples, progress=report)
+            depth = depth_of(samples=samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)
             wrote(arguments.output)
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
-    """The light field, if one is named; :class:`LfcoreError` for options that need others."""
+    """The light field, if one is named; raises :class:`LfcoreError` for missing options."""
     if not arguments.lightfield and str(arguments.scene).lower().endswith(".mkv"):
         arguments.scene, arguments.lightfield = None, str(arguments.scene)
     if not (arguments.output or arguments.all_in_focus):

@@ -1,4 +1,4 @@
-"""``lfcore import`` and ``lfcore export``: light fields of others in, ours out."""
+"""``lfcore import`` and ``lfcore export``: light fields of other programs."""
 
 import argparse
 from pathlib import Path
@@ -20,9 +20,9 @@ from lfcore.exchange.table import FORMATS
 from lfcore.pictures import check_suffix
 
 IMPORT = """\
-Make a light field file from another program's light field. Names and headers tell the format where
-they can. --baseline, --field-of-view and --focus give a geometry that it does not hold; without
-them the file can be refocused in pixels of disparity, but not in metres."""
+Make a light field file from another program's light field. The format is recognised by names and
+headers. --baseline, --field-of-view and --focus give a geometry that the format lacks; without them
+the file can be refocused in pixels of disparity, but not in metres."""
 IMPORT_EPILOG = """\
 examples:
   lfcore import boxes/ -o boxes.mkv                       a scene of the HCI benchmark
@@ -34,8 +34,8 @@ formats:
 """
 EXPORT = """\
 Write a light field file in another program's format, into a folder that appears whole or not at
-all. --views, --baseline and --crop take a part of it. A file with depth gives any number of views:
-those between the recorded ones are made by depth, and their quality is reported."""
+all. --views, --baseline and --crop select a part of it. A file with depth gives any number of
+views: views between the recorded ones are made by depth, and their quality is reported."""
 EXPORT_EPILOG = """\
 examples:
   lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci
@@ -60,7 +60,7 @@ def import_options(command: argparse.ArgumentParser) -> None:
         "--format", metavar="NAME[:VARIABLE]", default="",
         help="see below (recognised), and the variable of a .mat or .h5 file (LF)",
     )  # fmt: skip
-    group = command.add_argument_group("what the format does not hold")
+    group = command.add_argument_group("facts that the format lacks")
     more = group.add_argument
     more("--views", type=values.pair, metavar="CxR", help="columns and rows of views")
     more("--order", metavar="ORDER", help="rows or columns, then -left, -up, -snake: rows-up")

@@ -1,5 +1,4 @@
-"""``lfcore render`` and ``record`` of a scene whose camera has a film of its own: pbrt's, and
-``lightfield``."""
+"""``lfcore render`` and ``record`` for cameras with their own film: pbrt's and ``lightfield``."""
 
 import argparse
 
@@ -12,9 +11,10 @@ from lfcore.files import make_folder
 from lfcore.pictures import check_suffix
 from lfcore.scene.view import LIGHTFIELD, View
 
-# Options that ask for a square picture from a light slab instead of the scene's own film.
 SLAB_OPTIONS = ("pixels", "views", "subpixels", "quality_db", "focus", "f_number", "plane")
+"""The options that select a picture from a light slab instead of the scene's own film."""
 FILM_OPTIONS = ("samples", "white")
+"""The options that only the scene's own film has."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -23,22 +23,22 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def wanted(arguments: argparse.Namespace, scene: lfcore.Scene) -> bool:
-    """Whether to expose the scene's own film instead of tracing a slab."""
+    """Whether the scene's own film is exposed, instead of tracing a slab."""
     slab, film = flags(arguments, *SLAB_OPTIONS), flags(arguments, *FILM_OPTIONS)
     slab += ["--codec"] if "layout" in getattr(arguments, "codec", {}) else []
     if film and (slab or scene.view is None):
-        what = f"excludes {slab[0]}" if slab else "belongs to a scene with a film"
-        refuse(film[0], what, "Leave it out, or use --views")
+        problem = f"excludes {slab[0]}" if slab else "is for scenes with their own film"
+        refuse(film[0], problem, "Leave it out, or use --views")
     return scene.view is not None and not slab
 
 
 def is_array(scene: lfcore.Scene) -> bool:
-    """Whether the film is a light field camera's."""
+    """Whether the film belongs to a light field camera."""
     return scene.view is not None and scene.view.kind == LIGHTFIELD
 
 
 def render(arguments: argparse.Namespace, scene: lfcore.Scene) -> None:
-    """Expose the film and write it; a light field to an EXR with its geometry in the header."""
+    """Expose the film and write it; an EXR of a light field has its geometry in the header."""
     from lfcore.storage.tiled_exr import write_array
 
     (image, view), output = _expose(arguments, scene), arguments.output
@@ -74,9 +74,9 @@ def save_video(
             white=arguments.white, progress=report,
         ).white  # fmt: skip
     clipped = float((image > white).any(-1).mean())
-    said = f": {array.cameras[0]} x {array.cameras[1]} cameras, "
-    said += f"{output.stat().st_size:,} bytes, white at {white:g}"
-    wrote(output, said + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else ""))
+    facts = f": {array.cameras[0]} x {array.cameras[1]} cameras, "
+    facts += f"{output.stat().st_size:,} bytes, white at {white:g}"
+    wrote(output, facts + (f", {100 * clipped:.2g} % of the pixels clipped" if clipped else ""))
 
 
 def _expose(arguments: argparse.Namespace, scene: lfcore.Scene) -> tuple[np.ndarray, View]:
@@ -84,8 +84,8 @@ def _expose(arguments: argparse.Namespace, scene: lfcore.Scene) -> tuple[np.ndar
     width, height = scene.view.film
     samples, instants = arguments.samples or (None, None)
     samples = samples or scene.view.samples_per_pixel
-    what = f"tracing {width} x {height} pixels, {samples} rays each"
-    with progress(what, rays=width * height * samples) as report:
+    label = f"tracing {width} x {height} pixels, {samples} rays each"
+    with progress(label, rays=width * height * samples) as report:
         image = lfcore.trace_array(
             scene, samples_per_pixel=samples, instants=instants, device=arguments.device,
             progress=report,

@@ -1,10 +1,9 @@
 """``lfcore imgtool``: camera arrays between tiled EXR and video, and pictures from them.
 
-The assignment's own options are taken.
-
-Both years' command lines work: the Isaksen filter of 2016-2018 (``--filterwidth``,
-``--focalplanez``) and the Monte Carlo thin lens of 2019-2022 (``--focaldistance``,
-``--camerarot``).  All coordinates are pbrt's: x right, y up, z forward, the data cameras in z = 0.
+It accepts the assignment's command lines of all years: the Isaksen filter of 2016-2018
+(``--filterwidth``, ``--focalplanez``) and the Monte Carlo thin lens of 2019-2022
+(``--focaldistance``, ``--camerarot``).  All coordinates are pbrt's: x right, y up, z forward, the
+data cameras in z = 0.
 """
 
 from __future__ import annotations
@@ -37,14 +36,14 @@ VIDEO = ".mkv"
 
 
 def add_files(command: argparse.ArgumentParser, input: str, output: str) -> None:
-    """The file to read and the file to write, which pbrt's tool has last and ours after ``-o``."""
+    """Add the input file, and the output file: last as for pbrt's tool, or after ``-o``."""
     command.add_argument("input", type=Path, help=input)
     command.add_argument("last", type=Path, nargs="?", metavar="output", help="the same as -o")
     command.add_argument("-o", "--output", type=Path, help=f"{output} to write")
 
 
 def output(arguments: argparse.Namespace) -> Path:
-    """The file to write; :class:`OpticsError` where there is none, or two."""
+    """The file to write; raises :class:`OpticsError` for none or two."""
     if (arguments.output is None) == (arguments.last is None):
         refuse("--output", "needs one file to write", "Give -o FILE")
     return arguments.output or arguments.last
@@ -69,7 +68,7 @@ def add_geometry(command: argparse.ArgumentParser) -> None:
 def geometry(
     arguments: argparse.Namespace, recorded: CameraArray | None, shape: tuple[int, ...]
 ) -> CameraArray:
-    """The array from the header, from flags, or both where they agree."""
+    """The array by the header or by flags, which must agree."""
     flags = given(arguments, "camsperdim", "griddim", "inputfov", "spacing")
     if recorded is not None:
         _check_agreement(flags, recorded, arguments.input)
@@ -100,12 +99,12 @@ def _check_agreement(flags: dict[str, Any], recorded: CameraArray, file: Path) -
 
 
 def read_lightfield(path: Path) -> tuple[np.ndarray, CameraArray | None, dict[str, Any]]:
-    """Picture, geometry if there is any, and other metadata, from EXR or video."""
+    """Read picture, geometry if known, and other metadata of an EXR or a video."""
     if path.suffix.lower() != VIDEO:
         from lfcore.storage.tiled_exr import read_array
 
-        found = read_array(path)
-        return found.image, found.array, found.extra
+        tiled = read_array(path)
+        return tiled.image, tiled.array, tiled.extra
     from lfcore.refocus.stored_views import read_stored
     from lfcore.storage.lightfield import LightFieldFile
 
@@ -133,7 +132,7 @@ def tiles(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.input, (VIDEO,), "input")
     check_suffix(path, (".exr",), "output")
     image, array, extra = read_lightfield(arguments.input)
-    assert array is not None  # a video always has one
+    assert array is not None  # every video has one
     write_array(path, image, array, half=arguments.bits == 16, extra=extra)
     wrote(path, f": {array.cameras[0]} x {array.cameras[1]} tiles of {array.tile}")
 
@@ -229,7 +228,7 @@ def _lightfield_options(command: argparse.ArgumentParser) -> None:
 
 
 def surface(text: str) -> tuple[str, list[float]]:
-    """Kind and numbers of ``plane:...`` or ``sphere:...``; else the name of a file of depths."""
+    """Read kind and numbers of ``plane:...`` or ``sphere:...``, or the name of a depth map."""
     kind, _, rest = text.partition(":")
     size = {"plane": 6, "sphere": 4}.get(kind)
     if size is None:
@@ -237,12 +236,12 @@ def surface(text: str) -> tuple[str, list[float]]:
     read = values.number()
     numbers = [read(part) for part in rest.split(",")]
     if len(numbers) != size:
-        raise argparse.ArgumentTypeError(f"{text!r} has not the {size} numbers of a {kind}")
+        raise argparse.ArgumentTypeError(f"{text!r} does not have the {size} numbers of a {kind}")
     return kind, numbers
 
 
 def sampler(text: str) -> tuple[str, int]:
-    """Name and seed."""
+    """Read a sampler's name and seed."""
     name, _, seed = text.partition(":")
     known = ("halton", "stratified", "independent", QUADRATURE)
     if name not in known:
@@ -251,15 +250,15 @@ def sampler(text: str) -> tuple[str, int]:
 
 
 def lens(text: str) -> tuple[Path, dict[str, float]]:
-    """File, and metres by key."""
+    """Read a lens file's name, and metres by key."""
     file, *parts = text.split(",")
-    found = {}
+    metres = {}
     for part in parts:
         key, _, millimetres = part.partition("=")
         if key not in ("stop", "film"):
             raise argparse.ArgumentTypeError(f"{part!r} is neither stop=MM nor film=MM")
-        found[key] = values.positive(millimetres) * 1e-3
-    return Path(file), found
+        metres[key] = values.positive(millimetres) * 1e-3
+    return Path(file), metres
 
 
 def lightfield(arguments: argparse.Namespace) -> None:
@@ -288,21 +287,21 @@ def lightfield(arguments: argparse.Namespace) -> None:
 def chosen_method(arguments: argparse.Namespace) -> str:
     """``isaksen``, ``montecarlo``, ``quadrature`` or ``realistic``.
 
-    The tool of 2019-2022 knew the thin lens alone, so its own options choose it.
+    The options of the tool of 2019-2022, which had only the thin lens, select Monte Carlo.
     """
     by_rule = arguments.sampler is not None and arguments.sampler[0] == QUADRATURE
-    asked = {QUADRATURE: by_rule, "realistic": arguments.lens is not None,
-             "montecarlo": arguments.montecarlo}  # fmt: skip
-    chosen = [name for name, given in asked.items() if given]
+    methods = {QUADRATURE: by_rule, "realistic": arguments.lens is not None,
+               "montecarlo": arguments.montecarlo}  # fmt: skip
+    chosen = [name for name, is_given in methods.items() if is_given]
     if len(chosen) > 1:
         raise OpticsError(f"{' and '.join(chosen)} exclude each other", remedy="Choose one")
     if not chosen and not flags(arguments, "focaldistance", "camerarot", "sampler"):
         if wrong := flags(arguments, "lensradius", "samplesperpixel"):
-            refuse(wrong[0], "belongs to a lens", "Add --montecarlo, or use --filterwidth")
+            refuse(wrong[0], "is for a lens", "Add --montecarlo, or use --filterwidth")
         return "isaksen"
     if arguments.filterwidth is not None and not arguments.montecarlo:
-        # With --montecarlo the assignment itself calls the filter width useless, not wrong.
-        refuse("--filterwidth", "belongs to Isaksen's filter", "Leave it out")
+        # With --montecarlo, the assignment allows a filter width without effect.
+        refuse("--filterwidth", "is for Isaksen's filter", "Leave it out")
     return chosen[0] if chosen else "montecarlo"
 
 
@@ -342,13 +341,13 @@ def _synthesise(
     if method == "montecarlo":
         return monte_carlo(field, camera, surface, samples, sampler=name, seed=seed)
     if method == QUADRATURE:
-        # As many lens points as asked for, or the next square above, at 2 x 2 film points.
+        # The next square number of lens points, with 2 x 2 film points each.
         return quadrature(field, camera, surface, math.ceil(math.sqrt(samples / 4)), 2)
     file, sizes = arguments.lens
     system = LensSystem.read(file)
     if "stop" in sizes:
         system = system.stopped_down(sizes["stop"])
-    # Focused where the focal surface crosses its axis.
+    # Focused at the intersection of the focal surface with the lens's axis.
     middle, axis = np.array([camera.size]) / 2.0, camera.rotation[:, 2][None]
     inverse = float(inverse_depth(surface, camera, camera.position_m[None], axis, middle)[0])
     return realistic(

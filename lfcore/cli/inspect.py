@@ -16,16 +16,16 @@ from lfcore.storage.codecs import LOSSLESS
 
 INFO = """\
 Report a light field file's lens, resolutions, layout, codec, segments and size, or a scene's
-camera, and the distances that it sees."""
+camera and visible depth."""
 INFO_EPILOG = """\
 examples:
   lfcore info bike.mkv
-  lfcore info model.glb             how far away is what is seen
+  lfcore info model.glb             the camera, and the visible depth
   lfcore info bike.mkv --verify     read every byte and compare checksums
   lfcore info bike.mkv --json       the metadata and more, for programs
 """
 DEVICES = """\
-List the OpenCL devices. The default has an asterisk; LFCORE_DEVICE or --device chooses another by
+List the OpenCL devices. The default has an asterisk. LFCORE_DEVICE or --device chooses another by a
 part of its name."""
 
 
@@ -162,7 +162,7 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
 
 
 def _settings(settings: dict[str, Any]) -> str:
-    """The encoder's settings; lossless ones ignore the rate factor that their files hold."""
+    """The encoder's settings; lossless encoders have no rate factor."""
     keys = ("preset",) if settings.get("codec") in LOSSLESS else ("crf", "preset")
     return "".join(f", {key} {settings[key]}" for key in keys if settings.get(key) is not None)
 

@@ -1,9 +1,9 @@
 """Ctrl-C and the signals that end a process work within seconds, also while a kernel runs.
 
-Python runs a signal's handler in the main thread, between two of its own instructions.  While that
-thread waits for an OpenCL kernel, which can take minutes, no handler runs.  So a second thread
-watches for signals: if the command has not ended soon after one, that thread removes half-written
-files and ends the process.
+Python runs a signal's handler in the main thread, between two instructions.  While this thread
+waits for an OpenCL kernel, which can take minutes, no handler runs.  A second thread therefore
+watches for signals.  If the command does not end soon after one, it removes half-written files and
+ends the process.
 """
 
 import os
@@ -17,14 +17,14 @@ from types import FrameType
 from lfcore.files import abandon_drafts
 
 GRACE_S = 1.0
-"""The time that a command has to end by itself."""
+"""The time in which a command should end by itself."""
 WORDS = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated."}
 if hasattr(signal, "SIGHUP"):
     WORDS[signal.SIGHUP] = "The terminal has gone."
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal other than Ctrl-C asked this process to end; the argument is its number."""
+    """A signal other than Ctrl-C, whose number is the argument, ends this process."""
 
 
 def ending(interrupt: KeyboardInterrupt) -> tuple[str, int]:
@@ -37,7 +37,7 @@ def ending(interrupt: KeyboardInterrupt) -> tuple[str, int]:
 def interruptible() -> Iterator[None]:
     """While the block runs in the main thread, a signal ends the process within seconds.
 
-    At first the block gets :class:`KeyboardInterrupt` or :class:`Terminated`.
+    First it raises :class:`KeyboardInterrupt` or :class:`Terminated` in the block.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -47,7 +47,7 @@ def interruptible() -> Iterator[None]:
     ended = threading.Event()
     watcher = threading.Thread(target=_watch, args=(watched, ended), daemon=True)
     before = signal.set_wakeup_fd(written.fileno(), warn_on_full_buffer=False)
-    # Only where nobody else has decided: `nohup` ignores SIGHUP, for one.
+    # Not if another handler is set: `nohup` ignores SIGHUP, for example.
     ours = [n for n in WORDS if n != signal.SIGINT and signal.getsignal(n) == signal.SIG_DFL]
     for number in ours:
         signal.signal(number, _raise)

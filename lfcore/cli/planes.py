@@ -15,11 +15,9 @@ from lfcore.cli import values
 from lfcore.cli.command import Options, add, given, refuse, write_named
 from lfcore.cli.progress import note, say
 from lfcore.errors import LfcoreError, OpticsError
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import MOST_PLANES, SensorPlane
 from lfcore.optics.size import Pixels
 
-MOST_PLANES = 100
-"""The most pictures from one pass."""
 READ = {
     "focus": values.focus,
     "focus_at": values.place,
@@ -29,32 +27,32 @@ READ = {
     "normalise": lambda text: {"normalise": text},
     "keep_magnification": lambda text: {"keep_magnification": values.truth(text)},
 }
-"""The keys of ``--plane`` and of files of planes: text to settings of a plane."""
+"""The keys of ``--plane`` and of files of planes, with functions from text to settings."""
 INSTEAD = {"focus_at": "focus", "blur": "f_number"}
-"""The keys that stand for others."""
+"""The keys that replace others."""
 
 
 def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
-    """Options of the pictures that a command makes, of a light field file or of a scene."""
-    one = command.add_argument_group("the picture")
-    add_focus(one, of_file=of_file)
-    add(one, "aperture", "normalise", "bits", "exposure")
+    """Add the options of pictures of a light field file, or of a scene."""
+    picture = command.add_argument_group("the picture")
+    add_focus(picture, of_file=of_file)
+    add(picture, "aperture", "normalise", "bits", "exposure")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
         help="repeat for each picture, e.g. focus=3.2,f_number=2.8,aperture=polygon:5; or a file "
-        "with such keys, a YAML list or CSV; keep_magnification=yes zooms with focus, as a sensor "
-        "that moves does",
+        "with such keys, a YAML list or CSV; keep_magnification=yes changes the magnification with "
+        "the focus, as a moving sensor does",
     )  # fmt: skip
 
 
 def add_focus(group: Options, *, of_file: bool) -> None:
-    """Options of the focus and of the aperture's width."""
+    """Add the options of the focus and of the aperture's width."""
     px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
     focus, aperture = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     focus.add_argument(
         "--focus", type=values.focus, metavar="FOCUS",
-        help=f"metres, inf, near, middle, far, 40%% of the depth that is seen{px}",
+        help=f"metres, inf, near, middle, far, 40%% of the visible depth{px}",
     )  # fmt: skip
     focus.add_argument(
         "--focus-at", type=values.place, metavar="X,Y", dest="focus",
@@ -65,15 +63,16 @@ def add_focus(group: Options, *, of_file: bool) -> None:
     )
     aperture.add_argument(
         "--blur", type=values.blur, metavar="SHARE", dest="f_number",
-        help="blur at the near or far end, whichever has more, of the picture's shorter side: 3%%",
+        help="blur at the near or far end, whichever has more, relative to the picture's shorter "
+        "side: 3%%",
     )  # fmt: skip
 
 
 def settings(arguments: argparse.Namespace, *names: str) -> dict[str, dict[str, Any]]:
     """The settings of the flags that were given, by flag."""
-    found = given(arguments, *(names or READ))
     return {
-        name: value if isinstance(value, dict) else {name: value} for name, value in found.items()
+        name: value if isinstance(value, dict) else {name: value}
+        for name, value in given(arguments, *(names or READ)).items()
     }
 
 
@@ -82,41 +81,43 @@ def read_planes(
     source: lfcore.LightField | lfcore.Scene,
     pixels: Pixels | None = None,
 ) -> list[SensorPlane]:
-    """The planes of the options, of a light field or with ``pixels`` of a scene."""
-    asked: list[tuple[dict[str, Any], str | None, Path | None]] = []
+    """The planes that the options describe, of a light field, or of a scene with ``pixels``."""
+    rows: list[tuple[dict[str, Any], str | None, Path | None]] = []
     for text in arguments.plane:
         if "=" in text:
-            asked.append((_words(text), "--plane", None))
+            rows.append((_words(text), "--plane", None))
         else:
-            rows = _rows(Path(text))
-            asked += [(row, f"plane {k}", Path(text)) for k, row in enumerate(rows, 1)]
-    check_count(len(asked))
+            file = Path(text)
+            rows += [(row, f"plane {k}", file) for k, row in enumerate(_rows(file), 1)]
+    check_count(len(rows))
     default = settings(arguments)
     return [
         make_plane(source, default | _read(row, key, file), key, file, pixels)
-        for row, key, file in asked or [({}, None, None)]
+        for row, key, file in rows or [({}, None, None)]
     ]
 
 
 def check_count(pictures: int) -> None:
     """Raise :class:`OpticsError` for more pictures than one pass makes."""
     if pictures > MOST_PLANES:
-        remedy = f"Ask for {MOST_PLANES} at a time"
-        raise OpticsError(f"{pictures} pictures were asked for", remedy=remedy)
+        remedy = f"Give at most {MOST_PLANES} at a time"
+        raise OpticsError(f"{pictures} pictures are too many for one pass", remedy=remedy)
 
 
 def make_plane(
     source: lfcore.LightField | lfcore.Scene,
-    asked: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, Mapping[str, Any]],
     key: str | None = None,
     file: Path | None = None,
     pixels: Pixels | None = None,
 ) -> SensorPlane:
-    """A plane of these settings, with ``pixels`` of a scene; errors name the flag, or the file and
-    its row."""
+    """Make a plane of these settings by flag, of a scene with ``pixels``.
+
+    Errors name the file and its row, or the parameter.
+    """
     merged: dict[str, Any] = {}
-    for one in asked.values():
-        merged |= one
+    for setting in settings.values():
+        merged |= setting
     if pixels is not None:
         _refuse_views(merged, key)
         merged["pixels"] = pixels
@@ -127,34 +128,34 @@ def make_plane(
 
 
 def _refuse_views(settings: Mapping[str, Any], key: str | None = None) -> None:
-    """Raise :class:`OpticsError` for settings that a scene lacks."""
+    """Raise :class:`OpticsError` for settings that only light field files have."""
     for name in settings.keys() & {"disparity_px", "aperture_views"}:
         refuse(key or name, "pixels and views belong to a light field file",
                "Give metres and an f-number")  # fmt: skip
 
 
 def of_scene(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The focus and the aperture of the lens that traces, as keywords of :func:`lfcore.record`."""
+    """The focus and the aperture of the traced lens, as keywords of :func:`lfcore.record`."""
     merged = (arguments.focus or {}) | (arguments.f_number or {})
     _refuse_views(merged)
     return merged
 
 
 def report(planes: list[SensorPlane]) -> None:
-    """Say the metres and the f-number of a picture; those of many are in their names."""
+    """Report a picture's focus and f-number; the names of several pictures have them."""
     if len(planes) == 1:
         say(f"focus {planes[0].focus_m:.4g} m, f/{planes[0].f_number:.3g}")
     note(planes=[{"focus_m": plane.focus_m, "f_number": plane.f_number} for plane in planes])
 
 
 def say_doubts(planes: list[SensorPlane], field: lfcore.LightField) -> None:
-    """Say what of the pictures is beyond what the file holds, once each."""
+    """Report the limits of the file that pictures exceed, once each."""
     for line in dict.fromkeys(line for plane in planes for line in field.doubts(plane)):
         say(line)
 
 
 def labels(planes: list[SensorPlane], field: lfcore.LightField) -> list[str]:
-    """Words below each picture: focus and f-number, or disparity where distances are not known."""
+    """The label of each picture: focus and f-number, or disparity if distances are unknown."""
     if field.metric:
         return [f"{plane.focus_m:.3g} m, f/{plane.f_number:.3g}" for plane in planes]
     return [f"{field.disparity_of(plane.focus_m):.3g} px" for plane in planes]
@@ -183,28 +184,28 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[str, Any]:
-    """The settings of one plane's words, by key."""
-    found = {}
+    """The settings of one plane, by key."""
+    settings = {}
     for word, value in row.items():
         name = str(word).replace("-", "_")
         if name not in READ:
             remedy = f"Known: {', '.join(READ)}"
             raise OpticsError(f"unknown key {word!r}", file=file, key=key, remedy=remedy)
         try:
-            found[INSTEAD.get(name, name)] = READ[name](str(value))
+            settings[INSTEAD.get(name, name)] = READ[name](str(value))
         except argparse.ArgumentTypeError as error:
             raise OpticsError(f"{word}: {error}", file=file, key=key) from None
-    return found
+    return settings
 
 
 def save(
     path: Path, planes: list[SensorPlane], pictures: np.ndarray, how: Mapping[str, Any],
     field: lfcore.LightField | None = None,
 ) -> None:  # fmt: skip
-    """Write pictures and report their names: several in one NPY, or in a file each, whose name has
-    its number and settings: the disparity where distances are not known.
+    """Write pictures, in one NPY or in a file each, and report their names.
 
-    ``how`` is as :func:`lfcore.write_picture` takes it.
+    A file's name has its number and settings.  ``how`` has keywords of
+    :func:`lfcore.write_picture`.
     """
     if path.suffix.lower() == ".npy":
         write_named([(path, pictures[0] if len(planes) == 1 else pictures)])

@@ -62,8 +62,8 @@ def run(arguments: argparse.Namespace) -> None:
     check_suffix(arguments.output)
     scene = open_scene(arguments)
     scene, lens, fitted = recorded_lens(scene, 1, **plane_options.of_scene(arguments))
-    for what, how in fitted.items():
-        say(f"{what} {how}")
+    for part, note in fitted.items():
+        say(f"{part} {note}")
     camera = PlenopticCamera(lens, arguments.pixels or 128, samples)
     planes = [SensorPlane(metres, lens.f_number) for metres, _ in refocus]
     for plane in planes:
@@ -82,13 +82,13 @@ def run(arguments: argparse.Namespace) -> None:
     for i, j, path in views:
         named.append((path, np.ascontiguousarray(sub_aperture(picture, samples, i, j))))
     if planes:
-        made = refocus_photograph(camera, picture, planes, device=tracer.device)
-        named += [(path, one) for (_, path), one in zip(refocus, made, strict=True)]
+        refocused = refocus_photograph(camera, picture, planes, device=tracer.device)
+        named += [(path, each) for (_, path), each in zip(refocus, refocused, strict=True)]
     write_named(named)
 
 
 def _read(flag: str, read: Callable[[str], Any], text: str) -> Any:
-    """One of a flag's several values; argparse itself checks values of one kind only."""
+    """Check one of a flag's values: argparse checks only flags whose values have one kind."""
     try:
         return read(text)
     except argparse.ArgumentTypeError as error:

@@ -1,7 +1,7 @@
 """Progress and remarks of a command on standard error, or a record of both for programs.
 
-Within :func:`recorded` nothing is printed: :class:`lfcore.cli.command.Command` prints the record as
-one JSON object (``--json``).
+Within :func:`recorded` nothing is printed; with ``--json``, the command then prints the record as
+one JSON object.
 """
 
 import sys
@@ -16,15 +16,15 @@ from lfcore.errors import printable
 from lfcore.progress import BUILDING, Progress, watching
 
 SHORTEST_S = 0.05
-"""The shortest time for which a rate is reported."""
+"""The shortest time with a reported rate: below it, rates are noise."""
 _records: list[dict[str, Any]] = []
 
 
 @contextmanager
 def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
-    """Yield ``report(done, total)``, which draws a bar on a terminal; ends with a line of seconds.
+    """Yield ``report(done, total)``, which draws a bar on a terminal; then report the seconds.
 
-    The line has the rate of ``rays``, where given, without the seconds of stages.
+    The report has the rate of ``rays``, if given, in the time outside stages.
     """
     begun, stages = time.perf_counter(), _Stages()
     with _bar(what, unit, stages) as report, watching(stages):
@@ -46,7 +46,7 @@ def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
 
 
 class _Stages:
-    """The seconds of each stage.  While several run, the one that began last counts."""
+    """The seconds of each stage; of several running stages the last one counts."""
 
     def __init__(self) -> None:
         self.seconds, self.changed = {BUILDING: 0.0}, lambda name: None
@@ -64,7 +64,7 @@ class _Stages:
 
 @contextmanager
 def _bar(what: str, unit: str, stages: _Stages) -> Iterator[Progress]:
-    """A bar that is there while the block runs; none where standard error is no terminal."""
+    """Show a bar while the block runs, if standard error is a terminal."""
     if _records or not sys.stderr.isatty():
         yield lambda done, total: None
         return
@@ -82,7 +82,7 @@ def _bar(what: str, unit: str, stages: _Stages) -> Iterator[Progress]:
 
 
 def say(text: str) -> None:
-    """A line on standard error."""
+    """Print a line on standard error, or record it."""
     if _records:
         _records[-1]["said"].append(text)
     else:
@@ -90,7 +90,7 @@ def say(text: str) -> None:
 
 
 def wrote(path: Path, more: str = "") -> None:
-    """Say that a file was written."""
+    """Report a written file."""
     if _records:
         parts = [part for part in path.rglob("*") if part.is_file()] if path.is_dir() else [path]
         size = sum(part.stat().st_size for part in parts)
@@ -100,14 +100,14 @@ def wrote(path: Path, more: str = "") -> None:
 
 
 def note(**facts: Any) -> None:
-    """Facts for programs alone: keys of the record, if one is kept."""
+    """Add keys to the record, if there is one."""
     if _records:
         _records[-1] |= facts
 
 
 @contextmanager
 def recorded(command: str) -> Iterator[dict[str, Any]]:
-    """Keep what the block says instead of printing it."""
+    """Record the block's output instead of printing it."""
     record: dict[str, Any] = {"command": command, "files": [], "steps": [], "said": []}
     _records.append(record)
     try:

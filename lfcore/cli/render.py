@@ -30,19 +30,19 @@ from lfcore.errors import OpticsError
 from lfcore.pictures import check_codes, check_suffix
 
 DESCRIPTION = """\
-Trace a scene and make pictures from its rays at once, without storing a light field. SCENE is a
+Trace a scene and make pictures from its rays, without storing a light field. SCENE is a
 scene.yaml, a folder that holds one, a mesh (GLB, OBJ, PLY, STL, ...) or a .pbrt file."""
 EPILOG = """\
 examples:
   lfcore render model.glb -o picture.png --focus near
-      any mesh: seen from the front left, with what is nearest in focus
+      any mesh: seen from the front left, with its nearest part in focus
   lfcore render model.glb -o picture.png --from right --focus-at 0.5,0.4 --blur 4%
       from the right, focused on a place of the picture, with twice the usual blur
   lfcore render scenes/bike -o bike.png --pixels 512
       4 x 4 lens samples by 2 x 2 rays per pixel, each spread by its depth
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
   lfcore render scenes/bike -o bike.png --quality-db 45
-      with as few rays as that takes
+      with the fewest rays that reach 45 dB
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays per pixel, lens or Camera "lightfield", shutter
   lfcore render scenes/bike -o pinhole.png --views 1 --filter nearest
@@ -59,13 +59,13 @@ def options(command: argparse.ArgumentParser) -> None:
         command, "pixels",
         views="N x N lens samples (4, or 16 with --filter nearest)",
         subpixels="Q x Q rays per pixel and lens sample (2, or 1 with --filter nearest)",
-        quality_db="as few rays as every picture needs for this PSNR against the average over its "
-        "pixels and the lens", most_rays="",
+        quality_db="the fewest rays with which every picture reaches this PSNR against the average "
+        "over pixel and lens", most_rays="",
     )  # fmt: skip
     command.add_argument(
         "--filter", choices=("depth", "nearest"), default="depth",
-        help="spread each ray over what its part of lens and pixel covers at its depth "
-        "(default), or count it in the pixel that it falls on",
+        help="spread each ray over the area that its share of lens and pixel covers at its depth "
+        "(default), or count it in the pixel that it hits",
     )  # fmt: skip
     plane_options.add_options(command, of_file=False)
     film.add_options(command)
@@ -111,13 +111,13 @@ def _report_quality(made: lfcore.Rendering) -> None:
 def chosen_quality(
     arguments: argparse.Namespace, excluded: Sequence[str], *others: str, **more: Any
 ) -> lfcore.Quality | None:
-    """The quality for which the rays are chosen, if any.
+    """The quality of ``--quality-db``, if given.
 
-    Refuses the options ``excluded`` with it, and ``--most-rays`` and ``others`` without it.
+    It excludes the options ``excluded``; ``--most-rays`` and ``others`` need it.
     """
     if arguments.quality_db is None:
         if alone := flags(arguments, "most_rays", *others):
-            refuse("--quality-db", f"is what {alone[0]} belongs to", "Give it, too")
+            refuse("--quality-db", f"is missing, and {alone[0]} needs it", "Give both")
         return None
     if excluded:
         refuse("--quality-db", "chooses the rays itself", f"Leave out {', '.join(excluded)}")
@@ -126,7 +126,7 @@ def chosen_quality(
 
 @contextmanager
 def named_file(file: Path) -> Iterator[None]:
-    """Errors of optics within the block name the file whose lens it is."""
+    """Errors of optics in the block name the file of the lens."""
     try:
         yield
     except OpticsError as error:
@@ -134,15 +134,15 @@ def named_file(file: Path) -> Iterator[None]:
 
 
 RECORD = """\
-Trace a scene into a light field file, from which 'lfcore refocus' makes pictures. By default it
-holds few views and the depth of every ray, from which all views between them are made. SCENE is as
+Trace a scene into a light field file, from which 'lfcore refocus' makes pictures. By default the
+file holds few views and the depth of every ray, from which views between them are made. SCENE is as
 for 'lfcore render'."""
 RECORD_EPILOG = """\
 examples:
   lfcore record scenes/bike -o bike.mkv
       4 x 4 views of 512 x 512 with depth, for pictures of 256 x 256
   lfcore record scenes/bike -o bike.mkv --pixels 128 --quality-db 45 --focus-range 2 10
-      as many views and pixels as pictures focused there need
+      with the views and pixels that pictures focused there need
   lfcore record table.glb -o table.mkv --views 32
       for 32 x 32 views: 5 x 5 are traced, the others made by depth
   lfcore record table.glb -o table.mkv --views 16 --depth none --codec ffv1
@@ -157,23 +157,23 @@ DEPTHS = {None: None, "displaced": True, "plain": True, "none": False}
 def record_options(command: argparse.ArgumentParser) -> None:
     add_scene(command)
     add_output(command, "file to write (.mkv)")
-    add(command, "pixels", views="the file gives N x N views (4, or 16 with --depth none). Without "
-        "--depth and --subpixels, 4 x 4 are traced, beyond N = 16 its square root per side, and "
-        "the others made by depth")  # fmt: skip
+    add(command, "pixels", views="the file provides N x N views (4, or 16 with --depth none). With "
+        "depth it stores 4 x 4 views, or the square root of N per side if that is more, and makes "
+        "the others; with --depth or --subpixels it stores N x N")  # fmt: skip
     by_depth = command.add_argument_group("for pictures by depth")
     by_depth.add_argument(
         "--depth", choices=[name for name in DEPTHS if name],
-        help="store every ray's depth: with views displaced within a pixel against one another "
-        "(default), with plain views (for other filters), or not at all",
+        help="store every ray's depth with displaced views (default), with plain views (for other "
+        "filters), or not at all",
     )  # fmt: skip
     add(
         by_depth, subpixels="views of Q*M x Q*M pixels (2)",
-        quality_db="as many views, pixels and bits as stored pictures need for this PSNR against "
-        "the average over pixel and lens", most_rays="",
+        quality_db="the views, pixels and bits that pictures need for this PSNR against the "
+        "average over pixel and lens", most_rays="",
     )  # fmt: skip
     by_depth.add_argument(
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),
-        help="metres between which those pictures are focused (default: all that is seen)",
+        help="metres between which these pictures are focused (default: the visible depth)",
     )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     plane_options.add_focus(lens, of_file=False)
@@ -196,15 +196,15 @@ def record(arguments: argparse.Namespace) -> None:
     pixels = arguments.pixels or 256
     depth, views = DEPTHS[arguments.depth], arguments.views
     if arguments.subpixels and depth is False:
-        refuse("--subpixels", "belongs to views with depth", "Leave one out")
+        refuse("--subpixels", "is for views with depth", "Leave one out")
     if depth or arguments.subpixels:
         views = lfcore.Lattice(
             views or 4, displaced=arguments.depth != "plain", **given(arguments, "subpixels")
         )
     _, lattice = lattice_to_store(depth, views)
     rays = 0 if quality else lattice.rays(pixels)
-    what = f"tracing {rays:,} rays" if rays else "tracing"
-    with named_file(arguments.scene), progress(what, rays=rays) as report:
+    label = f"tracing {rays:,} rays" if rays else "tracing"
+    with named_file(arguments.scene), progress(label, rays=rays) as report:
         field = lfcore.record(
             scene, arguments.output, views=None if quality else views, pixels=pixels,
             quality=quality, encoding=replace(encoder(arguments), depth=depth),

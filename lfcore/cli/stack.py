@@ -18,12 +18,12 @@ from lfcore.pictures import CODED, SUFFIXES, check_codes, check_suffix, contact_
 from lfcore.refocus.focal_stack import focal_stack
 
 REFOCUS = """\
-Make pictures from a light field file: focused at any distance, through any aperture that is no
-wider than the lens it was recorded with. The file alone is enough."""
+Make pictures from a light field file: focused at any distance, through any aperture up to the
+recorded lens. No scene is needed."""
 REFOCUS_EPILOG = """\
 examples:
   lfcore refocus bike.mkv -o near.png --focus near
-      or middle, far, 40% of the depth that is seen; or --focus-at 0.5,0.4, a place in the picture
+      or middle, far, 40% of the visible depth; or --focus-at 0.5,0.4, a place in the picture
   lfcore refocus bike.mkv -o bike.png --focus 3.2 --f-number 2.8 --aperture polygon:5
   lfcore refocus bike.mkv -o bike.png --plane focus=2,f_number=2 --plane focus=6,f_number=8
       two pictures from one pass, named bike_00_focus2m_f2_circle.png and so on
@@ -32,7 +32,7 @@ examples:
                         2.0,2.8,circle
                         4.0,5.6,square
   lfcore refocus chess.mkv -o chess.png --focus 1.5px --f-number 7views
-      an imported light field whose cameras are not known
+      an imported light field with unknown cameras
 
 PNG, PPM, JPEG and WebP hold 8-bit sRGB, PNG 16 bits with --bits 16; EXR and NPY linear light in
 float32. Several planes go to one NPY.
@@ -47,7 +47,7 @@ def refocus_options(command: argparse.ArgumentParser) -> None:
 
 
 def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> None:
-    """Options of how pictures are made from a file."""
+    """Add the options of the method that makes pictures from a file."""
     how = command.add_argument_group("method")
     methods = ("slicing", "shift-sum", *more)
     how.add_argument("--method", choices=methods, help=f"default: by the filter{help}")
@@ -59,15 +59,15 @@ def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> 
     add(
         how,
         "device",
-        pixels="pixels of the longer side, or 1920x1080 (as recorded); by slicing no more than its "
-        "views have",
+        pixels="pixels of the longer side, or 1920x1080 (as recorded); with slicing at most those "
+        "of the views",
     )
 
 
 def make_pictures(
     arguments: argparse.Namespace, field: lfcore.LightField, planes: list[SensorPlane]
 ) -> np.ndarray:
-    """(P, height, width, 3) of the planes, with a line of progress."""
+    """Make the planes' pictures, (P, height, width, 3), with a line of progress."""
     in_blocks = arguments.method == "blocks"
     if in_blocks and (
         arguments.filter not in (None, "nearest") or arguments.pixels or arguments.salvage
@@ -97,7 +97,7 @@ def refocus(arguments: argparse.Namespace) -> None:
 
 DESCRIPTION = """\
 Make a focal stack (one aperture, several focus distances) or an aperture stack (one focus,
-several f-numbers) from a light field file, all from one pass over it."""
+several f-numbers) from one pass over a light field file."""
 EPILOG = """\
 examples:
   lfcore stack bike.mkv --sheet
@@ -111,15 +111,20 @@ examples:
   lfcore stack chess.mkv --focus -2px:2px:9 --sheet
       from an imported light field whose cameras are not known
 """
-SHEET_WIDTH, GAP_PX = 4, 4
-STEPS, SHEET_STEPS = 10, 8
-"""The number of pictures of a focal stack, and of one on a contact sheet."""
+SHEET_WIDTH = 4
+"""The pictures per row of a contact sheet."""
+GAP_PX = 4
+"""The gap between pictures on a contact sheet, pixels."""
+STEPS = 10
+"""The default number of a focal stack's pictures."""
+SHEET_STEPS = 8
+"""The default number of pictures on a contact sheet."""
 Focus = dict[str, Any]
 """One focus distance (``focus_m`` or ``disparity_px``), or a range: ``ends`` and ``steps``."""
 
 
 def focus(text: str) -> Focus:
-    """A focus, or a range such as ``near:far:60``."""
+    """Read a focus, or a range such as ``near:far:60``."""
     if ":" not in text:
         return values.focus(text)
     parts = text.split(":")
@@ -134,23 +139,23 @@ def focus(text: str) -> Focus:
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     add_output(command, "picture or .mp4 (the file's name and _stack.png)", required=False)
-    what = command.add_argument_group("the stack")
-    what.add_argument(
+    stack = command.add_argument_group("the stack")
+    stack.add_argument(
         "--focus", nargs="+", type=focus, metavar="FOCUS", default=[],
         help="metres, 'inf', pixels of disparity (1.5px), or a range NEAR:FAR:COUNT, evenly in "
         f"dioptres (near:far:{STEPS}, with --sheet near:far:{SHEET_STEPS})",
     )  # fmt: skip
-    what.add_argument(
+    stack.add_argument(
         "--f-number", nargs="+", type=values.f_number, metavar="F", default=[],
         help="f-numbers, or widths in views: 7views (the whole lens)",
     )  # fmt: skip
-    add(what, "aperture", "normalise")
-    made = command.add_argument_group("form")
-    made.add_argument("--sheet", action="store_true", help="all pictures in one")
-    made.add_argument(
+    add(stack, "aperture", "normalise")
+    form = command.add_argument_group("form")
+    form.add_argument("--sheet", action="store_true", help="all pictures in one")
+    form.add_argument(
         "--fps", type=values.count(1, 240), default=12, help="pictures per second of a film (12)"
     )
-    add(made, "bits", "exposure")
+    add(form, "bits", "exposure")
     add_method(command, "blocks", help="; blocks is fast for many pictures, with a little blur")
 
 
@@ -183,30 +188,30 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def stack_planes(arguments: argparse.Namespace, field: lfcore.LightField) -> list[SensorPlane]:
-    """Every focus distance at every f-number."""
+    """The planes of every focus distance with every f-number."""
     lens = arguments.f_number or [{}]
     steps = SHEET_STEPS if arguments.sheet else STEPS
-    # Without distances: through the whole scene, or as recorded for a stack of apertures.
-    asked = arguments.focus or ([{}] if arguments.f_number else [focus(f"near:far:{steps}")])
-    distances = [one for each in asked for one in _evenly(each, field)]
+    # By default through the whole scene, or as recorded for an aperture stack.
+    ranges = arguments.focus or ([{}] if arguments.f_number else [focus(f"near:far:{steps}")])
+    distances = [distance for each in ranges for distance in _evenly(each, field)]
     plane_options.check_count(len(lens) * len(distances))
     same = plane_options.settings(arguments, "aperture", "normalise")
     return [
-        plane_options.make_plane(field, {**same, "focus": one, "f_number": other})
-        for one in distances for other in lens
+        plane_options.make_plane(field, {**same, "focus": distance, "f_number": aperture})
+        for distance in distances for aperture in lens
     ]  # fmt: skip
 
 
-def _evenly(asked: Focus, field: lfcore.LightField) -> list[Focus]:
-    """The distances of a range, evenly in dioptres; a single distance as it is."""
-    if "ends" not in asked:
-        return [asked]
-    ends = asked["ends"]
-    if "disparity_px" in ends[0]:  # evenly in pixels is evenly in dioptres
+def _evenly(focus: Focus, field: lfcore.LightField) -> list[Focus]:
+    """The distances of a range, evenly spaced in dioptres; a single distance as it is."""
+    if "ends" not in focus:
+        return [focus]
+    ends, steps = focus["ends"], focus["steps"]
+    if "disparity_px" in ends[0]:  # pixels are linear in dioptres
         first, last = (end["disparity_px"] for end in ends)
-        return [{"disparity_px": px} for px in np.linspace(first, last, asked["steps"]).tolist()]
+        return [{"disparity_px": px} for px in np.linspace(first, last, steps).tolist()]
     first, last = (1 / plane_options.make_plane(field, {"focus": end}).focus_m for end in ends)
-    dioptres = np.linspace(first, last, asked["steps"])
+    dioptres = np.linspace(first, last, steps)
     return [{"focus_m": 1 / each if each else math.inf} for each in dioptres.tolist()]
 
 

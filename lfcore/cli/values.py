@@ -17,7 +17,7 @@ from lfcore.storage.pixels import PIXEL_FORMATS
 
 
 def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
-    """A type for argparse: a whole number in a range."""
+    """Make a type for argparse: a whole number in a range."""
     allowed = f"from {least} to {most}" if most is not None else f"of at least {least}"
 
     def read(text: str) -> int:
@@ -35,7 +35,7 @@ def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
 def number(
     least: float = -math.inf, most: float = math.inf, *, above: bool = False
 ) -> Callable[[str], float]:
-    """A type for argparse: a finite number in a range; ``above`` excludes the lower end."""
+    """Make a type for argparse: a finite number in a range; ``above`` excludes the lower end."""
     low = f" above {least:g}" if above else f" from {least:g}" if least > -math.inf else ""
     high = f" to {most:g}" if most < math.inf else ""
 
@@ -57,18 +57,18 @@ views = count(1, 4096)
 
 
 def pixels(text: str) -> int | Size:
-    """The side of a square, or width and height: ``512``, ``1920x1080``."""
+    """Read the side of a square, or width and height: ``512``, ``1920x1080``."""
     size = _checked(text, "size", Size.of)
     return size if "x" in text or "\u00d7" in text else size.width
 
 
 def distance(text: str) -> float:
-    """Metres above 0; ``inf`` is infinity."""
+    """Read metres above 0; ``inf`` is infinity."""
     return math.inf if text.lower() in ("inf", "infinity") else positive(text)
 
 
 def pair(text: str) -> tuple[int, int]:
-    """Two counts: ``9x9``."""
+    """Read two counts: ``9x9``."""
     match = re.fullmatch(r"(\d+)[x\u00d7](\d+)", text)
     if not match or not all(int(part) for part in match.groups()):
         raise argparse.ArgumentTypeError(f"{text!r} is not two counts like 9x9")
@@ -76,7 +76,7 @@ def pair(text: str) -> tuple[int, int]:
 
 
 def window(text: str) -> tuple[int, int, int, int]:
-    """Left, top, width and height of ``WxH+X+Y``."""
+    """Read left, top, width and height of ``WxH+X+Y``."""
     match = re.fullmatch(r"(\d+)x(\d+)\+(\d+)\+(\d+)", text)
     if not match:
         raise argparse.ArgumentTypeError(f"{text!r} is not a window like 512x512+0+0")
@@ -85,7 +85,7 @@ def window(text: str) -> tuple[int, int, int, int]:
 
 
 def length(text: str) -> float:
-    """Metres of ``6mm``, ``0.6cm``, ``0.006m`` or ``0.006``."""
+    """Read a length in metres: ``6mm``, ``0.6cm``, ``0.006m`` or ``0.006``."""
     units = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
     for unit, metres in units.items():
         if text.endswith(unit):
@@ -94,7 +94,7 @@ def length(text: str) -> float:
 
 
 def exposure(text: str) -> dict[str, Any]:
-    """Stops, and whether highlights roll off: ``-1.5``, ``0:soft``."""
+    """Read stops, and whether highlights roll off: ``-1.5``, ``0:soft``."""
     stops, _, how = text.partition(":")
     if how not in ("", "soft"):
         raise argparse.ArgumentTypeError(f"{how!r} is not soft")
@@ -102,22 +102,22 @@ def exposure(text: str) -> dict[str, Any]:
 
 
 def rays(text: str) -> tuple[int | None, int | None]:
-    """Rays per pixel and instants of the shutter: ``64``, ``64:4`` or ``:4``."""
+    """Read rays per pixel and instants of the shutter: ``64``, ``64:4`` or ``:4``."""
     samples, _, instants = text.partition(":")
     read = count()
     return read(samples) if samples else None, read(instants) if instants else None
 
 
 def codec(*keys: str) -> Callable[[str], dict[str, str]]:
-    """A type for argparse: ``libx265,preset=medium``, as keywords of :class:`lfcore.Encoding`.
+    """Make a type for argparse: ``libx265,preset=medium``, as keywords of :class:`lfcore.Encoding`.
 
-    ``keys`` are allowed beside ``preset`` and ``pixel_format``.
+    Keys are ``preset``, ``pixel_format`` and ``keys``.
     """
     known = {"codec": tuple(CODECS), "preset": (), "pixel_format": tuple(PIXEL_FORMATS),
              "layout": ("macropixels", "views")}  # fmt: skip
 
     def read(text: str) -> dict[str, str]:
-        found = {}
+        keywords = {}
         for part in text.split(","):
             key, value = part.split("=", 1) if "=" in part else ("codec", part)
             if key not in ("codec", "preset", "pixel_format", *keys):
@@ -125,26 +125,26 @@ def codec(*keys: str) -> Callable[[str], dict[str, str]]:
             if known[key] and value not in known[key]:
                 choices = ", ".join(known[key])
                 raise argparse.ArgumentTypeError(f"{key} {value!r} is not one of {choices}")
-            found[key] = value
-        return found
+            keywords[key] = value
+        return keywords
 
     return read
 
 
 def _checked(text: str, kind: str, check: Callable[[str], Any]) -> Any:
-    """The value by a check of the library, whose refusal argparse reports."""
+    """Convert a text with a function of the library; argparse reports its error."""
     try:
         return check(text)
     except OpticsError as error:
-        what = error.remedy or f"It {error.problem}"
-        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {what}") from None
+        reason = error.remedy or f"It {error.problem}"
+        raise argparse.ArgumentTypeError(f"{text!r} is no {kind}. {reason}") from None
 
 
-# Settings of a sensor plane: keys are those of :meth:`lfcore.LightField.plane`.
+# Settings of a sensor plane, as keywords of :meth:`lfcore.LightField.plane`.
 
 
 def focus(text: str) -> dict[str, Any]:
-    """A focus: metres, ``inf``, ``near``, ``middle``, ``far``, ``40%`` of the depth that is seen,
+    """Read a focus: metres, ``inf``, ``near``, ``middle``, ``far``, ``40%`` of the visible depth,
     or ``1.5px``, the disparity of neighbouring views."""
     if text.endswith("px"):
         return {"disparity_px": number()(text.removesuffix("px"))}
@@ -153,40 +153,40 @@ def focus(text: str) -> dict[str, Any]:
 
 
 def place(text: str) -> dict[str, Any]:
-    """What is in focus: a place ``0.5,0.4`` in the picture."""
+    """Read a place in the picture to focus on: ``0.5,0.4``."""
     split = lambda words: check_place(words.strip("[]()").split(","))  # noqa: E731
     return {"focus_at": _checked(text, "place", split)}
 
 
 def blur(text: str) -> dict[str, Any]:
-    """An aperture by its blur: ``3%`` of the picture's shorter side."""
+    """Read an aperture's blur, relative to the picture's shorter side: ``3%``."""
     return {"blur": _checked(text, "blur", blur_share)}
 
 
 def f_number(text: str) -> dict[str, float]:
-    """An f-number, or ``7views``, the aperture's diameter in views."""
+    """Read an f-number, or ``7views``, the aperture's diameter in views."""
     if text.endswith("views"):
         return {"aperture_views": positive(text.removesuffix("views"))}
     return {"f_number": positive(text)}
 
 
 def aperture(text: str) -> dict[str, Any]:
-    """``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``."""
+    """Read an aperture: ``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``."""
     shape, *more = text.split(":")
     if shape not in SHAPES or len(more) > 2 or (more and shape != "polygon"):
         known = ", ".join(SHAPES)
         problem = f"{text!r} is not one of {known}; a polygon may be polygon:5 or polygon:5:18"
         raise argparse.ArgumentTypeError(problem)
-    found: dict[str, Any] = {"aperture": shape}
+    settings: dict[str, Any] = {"aperture": shape}
     if more:
-        found["blades"] = count(3)(more[0])
+        settings["blades"] = count(3)(more[0])
     if more[1:]:
-        found["rotation_deg"] = number()(more[1])
-    return found
+        settings["rotation_deg"] = number()(more[1])
+    return settings
 
 
 def truth(text: str) -> bool:
-    """``yes``, ``true``, ``1``; ``no``, ``false``, ``0``."""
+    """Read ``yes``, ``true`` or ``1``; ``no``, ``false`` or ``0``."""
     known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
     if text.lower() not in known:
         raise argparse.ArgumentTypeError(f"{text!r} is neither yes nor no")

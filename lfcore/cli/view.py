@@ -51,7 +51,7 @@ def options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     what.add_argument(
         "--view", nargs=2, type=_lens_place, metavar=("I", "J"),
-        help="lens column and row, or of a file with depth: 12.5mm right of its middle, 4mm below",
+        help="lens column and row; with depth also millimetres from the lens's middle: 12.5mm 4mm",
     )  # fmt: skip
     what.add_argument(
         "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
@@ -61,11 +61,11 @@ def options(command: argparse.ArgumentParser) -> None:
     add(page, pixels="pixels of a picture's longer side (at most 512)")
     page.add_argument(
         "--format", choices=("jpeg", "webp"),
-        help="of its views: webp (default with depth), which blurs colours, or jpeg (else)",
+        help="of the page's views: webp (default with depth) or jpeg (default without)",
     )  # fmt: skip
     page.add_argument(
         "--jpeg-quality", type=values.count(1, 100), metavar="Q",
-        help="of its views (with depth by their error, else 90)",
+        help="of the page's views (with depth by their error, else 90)",
     )  # fmt: skip
     page.add_argument(
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",
@@ -75,7 +75,7 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def _lens_place(text: str) -> int | float:
-    """A column or row, or metres from the middle of the lens."""
+    """Read a column or row, or a distance from the middle of the lens: metres of millimetres."""
     return values.number()(text[:-2]) / 1000 if text.endswith("mm") else values.count(0)(text)
 
 
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> None:
         check_suffix(output, (*SUFFIXES, *PAGES))
     if wrong := flags(arguments, *(OF_PICTURES if is_page else OF_PAGES)):
         kind, name = ("picture", ".png") if is_page else ("page", ".html")
-        refuse(wrong[0], f"belongs to a {kind}", f"Write a {name}, or leave it out")
+        refuse(wrong[0], f"is for a {kind}", f"Write a {name}, or leave it out")
     (_page if is_page else _picture)(arguments)
 
 
@@ -124,7 +124,7 @@ def _picture(arguments: argparse.Namespace) -> None:
         picture = _grid(field, arguments)
     else:
         place = arguments.view or [side // 2 for side in field.grid]
-        kinds = {type(each) for each in place}
+        kinds = {type(coordinate) for coordinate in place}
         if len(kinds) > 1:
             refuse("--view", "mixes a column or row with mm", "Give both in mm")
         if kinds == {float}:
@@ -154,7 +154,7 @@ def _grid(field: lfcore.LightField, arguments: argparse.Namespace) -> np.ndarray
 
 
 def _spread(count: int, views: int) -> np.ndarray:
-    """``count`` of ``views`` columns or rows, from end to end."""
+    """The numbers of ``count`` columns or rows among ``views``, from end to end."""
     if count > views:
         refuse("--grid", f"must be from 1 to {views}, not {count}")
     if count == 1:

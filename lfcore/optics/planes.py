@@ -26,6 +26,8 @@ MOST_BLADES = 1000
 EDGE = 1e-12
 """The tolerance of a polygon's edges, relative to the radius: the last bits of their cosines
 differ between machines."""
+MOST_PLANES = 100
+"""The most pictures of one pass over a file or over rays: their sums are in memory together."""
 SHAPES = ("circle", "square", "diamond", "polygon")
 NORMALISATIONS = ("aperture", "lens")
 

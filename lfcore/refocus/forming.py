@@ -7,7 +7,7 @@ import numpy as np
 
 from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
-from lfcore.optics.planes import SensorPlane
+from lfcore.optics.planes import MOST_PLANES, SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
 from lfcore.refocus.resampling import FILTERS
@@ -18,8 +18,6 @@ from lfcore.storage.lightfield import LightFieldFile
 
 METHODS = {"slicing": ("bilinear", "shift-sum"), "shift-sum": ("depth", "slicing")}
 """The methods, each with the filter that it lacks and the method that has this filter."""
-MOST_PLANES = 100
-"""The most pictures of one pass: their sums share the memory with the decoder."""
 
 
 def form_pictures(

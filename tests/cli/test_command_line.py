@@ -201,7 +201,7 @@ REFUSED = [
     ("render none.glb -o a.png", "none.glb"),
     ("render CHART --quality-db 40 --views 4 -o a.png", "--quality-db: chooses the rays itself"),
     ("render CHART --quality-db 40 --filter nearest -o a.png", "--quality-db: chooses the rays"),
-    ("render CHART --most-rays 9 -o a.png", "--quality-db: is what"),
+    ("render CHART --most-rays 9 -o a.png", "--quality-db: is missing"),
     ("render CHART --quality-db 99 --pixels 16 -o a.png", "or allow more rays (--most-rays)"),
     ("render CHART --pixels 16 --filter nearest --subpixels 0.5 -o a.png", "16 pixels is finer"),
     ("depth CHART -o a.png --format disparity", "--format: "),

@@ -173,7 +173,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     assert "24 x 24 pixels, 4 x 4 views" in said and "views displaced" in said
     assert main(["refocus", depth, "--pixels", "20", *out]) == 0
     assert main([*record, "--depth", "none", "--subpixels", "2", "-o", plain]) == 1
-    assert "--subpixels: belongs to views with depth" in capsys.readouterr().err
+    assert "--subpixels: is for views with depth" in capsys.readouterr().err
 
 
 def seen_from(point, pixels, over=4):
