@@ -31,8 +31,8 @@ def measured_error(cache: IrradianceCache, light: BakedLight) -> float:
     x, y = np.meshgrid(axis, axis)
     towards = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3).astype(np.float32)
     faces, weights, distance = around.cast(np.zeros_like(towards), towards)
-    # On an emitter, baked light hardly shows.
-    on = np.flatnonzero((faces >= 0) & ~around.emits[faces // 2])
+    # On an emitter, baked light hardly shows; other rays of the bake missed some small faces.
+    on = np.flatnonzero(cache.seen[faces] & (faces >= 0) & ~around.emits[faces // 2])
     if not len(on):
         return 0.0
     faces, weights = faces[on], weights[on]

@@ -1,5 +1,6 @@
 """Baked light: closed forms, bounces, skies, bad input."""
 
+import itertools
 from dataclasses import replace
 from functools import partial
 
@@ -109,6 +110,21 @@ def test_a_sphere_in_half_a_sky():
         front = ball.mean(1)[:, 2] < 1.9
         off = (baked.values[first + offset, 1] - wanted)[front]
         assert abs(off.mean()) < 0.002 and np.sqrt((off**2).mean()) < 0.01
+
+
+@pytest.mark.parametrize("up", [0.5, 0.0, -0.5])
+def test_a_normal_map_turns_surfaces_to_the_sky(up):
+    """A wall under the upper half of a sky has (1 + sin a) / 2, turned upward by a."""
+    sky = np.repeat(np.float32(texel_directions(64)[..., 1:2] < 0), 3, axis=-1)
+    walls = plain_scenes.wall(1.5, 2.0)[:, ::-1]  # seen from the front
+    normal = np.array([0, up, np.sqrt(1 - up * up)])
+    scene = replace(
+        world(walls, sky=sky, bounces=0, error=0.02),
+        materials=[Material("bumpy", (1.0,) * 3, normal_texture=0)],
+        textures=[np.tile(np.uint8(np.rint((normal / 2 + 0.5) * 255)), (4, 4, 1))],
+        uvs=np.float32((walls[..., :2] * (1, -1) + 2) / 4),
+    )
+    assert seen(scene, 16).mean() == pytest.approx((1 + up) / 2, rel=0.03)
 
 
 @pytest.mark.parametrize(("half", "distance"), [(0.01, 1.8), (0.2, 1.8), (0.5, 1.0)])
@@ -247,6 +263,15 @@ def test_the_expected_error_is_that_of_the_picture(distance, error):
     off = off / np.maximum(wanted, 0.25 * wanted[on_wall].mean())
     real = np.sqrt((off[on_wall] ** 2).mean())
     assert 0.5 < scene.light.error / real < 2
+
+
+def test_faces_that_the_sample_rays_miss_are_no_places_of_the_error():
+    """Many slivers, each seen by few rays or none."""
+    edges = np.linspace(-1, 1, 801)
+    strips = [rectangle((a, -1), (b, 1), 1.5) for a, b in itertools.pairwise(edges)]
+    things = np.concatenate([*strips, solid("box", (0, 0, 1.2), extents=(0.2, 0.2, 0.2))])
+    light = lfcore.bake(world(things, bounces=1, error=0.1, cells=4)).light
+    assert 0 < light.error < 0.5
 
 
 def test_what_goes_through_a_wall_brings_no_light_from_beyond():

@@ -125,6 +125,7 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);
         s.albedo = albedo_row(scene, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
+        if (PHYSICAL && BAKED && SKY && material.maps[MAP_NORMAL].height) map_light(scene, &s);
         store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
     }
 }

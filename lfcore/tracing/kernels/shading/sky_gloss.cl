@@ -20,6 +20,23 @@ inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughnes
     return sharp + (level - k) * (gloss_between(gloss, k + 1, mirrored) - sharp);
 }
 
+// The most that a normal map brightens baked light: seams of normals cannot become lamps.
+#define MOST_BRIGHTENED 4.0f
+
+// Scale a row's baked light, which is that on the surface without its normal map, by what the open
+// sky gives the mapped normal over what it gives the surface's own.
+inline void map_light(const Scene *scene, Surface *s)
+{
+    const int side = scene->numbers->sky_side;
+    global const float *gloss = scene->sky + 4 * side * side;
+    for (int k = 0; k < LANES; ++k) {
+        const float3 own = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->geometric, k)).xyz;
+        const float3 mapped = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
+        const float3 share = min(mapped / max(own, 1e-20f), MOST_BRIGHTENED);
+        set_ray_vector(&s->light, k, ray_vector(&s->light, k) * share);
+    }
+}
+
 // Baked light that a surface reflects, and the sky as far as it is not hidden.
 inline Vec reflect_sky(const Scene *scene, const Surface *s)
 {
