@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lfcore.errors import OpticsError, check_kind, check_known
+from lfcore.errors import OpticsError, answers_typos, check_kind, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -21,6 +21,7 @@ from lfcore.optics.focus import exclude_twice
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size, whole_number
 from lfcore.optics.slab import Lattice, Slab
+from lfcore.pictures import LIGHT_FIELD, check_suffix
 from lfcore.progress import Progress
 from lfcore.readers.load import load_scene as load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
@@ -44,6 +45,7 @@ VIEWS = 16
 # Functions that need video import it themselves, so that a picture starts sooner.
 
 
+@answers_typos
 def bake(
     scene: Scene,
     *,
@@ -115,6 +117,7 @@ def bake(
     return lit(scene, opened(device), progress)
 
 
+@answers_typos
 def render(
     scene: Scene,
     focus_m: float | str | None = None,
@@ -241,6 +244,7 @@ def _plain(views: int | Lattice | None, problem: str, remedy: str) -> Lattice:
     return views
 
 
+@answers_typos
 def render_to_quality(
     scene: Scene,
     quality: Quality,
@@ -329,6 +333,7 @@ def _chosen_planes(
     return list(planes), camera
 
 
+@answers_typos
 def record(
     scene: Scene,
     path: str | Path,
@@ -410,6 +415,7 @@ def record(
     from lfcore.rendering.record import peak_to_store, record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
 
+    check_suffix(path, (LIGHT_FIELD,))
     _check_scene(scene)
     check_kind(quality, Quality | None, "quality", "a Quality")
     check_kind(encoding, Encoding | None, "encoding", "an Encoding")
@@ -515,6 +521,7 @@ def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[b
     return False, _plain(views, "displaced views need their depths", remedy)
 
 
+@answers_typos
 def trace_array(
     scene: Scene,
     array: CameraArray | None = None,

@@ -2,13 +2,14 @@
 
 import difflib
 import functools
+import inspect
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
 Error = TypeVar("Error", bound="LfcoreError")
-Class = TypeVar("Class")
+Named = TypeVar("Named", bound=Callable[..., Any])
 
 LONGEST_TEXT = 1000
 """Characters of an error: one line that can still be read."""
@@ -82,24 +83,22 @@ def check_kind(
         raise LfcoreError(f"must be {what}, not {value!r}", key=key, remedy=remedy)
 
 
-def unknown_keyword(call: str, name: str, known: Iterable[str]) -> TypeError:
-    """The error of a public ``call`` that has no keyword ``name``."""
-    hint = did_you_mean(name, known)
-    return TypeError(f"{call}() got an unexpected keyword argument {name!r}. {hint}")
-
-
-def answers_typos(made: type[Class]) -> type[Class]:
-    """Make a dataclass answer an unknown keyword as :func:`unknown_keyword`."""
-    own = made.__init__
+def answers_typos(call: Named) -> Named:
+    """Make a function or dataclass answer an unknown keyword with the one that was meant."""
+    own: Any = vars(call)["__init__"] if isinstance(call, type) else call
+    known = [each for each in inspect.signature(own).parameters if each not in ("self", "cls")]
 
     @functools.wraps(own)
-    def answering(self: Class, *given: Any, **named: Any) -> None:
-        for name in named.keys() - made.__dataclass_fields__:  # type: ignore[attr-defined]
-            raise unknown_keyword(made.__name__, name, made.__dataclass_fields__)  # type: ignore[attr-defined]
-        own(self, *given, **named)
+    def answering(*given: Any, **named: Any) -> Any:
+        for name in named.keys() - known:
+            problem = f"{call.__name__}() got an unexpected keyword argument {name!r}"
+            raise TypeError(f"{problem}. {did_you_mean(name, known)}")
+        return own(*given, **named)
 
-    made.__init__ = answering  # type: ignore[assignment]
-    return made
+    if not isinstance(call, type):
+        return answering  # type: ignore[return-value]
+    call.__init__ = answering  # type: ignore[misc]
+    return call
 
 
 def one_line(text: str) -> str:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, answers_typos
 from lfcore.opencl.device import Device
-from lfcore.optics.focus import exclude_twice, f_number_of_blur
+from lfcore.optics.focus import blur_share, exclude_twice, f_number_of_blur
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
@@ -54,6 +54,7 @@ class LightField(LightFieldFile):
     def _visible(self) -> VisibleDepth:
         return VisibleDepth(self)
 
+    @answers_typos
     def plane(
         self,
         focus_m: float | str | None = None,
@@ -126,6 +127,12 @@ class LightField(LightFieldFile):
                     slab.camera.field_width * (slab.size.shorter / slab.pixels),
                     self._visible.range,
                 )  # fmt: skip
+                if f_number < (1 - 1e-9) * slab.camera.f_number:
+                    widest = f"f/{slab.camera.f_number:g}"
+                    most = 100 * blur_share(blur) * f_number / slab.camera.f_number
+                    problem = f"needs a lens of f/{f_number:.3g}, wider than {widest}"
+                    remedy = f"Give at most {most:.3g}%, or record a wider lens"
+                    raise OpticsError(problem, key="blur", remedy=remedy)
             plane = SensorPlane.of(
                 slab.camera, distance, f_number, aperture, blades=blades,
                 rotation_deg=rotation_deg, normalise=normalise,
@@ -190,6 +197,7 @@ class LightField(LightFieldFile):
             raise OpticsError(problem, file=self.path, key="aperture_views")
         return slab.camera.focal_length_m / (aperture_views * slab.lens_pitch_m)
 
+    @answers_typos
     def refocus(
         self,
         focus_m: float | str | None = None,
@@ -236,6 +244,7 @@ class LightField(LightFieldFile):
             progress=progress,
         )[0]  # fmt: skip
 
+    @answers_typos
     def refocus_many(
         self,
         planes: Sequence[SensorPlane],
@@ -284,6 +293,7 @@ class LightField(LightFieldFile):
             progress=progress,
         )  # fmt: skip
 
+    @answers_typos
     def stack(
         self,
         focus_m: Sequence[float] | None = None,
@@ -353,6 +363,7 @@ class LightField(LightFieldFile):
             planes, filter=filter, pixels=pixels, device=device, progress=progress
         )
 
+    @answers_typos
     def views_at(
         self,
         points_m: np.ndarray,
@@ -386,6 +397,7 @@ class LightField(LightFieldFile):
         """
         return views_at(self, points_m, pixels, device=device, progress=progress)
 
+    @answers_typos
     def depth(
         self,
         scene: Scene | None = None,
@@ -423,6 +435,7 @@ class LightField(LightFieldFile):
 
         return field_depth(self, scene, samples, device, progress)
 
+    @answers_typos
     def all_in_focus(
         self,
         scene: Scene | None = None,
@@ -478,6 +491,7 @@ class LightField(LightFieldFile):
         """
         return labelled_views(self, codes=codes)
 
+    @answers_typos
     def viewer(
         self,
         *,

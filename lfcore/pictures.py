@@ -22,6 +22,7 @@ from lfcore.reading import LARGEST_PICTURE, opened, read_bytes
 if TYPE_CHECKING:
     from PIL import Image
 
+LIGHT_FIELD = ".mkv"
 CODED = (".png", ".ppm", ".jpg", ".jpeg", ".webp")
 SUFFIXES = (*CODED, ".exr", ".npy")
 """What the command line offers."""
@@ -46,6 +47,8 @@ def check_suffix(
     if suffix.lower() not in suffixes:
         problem = f"unknown format {suffix!r}"
         remedy = f"Use a name that ends in {', '.join(suffixes)}"
+        if suffix.lower() == LIGHT_FIELD:
+            problem = "is the name of a light field, which record writes"
         raise LfcoreError(problem, file=path, key=key, remedy=remedy)
 
 

@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from lfcore import __version__
 from lfcore.cli.interrupt import ending, interruptible, leave_at_once
-from lfcore.errors import LfcoreError, one_line
+from lfcore.errors import LfcoreError, did_you_mean, one_line
 
 # Before NumPy is loaded: threads of BLAS spin, here for nothing.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -57,10 +57,17 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         known, unknown = super().parse_known_args(args, namespace)
         if unknown and " " in self.prog:  # the whole program's error would not name the command
-            self.error(f"unknown: {' '.join(unknown)}")
+            option = unknown[0].partition("=")[0]
+            near = did_you_mean(option, self._option_string_actions)
+            hint = f". {near}" if near.startswith("Did") and option.startswith("-") else ""
+            self.error(f"unknown: {' '.join(unknown)}{hint}")
         return known, unknown
 
     def error(self, message: str) -> NoReturn:
+        choice = re.fullmatch(r"argument .*: invalid choice: '(.*)' \(choose from (.*)\)", message)
+        if choice:
+            near = did_you_mean(choice[1], [word.strip("'") for word in choice[2].split(", ")])
+            message += f". {near}" * near.startswith("Did")
         self.exit(2, f"{one_line(f'{self.prog}: {message}')}. See '{self.prog} --help'.\n")
 
 

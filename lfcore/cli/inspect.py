@@ -1,6 +1,7 @@
 """``lfcore info`` and ``lfcore devices``."""
 
 import argparse
+import contextlib
 import json
 import os
 import platform
@@ -11,9 +12,11 @@ from lfcore.cli.command import Command, add_lightfield, open_field
 from lfcore.cli.progress import note, progress
 from lfcore.errors import printable
 from lfcore.optics.size import Size
-from lfcore.reading import SCENES
+from lfcore.pictures import LIGHT_FIELD
+from lfcore.reading import opened
 from lfcore.storage.codecs import LOSSLESS
 
+MATROSKA = b"\x1a\x45\xdf\xa3"
 INFO = """\
 Report a light field file's lens, resolutions, layout, codec, segments and size, or a scene's
 camera and visible depth."""
@@ -77,7 +80,7 @@ def devices(arguments: argparse.Namespace) -> None:
 
 def info(arguments: argparse.Namespace) -> None:
     name = arguments.lightfield
-    if name.lower().endswith(SCENES) or os.path.isfile(os.path.join(name, "scene.yaml")):
+    if not _is_light_field(name):
         info_of_scene(arguments)
         return
     field = open_field(arguments)
@@ -91,6 +94,15 @@ def info(arguments: argparse.Namespace) -> None:
     )  # fmt: skip
     if not arguments.json:
         _print(facts(field))
+
+
+def _is_light_field(name: str) -> bool:
+    """Whether a file is Matroska's; one that is not there, or is a URL, by its name."""
+    if "://" in name or name.lower().endswith(LIGHT_FIELD):
+        return True
+    with contextlib.suppress(lfcore.LfcoreError), opened(name) as file:
+        return file.read(len(MATROSKA)) == MATROSKA
+    return False
 
 
 def info_of_scene(arguments: argparse.Namespace) -> None:

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from lfcore.errors import answers_typos
 from lfcore.exchange import table
 from lfcore.exchange.grid import Order, ReadOptions, ViewGrid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.reading import NOT_OF_THE_FORMAT, ExchangeError
 from lfcore.files import make_folder, refuse_special
 from lfcore.lightfield import LightField
+from lfcore.pictures import LIGHT_FIELD, check_suffix
 from lfcore.progress import Progress
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
@@ -59,6 +61,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     return replace(grid, geometry=geometry).turned(order.left, order.up)
 
 
+@answers_typos
 def import_lightfield(
     source: str | Path,
     path: str | Path,
@@ -105,6 +108,7 @@ def import_lightfield(
     >>> lfcore.import_lightfield("shots", "shots.mkv", options=options).metric
     True
     """
+    check_suffix(path, (LIGHT_FIELD,))
     source, path, encoding = Path(source), Path(path), encoding or Encoding()
     grid = read_grid(source, format, options or ReadOptions())
     if encoding.codec == "ffv1" and encoding.pixel_format is None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError
+from lfcore.errors import OpticsError, answers_typos
 
 PINHOLE_F_NUMBER = 1e6
 """The f-number of a camera that a matrix describes: its lens is 50 nm wide."""
@@ -77,6 +77,7 @@ class Camera:
             object.__setattr__(self, "pose", tuple(map(tuple, rows.tolist())))
 
     @classmethod
+    @answers_typos
     def from_matrix(
         cls,
         K: ArrayLike,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import SceneError, check_kind
+from lfcore.errors import SceneError, answers_typos, check_kind
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
 from lfcore.optics.size import Pixels, Size
@@ -28,6 +28,7 @@ from lfcore.scene.model import Scene
 PBRT = (".pbrt", ".pbrt.gz")
 
 
+@answers_typos
 def load_scene(
     path: str | Path,
     *,

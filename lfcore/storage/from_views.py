@@ -20,6 +20,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import Geometry
 from lfcore.optics.slab import Extent, Slab
+from lfcore.pictures import LIGHT_FIELD, check_suffix
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding
 from lfcore.storage.layout import MOST_LIGHT
@@ -45,6 +46,7 @@ def store_arrays(
     """Write ``views`` to ``path``; parameters and errors as of :meth:`LightField.from_views`."""
     from lfcore.scene.files import scene_digest
 
+    check_suffix(path, (LIGHT_FIELD,))
     try:
         views, encoding = np.asarray(views), encoding or Encoding()
     except (TypeError, ValueError) as error:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from lfcore.errors import OpticsError, StorageError
+from lfcore.errors import OpticsError, StorageError, answers_typos
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
@@ -73,6 +73,7 @@ class LightFieldFile:
         self._salvage = salvage
 
     @classmethod
+    @answers_typos
     def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
         """Open a light field file.
 
@@ -117,6 +118,7 @@ class LightFieldFile:
         return field
 
     @classmethod
+    @answers_typos
     def from_views(
         cls,
         views: np.ndarray,
