@@ -131,7 +131,7 @@ class LightField(LightFieldFile):
                     widest = f"f/{slab.camera.f_number:g}"
                     most = 100 * blur_share(blur) * f_number / slab.camera.f_number
                     problem = f"needs a lens of f/{f_number:.3g}, wider than {widest}"
-                    remedy = f"Give at most {most:.3g}%, or record a wider lens"
+                    remedy = f"Give at most {0.999 * most:.3g}%, or record a wider lens"
                     raise OpticsError(problem, key="blur", remedy=remedy)
             plane = SensorPlane.of(
                 slab.camera, distance, f_number, aperture, blades=blades,

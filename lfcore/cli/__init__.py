@@ -36,7 +36,7 @@ COMMANDS = {
 }
 DESCRIPTION = "Light fields: record a scene once, choose focus, aperture and view afterwards."
 EPILOG = """examples:
-  lfcore record scenes/bike -o bike.mkv
+  lfcore record example -o bike.mkv
   lfcore view bike.mkv -o bike.html
   lfcore refocus bike.mkv --focus 3.2 --f-number 2.8 -o bike.png
   lfcore stack bike.mkv --focus 2 3 4 6 -o focal.mp4

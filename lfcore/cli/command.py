@@ -105,7 +105,7 @@ def add_output(command: Options, help: str, *, required: bool = True) -> None:
 
 def add_scene(command: Options, name: str = "scene", help: str | None = None, **more: Any) -> None:
     """Add the scene, and the device that traces it, for :func:`open_scene`."""
-    usual = "scene.yaml, its folder, a mesh or a .pbrt file"
+    usual = "scene.yaml, its folder, a mesh or a .pbrt file; or example, which comes with lfcore"
     command.add_argument(name, type=Path, help=help or usual, **more)
     add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "floor", "device")
 

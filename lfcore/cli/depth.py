@@ -27,9 +27,9 @@ views, exact and without anti-aliasing. Without a scene, write the depth of a li
 make a picture with everything in focus."""
 EPILOG = """\
 examples:
-  lfcore depth scenes/bike --lightfield bike.mkv -o bike_depth.npz
+  lfcore depth example --lightfield bike.mkv -o bike_depth.npz
       depth_m and disparity_px, (views, rows, columns), of the light field's views
-  lfcore depth scenes/bike --pixels 512 -o centre.png
+  lfcore depth example --pixels 512 -o centre.png
       the middle view as a picture: near is warm, far is cold
   lfcore depth bike.mkv --all-in-focus sharp.png
 """

@@ -38,7 +38,7 @@ all. --views, --baseline and --crop select a part of it. A file with depth gives
 views: views between the recorded ones are made by depth, and their quality is reported."""
 EXPORT_EPILOG = """\
 examples:
-  lfcore export bike.mkv --format hci --scene scenes/bike -o bike_hci
+  lfcore export bike.mkv --format hci --scene example -o bike_hci
       depth, disparity and materials of every view traced again, not those of the file
   lfcore export bike.mkv --format hci --views 9x9 --baseline 6mm -o bike_9x9
   lfcore export bike.mkv --format nerfstudio -o bike_nerf

@@ -19,10 +19,10 @@ photosensor pixels behind each. The photograph has M N x M N pixels; sub-apertur
 refocused pictures of M x M can be made from it."""
 EPILOG = """\
 examples:
-  lfcore plenoptic scenes/chart -o photograph.png --pixels 512 --views 16 --focus 2
-      8192 x 8192 pixels, the background in focus
-  lfcore plenoptic scenes/chart -o photograph.png --pixels 128 --views 8 --refocus 1 near.png
-  lfcore plenoptic scenes/chart -o photograph.png --view 0 0 corner.png
+  lfcore plenoptic example -o photograph.png --pixels 512 --views 16 --focus 2.5
+      8192 x 8192 pixels, the plants in front in focus
+  lfcore plenoptic example -o photograph.png --pixels 128 --views 8 --refocus 2.5 near.png
+  lfcore plenoptic example -o photograph.png --view 0 0 corner.png
 """
 
 

@@ -38,16 +38,16 @@ examples:
       any mesh: seen from the front left, with its nearest part in focus
   lfcore render model.glb -o picture.png --from right --focus-at 0.5,0.4 --blur 4%
       from the right, focused on a place of the picture, with twice the usual blur
-  lfcore render scenes/bike -o bike.png --pixels 512
+  lfcore render example -o bike.png --pixels 512
       4 x 4 lens samples by 2 x 2 rays per pixel, each spread by its depth
   lfcore render table.glb -o table.png --focus 2.5 --f-number 1.4
-  lfcore render scenes/bike -o bike.png --quality-db 45
+  lfcore render example -o bike.png --quality-db 45
       with the fewest rays that reach 45 dB
   lfcore render scene.pbrt -o scene.exr
       as the file says: film, rays per pixel, lens or Camera "lightfield", shutter
-  lfcore render scenes/bike -o pinhole.png --views 1 --filter nearest
+  lfcore render example -o pinhole.png --views 1 --filter nearest
       a pinhole: one ray per pixel, all in focus
-  lfcore render scenes/bike -o bike.png --plane focus=2 --plane focus=6
+  lfcore render example -o bike.png --plane focus=2 --plane focus=6
       several pictures from the same rays
 """
 
@@ -139,9 +139,9 @@ file holds few views and the depth of every ray, from which views between them a
 for 'lfcore render'."""
 RECORD_EPILOG = """\
 examples:
-  lfcore record scenes/bike -o bike.mkv
+  lfcore record example -o bike.mkv
       4 x 4 views of 512 x 512 with depth, for pictures of 256 x 256
-  lfcore record scenes/bike -o bike.mkv --pixels 128 --quality-db 45 --focus-range 2 10
+  lfcore record example -o bike.mkv --pixels 128 --quality-db 45 --focus-range 2 10
       with the views and pixels that pictures focused there need
   lfcore record table.glb -o table.mkv --views 32
       for 32 x 32 views: 5 x 5 are traced, the others made by depth

@@ -25,6 +25,8 @@ from lfcore.scene.files import read_scene
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 
+EXAMPLE = Path(__file__).parents[1] / "scene" / "example.yaml"
+"""The scene that comes with the package; its name is enough."""
 PBRT = (".pbrt", ".pbrt.gz")
 
 
@@ -52,7 +54,8 @@ def load_scene(
     ----------
     path : str or Path
         A ``scene.yaml`` or its folder; a mesh (GLB, OBJ, PLY, STL, ...), which gets a camera, a
-        sky and a floor where it has none; a ``.pbrt`` file; or a ``scene.npz`` of the workflow.
+        sky and a floor where it has none; a ``.pbrt`` file; or a ``scene.npz`` of the workflow;
+        or ``"example"``, a scene that comes with the package.
     light_points : int
         Point lights that stand for each area light of a pbrt scene.
     up : str, optional
@@ -100,6 +103,8 @@ def load_scene(
     ('ball', 80)
     """
     path = Path(path)
+    if path == Path(EXAMPLE.stem) and not path.exists():
+        path = EXAMPLE
     check_kind(camera, Camera | None, "camera", "a Camera")
     check_kind(floor, bool | None, "floor", "True or False")
     pose = {"position_m": position_m, "look_at_m": look_at_m, "matrix": matrix}

@@ -8,6 +8,8 @@ import io
 import logging
 import re
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +62,8 @@ def read_other(
     kind, account = path.suffix.lower(), Account(notebook, path)
     data = read_bytes(path, LARGEST_MESH, "mesh file")
     text = _text(path, data)
-    parts = parts_of(_load(path, data, account), path, shading=shading, crease_deg=crease_deg)
+    with without_ghostscript():
+        parts = parts_of(_load(path, data, account), path, shading=shading, crease_deg=crease_deg)
     for suffixes, elements in LOST.items():
         for element, what in elements.items() if kind in suffixes else ():
             number = len(re.findall(rb"<(?:\w+:)?%s\b" % element.encode(), text))
@@ -74,6 +77,18 @@ def read_other(
         account.use(what, number)
     account.close()
     return transform_all(parts, _to_metres(path, kind, text))
+
+
+@contextmanager
+def without_ghostscript() -> Iterator[None]:
+    """Within the block, Pillow starts no program on a texture that holds PostScript."""
+    from PIL import EpsImagePlugin
+
+    before, EpsImagePlugin.gs_binary = EpsImagePlugin.gs_binary, False
+    try:
+        yield
+    finally:
+        EpsImagePlugin.gs_binary = before
 
 
 def _text(path: Path, data: bytes) -> bytes:

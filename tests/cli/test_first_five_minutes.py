@@ -22,7 +22,9 @@ from robustness.outcome import ROOT
 pytestmark = pytest.mark.slow
 
 PIXELS = 48
-SCENE = re.compile(r"(scenes/\w+(/\w+\.yaml)?|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)")
+SCENE = re.compile(
+    r"(example|scenes/\w+(/\w+\.yaml)?|(table|model)\.glb|mesh\.stl|scene\.pbrt|table)"
+)
 FOREIGN = re.compile(r"https?://|--serve|array\.exr|chess\.mkv|(boxes|shots|views)/ ")
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, and servers."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")

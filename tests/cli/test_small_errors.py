@@ -3,19 +3,28 @@
 import io
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 import trimesh
 from plain_scenes import CHART, refused
 
 import lfcore
-from lfcore.cli import main
+from lfcore.cli import COMMANDS, EPILOG, main
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("errors") / "a.mkv"
     return lfcore.record(lfcore.load_scene(CHART), path, pixels=16)
+
+
+def all_commands():
+    modules = {
+        name: import_module(f"lfcore.cli.{module}") for name, (module, _) in COMMANDS.items()
+    }
+    return [module.COMMANDS[name] for name, module in modules.items()]
 
 
 def said(capsys, *words):
@@ -89,3 +98,16 @@ def test_a_missing_texture_prints_no_traceback(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=100)
     assert "Traceback" not in done.stderr and done.stderr.count("\n") <= 1
     assert "nowhere.png" in done.stderr + done.stdout
+
+
+def test_the_example_comes_with_the_package(tmp_path, monkeypatch, capsys):
+    """Wherever one is; a file of that name goes first."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["info", "example"]) == 0
+    assert "10,000" in capsys.readouterr().out
+    inside = Path(lfcore.__file__).parent
+    assert lfcore.readers.load.EXAMPLE.is_relative_to(inside)
+    (tmp_path / "example").mkdir()
+    refused("example/scene.yaml", lfcore.load_scene, "example")
+    for text in (EPILOG, *(one.examples for one in all_commands())):
+        assert "scenes/" not in text  # the wheel has none

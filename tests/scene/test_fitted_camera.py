@@ -399,7 +399,7 @@ def test_a_place_and_a_blur_in_a_file_with_depth(scene, field):
         assert found == pytest.approx(asked.focus_m, rel=0.02)
     refused(r"a\.mkv: focus_at: there is nothing", field.plane, focus_at=(0, 0))
     assert field.plane("near", blur="1%").f_number > field.require_slab().camera.f_number
-    refused("wider than the lens", field.plane, "near", blur="50%")
+    refused("blur: needs a lens of", field.plane, "near", blur="50%")
 
 
 def test_words_in_a_file_of_plain_views(scene, tmp_path):
