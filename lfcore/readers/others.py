@@ -8,6 +8,7 @@ import io
 import logging
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +36,11 @@ UNITS = {
     "meter": 1.0,
 }  # fmt: skip
 """Metres of 3MF's units."""
+DAMAGED_ZIP = (
+    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError,
+    RuntimeError,
+)  # fmt: skip
+"""What zipfile raises for an archive that is damaged or locked."""
 LOST = {
     COLLADA: {
         "instance_camera": "cameras", "instance_light": "lights", "animation": "animations",
@@ -103,7 +109,7 @@ def _text(path: Path, data: bytes) -> bytes:
                 name for name in archive.namelist() if name.lower().endswith((".dae", ".model"))
             ]
             return b"\n".join(archive.read(name) for name in names)
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError) as error:
+    except DAMAGED_ZIP as error:
         raise Where(path).error(f"mesh cannot be unpacked: {error}", "Export it again") from None
 
 

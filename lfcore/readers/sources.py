@@ -19,6 +19,8 @@ from lfcore.scene.baked import ASKS
 _INCLUDE = re.compile(rb'\b(?:Include|Import)\s*"([^"\n]{1,4096})"')
 _SKY = re.compile(rb'^[^#\n]*LightSource\s*"infinite"', re.MULTILINE)
 _QUOTED = re.compile(rb'"([^"\n]{1,4096})"')
+_IMAGE = re.compile(rb"<init_from>\s*([^<]{1,4096}?)\s*<")
+"""The pictures of COLLADA."""
 _NAMED = re.compile(
     rb"^[ \t]*(?:mtllib|comment TextureFile|map_\w+|bump|disp|decal|refl|norm)[ \t]+(\S[^\r\n]*)",
     re.MULTILINE | re.IGNORECASE,
@@ -121,6 +123,11 @@ def _obj(file: Path) -> Iterator[str]:
     return _tails(reading.read_bytes(file, reading.LARGEST_MESH))
 
 
+def _dae(file: Path) -> Iterator[str]:
+    found = _IMAGE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
+    return _strings([_text(name) for name in found])
+
+
 def _ply(file: Path) -> Iterator[str]:
     with file.open("rb") as stream:
         return _tails(stream.read(_PLY_HEADER_BYTES))
@@ -133,6 +140,7 @@ def _gltf(file: Path) -> Iterator[str]:
 
 
 _SCANNERS: dict[str, Scanner] = {
+    "dae": _dae,
     "yaml": _yaml, "yml": _yaml, "pbrt": _pbrt, "obj": _obj, "mtl": _obj, "ply": _ply,
     "gltf": _gltf, "glb": _gltf,
 }  # fmt: skip

@@ -3,6 +3,7 @@
 import runpy
 from collections.abc import Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from random import Random
 
@@ -16,6 +17,8 @@ from robustness.targets import Target
 from robustness.targets.scenes import MTL, OBJ, PLY, write_sides
 
 FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
+OTHERS = {"dae": "collada", "3mf": "lxml"}
+"""The formats that trimesh reads with a package, and the module of it."""
 MATERIALS = b"\n#### material library\n"
 """The line in an input of the target ``obj`` after which the MTL begins."""
 
@@ -31,6 +34,8 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
         return [colours, box.export(file_type="off").encode()]
     if kind == "stl":
         return [(SEEDS / "one.stl").read_bytes(), box.export(file_type="stl")]
+    if kind in OTHERS:
+        return [box.export(file_type=kind)]
     write_sides(folder)
     textured = trimesh.load_scene(folder / "mesh.obj").export(file_type="glb")
     return [box.export(file_type="glb"), textured, every_feature(folder / "features.glb")]
@@ -77,6 +82,8 @@ def targets() -> list[Target]:
         "off": damage_text,
         "glb": damage_glb,
     }
+    if all(map(find_spec, OTHERS.values())):
+        mutations |= {"dae": either, "3mf": damage_bytes}
     return [
         Target(kind, partial(seeds_of, kind), mutation, partial(judge, kind), write_sides)
         for kind, mutation in mutations.items()

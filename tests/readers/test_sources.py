@@ -102,6 +102,8 @@ def test_files_of_gltf_and_ply(write):
     assert names(folder / "m.gltf") == ["m.gltf", "b.bin", "my pic.png"]
     folder = write(m_ply="ply\nformat ascii 1.0\ncomment TextureFile skin.png\n", skin_png="")
     assert names(folder / "m.ply") == ["m.ply", "skin.png"]
+    (folder / "m.dae").write_text("<image><init_from> skin.png </init_from></image>")
+    assert names(folder / "m.dae") == ["m.dae", "skin.png"]
     trimesh.creation.box().export(
         folder / "m.glb", tree_postprocessor=lambda tree: tree.update(images=[{"uri": "skin.png"}])
     )

@@ -50,6 +50,7 @@ class Document:
         if not isinstance(tree, dict):
             raise self.broken("its JSON is no object")
         self.tree: dict[str, Any] = tree
+        self._entries: dict[str, list[dict]] = {}
         self._buffers: dict[int, bytes] = {}
         self._unpacked: dict[int, bytes] = {}
         self._accessors: dict[tuple[int, bool], np.ndarray] = {}
@@ -86,10 +87,12 @@ class Document:
 
     def entries(self, kind: str) -> list[dict]:
         """The objects of a list of the file; empty where there is none."""
-        entries = self.tree.get(kind, [])
-        if not isinstance(entries, list) or not all(isinstance(each, dict) for each in entries):
-            raise self.broken(f"{kind!r} is no list of objects")
-        return entries
+        if kind not in self._entries:
+            given = self.tree.get(kind, [])
+            if not isinstance(given, list) or not all(isinstance(each, dict) for each in given):
+                raise self.broken(f"{kind!r} is no list of objects")
+            self._entries[kind] = given
+        return self._entries[kind]
 
     def entry(self, kind: str, index: Any) -> dict:
         """The object of an index in a list of the file."""
