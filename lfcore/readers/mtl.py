@@ -30,6 +30,8 @@ SEEN = {"-mm": "range", "-t": "turbulence", "-cc": "colour correction", "-imfcha
 """Options that change what is seen and are not followed."""
 PLAIN = {"illum": (1.0, 2.0), "d": (1.0,), "tr": (0.0,), "ni": (1.0,), "tf": (1.0,), "ka": (0.0,)}
 """Values that say what is so anyway; illumination models 1 and 2 are matt and glossy."""
+MOST_WORDS = 8
+"""The most words of a library's name among several on a line."""
 OPAQUE = 250
 """The least code of alpha that is opaque: encoders blur an alpha of one."""
 WHITE = np.full((1, 1, 4), 255, np.uint8)
@@ -73,19 +75,25 @@ def _number(word: str) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A surface, and how its texture lies on the file's texture coordinates."""
+    """A surface, and how its texture lies on the file's texture coordinates.
+
+    One that is ``assumed``, for want of a material, is white below colours of vertices.
+    """
 
     surface: Surface
+    assumed: bool = False
     scale: np.ndarray = field(default_factory=lambda: np.ones(2))
     offset: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def placed(self, part: SurfaceMesh) -> SurfaceMesh:
-        uvs = part.uvs
+        uvs, surface = part.uvs, self.surface
+        if self.assumed and part.colours is not None:
+            surface = replace(surface, diffuse=(1.0,) * 3)
         if uvs is None and self.surface.alpha_cutoff:
             uvs = np.zeros((part.count, 3, 2))
         if uvs is not None and not ((self.scale == 1).all() and (self.offset == 0).all()):
             uvs = uvs * self.scale + self.offset
-        return replace(part, surface=self.surface, uvs=uvs)
+        return replace(part, surface=surface, uvs=uvs)
 
 
 class Libraries:
@@ -104,7 +112,7 @@ class Libraries:
         words = [names] if beside(names, self.obj) else names.split()
         while words:
             # The longest run of words that is a file, else the next word alone.
-            for count in range(len(words), 0, -1):
+            for count in range(min(len(words), MOST_WORDS), 0, -1):
                 if file := beside(" ".join(words[:count]), self.obj):
                     self._read(file)
                     break
@@ -115,10 +123,12 @@ class Libraries:
             words = words[count:]
 
     def _read(self, file: Path) -> None:
-        self._accounts.setdefault(file, Account(self._notebook, file))
+        if file in self._accounts:
+            return
+        self._accounts[file] = Account(self._notebook, file)
         text = plain(read_bytes(file, LARGEST_TEXT, "material library"), joined=True)
         statements: Statements = {}
-        for line in text.decode("utf-8", errors="surrogateescape").splitlines():
+        for line in text.decode("utf-8", errors="surrogateescape").split("\n"):
             word, _, rest = line.strip().partition(" ")
             if word.lower() == "newmtl":
                 statements = {}
@@ -138,7 +148,7 @@ class Libraries:
                 self._account.hold("materials")
                 what = f"material {name!r}, in no library; the default material is used"
                 self._account.lose("materials", LEFT_OUT, what)
-            return Made(Surface(name or self.obj.stem))
+            return Made(Surface(name or self.obj.stem), assumed=True)
         file, statements = self._statements[name]
         self._account.hold("materials")
         self._account.use("materials")
@@ -176,14 +186,16 @@ class _Material:
             diffuse = np.ones(3)  # exporters write Kd 0 0 0 beside a texture and mean the texture
         shininess = float(self._numbers("ns", 0.0)[0])
         specular, emission = self._numbers("ks", 0.0), np.maximum(self._numbers("ke", 0.0), 0)
-        if shininess < 1:
-            specular = np.zeros(3)  # of no exponent
+        if shininess < 1 and specular.any():
+            specular = np.zeros(3)
+            self._note(LEFT_OUT, "Ks, for it has no exponent Ns")
         if textures["emission_texture"] is not None and not emission.any():
             emission = np.ones(3)
         changes: dict[str, Any] = dict(textures)
         if {"pm", "pr"} & self.statements.keys():
             metallic, roughness = (self._numbers(*each)[0] for each in (("pm", 0.0), ("pr", 0.5)))
             changes["metallic"], changes["roughness"] = np.clip((metallic, roughness), 0, 1)
+            self._used -= {"ks", "ns"}
         if "norm" in self.maps:
             changes["normal_scale"] = self._factor("norm")
         changes |= self._cutoff(textures["texture"])
@@ -192,10 +204,15 @@ class _Material:
             self.name, _clipped(diffuse), _clipped(specular), float(np.clip(shininess, 1, 1000)),
             triple(emission), **changes,
         )  # fmt: skip
-        first = next((self.maps[key] for key in (*MAPS, "map_d") if key in self.maps), None)
-        if first is None:
+        moves = [
+            np.concatenate([self.maps[key].triple("-s", 1.0), self.maps[key].triple("-o", 0.0)])
+            for key in (*MAPS, "map_d") if key in self._used & self.maps.keys()
+        ]  # fmt: skip
+        if not moves:
             return Made(surface)
-        return Made(surface, first.triple("-s", 1.0), first.triple("-o", 0.0))
+        if any((move != moves[0]).any() for move in moves):
+            self._note(APPROXIMATED, "textures moved one by one; all as the first")
+        return Made(surface, scale=moves[0][:2], offset=moves[0][2:])
 
     def _note(self, kind: str, what: str) -> None:
         self.libraries.note(kind, self.file, f"material {self.name!r}: {what}")

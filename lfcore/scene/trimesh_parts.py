@@ -1,5 +1,6 @@
 """Parts of a trimesh.Scene: geometry, normals, textures, vertex colours, materials."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,8 @@ def _part(
         given = None
     normals = None if given is None else np.asarray(given, np.float64)[faces]
     colours = _colours(mesh.visual, faces, path)
+    if getattr(mesh.visual, "kind", None) in ("vertex", "face"):  # and no material
+        surface = replace(surface, diffuse=(1.0,) * 3)
     return shaded(SurfaceMesh(vertices[faces], surface, normals, uvs, colours), shading, crease_deg)
 
 

@@ -135,6 +135,8 @@ def test_colours_of_vertices_stay_beside_materials(read):
         (part,), _ = read("mtllib o.mtl\nusemtl m\n" + "\n".join(lines) + "f 1/1 2/2 3/3\n")
         expected = [*srgb_decode(np.array(colours) / most), np.ones(3)]
         np.testing.assert_allclose(part.colours, [expected])
+        (part,), _ = read("\n".join(lines) + "f 1 2 3\n")
+        assert part.surface.diffuse == (1, 1, 1)  # no grey below them
 
 
 def test_names_of_libraries_and_materials(read):
@@ -216,6 +218,13 @@ def test_emission_and_metal(read):
     assert part.surface.emission == (5, 5, 5) and not notes
     np.testing.assert_array_equal(part.surface.emission_texture, PIXELS)
     assert (part.surface.metallic, part.surface.roughness) == (1, 0.25)
+
+
+def test_what_cannot_be_kept_apart_is_noted(read):
+    _, notes = read(mtl="newmtl m\nKs 1 1 1\nmap_Kd -s 2 2 t.png\nmap_Ke t.png\n")
+    assert "no exponent Ns" in notes[0] and "all as the first" in notes[1]
+    _, notes = read(mtl="newmtl m\nKs 1 1 1\nNs 9\nPm 1\n")
+    assert {"statements 'Ks'", "statements 'Ns'"} <= {note[-15:] for note in notes}
 
 
 def test_grey_of_16_bits(read):
