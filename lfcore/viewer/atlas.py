@@ -1,7 +1,7 @@
-"""Views of a light field side by side in few compact pictures, as a browser can load them.
+"""Views of a light field side by side in few compact pictures, which a browser can load.
 
-A *page* is one picture with a rectangle of cells, each of which holds one view.  Pages are bounded
-by the texture that every WebGL2 has in practice, and their number by memory.
+A *page* is one picture with a rectangle of cells, one view per cell.  The size of pages is limited
+by the textures of graphics cards, their number by memory.
 """
 
 import io
@@ -21,19 +21,33 @@ from lfcore.refocus.stored_views import read_views
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096
-"""The most pixels per side of a page: graphics cards of the last ten years take them."""
+"""The most pixels per side of a page: all graphics cards of the last ten years have them."""
 MOST_PIXELS = 80 << 20
 """The most pixels of all views together: 4 bytes each on the graphics card."""
 READ_BYTES = 256 << 20
 """The bytes of linear light in memory at a time."""
-VIEWS, LEAST, MOST = 17, 9, 33
+VIEWS = 17
+"""The default number of views per side."""
+LEAST = 9
+"""The least number of views per side: with fewer, moves are not smooth."""
+MOST = 33
+"""The most views per side: more do not fit in memory at a useful size."""
 FORMATS = {"jpeg": "image/jpeg", "webp": "image/webp"}
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Indices of the chosen views, ascending, and their size in the atlas; ``scale``: over the
-    file's."""
+    """The views of a page.
+
+    Attributes
+    ----------
+    columns, rows : ndarray
+        The numbers of the views' columns and rows, ascending.
+    width, height : int
+        The views' size in the atlas.
+    scale : float
+        This size relative to the file's pictures.
+    """
 
     columns: np.ndarray
     rows: np.ndarray
@@ -43,14 +57,14 @@ class Choice:
 
     @property
     def samples(self) -> np.ndarray:
-        """(K, 2) int32 (i, j), row by row."""
+        """The views (i, j), row by row: (K, 2) int32."""
         j, i = np.meshgrid(self.rows, self.columns, indexing="ij")
         return np.stack([i.ravel(), j.ravel()], 1)
 
 
 @dataclass(frozen=True)
 class Atlas:
-    """Coded pages; view k is in page ``k // (across * down)``, cell by cell row by row."""
+    """Encoded pages of ``across`` x ``down`` cells, filled row by row with the views in order."""
 
     pages: list[bytes]
     media: str
@@ -58,7 +72,7 @@ class Atlas:
     down: int
 
     def decoded(self, shape: tuple[int, ...]) -> np.ndarray:
-        """The pictures of ``shape`` (K, height, width, 3), uint8."""
+        """Decode the views, uint8 with ``shape`` (K, height, width, 3)."""
         from PIL import Image
 
         count, height, width, _ = shape
@@ -73,10 +87,10 @@ class Atlas:
 
 
 def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None = None) -> Choice:
-    """The views that a page shows: in the middle of equal cells of the whole lens.
+    """Choose a page's views: those in the middle of equal cells of the whole lens.
 
-    ``grid`` is 9 to 33 views per side, by default 17; ``pixels`` by default as recorded, at most
-    512.
+    ``grid`` is 9 to 33 views per side, by default 17.  ``pixels`` is the longer side, or width and
+    height, by default as recorded and at most 512.
     """
     count = VIEWS if grid is None else grid
     if not LEAST <= count <= MOST:
@@ -95,8 +109,8 @@ def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None
     width, height = max(1, round(width * scale)), max(1, round(height * scale))
     if len(columns) * len(rows) * width * height > MOST_PIXELS:
         raise StorageError(
-            f"{len(columns)} x {len(rows)} views of {width} x {height} are more than a browser "
-            "holds", file=field.path, key="pixels", remedy="Take fewer views, or smaller ones",
+            f"{len(columns)} x {len(rows)} views of {width} x {height} are too many for a browser",
+            file=field.path, key="pixels", remedy="Give fewer views, or fewer pixels",
         )  # fmt: skip
     return Choice(columns, rows, width, height, scale)
 
@@ -112,8 +126,10 @@ def read(
     device: Device | None = None,
     progress: Progress | None = None,
 ) -> np.ndarray:
-    """(K, height, width, 3) uint8 of the chosen views, sRGB or PQ as in the file; sizes change in
-    linear light."""
+    """Read the chosen views, (K, height, width, 3) uint8, sRGB or PQ as in the file.
+
+    They are resized in linear light.
+    """
     import cv2
 
     samples, (width, height) = choice.samples, field.picture_size
@@ -132,7 +148,7 @@ def read(
 
 
 def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
-    """(K, height, width) disparities of the chosen views, in their pixels from view to view."""
+    """Read the disparities of the chosen views, (K, height, width), their pixels per view."""
     slab = field.require_slab()
     i, j = choice.samples.T
     inverse = 1 / read_depths(field, i + slab.views * j)
@@ -145,9 +161,9 @@ def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
 
 
 def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -> Atlas:
-    """Pages of the pictures (K, height, width, 3) uint8.
+    """Encode pictures (K, height, width, 3) uint8 as pages.
 
-    WebP halves the resolution of colours: views with coloured edges reach 30 dB at most. At
+    WebP halves the resolution of colours: views with coloured edges reach at most 30 dB.  At
     quality 100 it is lossless.
     """
     from PIL import Image

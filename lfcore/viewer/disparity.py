@@ -1,7 +1,8 @@
-"""A coarse map of disparity from the views alone, so that a click can focus.
+"""A coarse disparity map from views without depth, so that a click can focus.
 
-Plane sweep (Collins, "A space-sweep approach to true multi-image matching", CVPR 1996): each view
-is shifted to a candidate plane; where that plane holds the surface, all agree with the central one.
+Plane sweep: each view is shifted to a candidate plane.  Where the surface is in this plane, all
+views agree with the central one.  Source: Collins, "A space-sweep approach to true multi-image
+matching", CVPR 1996.
 """
 
 import numpy as np
@@ -9,19 +10,22 @@ import numpy as np
 SIDE = 128
 """The most pixels of the map's longer side."""
 CANDIDATES = 64
+"""The number of candidate planes."""
 GRID_SIDE = 5
 """The most views per side of the lens that are compared with the central one."""
 SMOOTH = 1.5
-"""The standard deviation of the blur of disagreement, pixels of the map."""
+"""The standard deviation of the costs' blur, pixels of the map."""
+MOST_COST = 60.0
+"""The most cost of a pixel and view, sum of codes: occluded pixels differ arbitrarily."""
 
 
 def estimate(
     pictures: np.ndarray, places: np.ndarray, low: float, high: float
 ) -> np.ndarray | None:
-    """Disparities (h, w) float32, pixels per step of ``places`` (K, 2), from ``low`` to ``high``;
-    None for a single view.
+    """Estimate disparities (h, w) float32 between ``low`` and ``high``; None for a single view.
 
-    Where there is no texture they mean little.
+    Their unit is pixels per step of the views' ``places`` (K, 2).  They are unreliable without
+    texture.
     """
     import cv2
 
@@ -31,7 +35,7 @@ def estimate(
     scale = min(1.0, SIDE / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
     centre = int(np.argmin(np.hypot(*places.T)))
-    # Those nearest to a coarse grid over the lens.
+    # The views nearest to a coarse grid over the lens.
     ends = zip(places.min(0), places.max(0), strict=True)
     x, y = (np.linspace(*both, GRID_SIDE) for both in ends)
     wanted = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
@@ -42,7 +46,7 @@ def estimate(
         for k in (centre, *chosen)
     ]
     best = np.full(size[::-1], np.inf, np.float32)
-    found = np.zeros(size[::-1], np.float32)
+    best_disparity = np.zeros(size[::-1], np.float32)
     for disparity in np.linspace(low, high, CANDIDATES):
         cost = np.zeros(size[::-1], np.float32)
         for picture, k in zip(small[1:], chosen, strict=True):
@@ -50,9 +54,8 @@ def estimate(
             x, y = (places[centre] - places[k]) * disparity * scale
             move = np.array([[1, 0, -x], [0, 1, -y]], np.float32)
             moved = cv2.warpAffine(picture, move, size, borderMode=cv2.BORDER_REPLICATE)
-            # Occluded pixels disagree without bound, so the cost is clamped.
-            cost += np.minimum(np.abs(moved - small[0]).sum(2), 60.0)
+            cost += np.minimum(np.abs(moved - small[0]).sum(2), MOST_COST)
         cost = cv2.GaussianBlur(cost, (0, 0), SMOOTH)
         better = cost < best
-        best[better], found[better] = cost[better], disparity
-    return cv2.medianBlur(found, 5) if min(size) >= 5 else found
+        best[better], best_disparity[better] = cost[better], disparity
+    return cv2.medianBlur(best_disparity, 5) if min(size) >= 5 else best_disparity

@@ -1,4 +1,4 @@
-"""The page: one HTML file with the views, its program and its style, which works from disk."""
+"""The page: one HTML file with views, program and style, which works from disk."""
 
 import base64
 import html
@@ -28,15 +28,15 @@ HERE = Path(__file__).parent
 SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "viewer.js")
 COMMENT = re.compile(r"^\s*//[^\n]*\n|/\*\*.*?\*/|^\s+", re.DOTALL | re.MULTILINE)
 MOST_PARALLAX = 0.08
-"""The parallax over the whole lens, of the picture's width, where depths are not known."""
+"""The parallax over the lens if depths are unknown, relative to the picture's width."""
 MAP_SIDE = 128
-"""The most pixels per side of a map of stored depth: a click is no finer."""
+"""The most pixels per side of the depth map: a click is no finer."""
 QUALITIES = (60, 75, 85, 92, 97)
+"""The encoder's qualities, tried in this order."""
 MOST_ERROR = 255**2 / 10**3.9
-"""The mean square error of codes of the views in pictures' pixels: 39 dB.  A picture is a mean of
-at least four views."""
+"""The largest mean square error of views' codes, 39 dB; a picture averages at least four views."""
 MARGIN = 0.1
-"""The margin on either side of the seen range of disparities, of that range."""
+"""The margin beyond each end of the visible disparities, relative to their range."""
 ESTIMATED = (
     "The file has no depth: a click focuses by an estimate from the views. The focus slider is "
     "exact."
@@ -52,11 +52,11 @@ class ViewerPage:
     html: str = field(repr=False)
 
     def save(self, path: str | Path) -> None:
-        """Write the page; raises :class:`StorageError` when it cannot be written."""
+        """Write the page; raises :class:`StorageError` if the file cannot be written."""
         write_text(path, self.html)
 
     def server(self, port: int = 0) -> http.server.ThreadingHTTPServer:
-        """A server of the page, for this machine alone; port 0 takes a free one.
+        """Serve the page to this machine alone; port 0 is any free port.
 
         Raises :class:`StorageError` for a port that cannot be used.
         """
@@ -105,23 +105,24 @@ def viewer_page(
     low, high = seen = _range(field, slab)
     if field.metadata.depth:
         inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
-        found: np.ndarray | None = (inverse - slab.camera.delta) * (
+        disparities: np.ndarray | None = (inverse - slab.camera.delta) * (
             slab.lens_pitch_m / slab.pixel_pitch
         )
         status = STORED
         views = _by_depth(field, slab, choice, pictures, format or "webp", jpeg_quality)
     else:
         places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
-        found = estimate(pictures, places, low * choice.scale, high * choice.scale)
-        found = None if found is None else found / choice.scale
-        status = NO_MAP if found is None else ESTIMATED
+        disparities = estimate(pictures, places, low * choice.scale, high * choice.scale)
+        disparities = None if disparities is None else disparities / choice.scale
+        status = NO_MAP if disparities is None else ESTIMATED
         atlas = encode(pictures, format or "jpeg", jpeg_quality or 90)
         views = {"depth": None, "atlas": _coded(atlas)}
-    # As recorded, 0, is always within reach.
+    # The recorded focus, 0, is always in the range.
     low, high = min(low, 0.0), max(high, 0.0)
     margin = MARGIN * (high - low) or 1e-3
     data = _describe(field, slab, choice) | views | {
-        "range": [low - margin, high + margin], "map": None if found is None else _map(found, seen)
+        "range": [low - margin, high + margin],
+        "map": None if disparities is None else _map(disparities, seen),
     }  # fmt: skip
     # The program without comments and indentation.
     scripts = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
@@ -141,7 +142,7 @@ def viewer_page(
 
 
 def _places(slab: Slab, choice: Choice) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of view columns and rows, in views from the middle of the lens."""
+    """The positions of view columns and rows, in views from the middle of the lens."""
     column, row, *_ = slab.held.views
     middle = (slab.views - 1) / 2
     return choice.columns + column - middle, choice.rows + row - middle
@@ -179,7 +180,7 @@ def _by_depth(
     format: str,
     quality: int | None,
 ) -> dict[str, Any]:
-    """Views and depth of every ray as differences between neighbours, and places of pixels."""
+    """The page's data of views and depths, coded as differences between neighbours."""
     stored = field.require_depth()
     disparities = read_disparities(field, choice).astype(float)
     low, high = float(disparities.min()), float(disparities.max())
@@ -222,8 +223,10 @@ def _to_quality(
     format: str,
     quality: int | None,
 ) -> tuple[int, list[Atlas]]:
-    """The divisor of differences, and their pictures: where no quality is given, of the least that
-    is enough for the first views."""
+    """Encode views; returns the divisor of differences, and the atlases.
+
+    Without a quality it is the lowest that is good enough for the first views.
+    """
     import cv2
 
     levels = views.levels()
@@ -231,8 +234,8 @@ def _to_quality(
     for each in [quality] if quality else QUALITIES:
         gain = 1 if (format, each) == ("webp", 100) else 2
         coding = partial(encode, format=format, jpeg_quality=each)
-        _, made = views.coded_colours(pictures, codes, coding, gain, levels[:2])
-        errors = pictures[first] - made[first].astype(np.float32)
+        _, decoded = views.coded_colours(pictures, codes, coding, gain, levels[:2])
+        errors = pictures[first] - decoded[first].astype(np.float32)
         shown = [cv2.resize(error, size, interpolation=cv2.INTER_AREA) for error in errors]
         if np.square(shown).mean() <= MOST_ERROR:
             break
@@ -257,14 +260,14 @@ def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
     return max(-most, -delta / step) if field.metric else -most, most
 
 
-def _map(found: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
-    """The map of disparities as the page holds it, in codes of 8 bits."""
+def _map(disparities: np.ndarray, seen: tuple[float, float]) -> dict[str, Any]:
+    """The page's disparity map, in codes of 8 bits."""
     low, high = seen
-    codes = np.rint(255 * (found - low) / max(high - low, 1e-9)).clip(0, 255).astype(np.uint8)
+    codes = np.rint(255 * (disparities - low) / max(high - low, 1e-9)).clip(0, 255).astype(np.uint8)
     return {
         "page": _pages(encode(np.repeat(codes[None, ..., None], 3, -1), "webp", 100))[0],
-        "width": found.shape[1],
-        "height": found.shape[0],
+        "width": disparities.shape[1],
+        "height": disparities.shape[0],
         "low": low,
         "high": high,
     }

@@ -172,7 +172,7 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
     np.testing.assert_array_equal(np.array(Image.open(picture)), field.view(0, 8, codes=True))
     capsys.readouterr()
     for more, said in (
-        (["-o", str(picture), "--pixels", "9"], "--pixels: belongs to a page"),
+        (["-o", str(picture), "--pixels", "9"], "--pixels: is for a page"),
         (["-o", str(picture), "--serve"], "--serve: belongs to a page"),
         (["-o", str(page), "--view", "2mm", "1mm"], "--view: belongs to a picture"),
         (["-o", str(page), "--grid", "3"], "grid: must be from 9 to 33"),
