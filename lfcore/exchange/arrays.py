@@ -1,6 +1,6 @@
 """Views as one array: LFToolbox's .mat files, and HDF5 files of the HCI tools.
 
-Both have ``LF`` (rows, columns, y, x, channels), of which a fourth is a weight and is left out.
+Both have ``LF`` (rows, columns, y, x, channels); a fourth channel is a weight and is left out.
 HDF5, and MATLAB's files of version 7.3, need h5py: ``pip install 'lfcore[hdf5]'``.
 """
 
@@ -23,7 +23,7 @@ VARIABLE = "LF"
 
 
 def _grid(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
-    """The grid of integers, which are sRGB codes, or of sRGB-encoded floats in [0, 1]."""
+    """Make a grid of integers (sRGB codes) or of sRGB-encoded floats in [0, 1]."""
     if values is None:
         remedy = "Name its variable"
         raise ExchangeError(f"holds no variable {name}", file=path, key="variable", remedy=remedy)
@@ -78,7 +78,7 @@ def _h5py() -> ModuleType:
 
 
 def data_set(path: Path, name: str) -> np.ndarray | None:
-    """The data set of that name, or None."""
+    """Read the data set of this name; None if there is none."""
     h5py = _h5py()
     try:
         with h5py.File(path, "r") as file:

@@ -1,4 +1,4 @@
-"""Our light fields in the formats of others: choose views, stage a folder, move it into place."""
+"""Export of light fields: choose views, write a draft folder, move it into place."""
 
 import os
 from dataclasses import replace
@@ -17,7 +17,7 @@ from lfcore.scene.model import Scene
 from lfcore.storage.segment import named_errors
 
 POOR_DB = 35.0
-"""The PSNR of views below which a note advises more recorded views."""
+"""The PSNR of views, dB, below which a note advises more recorded views: edges show then."""
 
 
 @answers_typos
@@ -44,7 +44,7 @@ def export_lightfield(
     selection : Selection, optional
         Some of the views, or a part of the picture.  Default: all.
     scene : Scene, optional
-        The scene that was recorded, for the depth of every view.
+        The recorded scene, for the depth of every view.
     device : Device or str, optional
         An open device, or part of its name.
     options : WriteOptions, optional
@@ -53,12 +53,12 @@ def export_lightfield(
     Returns
     -------
     list of str
-        Notes on what the format does not hold.
+        Notes on facts that the format lacks.
 
     Raises
     ------
     StorageError
-        The format or the file lacks something; no folder is left.
+        The format cannot be written, or the file lacks what it needs; no folder is left.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def export_lightfield(
 
 
 def _quality(source: Source, free: FreeViews) -> str:
-    """What is to be expected of views that were not traced."""
+    """A note on the expected quality of views that were not traced."""
     expected = expected_db(free)
     note = "views are made by depth"
     if expected is None:

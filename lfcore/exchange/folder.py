@@ -2,13 +2,12 @@
 
 - Any folder: PlenoptiCam's ``viewpoints_9px/00_00.png`` (row_column) is an example.
 - Our own plain format has the geometry in ``views.json``.
-- JPEG Pleno's test material is one PPM of 10 bits per view, ``000_000.ppm``.  Two orders are in
+- JPEG Pleno's test material has one PPM of 10 bits per view, ``000_000.ppm``.  Two orders are in
   use: the verification model names views column_row (order ``columns``, the default), other
   programs row_column (``rows``).
 - The Stanford light field archive has ``out_YY_XX_y_x.png``: two indices and two coordinates, y
-  down and x to the right, read as millimetres.  The positions decide, in whatever direction the
-  indices run.  The names hold neither the plane that the pictures are rectified to nor the field of
-  view.
+  down and x to the right, read as millimetres.  The positions decide, whatever the direction of the
+  indices.  The names lack the rectification plane and the field of view.
 """
 
 import math
@@ -85,7 +84,7 @@ def _pairs(stems: list[str]) -> tuple[list[tuple[int, int]], bool] | None:
 
 
 def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
-    """The grid of ``files[row][column]``, all of the size of the first."""
+    """The grid of ``files[row][column]``, which must all have the size of the first."""
     size = pictures.size_of(files[0][0])
     read = lambda i, j: pictures.read(files[j][i], size)  # noqa: E731
     return ViewGrid(len(files[0]), len(files), *size, read, name, **more)
@@ -106,7 +105,7 @@ def _by_pairs(
     for file, (first, second) in zip(files, pairs, strict=True):
         place = (second, first) if order.columns_first else (first, second)
         if place in places:
-            raise ExchangeError(f"has the numbers of {places[place].name}, too", file=file)
+            raise ExchangeError(f"has the same numbers as {places[place].name}", file=file)
         places[place] = file
     numbers = list(zip(*places, strict=True))
     return _full_grid(places, [range(min(each), max(each) + 1) for each in numbers], folder)
@@ -115,7 +114,7 @@ def _by_pairs(
 def _full_grid(
     places: Mapping[tuple[int, int], View], lines: Sequence[Sequence[int]], folder: Path
 ) -> list[list[View]]:
-    """The views at each pair of the numbers ``lines``."""
+    """The views at all pairs of the numbers ``lines``."""
     for place in ((first, second) for first in lines[0] for second in lines[1]):
         if place not in places:
             there = f"{len(places)} of {len(lines[0])} x {len(lines[1])} are there"
@@ -130,10 +129,10 @@ def _in_order(
     """``files[row][column]`` by the order of the names."""
     columns, rows = grid or (math.isqrt(len(files)),) * 2
     if columns * rows != len(files):
-        asked = "; {} x {} views were asked for".format(*grid) if grid else (
+        reason = ", not {} x {}".format(*grid) if grid else (
             ", which is no square number, and their names do not number rows and columns"
         )  # fmt: skip
-        problem = f"holds {len(files)} pictures{asked}"
+        problem = f"holds {len(files)} pictures{reason}"
         remedy = "Give the columns and rows of views"
         raise ExchangeError(problem, file=folder, key="views" if grid else None, remedy=remedy)
     out = [[files[0]] * columns for _ in range(rows)]
@@ -214,7 +213,7 @@ def write_jpeg_pleno(source: Source, folder: Path, options: WriteOptions) -> Non
 
 
 class _StanfordView(NamedTuple):
-    """What the name of a file has: two indices and the camera's place."""
+    """The parts of a file's name: two indices and the camera's position."""
 
     numbers: tuple[int, int]
     y: float

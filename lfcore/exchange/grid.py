@@ -1,8 +1,8 @@
-"""A grid of views of any origin: how many, how large, a function that reads one, and its geometry.
+"""A grid of views of any origin: their number, size and geometry, and a function that reads one.
 
-Column 0 is the leftmost camera, row 0 the top one, both as the cameras see the world; pixels are
-counted alike.  Reading is lazy: a format's reader looks at names and sizes, and a view is read
-when it is encoded.
+Column 0 is the leftmost camera, row 0 the top one, as the cameras see the world; pixels are counted
+in the same directions.  Reading is lazy: a format's reader looks at names and sizes, and a view is
+read when it is encoded.
 """
 
 from __future__ import annotations
@@ -23,11 +23,23 @@ MOST_VIEWS = 4096
 
 @dataclass(frozen=True)
 class ViewGrid:
-    """A grid of views and what is known of it.
+    """A grid of views and its known facts.
 
-    ``read(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or sRGB-encoded
-    values in [0, 1], float.  ``depth_m`` are the nearest and farthest depth, if the format holds
-    them; ``notes`` say what was left out or assumed, a line each.
+    Attributes
+    ----------
+    columns, rows, width, height : int
+        The number of views, and their size in pixels.
+    read : callable
+        ``read(column, row)`` returns (height, width, 3): uint8 or uint16 sRGB codes, or
+        sRGB-encoded floats in [0, 1].
+    name, format : str
+        The scene's name, and the format's.
+    geometry : Geometry
+        The known values of the cameras.
+    depth_m : (float, float), optional
+        The nearest and farthest depth, metres.
+    notes : tuple of str
+        Facts that were left out or assumed, a line each.
     """
 
     columns: int
@@ -42,7 +54,7 @@ class ViewGrid:
     notes: tuple[str, ...] = ()
 
     def turned(self, left: bool = False, up: bool = False) -> ViewGrid:
-        """The same grid with columns, or rows, counted from the other end."""
+        """The grid with columns, or rows, counted from the other end."""
 
         def read(column: int, row: int) -> np.ndarray:
             return self.read(

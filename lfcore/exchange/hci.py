@@ -24,6 +24,7 @@ from lfcore.pictures import write_picture
 
 CONFIG = "parameters.cfg"
 FSTOP = 100.0
+"""The f-number that is written: each view is a pinhole's."""
 
 
 def read_hci(path: Path, options: ReadOptions) -> ViewGrid:
@@ -45,12 +46,12 @@ def read_hci(path: Path, options: ReadOptions) -> ViewGrid:
     size = width, height
     if min(columns, rows, *size) < 1:
         raise ExchangeError("has no views or no pixels", file=file)
-    asked = f"{CONFIG} asks for {columns * rows} views"
+    source = f"{CONFIG} lists {columns * rows} views"
     names = [
         f"input_Cam{{:0{digits}d}}{end}" for digits in (3, 4, 5, 6) for end in (".png", ".jpg")
     ]
     files = [
-        existing([path / name.format(k) for name in names], asked) for k in range(columns * rows)
+        existing([path / name.format(k) for name in names], source) for k in range(columns * rows)
     ]
     focus = number("extrinsics", "focus_distance_m")
     sensor, focal = (
@@ -105,8 +106,10 @@ def write_hci(source: Source, folder: Path, options: WriteOptions) -> None:
 
 
 def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
-    """Write depth, disparity and, with the scene, materials of every view; the middle one also by
-    short names."""
+    """Write depth, disparity and, with the scene, materials of every view.
+
+    The middle view also gets short names.  Returns the nearest and farthest depth.
+    """
     middle = (source.rows // 2) * source.columns + source.columns // 2
     near, far = math.inf, 0.0
     for index, name in enumerate(names):
@@ -124,7 +127,7 @@ def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float,
 
 
 def parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:
-    """The text of parameters.cfg; ``reach`` is the nearest and farthest depth, metres."""
+    """The text of parameters.cfg; ``reach`` has the nearest and farthest depth, metres."""
     focal = geometry.sensor_m / (geometry.pixel_pitch * max(source.width, source.height))
     meta: dict[str, Any] = {"scene": source.name, "category": "synthetic", "date": "",
                             "version": "v0", "authors": "", "contact": ""}  # fmt: skip

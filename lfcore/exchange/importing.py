@@ -1,4 +1,4 @@
-"""Light fields of others into ours: recognise, read, complete the geometry, encode."""
+"""Import of light fields: recognise the format, read, complete the geometry, encode."""
 
 import math
 from dataclasses import replace
@@ -27,7 +27,7 @@ LEAST_MOVED = 0.05
 
 
 def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGrid:
-    """The views of ``source``; raises :class:`ExchangeError`, naming the file, for what is none."""
+    """Read the views of ``source``; raises :class:`ExchangeError` that names the file."""
     if not source.exists():
         raise ExchangeError("no such file or folder", file=source)
     if source.is_dir() and len(inside := list(source.iterdir())) == 1 and inside[0].is_file():
@@ -40,7 +40,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     try:
         grid = replace(row.call("read")(folder, options), format=row.name)
     except NOT_OF_THE_FORMAT as error:
-        problem = f"holds what {row.name} does not ({type(error).__name__}: {error})"
+        problem = f"is no valid {row.name} ({type(error).__name__}: {error})"
         remedy = "Name another format, or mend what describes the views"
         raise ExchangeError(problem, file=source, remedy=remedy) from error
     asked = options.geometry
@@ -82,7 +82,7 @@ def import_lightfield(
     format : str, optional
         A name in :data:`lfcore.exchange.table.FORMATS`.  Default: recognised.
     options : ReadOptions, optional
-        What the format may not say: geometry, grid, order of views.
+        Facts that the format may lack: geometry, number and order of views.
     encoding : Encoding, optional
         How the views are stored; with ``ffv1``, 8-bit RGB is kept exactly.
     progress : callable, optional
@@ -91,8 +91,8 @@ def import_lightfield(
     Returns
     -------
     LightField
-        The file, opened.  ``content["source"]`` has the format and, where there are any, ``notes``
-        on what was left out or assumed.
+        The file, opened.  ``content["source"]`` has the format, and ``notes`` on facts that were
+        left out or assumed.
 
     Raises
     ------
@@ -124,8 +124,7 @@ def import_lightfield(
 def store_grid(
     path: Path, grid: ViewGrid, spec: Encoding, *, progress: Progress | None = None
 ) -> Metadata:
-    """Encode all views of ``grid``, each read once, into the light field file ``path``, one a
-    frame."""
+    """Encode all views of ``grid``, one per frame, into the light field file ``path``."""
     content: dict = {"source": {"format": grid.format}}
     if grid.notes:
         content["source"]["notes"] = list(grid.notes)
@@ -178,6 +177,6 @@ def check_order(grid: ViewGrid) -> str | None:
 
 
 def _grey(picture: np.ndarray) -> np.ndarray:
-    """(H, W) uint8 of a view as :class:`ViewGrid` reads it."""
+    """A view of :class:`ViewGrid` in grey, (H, W) uint8."""
     most = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(picture.dtype, 1.0)
     return (np.float32(picture).mean(-1) * np.float32(255 / most)).astype(np.uint8)

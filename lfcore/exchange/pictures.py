@@ -1,4 +1,4 @@
-"""Reading pictures and float maps of other programs, whole or not at all."""
+"""Reading of other programs' pictures and float maps, whole or not at all."""
 
 import os
 import re

@@ -39,8 +39,17 @@ POSES = "poses_bounds.npy"
 
 @dataclass(frozen=True)
 class PosedGrid:
-    """``index[row][column]`` into the poses; ``x`` (columns,) and ``y`` (rows,) in the cameras' own
-    axes, x right and y down; ``pitch`` None where steps are not equal."""
+    """Poses on a grid.
+
+    Attributes
+    ----------
+    index : ndarray
+        (rows, columns) numbers of the poses.
+    x, y : ndarray
+        Positions of columns and rows along the cameras' axes, x right and y down.
+    pitch : float or None
+        The distance between neighbours; None if it differs.
+    """
 
     index: np.ndarray
     x: np.ndarray
@@ -76,7 +85,7 @@ def on_a_plane(poses: np.ndarray, file: Path, names: Sequence[str]) -> PosedGrid
 
 
 def _lines(values: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """The line of each value, and the positions of the lines, which gaps separate."""
+    """Cluster values at gaps: the line of each value, and the lines' positions."""
     order = np.argsort(values, kind="stable")
     gap = np.diff(values[order]) > reach * _APART / 2
     line = np.empty(len(values), int)

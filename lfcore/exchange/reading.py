@@ -1,4 +1,4 @@
-"""Files of other programs, read whole or refused by an error that names them."""
+"""Reading of other programs' files, whole or with an error that names the file."""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -13,14 +13,13 @@ class ExchangeError(StorageError):
     """A light field of another program that is incomplete or contradicts itself."""
 
 
-# What values of other types, or beyond all bounds, raise where they are used.
 NOT_OF_THE_FORMAT = (
     ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
 
 
 def unreadable(file: Path, error: Exception, problem: str = "cannot be read") -> ExchangeError:
-    """The error for a file that a library could not read, with the beginning of its reason."""
+    """The error for a file that a library cannot read, with the beginning of its reason."""
     if isinstance(error, FileNotFoundError):
         return ExchangeError("no such file", file=file)
     reason = " ".join(str(getattr(error, "strerror", None) or error).split())[:120]
@@ -29,7 +28,7 @@ def unreadable(file: Path, error: Exception, problem: str = "cannot be read") ->
 
 @contextmanager
 def refused(problem: str, file: Path, key: str | None = None) -> Iterator[None]:
-    """Within the block, what values of a description raise is this :class:`ExchangeError`."""
+    """Convert the errors of unsuitable values in the block to this :class:`ExchangeError`."""
     try:
         yield
     except NOT_OF_THE_FORMAT:

@@ -1,4 +1,4 @@
-"""The input of an export: some of the views of a light field file, cropped, and their geometry."""
+"""The input of an export: selected and cropped views of a light field file, and their geometry."""
 
 import re
 from collections.abc import Iterator
@@ -22,8 +22,9 @@ from lfcore.scene.model import Scene
 from lfcore.tracing.tracer import Tracer
 
 BAND_BYTES = 1 << 28
-"""The largest number of bytes of views that are decoded at a time."""
+"""The most bytes of views that are decoded at a time."""
 _ON_STEP = 1e-6
+"""The tolerance of a distance that should be a multiple of the views' distance."""
 View = tuple[int, int, np.ndarray]
 """Column, row and picture."""
 
@@ -35,17 +36,17 @@ class Selection:
     Parameters
     ----------
     views : (int, int), optional
-        Columns and rows.  Default: all; of a file with depth the number that it was recorded for.
+        Columns and rows.  Default: all; with depth the number that the file was recorded for.
     baseline_m : float, optional
-        Distance between neighbouring views, in metres.  Default: as large as possible, between the
-        outermost recorded views.
+        Distance between neighbouring views, metres.  Default: the largest between the outermost
+        recorded views.
     crop : (int, int, int, int), optional
-        Left, top, width and height, in pixels.
+        Left, top, width and height, pixels.
     pixels : int or (int, int), optional
-        Longer side, or width and height, before the crop, of a file with depth.  Default: as
+        Longer side, or width and height, before the crop; needs depth.  Default: as the file was
         recorded for.
     exposure_ev, roll_off : float, bool
-        As in :func:`lfcore.exposed`, before light becomes codes.
+        As in :func:`lfcore.exposed`, before light is encoded.
     """
 
     views: tuple[int, int] | None = None
@@ -56,16 +57,23 @@ class Selection:
     roll_off: bool = False
 
     def codes(self, light: np.ndarray) -> np.ndarray:
-        """uint8 sRGB of linear light."""
+        """Encode linear light as uint8 sRGB."""
         return srgb_codes(exposed(light, self.exposure_ev, self.roll_off))
 
 
 class Source:
-    """The views of ``field`` in a selection, with their geometry, None where it is not known.
+    """The selected views of a light field file.
 
-    ``columns_m`` and ``rows_m`` are the cameras' positions (y down); ``axis_px`` is the optical
-    axis in the picture of a camera at the origin, from the corner of the top left pixel; ``free``
-    makes views by depth.  With a ``scene``, depths and materials are traced.
+    Attributes
+    ----------
+    columns_m, rows_m : ndarray
+        The cameras' positions, metres, y down.
+    axis_px : (float, float)
+        The optical axis in the picture of a camera at the origin, from the top left corner.
+    geometry : KnownGeometry or None
+        None if it is unknown.
+    free : FreeViews or None
+        Makes views by depth; None if stored views are selected.
     """
 
     def __init__(
@@ -114,8 +122,8 @@ class Source:
         self._tracer: Tracer | None = None
         if scene is not None:
             self.require_geometry("its scene's depth")
-            # A pinhole is recorded through a fitted lens.
-            digests = {scene_digest(one) for one in (scene, scene.with_lens())}
+            # The file of a pinhole camera has a fitted lens.
+            digests = {scene_digest(each) for each in (scene, scene.with_lens())}
             if field.metadata.scene["digest"] not in digests:
                 problem = f"is not the scene of {field.path}, {field.metadata.scene['name']!r}"
                 remedy = "Give the scene as it was, or record it again"
@@ -123,7 +131,7 @@ class Source:
             self._tracer, self._materials = open_dark_tracer(scene, device), scene.material_ids
 
     def require_geometry(self, what: str) -> KnownGeometry:
-        """The geometry; :class:`ExchangeError` where it is not known."""
+        """The geometry; raises :class:`ExchangeError` if it is unknown."""
         if self.geometry is None:
             problem = f"does not hold its geometry, which {what} needs"
             remedy = f"{GIVE_GEOMETRY}, or use another format"
@@ -131,7 +139,7 @@ class Source:
         return self.geometry
 
     def views(self, progress: Progress | None = None) -> Iterator[View]:
-        """(column, row, (height, width, 3) uint8 sRGB), row after row; decoded in bands."""
+        """Yield column, row and (height, width, 3) uint8 sRGB, row after row."""
         total = self.columns * self.rows
         bands = self._made() if self.free else self._bands()
         for done, (column, row, picture) in enumerate(bands, 1):
@@ -140,7 +148,7 @@ class Source:
                 progress(done, total)
 
     def _bands(self) -> Iterator[View]:
-        """As stored; macropixels are decoded whole for each band."""
+        """Stored views, by bands of rows; each band decodes all macropixels."""
         first, last = int(self._i[0]), int(self._i[-1])
         width, height = self.field.picture_size
         across = (last - first + 1) * width * height * 3
@@ -155,17 +163,17 @@ class Source:
                     yield column, start + k, self.selection.codes(picture) if light else picture
 
     def _made(self) -> Iterator[View]:
-        """By depth."""
+        """Views made by depth."""
         assert self.free is not None
         for row, column in np.ndindex(self.rows, self.columns):
-            made = self.free.picture(self._point(column, row))
-            yield column, row, self.selection.codes(made)
+            light = self.free.picture(self._point(column, row))
+            yield column, row, self.selection.codes(light)
 
     def _point(self, column: int, row: int) -> np.ndarray:
         return np.array([self.columns_m[column], self.rows_m[row]])
 
     def array(self, progress: Progress | None = None) -> np.ndarray:
-        """(rows, columns, height, width, 3) uint8: all views at once."""
+        """All views, (rows, columns, height, width, 3) uint8."""
         out = np.empty((self.rows, self.columns, self.height, self.width, 3), np.uint8)
         for column, row, picture in self.views(progress):
             out[row, column] = picture
@@ -173,12 +181,15 @@ class Source:
 
     @property
     def has_depth(self) -> bool:
-        """Whether there is depth of every view: the scene's, or the file's."""
+        """Whether every view has depth, the scene's or the file's."""
         return self._tracer is not None or self.field.metadata.depth is not None
 
     def depth(self, column: int, row: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """(height, width) float32 depth of a view, metres, infinity for a miss; and (height, width)
-        uint16 number of the material plus one, 0 for a miss; None without the scene."""
+        """A view's depth and materials.
+
+        Returns (height, width) float32 metres, infinity for a miss; and with the scene (height,
+        width) uint16, the material's number plus one, 0 for a miss, else None.
+        """
         point = self._point(column, row)
         if self._tracer is not None:
             place = point[None] / self.slab.lens_pitch_m + (self.slab.views - 1) / 2
@@ -193,20 +204,20 @@ class Source:
         return self.free or FreeViews(self.field, self.slab.pixels, device=self.device)
 
     def disparity(self, depth: np.ndarray) -> np.ndarray:
-        """Pixels by which points move from one view of the selection to the next."""
+        """The disparity of depths, pixels per view of the selection."""
         scale = self.pitch_m / self.slab.pixel_pitch
         with np.errstate(divide="ignore"):
             apart = 1.0 / np.asarray(depth, np.float64) - self.slab.camera.delta
         return (apart * scale).astype(np.float32)
 
     def pose(self, column: int, row: int) -> np.ndarray:
-        """(4, 4) camera to world with OpenGL's axes: x right, y up, z backwards."""
+        """A view's (4, 4) camera to world matrix with OpenGL's axes: x right, y up, z backwards."""
         matrix = np.eye(4)
         matrix[:2, 3] = self.columns_m[column], -self.rows_m[row]
         return matrix
 
     def centre(self, column: int, row: int) -> tuple[float, float]:
-        """(cx, cy) of that camera's principal point, from the corner of the top left pixel."""
+        """A view's principal point (cx, cy), from the top left corner."""
         slab = self.slab
         per_metre = slab.camera.delta / slab.pixel_pitch
         x = self.axis_px[0] + self.columns_m[column] * per_metre
@@ -214,13 +225,12 @@ class Source:
 
     @property
     def focal_px(self) -> float:
-        """Focal length in pixels."""
+        """The focal length in pixels."""
         return 1.0 / self.slab.pixel_pitch
 
 
 def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Indices of the chosen columns and rows of stored views, from the middle of all, and the step
-    between them. None where the views are made by depth."""
+    """The columns and rows of selected stored views, and their step; None for views by depth."""
     has_depth, slab = field.metadata.depth is not None, field.require_slab()
     recorded = None, slab.pixels, slab.size
     if field.displaced or (has_depth and selection.pixels not in recorded):
@@ -238,7 +248,7 @@ def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
 
 
 def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
-    """Indices of the stored views along one axis."""
+    """The numbers of the selected stored views along one axis."""
     wanted = selection.views[axis] if selection.views else None
     count, slab = field.grid[axis], field.require_slab()
     step, remedy = 1, "record with depth, which gives any views"
@@ -267,8 +277,10 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
 
 
 def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, float]:
-    """Positions of columns and rows in metres, and the distance between neighbours: from the
-    outermost recorded views, where no other distance is given."""
+    """The positions of columns and rows, and the distance between neighbours, metres.
+
+    By default the views are between the outermost recorded ones.
+    """
     slab, baseline = field.require_slab(), selection.baseline_m
     width = (slab.views - 1) * slab.lens_pitch_m
     default = int(width / baseline + 1 + _ON_STEP) if baseline else field.views_to_serve
@@ -286,5 +298,5 @@ def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
 
 
 def _word(name: str) -> str:
-    """The name without the characters that file names or formats use as separators."""
+    """The name with separators of file names and formats replaced by hyphens."""
     return re.sub(r"[^A-Za-z0-9-]+", "-", name).strip("-") or "lightfield"

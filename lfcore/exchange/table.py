@@ -10,10 +10,10 @@ from lfcore.exchange.reading import ExchangeError
 
 @dataclass(frozen=True)
 class Format:
-    """A format: a folder with a file ``marks``, or a file of this suffix.
+    """A format: a folder with a file among ``marks``, or a file with such a suffix.
 
-    Its module has ``read_NAME(path, options)`` if it can be imported, ``write_NAME(source, folder,
-    options)`` if it can be exported, and ``recognise_NAME(path)`` if more than marks tell it.
+    Its module has ``read_NAME(path, options)`` for imports, ``write_NAME(source, folder, options)``
+    for exports, and ``recognise_NAME(path)`` if marks are not enough.
     """
 
     name: str
@@ -24,12 +24,12 @@ class Format:
     exports: bool = True
 
     def call(self, what: str) -> Any:
-        """The function of the module, ``read`` or ``write``, None where there is none."""
+        """The module's function ``read``, ``write`` or ``recognise``; None if there is none."""
         module = import_module(f"lfcore.exchange.{self.module}")
         return getattr(module, f"{what}_{self.name.replace('-', '_')}", None)
 
     def is_at(self, path: Path) -> bool:
-        """Whether a folder or file is of this format, by names and headers."""
+        """Whether a folder or file has this format, by names and headers."""
         by_suffix = path.suffix.lower() in self.marks and path.is_file()
         if by_suffix or path.name in self.marks or any((path / m).is_file() for m in self.marks):
             return True
@@ -67,7 +67,7 @@ FORMATS = {
 
 
 def find(name: str, *, imports: bool = False) -> Format:
-    """The format of that name; :class:`ExchangeError` if it cannot be imported, or exported."""
+    """The format of this name; raises :class:`ExchangeError` if it lacks imports, or exports."""
     what = "imported" if imports else "exported"
     able = [row.name for row in FORMATS.values() if (row.imports if imports else row.exports)]
     if name not in able:

@@ -30,8 +30,9 @@ from lfcore.files import write_json
 from lfcore.pictures import write_picture
 
 LYTRO = 14
+"""The views per side of Lytro's pictures."""
 LOOKING_GLASS = (8, 6)
-"""Columns and rows of a quilt of a file that gives any views."""
+"""The columns and rows of a quilt, if the file gives any number of views."""
 QUILT = re.compile(r"_qs(\d+)x(\d+)a([\d.]+?)(?:\.[A-Za-z]+)$")
 FINE = 16
 """The points per pixel side at which the lens's light is sampled."""
@@ -42,7 +43,7 @@ GIVE_GRID = "Give the columns and rows of views"
 
 
 def _divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[], np.ndarray]]:
-    """Width and height of each view in a picture of them all, and a function that reads it."""
+    """The size of each view in a picture of all, and a function that reads this picture."""
     width, height = pictures.size_of(path)
     if width % columns or height % rows:
         problem = f"is {width} x {height} pixels, which {columns} x {rows} views do not divide"

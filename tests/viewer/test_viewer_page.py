@@ -173,8 +173,8 @@ def test_the_command_writes_a_page_or_a_picture(field, tmp_path, capsys):
     capsys.readouterr()
     for more, said in (
         (["-o", str(picture), "--pixels", "9"], "--pixels: is for a page"),
-        (["-o", str(picture), "--serve"], "--serve: belongs to a page"),
-        (["-o", str(page), "--view", "2mm", "1mm"], "--view: belongs to a picture"),
+        (["-o", str(picture), "--serve"], "--serve: is for a page"),
+        (["-o", str(page), "--view", "2mm", "1mm"], "--view: is for a picture"),
         (["-o", str(page), "--grid", "3"], "grid: must be from 9 to 33"),
         (["--view", "2", "1"], "--output: is missing"),
         (["-o", str(picture), "--view", "2", "1mm"], "--view: mixes a column or row with mm"),
