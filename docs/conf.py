@@ -8,6 +8,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import lfcore
+from docs.site.reference import with_docstrings
 
 # Pages that are run take this environment's commands.
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -17,7 +18,7 @@ author = "the authors of lfcore"
 copyright = author
 version = release = lfcore.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinxarg.ext"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc"]
 nb_custom_formats = {".md": "docs.site.pages.read"}
 nb_execution_timeout = 1800
 nb_execution_raise_on_error = True
@@ -54,6 +55,8 @@ OUTSIDE = re.compile(rf"\((?:\.\./)+({'|'.join(ELSEWHERE)})\.md(?:#[\w-]+)?\)")
 
 def setup(app) -> None:
     def mend(app, document: str, source: list[str]) -> None:
+        if document == "api":
+            source[0] = with_docstrings(source[0])
         source[0] = OUTSIDE.sub(lambda found: f"(/{ELSEWHERE[found[1]]}.md)", source[0])
 
     app.connect("source-read", mend)

@@ -9,7 +9,7 @@ import pytest
 
 import lfcore
 from docs.conf import ELSEWHERE
-from docs.site import command_line
+from docs.site import reference
 from lfcore.cli import COMMANDS
 from robustness.outcome import ROOT
 
@@ -71,19 +71,20 @@ def test_commands_are_shown_as_they_are_typed(pages, tmp_path):
     assert (tmp_path / "a-page" / "scenes" / "bike" / "scene.yaml").exists()
 
 
-def test_every_command_is_in_the_manual_and_examples_keep_their_lines(capsys):
-    with pytest.raises(SystemExit):
-        command_line.parser().parse_args(["refocus", "--help"])
-    said = capsys.readouterr().out
-    assert "--focus" in said and "::\n\n    examples:\n      lfcore refocus" in said
-    words = command_line.parser().format_help().split()
-    assert set(COMMANDS) <= set(words)
-
-
-def test_every_public_name_is_on_the_page():
-    text = (DOCS / "api.md").read_text()
-    said = re.findall(r"auto(?:function|class|exception):: lfcore\.(\w+)", text)
-    assert sorted(said) == sorted(lfcore.__all__)
+def test_every_public_name_and_command_is_readable_in_the_repository():
+    """The pages are as ``python -m docs.site.reference`` makes them."""
+    pages = reference.pages()
+    for path, text in pages.items():
+        assert path.read_text(encoding="utf-8") == text, "run python -m docs.site.reference"
+        assert "eval-rst" not in text
+    api, commands = pages.values()
+    names = " ".join(re.findall(r"<!-- names: (.*?) -->", api)).split()
+    assert sorted(names) == sorted(lfcore.__all__)
+    assert "- `render(scene, focus_m=None, f_number=None, *," in api
+    assert all(f"### lfcore {name}\n" in commands for name in COMMANDS)
+    assert "| `--pixels M` | M x M pixels" in commands
+    site = reference.with_docstrings(api)
+    assert ".. autofunction:: lfcore.render\n" in site and "- `render(" not in site
 
 
 def test_links_that_lead_out_of_the_manual_lead_to_its_pages_or_to_files():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ class Camera:
     def __post_init__(self) -> None:
         for key in ("focal_length_m", "sensor_width_m", "f_number"):
             value = getattr(self, key)
-            if not (value > 0 and math.isfinite(value)):
+            if not (isinstance(value, Real) and value > 0 and math.isfinite(value)):
                 raise OpticsError(f"must be positive and finite, not {value}", key=key)
         check_focus(self.focus_m, self.focal_length_m, key="focus_m")
         if self.pose is not None:
@@ -185,6 +186,8 @@ def image_distance(focal_length_m: float, focus_m: float) -> float:
 
 def check_focus(focus_m: float, focal_length_m: float, *, key: str) -> None:
     """Raise :class:`OpticsError` unless the lens can focus at this distance."""
+    if not isinstance(focus_m, Real):
+        raise OpticsError(f"must be a number, not {focus_m!r}", key=key)
     if not focus_m > focal_length_m:
         problem = f"focus at {focus_m} m is inside the focal length of {focal_length_m} m"
         remedy = "Focus farther than the focal length, or shorten the focal length"

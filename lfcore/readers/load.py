@@ -155,6 +155,8 @@ def load_scene(
             _refuse_view(path, view_from=view_from)
         lens["view_from"] = view_from
     if zoom is not None:
+        if not isinstance(zoom, Real):
+            raise SceneError(f"must be a number, not {zoom!r}", key="zoom")
         lens["zoom"] *= zoom
     note_up = mesh and up is None and path.suffix.lower() not in WITH_AXIS
     alone = mesh and not bare and not light

@@ -36,7 +36,8 @@ def check_texture(key: str, picture: Any) -> None:
 def check_triple(key: str, values: Any) -> None:
     """Raise :class:`SceneError` for what is no three numbers."""
     try:
-        fits = np.asarray(values, np.float64).shape == (3,)
+        array = np.asarray(values)
+        fits = array.shape == (3,) and array.dtype.kind in "fiu"
     except (TypeError, ValueError, OverflowError):
         fits = False
     if not fits:

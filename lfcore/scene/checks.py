@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,12 +60,15 @@ def _check_material(key: str, material: Material, textures: int) -> None:
     for name in ("diffuse", "specular", "emission"):
         check_triple(f"{key}.{name}", getattr(material, name))
     for name in ("texture", "metal_texture", "normal_texture", "emission_texture"):
-        check_numbers(f"{key}.{name}", np.array([getattr(material, name)]), textures, -1)
+        number = getattr(material, name)
+        if not isinstance(number, Integral):
+            raise SceneError(f"must be a whole number, not {number!r}", key=f"{key}.{name}")
+        check_numbers(f"{key}.{name}", np.array([int(number)], object), textures, -1)
 
 
 def check_numbers(key: str, numbers: np.ndarray, count: int, least: int = 0) -> None:
     """Raise :class:`SceneError` unless all are whole, from ``least`` to before ``count``."""
-    whole = numbers.dtype.kind in "iu"
+    whole = numbers.dtype.kind in "iuO"
     if whole and not len(numbers):
         return
     if not whole or numbers.min() < least or numbers.max() >= count:

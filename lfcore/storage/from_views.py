@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.colour import pq_encode, srgb_encode
-from lfcore.errors import OpticsError, StorageError
+from lfcore.errors import OpticsError, StorageError, check_kind
 from lfcore.files import make_folder
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -134,6 +135,7 @@ def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:
         whole = rows == columns and height == width
         slab = Slab(geometry, max(rows, columns), max(height, width), None if whole else extent)
         return slab, {}
+    check_kind(geometry, Real, "geometry", "a Camera, a CameraArray or metres")
     spacing = float(geometry)
     if not (spacing > 0 and np.isfinite(spacing)):
         raise OpticsError(f"must be positive and finite, not {spacing}", key="spacing")

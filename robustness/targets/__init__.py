@@ -17,7 +17,7 @@ WARM = (
     "cv2", "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
 """Modules that readers and commands import late; the parent imports them before it forks."""
-MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands")
+MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands", "objects")
 
 
 @dataclass(frozen=True)

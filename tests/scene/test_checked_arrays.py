@@ -53,7 +53,7 @@ def test_light_on_grids(plain):
         ({"material_ids": np.array([0])}, "material_ids: "),
         ({"materials": []}, "material_ids: "),
         ({"materials": [Material("a", texture=0)]}, r"materials\[0\].texture: .*not 0 to 0"),
-        ({"materials": [Material("a", normal_texture=1.5)]}, "normal_texture: .*not .1.5"),
+        ({"materials": [Material("a", normal_texture=1.5)]}, "normal_texture: .*not 1.5"),
         ({"materials": [Material("a", diffuse=(1, 2))]}, r"materials\[0\].diffuse: must be three"),
         ({"materials": ["grey"]}, r"materials\[0\]: must be a Material"),
         ({"textures": [np.zeros((4, 4, 3), np.float32)]}, r"textures\[0\]: .*uint8"),
