@@ -24,7 +24,7 @@ INFO_EPILOG = """\
 examples:
   lfcore info bike.mkv
   lfcore info model.glb             the camera, and the visible depth
-  lfcore info bike.mkv --verify     read every byte and compare checksums
+  lfcore info bike.mkv --verify     read all segments and compare checksums
   lfcore info bike.mkv --json       the metadata and more, for programs
 """
 DEVICES = """\

@@ -11,7 +11,6 @@ from av.error import FFmpegError
 
 from lfcore.errors import StorageError
 from lfcore.storage.decoding import frame_number, ticks_per_frame
-from lfcore.storage.ebml import Structure
 from lfcore.storage.index import Segment
 from lfcore.storage.metadata import TAG, Metadata
 from lfcore.storage.segment import open_video
@@ -31,30 +30,32 @@ class Damage:
     reason: str
 
 
-def read_metadata(path: Path, structure: Structure) -> Metadata:
-    """Read a file's metadata and compare them with its streams.
+def read_metadata(path: Path) -> tuple[Metadata, list[int]]:
+    """Read a file's metadata, compare them with its streams, and list its key frames.
 
-    Where the file's structure is damaged, the error reports that first.
+    FFmpeg has the key frames from the index at the end (Matroska's Cues) once it has to seek.
+    Without that index, as in a file that is cut short, the list ends early.
     """
-    try:
-        with open_video(path, MOST_STREAMS) as container:
-            text = container.metadata.get(TAG)
-            if text is None:
-                problem = f"is a video, but no light field: it has no tag {TAG}"
-                remedy = "Give a lightfield.mkv, as the join of segments writes it"
-                raise StorageError(problem, file=path, remedy=remedy)
-            metadata = Metadata.from_text(text, path)
-            described = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
-            streams = container.streams.video
-            _compare(path, [("streams of video", len(described), len(streams))])
-            for stream_metadata, stream in zip(described, streams, strict=True):
-                _check_stream(path, stream_metadata, stream)
-            return metadata
-    except StorageError:
-        if structure.faults:
-            problem = f"is damaged: {'; '.join(structure.faults)}; nothing can be read"
-            raise StorageError(problem, file=path) from None
-        raise
+    with open_video(path, MOST_STREAMS) as container:
+        if container.format.name != "matroska,webm":
+            remedy = "Give a light field file (.mkv), as 'lfcore record' writes it"
+            raise StorageError("is not a Matroska file", file=path, remedy=remedy)
+        text = container.metadata.get(TAG)
+        if text is None:
+            problem = f"is a video, but no light field: it has no tag {TAG}"
+            remedy = "Give a lightfield.mkv, as the join of segments writes it"
+            raise StorageError(problem, file=path, remedy=remedy)
+        metadata = Metadata.from_text(text, path)
+        described = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
+        streams = container.streams.video
+        _compare(path, [("streams of video", len(described), len(streams))])
+        for stream_metadata, stream in zip(described, streams, strict=True):
+            _check_stream(path, stream_metadata, stream)
+        with suppress(FFmpegError):  # of a damaged index
+            container.seek(0, stream=streams[0])
+        ticks = ticks_per_frame(streams[0].time_base)
+        entries = streams[0].index_entries
+        return metadata, [entry.timestamp // ticks for entry in entries if entry.is_keyframe]
 
 
 def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream) -> None:
@@ -109,20 +110,16 @@ def find_damage(streams: Sequence[StoredVideo]) -> list[Damage]:
     return damage
 
 
-def damage_error(
-    path: Path, total: int, faults: Sequence[str], damage: Sequence[Damage]
-) -> StorageError:
+def damage_error(path: Path, total: int, damage: Sequence[Damage]) -> StorageError:
     """The error of a damaged file: what is wrong, and how many of ``total`` segments are left."""
-    if not damage:
-        readable = f"all {total} segments can still be read"
-    elif len(damage) == total:
+    if len(damage) == total:
         readable = f"none of {total} segments can be read"
     else:
         numbers = ", ".join(str(each.segment.index) for each in damage[:MOST_NAMED])
         more = ", ..." if len(damage) > MOST_NAMED else ""
         left = total - len(damage)
         readable = f"{left} of {total} segments can still be read, not {numbers}{more}"
-    reasons = [*faults, *(each.reason for each in damage[: 0 if faults else MOST_REASONS])]
+    reasons = [each.reason for each in damage[:MOST_REASONS]]
     problem = f"is damaged: {'; '.join(reasons)}; {readable}"
     remedy = "Open it to salvage what can be read, or join the segments again"
     return StorageError(problem, file=path, remedy=remedy)

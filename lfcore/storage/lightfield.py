@@ -20,9 +20,7 @@ from lfcore.optics.slab import Extent, Slab
 from lfcore.progress import Progress
 from lfcore.storage.blocks import Rectangle, read_block
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import FRAME_MS
 from lfcore.storage.depth_stream import StoredDepth
-from lfcore.storage.ebml import scan
 from lfcore.storage.from_views import store_arrays
 from lfcore.storage.index import FIRST, Segment
 from lfcore.storage.integrity import (
@@ -100,21 +98,13 @@ class LightFieldFile:
             contradicts itself; says what is damaged and what can still be read.
         """
         path = located(path)
-        structure = scan(path, clusters=False)
-        metadata = read_metadata(path, structure)
-        keys = [key // FRAME_MS for key in structure.keys]
+        metadata, keys = read_metadata(path)
         field = cls(path, metadata, keys, threads=threads, salvage=salvage)
         index = metadata.segments
-        if salvage:
+        if salvage or not np.isin(index.numbers[:, FIRST], keys).all():
             field.damage = find_damage(field._streams)
-        elif structure.faults:
-            damage = find_damage(field._streams)
-            raise damage_error(path, len(index), structure.faults, damage)
-        else:
-            held = np.isin(index.numbers[:, FIRST], keys) | (not keys)
-            gone = np.flatnonzero(~held).tolist()
-            if missing := [Damage(index[k], f"segment {k} is missing") for k in gone]:
-                raise damage_error(path, len(index), [], missing)
+        if field.damage and not salvage:
+            raise damage_error(path, len(index), field.damage)
         return field
 
     @classmethod
@@ -215,19 +205,19 @@ class LightFieldFile:
         return tuple(part for part in self.metadata.segments if part.index not in damaged)
 
     def verify(self, progress: Progress | None = None) -> None:
-        """Check every byte of the file and every segment, of colours and of depths.
+        """Check every segment, of colours and of depths.
 
         ``progress`` is called with (segments done, total).  Raises :class:`StorageError` that
         names all damaged segments and what can still be read.
         """
-        structure, total = scan(self.path, clusters=True), len(self.metadata.segments)
+        total = len(self.metadata.segments)
         damage: list[Damage] = []
         for part in self.metadata.segments:
             damage += segment_damage(self._streams, part)
             if progress:
                 progress(part.index + 1, total)
-        if damage or structure.faults:
-            raise damage_error(self.path, total, structure.faults, damage)
+        if damage:
+            raise damage_error(self.path, total, damage)
 
     @property
     def slab(self) -> Slab | None:

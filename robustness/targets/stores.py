@@ -103,25 +103,23 @@ def store_seeds(name: str, folder: Path) -> list[bytes]:
 
 
 def judge_store(name: str, data: bytes, folder: Path) -> Outcome:
-    """A damaged file gives right pixels or none, and verify() finds every difference."""
-    original, right = whole_store(name, seeds_folder(folder))
+    """A damaged file gives right pixels or none."""
+    _, right = whole_store(name, seeds_folder(folder))
     file = folder / "input.mkv"
     file.write_bytes(data)
-    outcome = outcome_of(lambda: _read_all(file, data == original, right), names=str(file))
+    outcome = outcome_of(lambda: _read_all(file, right), names=str(file))
     if outcome.is_finding:
         return outcome
     salvaged = outcome_of(lambda: _salvage(file, right), names=str(file))
     return salvaged if salvaged.is_finding else outcome
 
 
-def _read_all(file: Path, same: bool, right: bytes) -> None:
+def _read_all(file: Path, right: bytes) -> None:
     field = LightFieldFile.open(file)
     if pixels_of(field) != right:
         raise SilentlyWrong("other pixels than were stored")
     field.view(1, 1, codes=True)
     field.verify()
-    if not same:
-        raise SilentlyWrong("verify() finds no damage in a file that differs")
 
 
 def _salvage(file: Path, right: bytes) -> None:

@@ -16,10 +16,13 @@ from plain_scenes import CHART, SCENES
 from lfcore import Encoding, LightField, StorageError
 from lfcore.cli import main
 from lfcore.storage import ranges
-from lfcore.storage.ebml import scan
 from lfcore.storage.layout import FrameLayout
 
 pytest.importorskip("urllib3", reason="urllib3 is not installed: pip install -e '.[remote]'")
+
+
+CLUSTER = b"\x1f\x43\xb6\x75"
+"""The id of Matroska's clusters, between which structure is scattered."""
 
 
 class Server(http.server.ThreadingHTTPServer):
@@ -112,7 +115,7 @@ def test_a_view_or_macropixel_costs_its_tiles(large):
         field = LightField.open(server.url)
         opening = server.sent
         # The head, the index and the first frame, however many clusters there are.
-        assert len(scan(large.path, clusters=True).elements) > 10
+        assert large.path.read_bytes().count(CLUSTER) > 6
         assert opening <= 64 << 10
         views = field.layout.kind == "views"
         name, x, y = ("view", 3, 2) if views else ("macropixel", 40, 30)
