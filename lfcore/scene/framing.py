@@ -228,7 +228,11 @@ def _framing_pose(
     distance = max(*map(float, bounds_of), 1.5 * extent.radius) or 1.0
     aside = turn[:2].T @ [_balanced(x, z + distance) for x in across]
     middle = extent.centre + aside
-    return look_at((middle + distance * direction).tolist(), middle.tolist(), up.tolist())
+    place = middle + distance * direction
+    if np.array_equal(place, middle):
+        problem = f"the scene is too small, {2 * extent.radius:.3g} m, so far from the origin"
+        raise where["objects"].error(problem, "Move it to the origin")
+    return look_at(place.tolist(), middle.tolist(), up.tolist())
 
 
 def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:

@@ -535,3 +535,10 @@ def test_a_scene_with_its_own_camera_takes_no_other(pinhole, tmp_path, key):
     given = {"camera": pinhole.camera, "scale": 2, "zoom": 2}.get(key, np.eye(4))
     for name in ("scene.npz", "scene.pbrt"):
         refused(f"{name}: {key}: ", lfcore.load_scene, tmp_path / name, **{key: given})
+
+
+def test_a_mesh_too_small_for_its_place_names_its_file(tmp_path):
+    (tmp_path / "a.obj").write_text(
+        f"v 0 0 {2.0**56}\nv 16 0 {2.0**56}\nv 0 16 {2.0**56}\nf 1 2 3\n"
+    )
+    refused("a.obj: objects: the scene is too small", lfcore.load_scene, tmp_path / "a.obj")
