@@ -110,7 +110,8 @@ def load_scene(
     pose = {"position_m": position_m, "look_at_m": look_at_m, "matrix": matrix}
     view = {**pose, "camera": camera, "view_from": view_from, "zoom": zoom, "scale": scale}
     if path.suffix.lower() == ".npz":
-        _refuse_view(path, **view, light=light, up=up, floor=floor)
+        _refuse_view(path, **view, light=light, up=up)
+        _refuse_floor(path, floor)
         return read_scene(path)
     if light is not None:
         check_kind(light, Mapping, "light")
@@ -120,7 +121,8 @@ def load_scene(
         path = path / "scene.yaml"
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
-        _refuse_view(path, **view, light=light, floor=floor)
+        _refuse_view(path, **view, light=light)
+        _refuse_floor(path, floor)
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
@@ -207,6 +209,11 @@ def _refuse_view(path: Path, **asked: Any) -> None:
         if value is not None:
             remedy = "Leave it out, or change the camera in the file"
             raise Where(path, key).error("the scene has a camera of its own", remedy)
+
+
+def _refuse_floor(path: Path, floor: bool | None) -> None:
+    if floor is not None:
+        raise Where(path, "floor").error("belongs to a mesh or a scene.yaml", "Leave it out")
 
 
 def _check_up(up: str | None, path: Path) -> None:

@@ -306,6 +306,7 @@ def test_a_scene_asks_for_studio_and_floor(mesh, tmp_path):
     refused("sky: excludes studio", loaded, studio=True, **sky)
     refused("lights: excludes studio", loaded, studio=True, lights=[])
     refused("floor: ", lfcore.load_scene, path, floor=3)
+    refused("floor: belongs to a mesh", lfcore.load_scene, tmp_path / "a.pbrt", floor=True)
 
 
 @pytest.mark.kernels
