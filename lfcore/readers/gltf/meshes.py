@@ -4,7 +4,6 @@ Source: Khronos, "glTF 2.0 Specification", section 3.7, and the extensions
 KHR_draco_mesh_compression and EXT_mesh_gpu_instancing.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from lfcore.readers.gltf.materials import Surfaces
 from lfcore.readers.gltf.nodes import Nodes
 from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, Notebook
-from lfcore.scene.surface_mesh import SurfaceMesh, crease_normals, join
+from lfcore.scene.surface_mesh import SurfaceMesh, join, shaded
 
 NOT_FACES = {0: "points", 1: "lines", 2: "lines", 3: "lines"}
 """The modes of primitives without triangles."""
@@ -120,9 +119,9 @@ class Meshes:
     ) -> SurfaceMesh | None:
         """A primitive in its mesh's coordinates, or in the world if it is ``skinned``; None for
         one without triangles, and for one that is cut out wholly."""
-        count = (
-            self.account if key not in self._counted else Account(Notebook(), self.document.path)
-        )
+        count = self.account
+        if key in self._counted:  # for another node
+            count = Account(Notebook(), self.document.path)
         self._counted.add(key)
         count.hold("primitives")
         mode, name = primitive.get("mode", LIST), mesh.get("name", node["mesh"])
@@ -140,18 +139,16 @@ class Meshes:
             return None
         positions = data.array("POSITION")
         normals = data.attribute("NORMAL") if self.shading == "auto" else None
+        shading = "flat" if self.shading == "auto" and normals is None else self.shading
         if skinned:
             bones = self._bones(node["skin"], data)
             positions, normals = _posed(bones, positions, normals)
-        if len(faces) and faces.max() >= len(positions):
+        if len(faces) and not 0 <= faces.min() <= faces.max() < len(positions):
             problem = f"face names vertex {int(faces.max())} of {len(positions)}"
             raise self.document.broken(problem)
         triangles = positions[faces].astype(np.float64)
         if normals is not None:
             normals = normals[faces].astype(np.float64)
-        elif self.shading == "smooth":
-            sound = np.nan_to_num(triangles, nan=0.0, posinf=0.0, neginf=0.0)
-            normals = crease_normals(sound, self.crease_deg)
         coordinates = data.attribute(f"TEXCOORD_{look.texture_set}")
         uvs = None
         if coordinates is not None:
@@ -165,8 +162,8 @@ class Meshes:
             colours = np.clip(colours[faces][..., :3].astype(np.float64), 0, 1)
         count.use("primitives")
         data.count(count, bent=look.surface.normal_texture is not None)
-        surface = replace(look.surface, curved=normals is not None)
-        return SurfaceMesh(triangles, surface, normals, uvs, colours)
+        part = SurfaceMesh(triangles, look.surface, normals, uvs, colours)
+        return shaded(part, shading, self.crease_deg)
 
     def _bones(self, skin: Any, data: "Primitive") -> np.ndarray:
         """(V, 3, 4) from each vertex to the world, of a skin's pose."""
@@ -180,7 +177,7 @@ class Meshes:
         number = 0
         while (joints := data.attribute(f"JOINTS_{number}")) is not None:
             shares = data.array(f"WEIGHTS_{number}")
-            if joints.max(initial=0) >= len(to_world):
+            if not 0 <= joints.min(initial=0) <= joints.max(initial=0) < len(to_world):
                 raise self.document.broken(f"skin {skin} has no joint {joints.max()}")
             for joint, share in zip(joints.T, shares.T, strict=True):
                 bones = bones + share[:, None, None] * to_world[joint.astype(np.int64), :3]
