@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import results, sceptic, tracer
+from benchmarks import pathtracers, results, tracer
 from benchmarks.peers.method import SkippedError
 from benchmarks.peers.mitsuba_lens import check_plain
 from lfcore import SensorPlane
@@ -105,16 +105,16 @@ def test_rows_have_what_each_setting_made(tmp_path):
     shown = scene(wall(3.0))
     tracer = open_tracer(shown)
     planes = [SensorPlane(focus, shown.camera.f_number) for focus in (2.0, 3.0, 5.0)]
-    points = list(sceptic.ours(tracer, planes, 64, 4))
+    points = list(pathtracers.ours(tracer, planes, 64, 4))
     assert {point.rays for point in points if np.isfinite(point.rays)} == {1, 4}
     fixed = [point for point in points if np.isfinite(point.rays)]
     truths, kept = fixed[-1].make()[0], {}
-    rows = list(sceptic.rows_of(shown, fixed, truths, 64, 1, kept))
+    rows = list(pathtracers.rows_of(shown, fixed, truths, 64, 1, kept))
     assert [row["setting"] for row in rows] == [point.setting for point in fixed]
     assert all(float(row["core s"]) > 0 for row in rows)
     assert float(rows[-1]["middle dB"]) > 60
     kept[shown.name, 64, "true", ""] = truths[1]
-    table = sceptic.pd.DataFrame(rows)
-    sceptic.figure(table, tmp_path / "figure.png")
-    sceptic.crops(table, kept, tmp_path)
+    table = pathtracers.pd.DataFrame(rows)
+    pathtracers.figure(table, tmp_path / "figure.png")
+    pathtracers.crops(table, kept, tmp_path)
     assert len(list(tmp_path.glob("*.png"))) == 2

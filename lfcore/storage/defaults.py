@@ -1,13 +1,13 @@
-"""Layout and encoder settings that measured best, by the number of views a side.
+"""The best measured layout and encoder settings, by the number of views per side.
 
-``docs/decisions.md`` has the measurements.  Views cost a fraction of a macropixel's bits at
-small N.  Where a view's side has fewer than 16 times the pixels of a macropixel's side, a block of
-a view sees thousands of triangles in a dense scene, and takes tens of times as long to trace.  8
-bits leave bands where few frames are averaged: PQ, and slicing by depth, have 10.  A macropixel is
-its neighbour's shifted by less than a pixel: ``ultrafast``, which predicts each block from the
-frame before, with arithmetic coding and larger transforms has the error and the size of slower
-presets in a third of their time.  A key frame every 128 frames costs 3% of the bits at N = 32, and
-bounds what a macropixel costs to read: 64 frames on average.
+``docs/decisions.md`` has the measurements.  At small N, views need a fraction of macropixels' bits.
+If a view's side has fewer than 16 times the pixels of a macropixel's side, a block of a view covers
+thousands of triangles in a dense scene, and tracing takes tens of times as long.  With 8 bits,
+bands are visible if few frames are averaged: PQ and slicing by depth have 10.  A macropixel is its
+neighbour shifted by less than a pixel.  ``ultrafast`` predicts each block from the frame before;
+with arithmetic coding and larger transforms it has the error and the size of slower presets in a
+third of their time.  A key frame every 128 frames costs 3% of the bits at N = 32, and a macropixel
+then needs 64 decoded frames on average.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ QUICK: dict[str, Any] = {
     "preset": "ultrafast",
     "extra": (("cabac", "1"), ("8x8dct", "1"), ("partitions", "i8x8")),
 }
-"""Settings of H.264 beyond N = 16."""
+"""The settings of H.264 beyond N = 16."""
 _SETTINGS: tuple[tuple[int, float, dict[str, Any]], ...] = (
-    # views up to; the CRF of other codecs and presets; what is set
+    # views up to; CRF of other codecs and presets; settings
     (16, 30.0, {"preset": "medium", "bframes": 8}),
     (32, 30.0, {"crf": 31.0} | QUICK),
     (64, 34.0, {"crf": 37.0} | QUICK),
@@ -32,29 +32,35 @@ _SETTINGS: tuple[tuple[int, float, dict[str, Any]], ...] = (
     (1 << 30, 28.0, {"crf": 36.0} | QUICK),
 )
 FEW_VIEWS_CRF = 20.0
-"""CRF of H.264 where pictures are sliced by depth from up to 16 lens samples a side.  Few frames
-are averaged, so the codec's noise must stay below the error of the rays themselves."""
+"""The CRF of H.264 for slicing by depth from up to 16 lens samples per side.  Few frames are
+averaged, so the codec's error must be below the rays' error."""
 KEY_EVERY = 128
-"""Frames from one key frame to the next."""
+"""The frames from key frame to key frame."""
 WIDE = 2048
-"""Wider frames refer to the one before alone: decoders hold 2 of them and not 6, 100 MB each at
-4096 x 4096.  Measured there: 8% more bits than with B-frames, which hold 4, and pictures of 58.6 to
-63.6 dB, 0.5 to 1.1 dB less; at half the side 18% and 1 to 2 dB."""
+"""The width above which frames refer only to the frame before: decoders hold 2 frames instead of 6,
+100 MB each at 4096 x 4096.  There it costs 8% of the bits and 0.5 to 1.1 dB of 58.6 to 63.6 dB; at
+half the side 18% and 1 to 2 dB."""
 NO_LOOKAHEAD = (("mbtree", "0"), ("rc-lookahead", "0"))
+"""The settings of H.264 without its macroblock tree, which holds all frames of a segment."""
 WIDE_CRF = 2.5
-"""The macroblock tree of H.264 holds all frames of a segment.  Without it, a CRF higher by this
-gives the same bits and pictures in 0.75 of the time."""
+"""The increase of the CRF without the macroblock tree: bits and pictures are then the same, in 0.75
+of the time."""
 DEFAULT_CODEC = Encoding().codec
+"""The codec of :class:`Encoding`."""
 OTHER_PRESETS = {"libx265": "fast", "libsvtav1": "8"}
+"""The presets of other codecs."""
 CRF_SCALE = {"libsvtav1": 1.5}
-"""AV1's constant rate factor runs to 63, and this times x264's gives about its quality."""
-PIXELS_FOR_VIEWS, FEW_VIEWS = 16, 8
+"""The ratio of a codec's CRF to x264's at about the same quality; AV1's goes up to 63."""
+PIXELS_FOR_VIEWS = 16
+"""The least ratio of pixels to views per side for the layout views."""
+FEW_VIEWS = 8
+"""The most views per side that always have the layout views."""
 
 
 def default_kind(views: int, pixels: int = 512) -> str:
-    """``views`` or ``macropixels``: which costs fewer bits at equal error, and not long to trace.
+    """The layout with fewer bits at equal error that is not slow to trace: views or macropixels.
 
-    ``views`` and ``pixels`` are N and M, a side.
+    ``views`` and ``pixels`` are N and M, per side.
     """
     _check(views)
     wide = pixels >= PIXELS_FOR_VIEWS * views
@@ -62,13 +68,15 @@ def default_kind(views: int, pixels: int = 512) -> str:
 
 
 def default_pack(views: int, pixels: int = 512) -> int:
-    """Elements a side that share a frame: one view, or macropixels of 128 pixels together, as an
-    encoder spends some 30 microseconds a frame whatever its size."""
+    """The elements per side of a frame: one view, or macropixels with 128 pixels together.
+
+    An encoder needs some 30 microseconds per frame of any size.
+    """
     return macropixel_pack(views) if default_kind(views, pixels) == "macropixels" else 1
 
 
 def macropixel_pack(views: int) -> int:
-    """As :func:`default_pack`, for macropixels whether they are the default or not; 8 at most."""
+    """As :func:`default_pack`, always for macropixels; at most 8."""
     _check(views)
     return max(1, min(8, 128 // views))
 

@@ -1,8 +1,8 @@
-"""Inverse depth beside the rays: its codes, and what a light field file says of their stream.
+"""The stream of inverse depths: its codes, and its description in a light field file.
 
-A ray of known depth can be sliced by depth (:mod:`lfcore.refocus.depth_slicing`): on a plane it is
-spread over ``|delta' - 1 / z|`` times its part of the lens.  That is linear in inverse depth, so
-codes are even steps of it, and a quarter of a pixel of that sweep is as finely as it is held.
+Slicing by depth (:mod:`lfcore.refocus.depth_slicing`) spreads a ray on a plane over
+``|delta' - 1 / z|`` times its part of the lens.  This sweep is linear in inverse depth, so codes
+are equal steps of inverse depth: a quarter of a pixel of the sweep.
 """
 
 from __future__ import annotations
@@ -22,17 +22,20 @@ from lfcore.storage.defaults import KEY_EVERY, NO_LOOKAHEAD, WIDE
 from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
-"""As finely as depth is held: the sweep of a view's part of the lens, in pixels of a view."""
+"""The step of depth codes: the sweep of a view's part of the lens, in pixels of a view."""
 LATTICES = ("plain", "crossed")
-"""The names in files of views that are not displaced, and of those that are."""
-FINEST_CRF, COARSEST_CRF = 0.0, 40.0
+"""The file format's names of plain and of displaced views."""
+FINEST_CRF = 0.0
+"""The lowest rate factor of depths."""
+COARSEST_CRF = 40.0
+"""The highest rate factor of depths."""
 WIDE_DEPTH_CRF = 8.8
-"""As :data:`lfcore.storage.defaults.WIDE_CRF`, of depths."""
+"""The counterpart of :data:`lfcore.storage.defaults.WIDE_CRF` for depths."""
 
 
 @dataclass(frozen=True)
 class DepthCodes:
-    """Codes of inverse depth, in even steps from ``far`` (code 0) to ``near`` (the last), 1/m."""
+    """Codes of inverse depth: equal steps from ``far`` (code 0) to ``near`` (the last), 1/m."""
 
     far: float
     near: float
@@ -45,9 +48,9 @@ class DepthCodes:
 
     @classmethod
     def of_range(cls, slab: Slab, far: float, near: float) -> DepthCodes:
-        """Codes that hold sweeps of ``slab``'s views to :data:`SWEEP_PX`; 10 bits where need be."""
+        """Codes with steps of :data:`SWEEP_PX` for a slab's views, in 8 or, if needed, 10 bits."""
         step = sweep_step(slab)
-        near = max(near, far + step)  # everything at one depth
+        near = max(near, far + step)  # for a scene with one depth
         return cls(far, near, "gray" if near - far <= 255 * step else "gray10le")
 
     @property
@@ -94,21 +97,26 @@ class DepthCodes:
 
 
 def sweep_step(slab: Slab) -> float:
-    """Dioptres between which a view's part of the lens sweeps :data:`SWEEP_PX` pixels more."""
+    """The dioptres that change a view's sweep by :data:`SWEEP_PX`."""
     return SWEEP_PX * slab.pixel_pitch / slab.lens_pitch_m
 
 
 @dataclass(frozen=True)
 class StoredDepth:
-    """What the metadata say of the depth stream.
+    """The metadata of the depth stream.
 
     Attributes
     ----------
-    codes : what its samples mean.
-    displaced : whether views are displaced within a pixel against one another.
-    pixels : side of the pictures that the rays are meant for.
-    codec, header_crc32, settings : as of the stream of colours.
-    segments : bytes and CRC-32 of each, which has the frames of the colours' segment.
+    codes : DepthCodes
+        The meaning of its samples.
+    displaced : bool
+        Whether each view is displaced within a pixel against all others.
+    pixels : int
+        The longer side of the pictures that the file was recorded for.
+    codec, header_crc32, settings
+        As for the stream of colours.
+    segments : tuple
+        Bytes and CRC-32 of each segment; its frames are those of the colours' segment.
     """
 
     codes: DepthCodes
@@ -121,10 +129,10 @@ class StoredDepth:
 
     def __post_init__(self) -> None:
         if not (type(self.pixels) is int and 1 <= self.pixels <= 65536):
-            raise StorageError(f"pictures of {self.pixels!r} pixels", key="depth.pixels")
+            raise StorageError(f"cannot be {self.pixels!r}", key="depth.pixels")
 
     def views(self, slab: Slab) -> ViewSet:
-        """Where the rays of ``slab``, the file's own, run."""
+        """The views of the file's slab, plain or displaced."""
         return views_of(slab, displaced=self.displaced)
 
     def to_json(self) -> dict[str, Any]:

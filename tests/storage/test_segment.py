@@ -285,7 +285,7 @@ def test_a_damaged_depth_is_refused_in_one_line(made, tmp_path):
         ("pixel_format", [], "unknown depth.pixel_format"),
         ("lattice", "square", "unknown depth.lattice"),
         ("lattice", {}, "unknown depth.lattice"),
-        ("pixels", 0, "pictures of 0"),
+        ("pixels", 0, "pixels: cannot be 0"),
         ("segments", [[1, 2]], "a segment for each"),
         ("segments", [[1, -2]] * 3, "whole numbers"),
         ("settings", 3, "cannot be"),

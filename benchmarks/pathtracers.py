@@ -1,13 +1,13 @@
-"""Our pictures against a path tracer's: python -m benchmarks.sceptic --out FILE.csv
+"""Our pictures against a path tracer's: python -m benchmarks.pathtracers --out FILE.csv
 
-What a sceptic would time: one picture through the open round lens, focused near, in the middle and
+Equal time: one picture through the open round lens, focused near, in the middle and
 far.  Ours by depth and to a quality; Mitsuba 3 with the same shading, raw and with Intel's
 denoiser; and Blender's Cycles with its own, on the scene without highlights.  Seconds are processor
 seconds of all threads, scene and hierarchy loaded, the least of --repeats in turn after a warm-up.
 dB are against our converged picture, for Cycles against its own; the note says how these agree.
 
-    python -m benchmarks.sceptic --out sceptic.csv --figure sceptic.png --crops crops/
-    python -m benchmarks.sceptic --scenes bike model.glb --pixels 128 --out sceptic.csv
+    python -m benchmarks.pathtracers --out pathtracers.csv --figure pathtracers.png --crops crops/
+    python -m benchmarks.pathtracers --scenes bike model.glb --pixels 128 --out pathtracers.csv
 
 Only the best peer is timed in more than one size.
 """
@@ -295,7 +295,7 @@ def main() -> None:
     options = parser.parse_args()
     table, agreement, kept = study(options)
     note = f"Converged pictures of the peers agree with ours: {agreement}."
-    report(options.out, "python -m benchmarks.sceptic", table, note, shown(table))
+    report(options.out, "python -m benchmarks.pathtracers", table, note, shown(table))
     if options.figure:
         figure(table, options.figure)
     if options.crops:
