@@ -23,7 +23,10 @@ CODE = re.compile(r"^```(bash|python)\n(.*?)\n```$", re.MULTILINE | re.DOTALL)
 RUN = re.compile(r"^<!-- run(?:; small: (.*?))? -->\n", re.MULTILINE)
 GIVEN = re.compile(r"^<!-- given: (.*?) -->\n", re.MULTILINE)
 SHOWN = re.compile(r"^<!-- (picture|viewer): (\S+) \| (.*?) -->$", re.MULTILINE)
-BASH = "%%script bash -euo pipefail"
+BASH = """%%script bash -euo pipefail
+exec 3>&1 >.printed 2>&1
+trap 'cat .printed >&3' EXIT"""
+"""The cell's first lines: output comes at once, since MyST-NB breaks the line between pieces."""
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 VIEWER = """import html
 from pathlib import Path
