@@ -99,7 +99,7 @@ class _Polygons:
             account.use(name, len(table))  # those that no face has are not looked for
         corners, counts = _corners(found.body("f"))
         self._absolute(corners, counts, found, tables, account)
-        self._triangles, self.polygons = triangulate(self.points[corners[:, 0]], counts, account)
+        self._triangles, self.polygons = triangulate(self.points, corners[:, 0], counts, account)
         self._corners = corners
 
     @staticmethod

@@ -75,7 +75,7 @@ def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> Surf
     index = whole(values[np.repeat(begins, sides) + 1 + within])
     if index.max(initial=-1) >= vertices:
         raise ValueError(f"a face names vertex {index.max()} of {vertices}")
-    picked, polygon = triangulate(points[index], sides, account)
+    picked, polygon = triangulate(points, index, sides, account)
     corners = index[picked]
     colours = display_colours(extra[:, :3])[corners] if coloured else None
     if colours is None:

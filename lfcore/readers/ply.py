@@ -90,7 +90,7 @@ class _Mesh:
         points = points.astype(np.float64)
         faces = self._lists("face", INDICES) or Lists(np.zeros(0), np.zeros(0, np.int64))
         index = _checked(faces.values, len(points), 0)
-        picked, polygon = triangulate(points[index], faces.counts, self._account)
+        picked, polygon = triangulate(points, index, faces.counts, self._account)
         corners = np.concatenate([index[picked], self._strips(len(points))])
         given = {}
         for name, groups in (("normals", NORMALS), ("uvs", UVS)):

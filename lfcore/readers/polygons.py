@@ -8,13 +8,14 @@ from lfcore.scene.surface_mesh import normalise
 
 
 def triangulate(
-    points: np.ndarray, counts: np.ndarray, account: Account
+    points: np.ndarray, index: np.ndarray, counts: np.ndarray, account: Account
 ) -> tuple[np.ndarray, np.ndarray]:
     """The triangles of polygons, whose corners follow one another.
 
     Parameters
     ----------
-    points : (C, 3) positions of the corners of all polygons.
+    points : (V, 3) positions of the vertices.
+    index : (C,) the vertices at the corners of all polygons.
     counts : (F,) corners of each polygon; one of fewer than three has no triangle.
     account : counts the faces, and notes those that cross themselves, whose area is uncertain.
 
@@ -31,13 +32,13 @@ def triangulate(
         first = np.broadcast_to(corners[:, :1], corners[:, 2:].shape)
         fans = np.stack([first, corners[:, 1:-1], corners[:, 2:]], -1)
         if number > 3:
-            normals, wrong = _wrong_fans(points[corners])
+            normals, wrong = _wrong_fans(points[index[corners]])
             if number == 4:  # the other diagonal
                 a, b, c, d = corners[wrong].T
                 fans[wrong] = np.stack([np.stack([b, c, d], -1), np.stack([b, d, a], -1)], 1)
             else:
                 for k in np.flatnonzero(wrong).tolist():
-                    ears, is_crossed = _ears(points[corners[k]], normals[k])
+                    ears, is_crossed = _ears(points[index[corners[k]]], normals[k])
                     crossed += is_crossed
                     missing = number - 2 - len(ears)  # where corners coincide
                     fans[k] = corners[k][np.pad(ears, ((0, missing), (0, 0)))]
