@@ -33,21 +33,7 @@ def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
     account = Account(notebook, path)
     found = Statements(read_bytes(path, LARGEST_MESH, "mesh file"), ("v", "vt", "vn", "f"))
     libraries = Libraries(path, notebook, account)
-    switches: list[tuple[int, str]] = [(-1, "")]  # lines from which a material holds
-    for line, word, rest in found.others():
-        if word == "usemtl":
-            switches.append((line, rest))
-        elif word == "mtllib":
-            libraries.add(rest)
-        else:
-            what = f"statements '{word}'" if word.isprintable() else "statements of no words"
-            account.hold(what)
-            if word in NAMES:
-                account.use(what)
-            elif word == "s" and len(found.lines("vn")):
-                account.use(what)  # the file's normals say it better
-            elif word in CURVED:
-                account.lose(what, LEFT_OUT, "curves and curved surfaces")
+    switches = _switches(found, libraries, account)
     if b"#MRGB" in found.text:
         notebook.add(NOT_USED, path, "colours of vertices in comments '#MRGB'")
     try:
@@ -74,6 +60,26 @@ def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
     return parts
 
 
+def _switches(found: Statements, libraries: Libraries, account: Account) -> list[tuple[int, str]]:
+    """The lines from which materials hold, and their names; other statements are counted."""
+    switches, understood = [(-1, "")], set(NAMES)
+    if len(found.lines("vn")):
+        understood.add("s")  # the file's normals say it better
+    for line, word, rest in found.others():
+        if word == "usemtl":
+            switches.append((line, rest))
+        elif word == "mtllib":
+            libraries.add(rest)
+        else:
+            what = f"statements '{word}'" if word.isprintable() else "statements of no words"
+            account.hold(what)
+            if word in understood:
+                account.use(what)
+            elif word in CURVED:
+                account.lose(what, LEFT_OUT, "curves and curved surfaces")
+    return switches
+
+
 def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
     return Where(path).error(problem, remedy)
 
@@ -88,11 +94,9 @@ class _Polygons:
         self.points = rows(values, counts, 3, 0.0)
         self.colours = self._colours(values, counts, account)
         more = [found.numbers(word) for word in ("vt", "vn")]
-        self.uvs, normals = rows(*more[0], 2, 0.0), rows(*more[1], 3, 0.0)
+        self.uvs, self.normals = rows(*more[0], 2, 0.0), rows(*more[1], 3, 0.0)
         if more[0][1].max(initial=0) > 2 and rows(*more[0], 3, 0.0)[:, 2].any():
-            words = "third texture coordinates"
-            account.hold(words, int((more[0][1] > 2).sum()))
-        self.normals = normals
+            account.hold("third texture coordinates", int((more[0][1] > 2).sum()))
         tables = self.points, self.uvs, self.normals
         for name, table in zip(PER_CORNER, tables, strict=True):
             account.hold(name, len(table))

@@ -17,6 +17,8 @@ from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 HEAD = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF(\s+BINARY)?(?=[\s#\d])")
+MOST_NUMBERS = 16
+"""The most numbers of a vertex."""
 
 
 def read_off(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
@@ -36,54 +38,61 @@ def read_off(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
 def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> SurfaceMesh:
     text = plain(data)
     head = HEAD.match(text)
-    has_uvs, _, has_normals, four, many, binary = head.groups() if head else (None,) * 6
-    if four or many or binary:
+    has_uvs, _, has_normals, *unread = head.groups() if head else (None,) * 6
+    if any(unread):
         raise ValueError("points of four or more dimensions, and binary OFF, are not read")
     values, counts = numbers(text[head.end() :] if head else text)
-    starts, counts = (np.cumsum(counts) - counts)[counts > 0], counts[counts > 0]
+    counts = counts[counts > 0]
     if not len(counts) or not 2 <= counts[0] <= 3:
         raise ValueError("it does not say how many vertices and faces it has")
     vertices, faces = whole(values[:2]).tolist()
-    if len(counts) - 1 < vertices + faces:
+    first, end = 1 + vertices, 1 + vertices + faces
+    if len(counts) < end:
         raise ValueError(f"it is cut short: {len(counts) - 1} lines of {vertices} + {faces}")
-    if len(counts) - 1 > vertices + faces:
-        notebook.add(NOT_USED, path, f"{len(counts) - 1 - vertices - faces} lines at its end")
-    of_vertices = slice(1, 1 + vertices)
-    stop = int(starts[vertices] + counts[vertices]) if vertices else int(counts[0])
-    columns, widths = values[counts[0] : stop], counts[of_vertices]
-    if vertices and widths.min() < 3:
-        raise ValueError(f"a vertex has {widths.min()} coordinates")
+    if len(counts) > end:
+        notebook.add(NOT_USED, path, f"{len(counts) - end} lines at its end")
+    starts = np.append(0, np.cumsum(counts))
+    widths = counts[1:first]
+    if vertices and not 3 <= widths.min() <= widths.max() <= MOST_NUMBERS:
+        raise ValueError(f"a vertex has {widths.min()} to {widths.max()} numbers")
+    columns = values[starts[1] : starts[first]]
     table = rows(columns, widths, int(widths.max(initial=3)), 0.0)
-    points, at = table[:, :3], 3 + 3 * bool(has_normals)
-    normals = table[:, 3:6] if has_normals else None
-    uvs = table[:, -2:] if has_uvs else None
-    extra = table[:, at : table.shape[1] - 2 * bool(has_uvs)]
+    points, end_of_colours = table[:, :3], table.shape[1] - 2 * bool(has_uvs)
+    given = {"normals": table[:, 3:6] if has_normals else None}
+    given["uvs"] = table[:, -2:] if has_uvs else None
+    colours = table[:, 3 + 3 * bool(has_normals) : end_of_colours]
+    coloured = colours.shape[1] in (3, 4)
     account.hold("vertices", vertices)
     account.use("vertices", vertices)
-    coloured = extra.shape[1] in (3, 4)
-    if extra.shape[1] == 4 and np.ptp(extra[:, 3]) > 0:
-        notebook.add(NOT_USED, path, "alpha of vertices")
-    if extra.shape[1]:
+    if colours.shape[1]:
         account.hold("colours of vertices", vertices)
         account.use("colours of vertices", vertices if coloured else 0)
-    begins = starts[1 + vertices : 1 + vertices + faces]
-    width = counts[1 + vertices : 1 + vertices + faces]
-    sides = whole(values[begins])
-    if ((sides < 1) | (sides > width - 1)).any():
-        raise ValueError("a face has not as many vertices as it says")
-    within = np.arange(sides.sum()) - np.repeat(np.cumsum(sides) - sides, sides)
-    index = whole(values[np.repeat(begins, sides) + 1 + within])
-    if index.max(initial=-1) >= vertices:
-        raise ValueError(f"a face names vertex {index.max()} of {vertices}")
+    if colours.shape[1] == 4 and np.ptp(colours[:, 3]) > 0:
+        notebook.add(NOT_USED, path, "alpha of vertices")
+    index, sides = _faces(values, starts[first:end], counts[first:end], vertices)
     picked, polygon = triangulate(points, index, sides, account)
     corners = index[picked]
-    colours = display_colours(extra[:, :3])[corners] if coloured else None
-    if colours is None:
-        colours = _of_faces(values, begins + 1 + sides, width - 1 - sides, account)
-        colours = None if colours is None else np.repeat(colours[polygon][:, None], 3, 1)
-    surface = Surface(path.stem, diffuse=(0.8 if colours is None else 1.0,) * 3)
-    normals, uvs = (None if each is None else each[corners] for each in (normals, uvs))
-    return SurfaceMesh(points[corners], surface, normals, uvs, colours)
+    given["colours"] = display_colours(colours[:, :3]) if coloured else None
+    given = {name: each[corners] for name, each in given.items() if each is not None}
+    own = _of_faces(values, starts[first:end] + 1 + sides, counts[first:end] - 1 - sides, account)
+    if own is not None and not coloured:
+        given["colours"] = np.repeat(own[polygon][:, None], 3, 1)
+    surface = Surface(path.stem, diffuse=(1.0 if "colours" in given else 0.8,) * 3)
+    return SurfaceMesh(points[corners], surface, **given)
+
+
+def _faces(
+    values: np.ndarray, starts: np.ndarray, counts: np.ndarray, vertices: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices at the corners of all faces, and the corners of each."""
+    sides = whole(values[starts])
+    if ((sides < 1) | (sides > counts - 1)).any():
+        raise ValueError("a face has not as many vertices as it says")
+    within = np.arange(sides.sum()) - np.repeat(np.cumsum(sides) - sides, sides)
+    index = whole(values[np.repeat(starts, sides) + 1 + within])
+    if index.max(initial=-1) >= vertices:
+        raise ValueError(f"a face names vertex {index.max()} of {vertices}")
+    return index, sides
 
 
 def _of_faces(
