@@ -147,7 +147,7 @@ def test_a_tile_stays_while_the_next_is_read(tmp_path):
     frames = {tile: smooth_frames(tile, tile.index) for tile in layout.tiles(3 * 10 * 16**2)}
     write_field(path, Slab(CAMERA, 16, 10), layout, frames.__getitem__, tiles=list(frames))
     with LightFieldFile.open(path) as field:
-        chunks = frame_chunks(field)
+        chunks = frame_chunks(field.video, field.segments)
         tile, _, before = next(chunks)
         for following, _, found in chunks:
             np.testing.assert_array_equal(before, frames[tile])
@@ -211,9 +211,9 @@ def test_macropixels_and_views_give_the_same_integers(tracer, tmp_path):
         plane = replace(planes[0], pixels=None)
         (picture,) = field.refocus_many([plane], pixels=7)
         np.testing.assert_array_equal(picture, sums[0].pictures()[0])
-        refused("formed by slicing", field.refocus_many, [plane], pixels=7, method="shift-sum")
+        refused("pixels: only slicing", field.refocus_many, [plane], pixels=7, method="shift-sum")
         refused("finer than the slab's 24", field.refocus_many, [plane], pixels=25)
-        refused("formed by slicing", shift_sum, field, planes)
+        refused("only slicing", shift_sum, field, planes)
 
 
 def test_coarse_pictures_are_rendered(tracer):

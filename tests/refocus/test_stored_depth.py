@@ -151,7 +151,7 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
         lambda: field.refocus(2.5, method="slicing"),
         lambda: field.stack([2.5, 3.0], fast=True),
     ):
-        refused(r"a.mkv: has views that are displaced.*record", wrong)
+        refused(r"a.mkv: .*displaced.*record", wrong)
     plain = stored(tmp_path / "plain.mkv", tracer, "views", False)
     assert plain.refocus(2.5, filter="nearest").shape == (20, 20, 3)
     assert plain.refocus(2.5).shape == (PIXELS, PIXELS, 3)
@@ -162,7 +162,7 @@ def test_a_file_without_depth_says_how_to_trace_one(tmp_path, capsys):
     record, out = ["record", str(CHART), "--pixels", "16"], ["-o", str(tmp_path / "a.png")]
     assert main([*record, "--views", "2", "--depth", "none", "-o", plain]) == 0
     for options, words in (
-        (["--filter", "depth"], "holds no depth"), (["--pixels", "17"], "Ask for 16 at most"),
+        (["--filter", "depth"], "holds no depth"), (["--pixels", "17"], "at most 16"),
     ):  # fmt: skip
         assert main(["refocus", plain, *options, *out]) == 1
         assert words in capsys.readouterr().err

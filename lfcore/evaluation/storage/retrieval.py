@@ -164,9 +164,10 @@ def _piece(
     def read_anew() -> float:
         reach = LightFieldFile.open(field.path)
         if in_all:  # only the first is in reach; the others read as black
-            reach.metadata = replace(reach.metadata, segments=reach.metadata.segments[:1])
+            video = reach.video
+            video.metadata = replace(video.metadata, segments=video.metadata.segments[:1])
         read(reach)
-        return reach.video.decoded_frames / sum(part.frames for part in reach.segments)
+        return reach.video.decoded_frames / sum(part.frames for part in reach.video.segments)
 
     share = field.segments[0].tile.rays / field.layout.rays if in_all else 1.0
     return Measurement(what, share, read_anew)
