@@ -23,10 +23,15 @@ CODE = re.compile(r"^```(bash|python)\n(.*?)\n```$", re.MULTILINE | re.DOTALL)
 RUN = re.compile(r"^<!-- run(?:; small: (.*?))? -->\n", re.MULTILINE)
 GIVEN = re.compile(r"^<!-- given: (.*?) -->\n", re.MULTILINE)
 SHOWN = re.compile(r"^<!-- (picture|viewer): (\S+) \| (.*?) -->$", re.MULTILINE)
-BASH = """%%script bash -euo pipefail
-exec 3>&1 >.printed 2>&1
-trap 'cat .printed >&3' EXIT"""
-"""The cell's first lines: output comes at once, since MyST-NB breaks the line between pieces."""
+BASH = """import subprocess
+
+done = subprocess.run(
+    ["bash", "-euo", "pipefail", "-c", {code!r}],
+    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+)
+print(done.stdout, end="")
+done.check_returncode()"""
+"""The cell of a block of bash: its output comes in one piece."""
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 VIEWER = """import html
 from pathlib import Path
@@ -65,7 +70,7 @@ def read(text: str, made: Path = MADE, *, small: bool = False) -> NotebookNode:
         if language == "python":
             cells.append(new_code_cell(code))
         else:
-            cells += [new_markdown_cell(f"```bash\n{code}\n```"), _hidden(f"{BASH}\n{code}")]
+            cells += [new_markdown_cell(f"```bash\n{code}\n```"), _hidden(BASH.format(code=code))]
         cells += _shown(words)
     return new_notebook(cells=cells, metadata={"kernelspec": KERNEL})
 
