@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from gltf_files import UVS, File
+from plain_scenes import refused
 
 from lfcore.readers.load import load_scene
 from lfcore.scene.appearance import Dielectric
@@ -45,6 +46,14 @@ def test_textures_have_the_coordinates_that_they_name(scene_of, texture_set):
         assert len(scene.textures) == 1 and scene.uvs[..., 0].min() == texture_set
     else:
         assert not scene.textures and "has no coordinates for them" in scene.summary()
+
+
+def test_a_texture_of_an_unknown_kind_is_refused_by_its_name(scene_of):
+    file = File()
+    unknown = {"EXT_texture_avif": {"source": 0}}
+    texture = {"index": file.add("textures", extensions=unknown)}
+    material = {"pbrMetallicRoughness": {"baseColorTexture": texture}}
+    refused("EXT_texture_avif.*PNG", scene_of, material, file, unknown, TEXCOORD_0=UVS)
 
 
 @pytest.mark.parametrize("unlit", [True, False])

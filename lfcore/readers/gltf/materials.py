@@ -113,9 +113,13 @@ class Surfaces:
                 raise where.error(f"texture {name!r}: {error.problem}", remedy) from None
         return self._pictures[source]
 
-    @staticmethod
-    def _source(texture: dict) -> int:
-        return (extension(texture, WEBP) or texture)["source"]
+    def _source(self, texture: dict) -> int:
+        source = (extension(texture, WEBP) or texture).get("source")
+        if source is None:
+            names = ", ".join(texture.get("extensions", ())) or "none"
+            remedy = "Convert its textures to PNG, JPEG or WebP"
+            raise self.document.broken(f"a texture has no picture but that of {names}", remedy)
+        return source
 
     def drop(self, info: dict) -> None:
         """Remember a texture that is not used, for a reason that was noted."""

@@ -141,7 +141,9 @@ class Nodes:
         if kind not in ("point", "spot"):
             raise self.document.broken(f"light {name!r} is of no known type: {kind!r}")
         if "range" in light:
-            self.account.lose("lights", APPROXIMATED, f"light {name!r}: it ends at no range", 0)
+            self.account.lose(
+                "lights", APPROXIMATED, f"light {name!r}: its range, beyond which it shines on", 0
+            )
         lamp = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
         if kind == "point":
             return lamp
