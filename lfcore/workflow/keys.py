@@ -132,7 +132,9 @@ class Configuration(Keys):
     """The configuration of a run."""
 
     scenes: several(Scene) = key(
-        "names of folders below `scenes/`, or paths of scene or mesh files", DEFAULT_SCENES
+        "names of folders below `scenes/`, or paths of scene or mesh files; in results, `_` takes "
+        "the place of spaces and the like in their names",
+        DEFAULT_SCENES,
     )
     views: several(whole(2, 1024)) = key(
         "lens samples per side (N), one light field each", [16, 32, 64, 128, 256, 512]

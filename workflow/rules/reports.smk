@@ -41,10 +41,11 @@ def figures_of(name, form):
     if form == "curves":
         form = ["curves"] if "quality" in REPORTS else []
     if isinstance(form, list):
-        files = [one if "/" in one else f"results/tables/figures/{name}_{one}.png" for one in form]
         labels = [one.replace("_", " ") if len(form) > 1 else "" for one in form]
+        files = [f"results/tables/figures/{name}_{one}.png" for one in form]
         return dict(zip(labels, files))
-    return {"": f"results/tables/figures/{name}.png"} if form == "one" else {}
+    folders = {"one": "results/tables/figures", "assignment": "results/assignment/figures"}
+    return {"": f"{folders[form]}/{name}.png"} if form in folders else {}
 
 
 SHOWN = REPORTS if STORE else REPORTS - {"chosen_rays", "retrieval"}
