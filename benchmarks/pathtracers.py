@@ -1,8 +1,8 @@
 """Our pictures against a path tracer's: python -m benchmarks.pathtracers --out FILE.csv
 
-Equal time: one picture through the open round lens, focused near, in the middle and
-far.  Ours by depth and to a quality; Mitsuba 3 with the same shading, raw and with Intel's
-denoiser; and Blender's Cycles with its own, on the scene without highlights.  Seconds are processor
+Pictures at equal time: one through the open round lens, focused near, in the middle and far.  Ours
+by depth and to a quality; Mitsuba 3 with the same shading, raw and with Intel's denoiser; and
+Blender's Cycles with its own, on the scene without highlights.  Seconds are processor
 seconds of all threads, scene and hierarchy loaded, the least of --repeats in turn after a warm-up.
 dB are against our converged picture, for Cycles against its own; the note says how these agree.
 
