@@ -1,11 +1,12 @@
 """Baked light against Mitsuba: python -m benchmarks.light --out light.csv --pictures light/
 
-The scenes are matt.  *bake*: core seconds and memory of a bake to an error, and dB of a pinhole's
-picture by it to Mitsuba's converged one.  *planes*: pictures of five planes through the open lens,
-beside Mitsuba and Cycles with their denoisers: core seconds per plane, dB of all five, and from
-which plane on ours, with the bake, take a tenth of Mitsuba's time; the last as good as Mitsuba's.
-*price*: time of rays with baked light and sky over the time of the same rays with ambient light, in
-turn: all rays of some pixels of PRICED x PRICED.  Rows of other scenes and parts stay.
+Ten matt scenes: three published ones, and seven of :mod:`benchmarks.lit_scenes`.  *bake*: core
+seconds and memory of a bake with an error; expected and real error of a pinhole's picture, a share
+of the light; and its dB to Mitsuba's converged one.  Further ``--parts``, for published scenes:
+*planes*: pictures of five planes through the open lens, beside Mitsuba and with *cycles* Cycles,
+with their denoisers: core seconds per plane, dB of all five, and from which plane on ours, with the
+bake, take a tenth of Mitsuba's time.  *price*: time of rays with baked light and sky over the time
+of the same rays with ambient light, in turn.  Rows of other scenes and parts stay.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.lit_scenes import MADE, made_scene
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
 from benchmarks.peers.mitsuba_path import mitsuba_path
@@ -32,6 +34,7 @@ from benchmarks.sample import SCENES
 from docs.examples.sky import sky
 from lfcore.api import load_scene
 from lfcore.baking.bake import bake_light
+from lfcore.baking.bounces import MOST_BOUNCES
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.figures import contact_sheet, save_figure
 from lfcore.evaluation.true_picture import BORDER
@@ -49,8 +52,10 @@ from lfcore.timing import measure_in_turn
 from lfcore.tracing.tracer import Tracer
 
 PATHS = {"cornell": "cornell/scene.yaml", "bike": "bike/sky.yaml", "bedroom": "bedroom/window.yaml"}
-BAKES = "0.16:16", "0.16:32", "0.04:32", "0.02:32", "0.01:32"
+DEFAULT = ("0.02:32",)
 """Errors that bakes are asked for, and cells over the width of the picture to begin with."""
+DARK = 0.25
+"""Errors are shares of the light, or of this share of its mean in darker places."""
 PINHOLE, SHARP = 1e4, Lattice(2, 16)
 PEER, CYCLES = (f"{name} + OIDN, 64 samples" for name in ("Mitsuba path", "Cycles"))
 DENOISED = Samples(64, "multijitter", "picture")
@@ -60,6 +65,8 @@ PRICED = 512
 
 def scene_of(name: str, folder: Path) -> Scene:
     """A matt scene; the bicycle under a panorama."""
+    if name in MADE:
+        return replace(matt(made_scene(name, folder)), clip=False)
     path, light = SCENES / PATHS[name], None
     if name == "bike":
         write_picture(folder / "sky.exr", sky())
@@ -67,7 +74,7 @@ def scene_of(name: str, folder: Path) -> Scene:
     return replace(matt(load_scene(path, light=light)), name=name, clip=False)
 
 
-def bounces_of(scene: Scene) -> int:
+def bounces_of(scene: Scene) -> int | str:
     return (scene.bake or BakeOptions()).bounces
 
 
@@ -95,20 +102,24 @@ def _peak_mib() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace) -> Iterator[tuple]:
+def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace, kept: dict) -> Iterator[tuple]:
     """A row per bake, and the scene with its light."""
     camera = replace(scene.camera, f_number=PINHOLE)
     truth = np.array([truth_of(peer, camera, options, 1)])
     plane = SensorPlane(scene.camera.focus_m, PINHOLE)
+    kept["converged"] = truth[0, 2]
     for error, cells in (map(float, bake.split(":")) for bake in options.bakes):
         how = replace(scene.bake or BakeOptions(), error=error, cells=int(cells))
         light, seconds, mib = baked(scene, how, options.threads)
         lit = replace(scene, light=light)
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
         pictures = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)
+        shown = f"error {error:g}, {cells:.0f} cells"
+        kept.update({shown: pictures[0], f"{shown}, off": 0.5 + 4 * (pictures[0] - truth[0, 2])})
         yield _said({
-            "scene": scene.name, "part": "bake", "setting": f"error {error:g}, {cells:.0f} cells",
+            "scene": scene.name, "part": "bake", "setting": shown,
             "core s": f"{seconds:.1f}", "MiB": f"{mib:.0f}", "expected": f"{light.error:.3f}",
+            "real": f"{true_error(pictures, truth):.3f}",
             "points": len(light.values), "rays": light.rays,
             "dB": f"{true_psnr(pictures, truth):.1f}",
         }), lit  # fmt: skip
@@ -139,7 +150,9 @@ def planes(
 
     if "cycles" in options.parts:
         try:
-            cycles = cycles_lens(scene, options.threads, bounces_of(scene))
+            bounces = bounces_of(scene)
+            bounces = MOST_BOUNCES if bounces == "all" else bounces
+            cycles = cycles_lens(scene, options.threads, bounces)
             yield theirs(CYCLES, cycles)
             cycles.close()
         except SkippedError as why:
@@ -177,6 +190,15 @@ def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
     border = math.ceil(BORDER * pictures.shape[1])
     errors = slope**2 * (pictures - one) * (pictures - two)
     return -10 * math.log10(max(errors[:, border:-border, border:-border].mean(), 1e-9))
+
+
+def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
+    """The root mean square error of pictures, a share of the light; noise cancels as above."""
+    one, two, near = (of.mean(-1) for of in np.swapaxes(truths, 0, 1))
+    level = np.maximum(near, DARK * near.mean())
+    border = math.ceil(BORDER * pictures.shape[1])
+    errors = (pictures.mean(-1) - one) * (pictures.mean(-1) - two) / level**2
+    return math.sqrt(max(errors[:, border:-border, border:-border].mean(), 0.0))
 
 
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
@@ -224,7 +246,7 @@ def figure(table: pd.DataFrame, path: Path) -> None:
 
 
 SHOWN = {
-    "bake": ["core s", "MiB", "expected", "dB"],
+    "bake": ["core s", "MiB", "expected", "real", "dB"],
     "planes": ["core s", "bake core s", "a tenth from plane", "dB"],
     "price": ["price"],
 }
@@ -236,17 +258,17 @@ def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {
         f"_{part}": table.loc[table["part"] == part, ["scene", "setting", *columns]]
         for part, columns in SHOWN.items()
+        if (table["part"] == part).any()
     }
 
 
 def main() -> None:
-    parser = parser_of(__doc__ or "", scenes=tuple(PATHS), pixels=128)
+    parser = parser_of(__doc__ or "", scenes=(*MADE, *PATHS), pixels=192)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
-    parser.add_argument(
-        "--parts", nargs="+", default=["planes", "cycles", "price"], help="beside bakes"
-    )
-    parser.add_argument("--bakes", nargs="+", default=BAKES)
+    parts = ("planes", "cycles", "price")
+    parser.add_argument("--parts", nargs="*", default=(), choices=parts, help="beside bakes")
+    parser.add_argument("--bakes", nargs="+", default=DEFAULT, metavar="ERROR:CELLS")
     parser.add_argument("--converged", type=int, default=128, help="samples of converged pictures")
     parser.add_argument("--repeats", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
@@ -257,7 +279,7 @@ def main() -> None:
             scene = scene_of(name, Path(folder))
             kept: dict[str, np.ndarray] = {}
             peer = mitsuba_path(scene, bounces_of(scene), options.threads)
-            lights = list(bakes(scene, peer, options))
+            lights = list(bakes(scene, peer, options, kept))
             rows += [row for row, _ in lights]
             if "planes" in options.parts:
                 rows += planes(scene, lights, peer, options, kept)

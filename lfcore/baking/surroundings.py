@@ -44,6 +44,7 @@ class Surroundings:
     Attributes
     ----------
     sky : (S, S, 3) the octahedral map without its suns, or None.
+    suns : the lights that replace suns.
     unit : (T, 3) unit normals of the triangles, in front.
     small : the scene's textures, shrunk, in linear light.
     diffuse, emission : (M, 3) of materials.
@@ -55,7 +56,7 @@ class Surroundings:
 
     def __init__(self, scene: Scene, tracer: Tracer):
         self.scene, self.tracer = scene, tracer
-        self.sky = suns(scene.sky)[0] if len(scene.sky) else None
+        self.sky, self.suns = suns(scene.sky) if len(scene.sky) else (None, [])
         p, q, r = scene.triangles.swapaxes(0, 1)
         flat = np.cross(q - p, r - p)
         self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
@@ -176,10 +177,10 @@ class Surroundings:
             colours[rows] = small[size[1] - 1 - at[:, 1], at[:, 0]]
         return colours
 
-    def of_lights(self, points: Points) -> np.ndarray:
-        """Return the irradiance over pi (P, 3) from the scene's lights."""
+    def of_lights(self, points: Points, lights: list[Light] | None = None) -> np.ndarray:
+        """Return the irradiance over pi (P, 3) from lights; by default the scene's."""
         total = np.zeros((len(points), 3), np.float32)
-        for light in self.scene.lights:
+        for light in self.scene.lights if lights is None else lights:
             if any(light.colour):
                 total += self._of_light(light, points)
         return total

@@ -2,7 +2,7 @@
 
 Two independent estimates are gathered at each place.  The product of the baked light's differences
 to both is, in the mean, its squared error: their noise cancels.  So errors of interpolation, at
-contacts above all, count as those of noise.
+contacts above all, count as those of noise; and so do the hard shadows of suns, which are discs.
 """
 
 import math
@@ -10,16 +10,20 @@ import math
 import numpy as np
 
 from lfcore.baking.irradiance_cache import IrradianceCache
-from lfcore.baking.mesh_colours import Points, grid_point, longest_edge
-from lfcore.baking.surroundings import mean_colour
+from lfcore.baking.mesh_colours import Points, dot, grid_point, longest_edge
+from lfcore.baking.sampling import samples
+from lfcore.baking.surroundings import Surroundings, mean_colour
 from lfcore.scene.baked import BakedLight
+from lfcore.scene.sky import solid_angles, texel_directions
 
-_PLACES = 40
-"""Places per side of the picture."""
+_PLACES = 1600
+"""Places in the picture, of a sequence: a lattice can hit nothing but edges."""
 _RAYS = 256
 """Rays per estimate: their noise is then a few percent, and cancels over all places."""
 _DARK = 0.25
 """Errors are shares of the light, or of this share of its mean in darker places."""
+_LARGEST = 0.25
+"""The largest squared error of a place: pixels average over spots that are all wrong."""
 _FIRST_SEED = 1 << 40
 """Makes samples independent of those of the bake."""
 
@@ -27,8 +31,7 @@ _FIRST_SEED = 1 << 40
 def measured_error(cache: IrradianceCache, light: BakedLight) -> float:
     """Return the root mean square error in the picture, a share of the light."""
     around, camera = cache.around, cache.grids.scene.camera
-    axis = camera.field_width * ((np.arange(_PLACES) + 0.5) / _PLACES - 0.5)
-    x, y = np.meshgrid(axis, axis)
+    x, y = (camera.field_width * (a[0] - 0.5) for a in samples(np.zeros(1, np.uint64), 0, _PLACES))
     towards = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3).astype(np.float32)
     faces, weights, distance = around.cast(np.zeros_like(towards), towards)
     # On an emitter, baked light hardly shows; other rays of the bake missed some small faces.
@@ -45,15 +48,34 @@ def measured_error(cache: IrradianceCache, light: BakedLight) -> float:
         cache.grids.nearest(faces, weights),
         mean_colour(_looked_up(light, faces, weights)),
     )
+    hard = mean_colour(around.of_lights(points, around.suns))
+    lights = mean_colour(around.of_lights(points))
     estimates = []
     for number in range(2):
         seeds = _FIRST_SEED + number * len(on) + np.arange(len(on))
         sums = cache.gather(points, near, seeds, 0, _RAYS)[0].sum(0)
-        estimates.append(mean_colour(sums) / _RAYS)
-    level = (estimates[0] + estimates[1]) / 2
-    level = np.maximum(np.maximum(level, baked), max(_DARK * _mean(level), 1e-30))
+        estimates.append(mean_colour(sums) / _RAYS + _of_discs(around, points, seeds) - hard)
+    level = np.maximum((estimates[0] + estimates[1]) / 2, baked) + lights
+    level = np.maximum(level, max(_DARK * _mean(level), 1e-30))
     squared = (baked - estimates[0]) * (baked - estimates[1]) / level**2
-    return math.sqrt(max(_mean(squared), 0.0))
+    return math.sqrt(max(_mean(np.clip(squared, -_LARGEST, _LARGEST)), 0.0))
+
+
+def _of_discs(around: Surroundings, points: Points, seeds: np.ndarray) -> np.ndarray:
+    """Return the mean irradiance over pi (P,) of the suns' discs: that of one texel per point,
+    chosen by its light."""
+    if not around.suns:
+        return np.zeros(len(points))
+    disc = mean_colour(around.scene.sky - around.sky).ravel()
+    texels = np.flatnonzero(disc > 0)
+    side = len(around.sky)
+    light = disc[texels] * solid_angles(side).ravel()[texels] / math.pi
+    ends = np.cumsum(light, dtype=np.float64)
+    choice = np.searchsorted(ends, samples(seeds, 0, 1)[0][:, 0] * ends[-1])
+    chosen = texels[np.minimum(choice, len(texels) - 1)]
+    towards = texel_directions(side).reshape(-1, 3)[chosen].astype(np.float32)
+    hit = around.cast(around.starts(points, slice(None), towards), towards)[0]
+    return np.where(hit < 0, ends[-1] * np.maximum(dot(points.normals, towards), 0), 0)
 
 
 def _looked_up(light: BakedLight, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from lfcore.scene.sky import (
     solid_angles,
     suns,
     texel_directions,
+    under,
 )
 from lfcore.tracing.tracer import Tracer
 
@@ -263,6 +264,22 @@ def test_the_expected_error_is_that_of_the_picture(distance, error):
     off = off / np.maximum(wanted, 0.25 * wanted[on_wall].mean())
     real = np.sqrt((off[on_wall] ** 2).mean())
     assert 0.5 < scene.light.error / real < 2
+
+
+def test_hard_shadows_of_wide_suns_are_errors():
+    """A plate before a wall: the wider a sun, the wider are the half-shadows that are left out."""
+    towards = texel_directions(256)
+    things = [plain_scenes.wall(1.5, 2.0), rectangle((-0.2, -0.2), (0.2, 0.2), 1.0)]
+
+    def error(half_angle):
+        disc = towards @ (0.3, 0.2, -np.sqrt(0.87)) > np.cos(half_angle)
+        sky = np.where(disc[..., None], 0.1 / half_angle**2, 0.02)
+        sky = np.repeat(sky, 3, axis=-1).astype(np.float32)
+        made = world(np.concatenate(things), 0.0, bounces=0, error=0.1, cells=16)
+        return lfcore.bake(under(made, sky)).light.error
+
+    narrow, wide = error(0.015), error(0.06)
+    assert wide > 0.03 and wide > 2 * narrow
 
 
 def test_faces_that_the_sample_rays_miss_are_no_places_of_the_error():
