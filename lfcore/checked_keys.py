@@ -41,8 +41,9 @@ def refusal(model: type[BaseModel], error: ValidationError, **where: Any) -> Set
         case "missing":
             problem = "is missing"
     key = ".".join(place)[:200]
-    key = f"{where.pop('key')}: {key}" if "key" in where else key or None
-    return SettingsError(problem, key=key, remedy=remedy, **where)
+    if "key" in where:
+        key = f"{where.pop('key')}: {key}"
+    return SettingsError(problem, key=key or None, remedy=remedy, **where)
 
 
 def _place(model: Any, mistake: Any) -> tuple[list[str], str, list[str]]:

@@ -65,7 +65,7 @@ class Camera:
     def __post_init__(self) -> None:
         for key in ("focal_length_m", "sensor_width_m", "f_number"):
             value = getattr(self, key)
-            if not (isinstance(value, Real) and value > 0 and math.isfinite(value)):
+            if not (isinstance(value, Real) and math.isfinite(value) and float(value) > 0):
                 raise OpticsError(f"must be positive and finite, not {value}", key=key)
         check_focus(self.focus_m, self.focal_length_m, key="focus_m")
         if self.pose is not None:

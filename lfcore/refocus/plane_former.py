@@ -106,7 +106,7 @@ class PlaneFormer:
         device = self.device
         self._kernel(
             device.queue, (self._sums.workers,), (1,), device.shown(np.ascontiguousarray(rays)),
-            cl.cltypes.make_int2(*size),
+            np.array(size, np.int32),
             device.buffer(placements), np.int32(len(placements)), *self._inner,
             device.buffer(np.zeros(1, np.int32)), self._scratch, np.int32(self._words),
             *self._sums.arguments(),

@@ -144,7 +144,7 @@ def frames_by_depth(
     codes: DepthCodes,
     tile: Tile,
     progress: Progress | None = None,
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+) -> Iterator[Sequence[np.ndarray]]:
     """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
     elements, before = tile.elements(), tile.row * slab.views
     by_views = tile.layout.kind == "views"

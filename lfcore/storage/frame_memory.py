@@ -159,7 +159,7 @@ class FrameWriter:
         device.queue.finish()
         self.count = int(placed["frame"].max()) + 1
 
-    def read(self) -> list[np.ndarray]:
+    def read(self) -> tuple[np.ndarray, ...]:
         """The frames that were written last, of colours and of depths: (F, frame_bytes) uint8 each,
         valid until the next are written."""
-        return [memory.held(self.count) for memory in self._memory]
+        return tuple(memory.held(self.count) for memory in self._memory)

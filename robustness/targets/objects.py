@@ -48,7 +48,12 @@ def judge(data: bytes, folder: Path) -> Outcome:
         return Outcome("refused")
     if not (isinstance(given, dict) and all(isinstance(one, dict) for one in given.values())):
         return Outcome("refused")
-    return outcome_of(lambda: [_make(kind, one, folder) for kind, one in given.items()], None)
+
+    def make_all() -> None:
+        for kind, one in given.items():
+            _make(kind, one, folder)
+
+    return outcome_of(make_all, None)
 
 
 def _make(kind: str, given: dict[str, Any], folder: Path) -> None:
@@ -69,20 +74,20 @@ def _make(kind: str, given: dict[str, Any], folder: Path) -> None:
     elif kind == "scene":
         _scene(given)
     elif kind == "surface":
+        given = {"diffuse": None} | given
         texture = _array(given, "texture", np.uint8)
-        Scene.from_triangles(
-            CORNERS, surface=Surface(diffuse=given.get("diffuse"), texture=texture)
-        )
+        Scene.from_triangles(CORNERS, surface=Surface(diffuse=given["diffuse"], texture=texture))
     elif kind == "views":
-        LightField.from_views(given.get("views"), given.get("spacing"), folder / "views.mkv")
+        given = {"views": None, "spacing": None} | given
+        LightField.from_views(given["views"], given["spacing"], folder / "views.mkv")
 
 
 def _scene(given: dict[str, Any]) -> None:
     empty = np.zeros((0, 3, 3), np.float32)
-    listed = {key: given.get(key) if isinstance(given.get(key), list) else []
+    listed: dict[str, list[Any]] = {key: _list(given, key)
               for key in ("materials", "lights", "textures")}  # fmt: skip
     made = Scene(
-        "a", Camera(0.05, 0.036, 2, 3), np.float32(CORNERS), empty, empty[..., :2], empty,
+        "a", Camera(0.05, 0.036, 2, 3), np.array(CORNERS, np.float32), empty, empty[..., :2], empty,
         _array(given, "material_ids", np.int32),
         [_of(Material, {"name": "a"}, one) for one in listed["materials"]],
         [_array({"t": one}, "t", np.uint8) for one in listed["textures"]],
@@ -92,13 +97,19 @@ def _scene(given: dict[str, Any]) -> None:
     check_scene(within_limits(made, "a"))
 
 
-def _of(kind: type, needed: dict[str, Any], one: object) -> object:
+def _of(kind: type, needed: dict[str, Any], one: object) -> Any:
     known = one.items() if isinstance(one, dict) else ()
     fields = kind.__dataclass_fields__  # type: ignore[attr-defined]
     return kind(**needed | {key: value for key, value in known if key in fields})
 
 
-def _array(given: dict[str, Any], key: str, dtype: type) -> object:
+def _list(given: dict[str, Any], key: str) -> list[Any]:
+    """The list of this name, empty where it is something else."""
+    value = given.get(key)
+    return value if isinstance(value, list) else []
+
+
+def _array(given: dict[str, Any], key: str, dtype: type) -> Any:
     """The array of a type where the values are such; else what numpy makes of them."""
     try:
         return np.array(given.get(key), dtype)
