@@ -1,1 +1,1 @@
-"""What is looked at: description, meshes, procedural models, textures, needs."""
+"""The model of a scene: description, meshes, procedural models, textures, needs."""

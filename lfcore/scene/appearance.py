@@ -1,4 +1,4 @@
-"""Materials and lights, as the tracer has them."""
+"""Materials and lights of a scene."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ POINT, DIRECTIONAL = 0, 1
 
 @dataclass(frozen=True)
 class Dielectric:
-    """What a glTF file says of glass and clear coats.  It is kept, and not drawn yet.
+    """A glTF file's values for glass and clear coats.  They are kept, and not drawn yet.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Material:
     shininess : float
         Blinn-Phong's exponent.
     emission : (float, float, float)
-        Radiance that is added in any light: a lamp shade, a screen, a test chart.
+        Emitted radiance, for example of a lamp shade, a screen or a test chart.
     texture : int
         Multiplies ``diffuse``.
     alpha_cutoff : float
@@ -72,7 +72,7 @@ class Material:
         Shadow rays start on the curved surface that the smooth normals describe, so that a coarse
         mesh casts no jagged shadows on itself.
     dielectric : Dielectric, optional
-        What a file says of glass and clear coats.
+        A file's values for glass and clear coats.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Material:
 
     @property
     def has_maps(self) -> bool:
-        """Whether it has textures beside that of its colour, be they the same picture."""
+        """Whether it has textures beside that of its colour."""
         return max(*self.data_textures, self.emission_texture) >= 0
 
     @property

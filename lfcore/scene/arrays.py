@@ -1,4 +1,4 @@
-"""Checks of single arrays, which public objects make of what they are given."""
+"""Checks of single arrays that public objects are given."""
 
 from typing import Any
 
@@ -10,23 +10,23 @@ KINDS = {"floats": "f", "integers": "iu", "uint8": "u"}
 
 
 def check_array(key: str, value: Any, shape: tuple[int | None, ...], kind: str = "floats") -> None:
-    """Raise :class:`SceneError` for what is no array of this kind and shape; None is any length."""
+    """Raise :class:`SceneError` unless it is an array of this kind and shape; None: any length."""
     is_array = isinstance(value, np.ndarray)
     if (
         is_array
         and value.dtype.kind in KINDS[kind]
         and value.ndim == len(shape)
-        and all(asked in (None, found) for asked, found in zip(shape, value.shape, strict=True))
+        and all(wanted in (None, length) for wanted, length in zip(shape, value.shape, strict=True))
         and (kind != "uint8" or value.dtype == np.uint8)
     ):
         return
-    asked = ", ".join("any" if length is None else str(length) for length in shape)
-    found = f"{value.dtype} {value.shape}" if is_array else f"a {type(value).__name__}"
-    raise SceneError(f"must be an array of {kind} of shape ({asked}), not {found}", key=key)
+    expected = ", ".join("any" if length is None else str(length) for length in shape)
+    actual = f"{value.dtype} {value.shape}" if is_array else f"a {type(value).__name__}"
+    raise SceneError(f"must be an array of {kind} of shape ({expected}), not {actual}", key=key)
 
 
 def check_texture(key: str, picture: Any) -> None:
-    """Raise :class:`SceneError` for what is no (H, W, 3) or (H, W, 4) uint8."""
+    """Raise :class:`SceneError` unless the picture is (H, W, 3) or (H, W, 4) uint8."""
     channels = 4 if getattr(picture, "shape", ())[2:] == (4,) else 3
     check_array(key, picture, (None, None, channels), "uint8")
     if not picture.size:
@@ -34,7 +34,7 @@ def check_texture(key: str, picture: Any) -> None:
 
 
 def check_triple(key: str, values: Any) -> None:
-    """Raise :class:`SceneError` for what is no three numbers."""
+    """Raise :class:`SceneError` unless there are three numbers."""
     try:
         array = np.asarray(values)
         fits = array.shape == (3,) and array.dtype.kind in "fiu"

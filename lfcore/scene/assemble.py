@@ -1,4 +1,4 @@
-"""From parts in world space to the flat float32 arrays that the tracer sees."""
+"""Turn parts in world space into the flat float32 arrays of a scene."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -18,19 +18,22 @@ from lfcore.scene.surface_mesh import (
     triple,
 )
 
-# Depth is a quotient of products of three lengths, n . P with n the cross product of two edges:
-# beyond these it comes near the ends of the float32 range, 3e38 and 1e-38.
 LARGEST_COORDINATE = 1e12
+"""The largest coordinate, metres.  Depth is a quotient of products of three lengths, n . P with n
+the cross product of two edges; beyond, such a product exceeds float32's 3e38."""
 SMALLEST_VOLUME = 1e-36
-# Collinear corners are no longer exactly so once they have been rotated in float64.
+"""The least twice area times farthest coordinate, cubic metres; below, n . P leaves float32's
+normal range, which ends at 1e-38."""
 FLAT = 1e-13
+"""The least twice area over the longest edge squared: rotation in float64 moves collinear corners
+by about its rounding."""
 TEXTURES = {
     "texture": "sRGB",
     "metal_texture": "data",
     "normal_texture": "data",
     "emission_texture": "sRGB",
 }
-"""The textures of a surface, and what their codes are."""
+"""The textures of a surface, and whether their codes are sRGB or linear data."""
 COLOURS = "diffuse", "specular", "emission"
 NUMBERS = "shininess", "alpha_cutoff", "metallic", "roughness", "normal_scale"
 
@@ -51,13 +54,13 @@ class Geometry:
     def refuse_none(self, where: Where, remedy: str | None = None) -> None:
         """Raise :class:`SceneError` where no triangle is left."""
         if not len(self.triangles):
-            why = ", ".join(self.dropped) or "there is none"
-            problem = f"the scene is empty: every triangle was dropped ({why})"
+            reasons = ", ".join(self.dropped) or "there is none"
+            problem = f"the scene is empty: every triangle was dropped ({reasons})"
             raise where.error(problem, remedy)
 
 
 def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
-    """Move parts from world into camera space in float64, drop what cannot be traced, round once.
+    """Move parts from world into camera space in float64, drop untraceable triangles, round once.
 
     ``dropped`` counts the triangles left out by reason; arrays that no part uses are empty.
     """
@@ -73,8 +76,8 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
         columns["normals"] = _sound_normals(columns["normals"], triangles)
     widths, arrays = {"normals": 3, "uvs": 2, "colours": 3}, {}
     for name, column in columns.items():
-        kept = np.zeros((0, 3, widths[name])) if column is None else column[keep]
-        arrays[name] = np.ascontiguousarray(kept, np.float32)
+        values = np.zeros((0, 3, widths[name])) if column is None else column[keep]
+        arrays[name] = np.ascontiguousarray(values, np.float32)
     counts = np.array([part.count for part in parts], np.int64)
     material_ids = np.repeat(np.array(ids, np.int32), counts)[keep]
     return Geometry(
@@ -115,15 +118,15 @@ def _twice_area(triangles: np.ndarray) -> np.ndarray:
 
 
 def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals; corners whose normal is zero or not finite take the triangle's own."""
+    """Unit normals; corners whose normal is zero or not finite take the geometric normal."""
     finite = np.isfinite(normals).all(-1, keepdims=True)
     unit = normalise(np.where(finite, normals, 0.0))
     bad = ~(unit != 0).any(-1)
     if bad.any():
         rows = bad.any(1)
         with np.errstate(all="ignore"):
-            own = face_normals(np.nan_to_num(triangles[rows]))
-        unit[rows] = np.where(bad[rows][..., None], own[:, None], unit[rows])
+            flat = face_normals(np.nan_to_num(triangles[rows]))
+        unit[rows] = np.where(bad[rows][..., None], flat[:, None], unit[rows])
     return unit
 
 
@@ -155,5 +158,5 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
 def _material(surface: Surface, textures: Any) -> Material:
     colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
     numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
-    more: Any = {"curved": bool(surface.curved), "dielectric": surface.dielectric}
-    return Material(surface.name, **colours, **numbers, **more, **textures)
+    flags: Any = {"curved": bool(surface.curved), "dielectric": surface.dielectric}
+    return Material(surface.name, **colours, **numbers, **flags, **textures)

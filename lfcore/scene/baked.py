@@ -14,10 +14,10 @@ from lfcore.files import read_arrays, whole_file
 from lfcore.scene.arrays import check_array
 
 MOST_CELLS = 1 << 20
-"""Along an edge: a grid of so many has more points than memory."""
+"""The cells per edge that no grid reaches: its points would not fit into memory."""
 FORMAT = "lfcore light 1"
 ASKS = ("sky", "bounces")
-"""The keys of a scene.yaml with which light is baked."""
+"""The keys of a scene.yaml that ask for baked light."""
 NO_SKY = np.zeros((0, 0, 3), np.float32)
 
 
@@ -28,7 +28,8 @@ class BakeOptions:
     Parameters
     ----------
     bounces : int or "all"
-        Bounces between matt surfaces; all: until further ones change less than the error.
+        The number of bounces between matt surfaces; all: until another one changes the light by
+        less than the error.
     error : float
         The root mean square error to reach, relative to the light, or to a quarter of its mean
         where the light is less.
@@ -63,7 +64,7 @@ class BakedLight:
         j / R are the weights of the second and the third corner.
     error : float
         The expected root mean square error in the picture, as in :class:`BakeOptions`; it
-        includes the light of bounces that were not asked for.
+        includes the light of omitted bounces.
     rays : int
         The number of traced rays.
     """
@@ -82,12 +83,12 @@ class BakedLight:
             problem = f"have a grid outside the {len(self.values)} points"
             raise SceneError(problem, key="grids", remedy="Give first points and cells from 1 on")
         if points.sum() * 2 > len(self.values):
-            each = np.stack([first, np.broadcast_to(points, first.shape)], -1).reshape(-1, 2)
-            if int(np.unique(each, axis=0)[:, 1].sum()) > len(self.values):
+            ranges = np.stack([first, np.broadcast_to(points, first.shape)], -1).reshape(-1, 2)
+            if int(np.unique(ranges, axis=0)[:, 1].sum()) > len(self.values):
                 raise SceneError("overlap", key="grids", remedy="Share whole grids, or none")
 
     def save(self, path: str | Path) -> None:
-        """Write it; the file appears when it is whole."""
+        """Write the light to a file, which appears only when it is whole."""
         with whole_file(path) as file:
             np.savez(file, format=FORMAT, **vars(self))
 

@@ -1,4 +1,4 @@
-"""Whether the arrays and numbers of a scene fit each other, as kernels read them unchecked."""
+"""Checks that a scene's arrays and numbers fit each other: kernels read them unchecked."""
 
 from __future__ import annotations
 
@@ -72,6 +72,6 @@ def check_numbers(key: str, numbers: np.ndarray, count: int, least: int = 0) -> 
     if whole and not len(numbers):
         return
     if not whole or numbers.min() < least or numbers.max() >= count:
-        found = f"{numbers.min()} to {numbers.max()}" if whole else repr(numbers.tolist()[:1])
-        problem = f"must be whole numbers from {least} to {count - 1}, not {found}"
+        actual = f"{numbers.min()} to {numbers.max()}" if whole else repr(numbers.tolist()[:1])
+        problem = f"must be whole numbers from {least} to {count - 1}, not {actual}"
         raise SceneError(problem, key=key)

@@ -11,7 +11,7 @@ import yaml
 from lfcore.errors import SceneError, did_you_mean
 from lfcore.reading import Where
 
-# What fits 64 bits: of larger ones numpy makes objects, or nothing.
+# The integers of 64 bits: numpy turns larger ones into objects, or fails.
 LARGEST_INTEGER = 2**63 - 1
 SCHEMA_PATH = Path(__file__).with_name("scene.schema.yaml")
 
@@ -23,7 +23,7 @@ def schema() -> dict:
 
 
 def check(description: Any, *, file: str | Path) -> dict:
-    """``description`` itself when the schema accepts it and all its numbers are finite."""
+    """Return ``description`` if the schema accepts it and all its numbers are finite."""
     import jsonschema  # mesh files do without
 
     where = Where(file)
@@ -51,13 +51,13 @@ def _with_defaults(value: Any, rule: dict) -> Any:
     if "$ref" in rule:
         rule = {**schema()["$defs"][rule["$ref"].removeprefix("#/$defs/")], **rule}
     if rule.get("type") == "integer" and isinstance(value, float):
-        return int(value)  # 1.0 is an integer to JSON schema, and to no generator of random numbers
+        return int(value)  # JSON schema takes 1.0 for an integer; random generators do not
     if isinstance(value, dict):
         properties = dict(rule.get("properties", {}))
         for option in rule.get("oneOf", []):
-            known = option.get("properties", {})
-            if known and set(value) <= set(known):
-                properties.update(known)
+            keys = option.get("properties", {})
+            if keys and set(value) <= set(keys):
+                properties.update(keys)
         result = {k: _with_defaults(v, properties.get(k, {})) for k, v in value.items()}
         for key, sub in properties.items():
             if key not in result and "default" in sub:
@@ -86,15 +86,15 @@ def _explain(error: Any, where: Where) -> SceneError:
         where = where[name]
     rule, value, kind = error.schema, error.instance, error.validator
     if kind == "additionalProperties":
-        known = list(rule.get("properties", {}))
-        unknown = min(map(str, set(value) - set(known)))
-        return where[unknown].error("unknown key", did_you_mean(unknown, known))
+        keys = list(rule.get("properties", {}))
+        unknown = min(map(str, set(value) - set(keys)))
+        return where[unknown].error("unknown key", did_you_mean(unknown, keys))
     if kind == "required":
         missing = next(k for k in error.validator_value if k not in value)
         return where.error(f"key {missing!r} is missing", "Add it")
     if kind == "not" and isinstance(value, dict):
-        one, other = error.validator_value["required"]
-        return where[other].error(f"excludes {one}", "Leave one out")
+        first, second = error.validator_value["required"]
+        return where[second].error(f"excludes {first}", "Leave one out")
     if kind == "oneOf" and isinstance(value, dict):
         names = [" and ".join(option.get("required", [])) for option in error.validator_value]
         problem = f"needs exactly one of {', '.join(name for name in names if name)}"
@@ -108,5 +108,5 @@ def _explain(error: Any, where: Where) -> SceneError:
     if remedy:
         remedy = "Expected: " + " ".join(remedy.split()).rstrip(".")
     if kind == "oneOf":
-        return where.error(f"{value!r} is not admitted here", remedy)
+        return where.error(f"{value!r} is not allowed here", remedy)
     return where.error(" ".join(error.message.split()), remedy)

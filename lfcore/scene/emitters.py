@@ -1,18 +1,18 @@
-"""Surfaces that glow as point lights: where the points are and what each is worth.
+"""Emitting surfaces as point lights: the points' positions and intensities.
 
-A surface of radiance L with normals n gives a point of another surface, of normal n', whose way to
-a place x of the first has the direction w, the irradiance
+A surface of radiance L with normals n illuminates a receiver with normal n'.  With x the vector
+from the receiver to a point of the surface, and w its direction, the irradiance is
 
     E = L  integral of  max(-n . w, 0) max(n' . w, 0) / |x|^2  dA
 
-which is summed over a few points with weights of area, each with its cosine ``-n . w``.
+It is summed over a few points weighted by area, each with its cosine ``-n . w``.
 
-A whole sphere needs no cosines.  Seen from outside, where no horizon cuts it, it gives what a point
-of intensity L pi r^2 in its middle gives, and so does every spherical shell about that middle
-(Newton's theorem: the field is harmonic).  Twelve points in the corners of an icosahedron are a
+A whole sphere needs no cosines.  A receiver that sees all of it has the irradiance of a point of
+intensity L pi r^2 in its centre, and the same irradiance from any spherical shell about the centre
+(Newton's theorem: the field is harmonic).  Twelve points on the corners of an icosahedron equal a
 shell up to terms of order 6 in the shell's radius over the distance (a spherical 5-design:
-Delsarte, Goethals and Seidel, "Spherical codes and designs", 1977).  Its radius is sqrt(3/4) r, so
-that the points have the second moments of the disk that the sphere shows: so wide is the penumbra.
+Delsarte, Goethals and Seidel, "Spherical codes and designs", 1977).  The shell's radius is
+sqrt(3/4) r: then the points have the second moments of the sphere's disk, and the same penumbra.
 """
 
 import math
@@ -23,20 +23,37 @@ import numpy as np
 from lfcore.scene.surface_mesh import area_vectors
 
 POINTS = 12
-"""The number of points of an emitter, unless asked otherwise."""
-# A flat emitter's points stand off it by this share of its size: no surface holds a light.
-LIFT = 1e-4
-SAMPLES_A_POINT = 128
+"""The default number of points per emitter."""
+OFFSET = 1e-4
+"""The distance of points from a flat emitter, as a share of its size: the emitter would occlude
+points on itself."""
+SAMPLES_PER_POINT = 128
+"""The samples of the surface per point."""
 _ROUNDS = 30
-# A tessellated sphere: corners this close to it, and so little area lost by its chords.
-_ROUND, _AREA_LOST = 1e-3, 0.03
+"""The rounds of Lloyd's algorithm."""
+_ROUND = 1e-3
+"""The greatest distance of a sphere's corners from the fitted sphere, in its radii."""
+_AREA_LOST = 0.03
+"""The greatest share of a sphere's area that is lost by its chords."""
 _FLAT = 1e-6
+"""The tolerance of sums of area vectors: 0 for a closed surface, the area for a flat one."""
 _SHELL = math.sqrt(0.75)
+"""The radius of a sphere's shell of points, in its radii."""
 
 
 class EmitterPoints(NamedTuple):
-    """``positions`` (P, 3); ``normals`` (P, 3) unit, or zero: shine to all sides; ``areas`` (P,),
-    times which, and the cosine where there is a normal, the radiance is a point's intensity."""
+    """Point lights for an emitter.
+
+    Attributes
+    ----------
+    positions : ndarray
+        (P, 3) metres.
+    normals : ndarray
+        (P, 3) unit normals; zero: equal light in all directions.
+    areas : ndarray
+        (P,) square metres.  A point's intensity is radiance times area, and times the cosine to
+        the normal if there is one.
+    """
 
     positions: np.ndarray
     normals: np.ndarray
@@ -46,11 +63,11 @@ class EmitterPoints(NamedTuple):
 def emitter_points(
     triangles: np.ndarray, count: int = POINTS, *, two_sided: bool = False
 ) -> EmitterPoints | None:
-    """Points that stand for a surface that glows where corners of (T, 3, 3) run counter-clockwise.
+    """Represent an emitter, (T, 3, 3) with counter-clockwise fronts, by point lights.
 
-    None for a surface without area. With 12 points, irradiance where no part is beyond the
-    receiver's horizon is right to 2% from a diameter on before a disk, a side before a square, half
-    a diameter above a sphere; surfaces that are neither are right to 20%, to 5% with 48 points.
+    None for a surface without area.  With 12 points, irradiance has an error of at most 2% from a
+    distance of one diameter from a disk, one side from a square and half a diameter from a sphere,
+    if the receiver sees all of it.  Other surfaces have errors up to 20%; with 48 points, 5%.
     """
     triangles = np.asarray(triangles, np.float64)
     double = area_vectors(triangles)
@@ -63,25 +80,25 @@ def emitter_points(
         middle, radius = sphere
         areas = np.full(len(corners), math.pi * radius**2 / len(corners))
         return EmitterPoints(middle + _SHELL * radius * corners, np.zeros_like(corners), areas)
-    one = _spread(triangles, double, length, count)
+    front = _spread(triangles, double, length, count)
     if not two_sided:
-        return one
-    other = _spread(triangles[:, [0, 2, 1]], -double, length, count)
-    return EmitterPoints(*(np.concatenate(both) for both in zip(one, other, strict=True)))
+        return front
+    back = _spread(triangles[:, [0, 2, 1]], -double, length, count)
+    return EmitterPoints(*(np.concatenate(both) for both in zip(front, back, strict=True)))
 
 
 def _as_sphere(
     triangles: np.ndarray, double: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """Middle and radius of a closed sphere that glows outward; None of anything else."""
+    """Middle and radius of a closed sphere that emits outward; None for other surfaces."""
     if np.linalg.norm(double.sum(0)) > _FLAT * length.sum():
         return None
     corners = triangles.reshape(-1, 3)
     shift = corners.mean(0)
     around = corners - shift
     # |p|^2 = 2 c . p + r^2 - |c|^2 for every corner p.
-    left = np.concatenate([2 * around, np.ones((len(around), 1))], axis=1)
-    solved, _, rank, _ = np.linalg.lstsq(left, (around**2).sum(1), rcond=None)
+    matrix = np.concatenate([2 * around, np.ones((len(around), 1))], axis=1)
+    solved, _, rank, _ = np.linalg.lstsq(matrix, (around**2).sum(1), rcond=None)
     if rank < 4:
         return None
     middle = solved[:3]
@@ -111,11 +128,11 @@ def _design(count: int) -> np.ndarray:
 def _spread(
     triangles: np.ndarray, double: np.ndarray, length: np.ndarray, count: int
 ) -> EmitterPoints:
-    """Points of patches alike in area, place and direction, by Lloyd's algorithm."""
+    """Points of patches of similar area, position and direction, by Lloyd's algorithm."""
     from scipy.spatial import cKDTree  # slow to import, and few scenes glow
 
     total = length.sum() / 2
-    positions, faces = _samples(triangles, length, count * SAMPLES_A_POINT)
+    positions, faces = _samples(triangles, length, count * SAMPLES_PER_POINT)
     normals = double[faces] / length[faces][:, None]
     size = float(np.linalg.norm(np.ptp(positions, axis=0)))
     places = np.concatenate([positions / size, normals / 2], axis=1)
@@ -127,12 +144,12 @@ def _spread(
         middles = sums / shares[:, None]
     nearest = cKDTree(middles).query(places)[1]
     weights = np.bincount(nearest, minlength=len(middles)) / len(places)
-    # Each patch is seen from a point of its own, on one face: a mean would lie off the surface.
+    # Each patch takes the sample nearest its mean: the mean itself may be off the surface.
     chosen = cKDTree(places).query(middles)[1]
     points, normals = positions[chosen], normals[chosen]
     if np.linalg.norm(double.sum(0)) > (1 - _FLAT) * length.sum():
         weights = _balanced(points, weights, positions)
-    return EmitterPoints(points + LIFT * size * normals, normals, weights * total)
+    return EmitterPoints(points + OFFSET * size * normals, normals, weights * total)
 
 
 def _samples(
@@ -152,7 +169,8 @@ def _samples(
 
 
 def _far_apart(places: np.ndarray, count: int) -> list[int]:
-    """Each the farthest from those before it; fewer than ``count`` where no more differ."""
+    """Choose places, each the farthest from those before; fewer than ``count`` if others are
+    equal."""
     chosen = [0]
     distance = ((places - places[0]) ** 2).sum(1)
     while len(chosen) < count and distance.max() > 0:
@@ -162,7 +180,7 @@ def _far_apart(places: np.ndarray, count: int) -> list[int]:
 
 
 def _balanced(points: np.ndarray, weights: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Weights of a flat surface's points, changed least so that moments up to the second agree."""
+    """Weights of a flat surface's points, changed least, so that moments up to the second agree."""
     middle = positions.mean(0)
     axes = np.linalg.svd(positions - middle, full_matrices=False)[2][:2]
     size = np.abs(positions - middle).max()
@@ -171,9 +189,9 @@ def _balanced(points: np.ndarray, weights: np.ndarray, positions: np.ndarray) ->
         x, y = axes @ (at - middle).T / size
         return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
 
-    rows, wanted = moments(points), moments(positions).mean(1)
+    rows, target = moments(points), moments(positions).mean(1)
     if np.linalg.matrix_rank(rows) < len(rows):
         return weights
-    change = np.linalg.lstsq((rows * weights) @ rows.T, wanted - rows @ weights, rcond=None)[0]
+    change = np.linalg.lstsq((rows * weights) @ rows.T, target - rows @ weights, rcond=None)[0]
     balanced = weights + weights * (rows.T @ change)
     return balanced if (balanced > 0).all() else weights

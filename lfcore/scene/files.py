@@ -39,8 +39,10 @@ def save_scene(path: str | Path, scene: Scene) -> None:
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of what :func:`save_scene` writes, in hex: equal scenes have equal digests, whether
-    their light is baked yet or not."""
+    """The SHA-256, in hex, of the file that :func:`save_scene` writes.
+
+    Equal scenes have equal digests, with and without baked light.
+    """
     stream = io.BytesIO()
     _write(stream, replace(scene, light=None))
     return hashlib.sha256(stream.getbuffer()).hexdigest()
@@ -81,7 +83,7 @@ def _header(scene: Scene) -> dict:
 
 
 def _material_json(material: Material) -> dict:
-    """As :func:`asdict`, but without a dielectric that says nothing, as earlier files are."""
+    """The fields of a material, without an empty dielectric: earlier files have none."""
     data = asdict(material)
     return data if material.dielectric else {key: data[key] for key in data if key != "dielectric"}
 

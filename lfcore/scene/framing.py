@@ -1,4 +1,4 @@
-"""A camera for a scene that does not say: pose, lens and focus from the geometry's extent.
+"""A camera for a scene without one: pose, lens and focus from the geometry's extent.
 
 Everything is chosen relative to the size of the scene, so a ring of 2 cm and a house of 20 m
 give the same picture with the same defocus.
@@ -26,15 +26,16 @@ FIELD_WIDTH = 0.7
 FILLED = 0.9
 """The share of one of the picture's sides that a framed scene fills."""
 BLUR = 0.02
-"""The blur at the far end of what is seen, through a fitted lens that is focused in the middle:
-its diameter as a share of the picture's shorter side."""
+"""The blur's diameter at the far end of the visible depths, through a fitted lens that is focused
+in their middle, as a share of the picture's shorter side."""
 F_NUMBER = 2.0
-"""The f-number of a fitted lens whose focal length is fitted as well."""
+"""The f-number of a lens whose focal length is fitted as well."""
 WIDEST = 1 / 8
-"""The diameter of a fitted lens per distance to the near end, at most: flat scenes never blur."""
+"""The largest diameter of a fitted lens per distance to the near end: flat scenes set no other
+bound."""
 SQUARE = Size(1, 1)
 FRONT_LEFT = "24,18"
-"""The direction that a scene is framed from unless another is given."""
+"""The default direction from a scene to its camera."""
 DIRECTIONS = {
     "front": (0.0, 0.0), "right": (90.0, 0.0), "back": (180.0, 0.0), "left": (-90.0, 0.0),
     "top": (0.0, 90.0),
@@ -42,7 +43,7 @@ DIRECTIONS = {
 """Words for azimuth and elevation of a camera, degrees: from +z, to the right and upwards."""
 NEAREST_FOCUS = 1.05
 """The nearest distance of a focal stack, in focal lengths."""
-# From a camera that looks along -z with +y up to ours.
+# From a camera that looks along -z with +y up, to camera space.
 TURNED = np.diag([1.0, -1.0, -1.0])
 
 
@@ -57,7 +58,7 @@ class FoundCamera:
     field_width: float
 
     def moved(self, matrix: np.ndarray) -> "FoundCamera":
-        """The camera after an affine (4, 4) ``matrix``; a scale makes none larger."""
+        """The camera after an affine (4, 4) ``matrix``; a scale does not enlarge it."""
         pose = matrix @ self.to_world
         pose[:3, :3] = normalise(pose[:3, :3].T).T
         return replace(self, to_world=pose)
@@ -110,10 +111,12 @@ def place_camera(
     lens: Camera | None = None,
     size: Size = SQUARE,
 ) -> tuple[Camera, np.ndarray]:
-    """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping; ``found`` is
-    a glTF file's camera, for a description without pose and direction; ``lens`` takes the place of
-    the description's.  What is framed fills a picture of the shape of ``size``: a lens that is
-    fitted is as long as its sides admit, and another as near."""
+    """The lens and the (4, 4) world-to-camera matrix of a checked ``camera`` mapping.
+
+    ``found`` is a glTF file's camera, for a description without pose and direction; ``lens``
+    replaces the description's.  A framed scene fills a picture of the shape of ``size``: by the
+    focal length of a fitted lens, by the distance of a given one.
+    """
     zoom = description["zoom"]
     if not (zoom > 0 and math.isfinite(zoom)):
         raise where["zoom"].error(f"must be positive, not {zoom:g}", "Give 2 for twice")
@@ -145,29 +148,32 @@ def place_camera(
 
 
 def _lens(description: dict, triangles: np.ndarray, width: float) -> Camera:
-    """The camera of a description before ``triangles``; missing keys fit the depths seen."""
-    given = _given_lens(description)
-    if given is not None:
-        width = given[1] / given[0]
-    seen = depth_range(triangles, width)
-    asked = description.get("focus_m", "middle")
+    """The camera of a description; missing keys are fitted to the visible depths of
+    ``triangles``."""
+    lens = _given_lens(description)
+    if lens is not None:
+        width = lens[1] / lens[0]
+    visible = depth_range(triangles, width)
+    focus_key = description.get("focus_m", "middle")
     if "focus_at" in description:
         focus = focus_at(triangles, width, description["focus_at"])
-    elif seen is None and isinstance(check_words(asked), str):
+    elif visible is None and isinstance(check_words(focus_key), str):
         problem = "the camera sees nothing that it could focus on"
         remedy = "Turn the camera round, or give camera.focus_m in metres"
         raise OpticsError(problem, key="focus_m", remedy=remedy)
     else:
-        focus = focus_distance(asked, seen)
-    depths = seen or DepthRange(focus, focus)
-    if given is None:
+        focus = focus_distance(focus_key, visible)
+    depths = visible or DepthRange(focus, focus)
+    if lens is None:
         camera = fitted_lens(depths, width, focus)
     else:
-        focal, sensor = given
+        focal, sensor = lens
         camera = Camera(focal, sensor, focal / fitted_diameter(depths, width), focus)
     f_number = float(description.get("f_number", camera.f_number))
     if "blur" in description:
-        f_number = f_number_of_blur(description["blur"], camera.focal_length_m, focus, width, seen)
+        f_number = f_number_of_blur(
+            description["blur"], camera.focal_length_m, focus, width, visible
+        )
     return replace(camera, f_number=f_number)
 
 
@@ -197,13 +203,15 @@ def _own_width(description: dict, lens: Camera | None) -> float | None:
     """The tangent extent of a lens's field that is given, without the zoom."""
     if lens is not None:
         return lens.field_width
-    given = _given_lens({**description, "zoom": 1.0})
-    return given and given[1] / given[0]
+    fixed = _given_lens({**description, "zoom": 1.0})
+    return fixed and fixed[1] / fixed[0]
 
 
 def _share_needed(points: np.ndarray, size: Size) -> float:
-    """The share of the field of a square that frames ``points`` (V, 3) in camera space, that the
-    shorter side of a picture of another shape needs."""
+    """The field of the shorter side of a picture that frames ``points`` (V, 3), in camera space.
+
+    It is a share of the field of a square picture.
+    """
     sides = np.abs(points[:, :2] / points[:, 2:]).max(0)
     needed = sides * size.shorter / np.array(size)
     return float(needed.max() / sides.max()) if sides.max() > 0 else 1.0
@@ -212,14 +220,15 @@ def _share_needed(points: np.ndarray, size: Size) -> float:
 def _framing_pose(
     description: dict, extent: Bounds, where: Where, own: float | None, shape: np.ndarray
 ) -> np.ndarray:
-    """Just far enough from the direction asked for that every vertex is in the picture, and so
-    that the picture of all of them is in its middle; ``own`` is the field of a given lens, and
-    ``shape`` the picture's sides over the shorter one."""
+    """The nearest pose in the chosen direction that has every vertex in the picture, centred.
+
+    ``own`` is the field of a given lens, and ``shape`` the picture's sides over the shorter one.
+    """
     direction, up = _direction(description.get("view_from", FRONT_LEFT), where["view_from"])
     turn = look_at(direction.tolist(), (0, 0, 0), up.tolist())[:3, :3]
     *across, z = turn @ (extent.points - extent.centre).T
     # From (x0, y0, -distance) a vertex is in the picture when |x - x0| <= k (z + distance) and y
-    # alike.  The sum of what bounds k distance from above and below does not hold x0.
+    # likewise.  The sum of the upper and the lower bound of k distance is free of x0.
     halves = FILLED * (own or FIELD_WIDTH) / 2 * shape
     bounds_of = [
         ((x - k * z).max() + (-x - k * z).max()) / 2 / k
@@ -240,10 +249,10 @@ def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
     text = str(view_from).strip().lower()
     try:
         azimuth, elevation = DIRECTIONS.get(text) or map(float, text.split(","))
-        known = abs(elevation) <= 90 and math.isfinite(azimuth)
+        valid = abs(elevation) <= 90 and math.isfinite(azimuth)
     except ValueError:
-        known = False
-    if not known:
+        valid = False
+    if not valid:
         remedy = f"Give {', '.join(DIRECTIONS)}, or azimuth,elevation in degrees such as 30,20"
         raise where.error(f"{view_from!r} is no direction", remedy)
     turn, rise = math.radians(azimuth), math.radians(elevation)
@@ -254,11 +263,11 @@ def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
-    """Where a camera sees (V,) places ``x`` at ``depth`` as far to one side as to the other."""
+    """The camera's x from which (V,) places ``x`` at ``depth`` reach equally far to both sides."""
     middle = 0.0
     for _ in range(50):
-        seen = (x - middle) / depth
-        middle += float(seen.max() + seen.min()) / 2 * float(depth.min())
+        tangents = (x - middle) / depth
+        middle += float(tangents.max() + tangents.min()) / 2 * float(depth.min())
     return middle
 
 
@@ -276,14 +285,14 @@ def default_lights() -> list[Light]:
 
 
 def default_focus_distances(camera: Camera, triangles: np.ndarray) -> tuple:
-    """Five distances in metres, near to far, even in dioptres over the depths that are seen, or the
+    """Five distances in metres, near to far, even in dioptres over the visible depths, or the
     recorded focus; ``triangles`` are in camera space."""
-    seen = depth_range(triangles, camera.field_width)
+    visible = depth_range(triangles, camera.field_width)
     nearest = NEAREST_FOCUS * camera.focal_length_m
-    if seen is None or seen.far_m <= nearest:
+    if visible is None or visible.far_m <= nearest:
         return (camera.focus_m,)
-    seen = DepthRange(max(seen.near_m, nearest), seen.far_m)
-    return tuple(seen.at(float(share)) for share in np.linspace(0, 1, 5))
+    visible = DepthRange(max(visible.near_m, nearest), visible.far_m)
+    return tuple(visible.at(float(share)) for share in np.linspace(0, 1, 5))
 
 
 HEAD_BYTES = 4096
@@ -296,11 +305,14 @@ END = 0.02
 """The thickness of a foot, as a share of the greatest extent."""
 LEVEL = 0.9
 """The least cosine between a foot's normals and the axis."""
-ON_ZERO, ABOUT = 1e-3, 0.25
-"""The distance of a lower end from z = 0, and of the middle from y = 0, at most, as shares of the
-extent of the axis."""
-LOW, FACING_UP = 0.35, 0.7
-"""Terrain: height per lesser extent, at most; and the mean of the normals' z, at least."""
+ON_ZERO = 1e-3
+"""The greatest distance of a lower end from 0, as a share of the axis's extent."""
+ABOUT = 0.25
+"""The greatest distance of the middle from y = 0, as a share of the extent of y."""
+LOW = 0.35
+"""Terrain: the greatest height, as a share of the lesser horizontal extent."""
+FACING_UP = 0.7
+"""Terrain: the least mean of the normals' z."""
 
 
 def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
@@ -330,5 +342,5 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
         return float(area[at_end & (sign * normals[:, axis] > LEVEL * area)].sum())
 
     foot = flat_end(2, low, -1)
-    others = flat_end(1, low, -1), flat_end(1, high, 1), flat_end(2, high, 1)
-    return foot > FOOT * area.sum() and foot > CLEARLY * max(others)
+    rivals = flat_end(1, low, -1), flat_end(1, high, 1), flat_end(2, high, 1)
+    return foot > FOOT * area.sum() and foot > CLEARLY * max(rivals)

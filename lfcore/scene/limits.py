@@ -1,7 +1,7 @@
-"""What numbers of a scene the tracer's float32 can work with; triangles have limits of their own.
+"""Limits of a scene's numbers, set by the tracer's float32; triangles have their own limits.
 
-The tracer squares distances and multiplies them by colours: numbers to 1e12, as those of triangles
-are, keep that within float32's 3e38.
+The tracer squares distances and multiplies them by colours: numbers up to 1e12, the limit of
+coordinates, keep the products within float32's 3e38.
 """
 
 import math
@@ -16,27 +16,27 @@ from lfcore.scene.assemble import LARGEST_COORDINATE
 from lfcore.scene.model import Scene
 
 BRIGHTEST = 1e12
-"""The largest number of a colour: of lights, materials, and what is around the scene."""
+"""The largest number of a colour of lights, materials, background and sky."""
 MOST_ATTENUATION = 1e12
-"""The most that nearness to a light multiplies it by: finite, because highlights of 0 are
-multiplied, too."""
+"""The largest factor of a light near its position: finite, because it also multiplies highlights
+of 0."""
 SMALLEST_LENGTH, LARGEST_LENGTH = 1e-12, 1e12
 """The lengths of a camera, metres; a pinhole may be smaller."""
 WIDEST_FIELD = 1e9
-"""Tangent extent; and the inverse of the narrowest."""
+"""The greatest tangent extent of a field, and the inverse of the least."""
 FARTHEST_UV = 1e5
-"""Repeats of a texture: beyond, float32 cannot tell a hundredth of one from the next."""
+"""The most repeats of a texture: beyond, float32 steps exceed a hundredth of a repeat."""
 
 
 def within_limits(scene: Scene, file: str | Path) -> Scene:
-    """``scene`` itself; :class:`SceneError` that names the part whose numbers are beyond."""
+    """Return ``scene``; raise :class:`SceneError` that names the part beyond a limit."""
     where = Where(file)
     for index, light in enumerate(scene.lights):
         _check_light(light, where["lights"][index])
     for material in scene.every_material:
         for name in ("diffuse", "specular", "emission"):
-            here = where[f"material {material.name}: {name}"]
-            _check(getattr(material, name), 0, BRIGHTEST, here)
+            place = where[f"material {material.name}: {name}"]
+            _check(getattr(material, name), 0, BRIGHTEST, place)
     _check(scene.ambient, 0, BRIGHTEST, where["ambient light"])
     _check(scene.background, 0, BRIGHTEST, where["background"])
     camera = scene.camera
@@ -61,22 +61,22 @@ def within_limits(scene: Scene, file: str | Path) -> Scene:
 
 
 def _check_light(light: Light, where: Where) -> None:
-    def of(what: str) -> Where:
-        return Where(where.file, f"{where.key}: {what}")
+    def part(name: str) -> Where:
+        return Where(where.file, f"{where.key}: {name}")
 
     if light.kind not in (POINT, DIRECTIONAL):
         raise where.error(f"unknown kind of light {light.kind!r}")
     if light.kind == POINT:
         most = LARGEST_COORDINATE
-        _check(light.vector, -most, most, of("metres from the camera"))
-    else:  # what the square of a length overflows has none
-        _check([math.hypot(*light.vector)], 0.999, 1.001, of("length of its direction"))
-    _check(light.colour, 0, BRIGHTEST, of("colour"))
-    _check([light.reference_distance_m], 0, LARGEST_LENGTH, of("reference distance"))
+        _check(light.vector, -most, most, part("metres from the camera"))
+    else:  # a direction whose squared length overflows has none
+        _check([math.hypot(*light.vector)], 0.999, 1.001, part("length of its direction"))
+    _check(light.colour, 0, BRIGHTEST, part("colour"))
+    _check([light.reference_distance_m], 0, LARGEST_LENGTH, part("reference distance"))
 
 
 def _check(values: Iterable[float], least: float, most: float, where: Where) -> None:
     for value in values:
         if not least <= value <= most:  # NaN is not, either
             remedy = f"Give a number from {least:g} to {most:g}"
-            raise where.error(f"{value:g} is beyond what can be traced", remedy)
+            raise where.error(f"{value:g} is outside the range of the tracer", remedy)

@@ -1,9 +1,9 @@
-"""A scene as Mitsuba 3 sees it: the same triangles, materials, lights and thin lens.
+"""Export of a scene to Mitsuba 3: the same triangles, materials, lights and thin lens.
 
-The package ``mitsuba`` is the caller's to import and hand over; nothing here needs it.  Mitsuba has
-no Blinn-Phong lobe (materials with a highlight are its rough plastic of about that width), no
+The caller imports the package ``mitsuba`` and hands it over.  Mitsuba has
+no Blinn-Phong lobe (materials with a highlight become its rough plastic of a similar width), no
 ambient light and no lights without shadows (left out); it draws lens points of the round lens at
-random.  A scene without lights is ambient light alone, which is exact: surfaces glow.
+random.  A scene without lights is ambient light alone, which is exact: surfaces become emitters.
 """
 
 import math
@@ -23,7 +23,7 @@ from lfcore.scene.needs import check_exportable
 def thin_lens(
     mitsuba: ModuleType, camera: Camera, pixels: int, sampler: str = "independent"
 ) -> dict:
-    """The lens, focused, and pictures of ``pixels`` a side."""
+    """The focused lens, and square pictures of ``pixels`` per side."""
     transform = mitsuba.ScalarTransform4f()
     return {
         "type": "thinlens",
@@ -70,16 +70,16 @@ class Description:
 
     def __init__(self, mitsuba: ModuleType, scene: Scene, *, leave_out_ambient: bool = False):
         self.mitsuba, self._scene = mitsuba, scene
-        self._glows = not any(any(light.colour) for light in scene.lights)
+        self._is_ambient = not any(any(light.colour) for light in scene.lights)
         check_exportable(scene, "Mitsuba")
-        if any(scene.ambient) and not self._glows and not leave_out_ambient:
+        if any(scene.ambient) and not self._is_ambient and not leave_out_ambient:
             remedy = "Leave it out, or compare a scene that has no other light"
             raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
 
     def all(self, sensor: dict) -> dict:
-        """What ``mitsuba.load_dict`` takes, for the pictures of a sensor."""
+        """The dictionary for ``mitsuba.load_dict``, for the pictures of a sensor."""
         integrator = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
-        if self._glows:
+        if self._is_ambient:
             integrator = {"type": "path", "max_depth": 1}
         out = {"type": "scene", "integrator": integrator, "sensor": sensor}
         for index, light in enumerate(self._scene.lights):
@@ -92,7 +92,7 @@ class Description:
         return out
 
     def _light(self, light: Light) -> dict:
-        # A diffuse surface of ours returns its colour times the irradiance, without 1/pi.
+        # A diffuse surface here returns its colour times the irradiance, without 1/pi.
         colour = [math.pi * c for c in light.colour]
         if light.kind == POINT:
             scale = (light.reference_distance_m or 1.0) ** 2
@@ -102,31 +102,31 @@ class Description:
         direction = [-c for c in light.vector]
         return {"type": "directional", "direction": direction, "irradiance": value}
 
-    def _glow(self, material: int) -> dict | None:
+    def _radiance(self, material: int) -> dict | None:
         light = self._scene.ambient, self._scene.every_material[material].emission
-        return self._colour(material, *map(np.array, light)) if self._glows else None
+        return self._colour(material, *map(np.array, light)) if self._is_ambient else None
 
     def _mesh(self, material: int) -> Any:
         scene, mitsuba = self._scene, self.mitsuba
-        which = np.flatnonzero(scene.material_ids == material)
-        if not len(which):
+        members = np.flatnonzero(scene.material_ids == material)
+        if not len(members):
             return None
         props = mitsuba.Properties()
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        if glow := self._glow(material):
-            props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": glow})
-        normals, uvs = (a[which] if len(a) else a for a in (scene.normals, scene.uvs))
+        if radiance := self._radiance(material):
+            props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": radiance})
+        normals, uvs = (a[members] if len(a) else a for a in (scene.normals, scene.uvs))
         uvs = np.stack([uvs[..., 0], 1 - uvs[..., 1]], -1)
         name = f"material {material}"
-        return mesh_of(mitsuba, name, scene.triangles[which], normals, uvs, props)
+        return mesh_of(mitsuba, name, scene.triangles[members], normals, uvs, props)
 
-    def _colour(self, index: int, light: np.ndarray, more: np.ndarray) -> dict:
-        """Diffuse colour times ``light``, plus ``more`` where there is no texture."""
+    def _colour(self, index: int, light: np.ndarray, emission: np.ndarray) -> dict:
+        """Diffuse colour times ``light``, plus ``emission`` where there is no texture."""
         material, scene = self._scene.every_material[index], self._scene
         diffuse = np.array(material.diffuse) * light
         if material.texture < 0 or not len(scene.uvs):
-            return {"type": "rgb", "value": (diffuse + more).tolist()}
-        if more.any():
+            return {"type": "rgb", "value": (diffuse + emission).tolist()}
+        if emission.any():
             problem = f"the emission of material {material.name!r} over a texture is not exported"
             raise SceneError(problem, key=scene.name)
         texels = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse

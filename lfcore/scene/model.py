@@ -1,7 +1,7 @@
-"""The scene as the tracer sees it: flat arrays in camera space.
+"""The model of a scene: flat arrays in camera space.
 
-Camera space is x right, y down, z forward (as OpenCV and COLMAP), in metres.  Whoever builds
-a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
+Camera space is x right, y down, z forward (as OpenCV and COLMAP), in metres.  The builder
+of a :class:`Scene` moves the geometry there in float64 and rounds to float32 once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 LEAST_PINHOLE = 1000.0
 """The least f-number of a pinhole."""
 PINHOLE_BLUR = 1e-5
-"""The most blur of the nearest point through a pinhole: a share of the picture's shorter side."""
+"""The most blur of the nearest point through a pinhole, as a share of the picture's shorter
+side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything a ray can meet.
+    """Triangles, materials, lights and the camera.
 
     Attributes
     ----------
@@ -88,27 +89,27 @@ class Scene:
     uvs : (T, 3, 2) float32, texture coordinates (v up, wrapping); (0, 3, 2) without textures.
     colours : (T, 3, 3) float32, linear RGB per corner multiplying the diffuse colour;
         (0, 3, 3) without vertex colours.
-    material_ids : (T,) int32 into ``materials``; the number behind them is the floor's.
+    material_ids : (T,) int32 into ``materials``; the next number is the floor's.
     textures : list of (H, W, 3) uint8, sRGB encoded, row 0 on top; (H, W, 4) with alpha, which
         is linear, where materials cut holes by it.  Codes of a material's ``data_textures`` are
         linear, too.
     ambient, background : linear RGB.
-    sky : (S, S, 3) float32 octahedral map in camera space (:mod:`lfcore.scene.sky`), which is seen
+    sky : (S, S, 3) float32 octahedral map in camera space (:mod:`lfcore.scene.sky`), shown
         in place of ``background``; (0, 0, 3) without.
-    bake : how light of the sky and of surfaces is to be baked; None: not at all.
-    light : what was baked, which surfaces have in place of ``ambient``.
+    bake : settings for baking the light of sky and surfaces; None: no baking.
+    light : the baked light, which replaces ``ambient``.
     clip : whether each ray's light is cut at white, as in the thesis.
     dropped : counts of triangles left out on loading, by reason (``"not finite"``,
         ``"zero area"``, ...).
-    focus_distances_m : distances that show the focal stack, near to far, metres.
-    view : the film and pinholes that the scene's own camera asks for (pbrt's cameras and
-        scene.yaml's ``lightfield``); None where the square picture of ``camera`` is all there is.
+    focus_distances_m : distances of the scene's focal stack, near to far, metres.
+    view : the film and pinholes of the scene's own camera (pbrt's cameras and scene.yaml's
+        ``lightfield``); None: a square picture of ``camera``.
     motions : triangles that move while the shutter is open.
-    floor : the material of the floor that was put under a mesh, behind those of ``materials``; it
-        is no part of them, nor the floor of ``depth_range``.
-    notes : what could not be mapped exactly from another program's format, with file and line.
-    account : how many things of each kind the files hold, and how many of them are here; of a
-        scene that was read just now, as it is not saved.
+    floor : the material of the floor under a mesh, numbered after ``materials`` but not one of
+        them; ``depth_range`` leaves the floor out.
+    notes : differences between the file's scene and this one, with file and line.
+    account : numbers of things of each kind in the files, and how many of them are used; empty
+        for a scene that was saved.
 
     Examples
     --------
@@ -159,7 +160,7 @@ class Scene:
         background: tuple[float, float, float] | None = None,
         name: str = "triangles",
     ) -> Scene:
-        """Make a scene of triangles in memory; defaults are those of a mesh file.
+        """Make a scene of triangles in memory, with the defaults of a mesh file.
 
         Parameters
         ----------
@@ -225,7 +226,7 @@ class Scene:
         background: tuple[float, float, float] | None = None,
         name: str = "trimesh",
     ) -> Scene:
-        """Make a scene of trimesh's, with its materials, textures and colours.
+        """Make a scene from trimesh's, with its materials, textures and colours.
 
         Parameters
         ----------
@@ -259,7 +260,7 @@ class Scene:
         lights: Sequence[Light] | None,
         **light: tuple[float, float, float] | None,
     ) -> Scene:
-        # Seldom needed, and what reads scene files is slow to import.
+        # Seldom needed, and readers of scene files are slow to import.
         from lfcore.scene import framing
         from lfcore.scene.description import complete
         from lfcore.scene.limits import within_limits
@@ -275,10 +276,10 @@ class Scene:
         geometry = assemble(parts, to_camera)
         geometry.refuse_none(Where("", "triangles"))
         around: dict[str, Any] = {
-            key: parse_colour(defaults[key]) if given is None else given
-            for key, given in light.items()
+            key: parse_colour(defaults[key]) if value is None else value
+            for key, value in light.items()
         }
-        made = cls(
+        scene = cls(
             name=name,
             camera=camera,
             lights=framing.default_lights() if lights is None else list(lights),
@@ -286,12 +287,12 @@ class Scene:
             **around,
             **vars(geometry),
         )
-        return within_limits(made, name)
+        return within_limits(scene, name)
 
     def __repr__(self) -> str:
         materials, lights = len(self.materials), len(self.lights)
-        what = f"{self.triangle_count} triangles, {materials} materials, {lights} lights"
-        return f"<Scene {self.name!r}: {what}>"
+        counts = f"{self.triangle_count} triangles, {materials} materials, {lights} lights"
+        return f"<Scene {self.name!r}: {counts}>"
 
     @property
     def triangle_count(self) -> int:
@@ -304,30 +305,32 @@ class Scene:
 
     @cached_property
     def depth_range(self) -> DepthRange | None:
-        """The near and the far end of what the camera sees, metres, without the outermost 2
-        percent of the picture; None where it sees nothing."""
-        seen = self.triangles[self.material_ids < len(self.materials)]
-        return depth_range(seen, self.camera.field_width)
+        """The nearest and farthest visible depth, metres, without the 2 percent nearest and
+        farthest rays; None if no ray has a hit."""
+        own_triangles = self.triangles[self.material_ids < len(self.materials)]
+        return depth_range(own_triangles, self.camera.field_width)
 
     @cached_property
     def is_pinhole(self) -> bool:
-        """Whether the lens is so small that nothing that is seen can be out of focus."""
+        """Whether the lens is too small to blur any visible point."""
         camera = self.camera
         if camera.f_number < LEAST_PINHOLE or self.depth_range is None:
             return False
         return camera.lens_radius_m < PINHOLE_BLUR * camera.field_width * self.depth_range.near_m
 
     def with_lens(self) -> Scene:
-        """The scene with a lens fitted to the depths that are seen, as for a mesh without camera;
-        it is focused in their middle unless the camera is focused on something that is seen."""
+        """The scene with a lens fitted to the visible depths, as for a mesh without camera.
+
+        The focus stays if it is within the visible depths, else it is their middle.
+        """
         from lfcore.scene.framing import fitted_lens
 
-        camera, seen = self.camera, self.depth_range
-        if seen is None:
+        camera, visible = self.camera, self.depth_range
+        if visible is None:
             return self
-        inside = seen.near_m <= camera.focus_m <= seen.far_m
-        focus = camera.focus_m if inside else seen.middle_m
-        return replace(self, camera=fitted_lens(seen, camera.field_width, focus))
+        inside = visible.near_m <= camera.focus_m <= visible.far_m
+        focus = camera.focus_m if inside else visible.middle_m
+        return replace(self, camera=fitted_lens(visible, camera.field_width, focus))
 
     @answers_typos
     def plane(
@@ -350,18 +353,18 @@ class Scene:
         ----------
         focus_m : float or str, optional
             Metres, ``math.inf`` allowed; ``"near"``, ``"middle"``, ``"far"``, or a share such as
-            ``"40%"`` of the depth that is seen, even in dioptres.  Default is the camera's; of a
+            ``"40%"`` of the visible depths, even in dioptres.  Default is the camera's; of a
             pinhole, that of :meth:`with_lens` where an aperture is given.
         f_number : float, optional
             Default is the camera's; of a pinhole, that of :meth:`with_lens` where a focus is given.
         aperture : str
             ``circle``, ``square``, ``diamond`` or ``polygon``.
         focus_at : (float, float), optional
-            Instead of ``focus_m``, what is seen at this place is in focus: x and y from 0 to 1,
+            Instead of ``focus_m``, the place in the picture to focus on: x and y from 0 to 1,
             from the picture's upper left corner.
         blur : float or str, optional
-            Instead of ``f_number``, the diameter of the blur at the end of what is seen that is
-            more out of focus, a share of the picture's shorter side: 0.03 or ``"3%"``.
+            Instead of ``f_number``, the diameter of the blur at the more defocused end of the
+            visible depths, a share of the picture's shorter side: 0.03 or ``"3%"``.
         pixels : int or (int, int)
             The picture's width and height where they differ, for ``focus_at``.
         blades, rotation_deg, normalise, keep_magnification : optional
@@ -380,8 +383,8 @@ class Scene:
         exclude_twice(focus_m=focus_m, focus_at=focus_at)
         exclude_twice(f_number=f_number, blur=blur)
         camera = self.camera
-        wanted = focus_m, focus_at, f_number, blur
-        if self.is_pinhole and any(value is not None for value in wanted):
+        settings = focus_m, focus_at, f_number, blur
+        if self.is_pinhole and any(value is not None for value in settings):
             lens = self.with_lens().camera
             if f_number is None and blur is None:
                 f_number = camera.focal_length_m / (2 * lens.lens_radius_m)
@@ -399,8 +402,8 @@ class Scene:
         if focus_m is not None and focus_m <= camera.focal_length_m and self.depth_range:
             near, far = self.depth_range
             raise OpticsError(
-                f"{focus_m:.4g} m is nearer than the lens can focus: what is seen is {near:.4g} to "
-                f"{far:.4g} m away", key="focus_m", remedy="Give a distance there, or near or far",
+                f"{focus_m:.4g} m is nearer than the lens can focus: visible depths are {near:.4g} "
+                f"to {far:.4g} m", key="focus_m", remedy="Give a distance there, or near or far",
             )  # fmt: skip
         return SensorPlane.of(
             camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
@@ -408,7 +411,7 @@ class Scene:
         )  # fmt: skip
 
     def is_cut_out(self, material: Material) -> bool:
-        """Whether the alpha of its texture cuts holes into what is made of it."""
+        """Whether the alpha of its texture cuts holes into the material's surfaces."""
         if material.alpha_cutoff <= 0 or material.texture < 0 or not len(self.uvs):
             return False
         return self.textures[material.texture].shape[2] == 4
@@ -417,12 +420,14 @@ class Scene:
         """The account as text, a line per file."""
         files = dict.fromkeys(count.file for count in self.account)
         return "\n".join(
-            printable(f"{file}: {', '.join(str(one) for one in self.account if one.file == file)}")
+            printable(
+                f"{file}: {', '.join(str(count) for count in self.account if count.file == file)}"
+            )
             for file in files
         )
 
     def summary(self) -> str:
-        """The notes as text, one a line, what is missing first."""
+        """The notes as text, one per line, missing things first."""
         ranked = sorted(self.notes, key=lambda note: KINDS.index(note.kind))
         return "\n".join(map(str, ranked))
 

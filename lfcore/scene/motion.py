@@ -1,7 +1,7 @@
-"""Rigid motion during the shutter: which triangles move, and the scene at one instant.
+"""Rigid motion during the shutter: the moving triangles, and the scene at one instant.
 
 An object has a first and a last pose; between them it turns on the shortest arc and its origin
-moves on a straight line, as in pbrt.  :meth:`View.motion_time` says where the shutter finds it.
+moves on a straight line, as in pbrt.  :meth:`View.motion_time` is the time of a shutter position.
 """
 
 from collections.abc import Sequence
@@ -21,16 +21,18 @@ Moving = tuple[SurfaceMesh, tuple[np.ndarray, np.ndarray]]
 def motions(
     geometry: Geometry, static: Sequence[SurfaceMesh], moving: Sequence[Moving]
 ) -> tuple[Motion, ...]:
-    """The moving parts among the triangles that were kept of static and then moving parts, all in
-    camera space."""
+    """The motions of ``moving`` parts, whose triangles follow those of ``static`` parts.
+
+    All parts are in camera space; dropped triangles do not count.
+    """
     first = sum(int(sound(part.triangles)[0].sum()) for part in static)
-    found = []
+    intervals = []
     for part, (start, end) in moving:
         count = int(sound(part.triangles)[0].sum())
-        found.append(Motion(first, count, start, end))
+        intervals.append(Motion(first, count, start, end))
         first += count
     assert not moving or first == len(geometry.triangles)
-    return tuple(found)
+    return tuple(intervals)
 
 
 def is_rigid(start: np.ndarray, end: np.ndarray) -> bool:
@@ -48,7 +50,7 @@ def scene_at(scene: Scene, time: float) -> Scene:
     Averaging traces at stratified times samples the camera equation's time dimension.
     """
     if not 0 <= time <= 1:
-        raise SceneError(f"time {time} lies outside the motion", remedy="Use 0 to 1")
+        raise SceneError(f"time {time} is outside the motion", remedy="Use 0 to 1")
     if not scene.motions:
         return scene
     triangles, normals = scene.triangles.copy(), scene.normals.copy()

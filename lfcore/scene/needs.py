@@ -1,4 +1,4 @@
-"""What a scene uses: whatever it does not use is left out of programs, buffers and jobs."""
+"""The features of a scene: programs, buffers and jobs omit the others."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ if TYPE_CHECKING:
     from lfcore.scene.model import Scene
 
 MOST_STOPS = 16
-"""Sums of planes and stored light fields hold up to 2^16 times white."""
+"""The most stops above white: sums of planes and stored light fields hold 2^16 times white."""
 LEAST_ROUGHNESS = 0.05
 """The least roughness that is shaded: the highlight of a smoother surface falls between rays."""
 DIELECTRIC = 0.04
 """The reflectance of dielectrics at normal incidence: an index of refraction of 1.5."""
 MOST_DISTANCES = 1 << 26
-"""Distances of lights from triangles that are measured at most; with more, lights count as near."""
+"""The most pairs of light and triangle whose distance is measured; beyond, lights count as near."""
 
 
 def stops_above_white(scene: Scene) -> int:
-    """The least number of stops above white, 0 to 16, that no ray's radiance exceeds: highlights,
-    near lights, vertex colours, the sky and baked light count at their most, each alone."""
+    """The least number of stops above white, 0 to 16, that bounds the radiance of all rays.
+
+    Highlights, near lights, vertex colours, the sky and baked light count with their maxima.
+    """
     if scene.clip:
         return 0
     tint = float(scene.colours.max(initial=1.0)) if len(scene.colours) else 1.0
@@ -45,16 +47,17 @@ def stops_above_white(scene: Scene) -> int:
 
 
 def _highlight(material: Material, base: float) -> float:
-    """The most that a highlight adds to light that arrives."""
+    """The largest factor of a highlight, per irradiance."""
     if not material.is_metallic:
         return max(material.specular)
-    # pi D V (N . L) of a microfacet is at most the roughness to the sixth power, inverse.
+    # pi D V (N . L) of a microfacet is at most 1 / roughness^6.
     roughness = 0.0 if material.metal_texture >= 0 else material.roughness
     return max(base, 1.0) / max(roughness, LEAST_ROUGHNESS) ** 6
 
 
 def _arriving(scene: Scene, light: Light) -> float:
-    """The most light that falls on a surface; infinite at a light that falls off."""
+    """The largest irradiance of a surface by a light; infinite at the position of a light that
+    falls off."""
     strength = max(light.colour)
     if light.kind != POINT or not light.reference_distance_m:
         return strength
@@ -62,24 +65,30 @@ def _arriving(scene: Scene, light: Light) -> float:
         return math.inf
     low, high = scene.triangles.min(axis=1), scene.triangles.max(axis=1)
     away = np.maximum(np.maximum(low - light.vector, light.vector - high), 0.0)
-    own = np.arange(len(away))
-    others = away[(own < light.own[0]) | (own >= light.own[1])]
-    nearest = float((others**2).sum(axis=1).min(initial=math.inf))
+    numbers = np.arange(len(away))
+    distances = away[(numbers < light.own[0]) | (numbers >= light.own[1])]
+    nearest = float((distances**2).sum(axis=1).min(initial=math.inf))
     return strength * light.reference_distance_m**2 / nearest if nearest else math.inf
 
 
 FLAT_NORMALS = 1e-5
-"""Normals of corners that differ by less are those of a flat triangle."""
+"""The least difference between the corners' normals of a curved triangle."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """Features that occur in a scene with an effect on its picture, derived once and read
-    everywhere.
+    """The features that affect a scene's picture.
 
-    ``physical`` materials are of metal and roughness, or have more than a texture of their colour;
-    on a ``curved`` one shadow rays start beside the hit points; ``stops`` above white hold the
-    brightest ray.
+    Attributes
+    ----------
+    textures, cut_outs, smooth_normals, vertex_colours, shadows, baked, sky : bool
+        Whether the scene has them.
+    physical : bool
+        Whether a material has metal and roughness, or textures beside its colour's.
+    curved : bool
+        Whether shadow rays start beside hit points, on curved surfaces.
+    stops : int
+        The stops above white of the brightest ray.
     """
 
     textures: bool
@@ -95,7 +104,7 @@ class Needs:
 
     @classmethod
     def of(cls, scene: Scene) -> Needs:
-        """Only materials that some triangle has, and lights that are not black, count."""
+        """The needs of a scene; unused materials and black lights do not count."""
         used = [scene.every_material[i] for i in sorted(set(scene.material_ids.tolist()))]
         casting = any(light.casts_shadows and any(light.colour) for light in scene.lights)
         return cls(
@@ -122,9 +131,9 @@ def _has_curves(scene: Scene) -> bool:
 
 
 def check_exportable(scene: Scene, program: str) -> None:
-    """Raise :class:`SceneError` for what is exported to no other ray tracer, as ``program``."""
+    """Raise :class:`SceneError` for features that no exporter to ``program`` supports."""
     needs = Needs.of(scene)
-    for found, what in (
+    for has_feature, subject in (
         (len(scene.colours), "colours at corners are"),
         (scene.motions, "motion is"),
         (needs.cut_outs or needs.physical, "holes, metal and bent normals are"),
@@ -133,5 +142,5 @@ def check_exportable(scene: Scene, program: str) -> None:
             "spots and points of area lights are",
         ),
     ):
-        if found:
-            raise SceneError(f"{what} not exported to {program}", key=scene.name)
+        if has_feature:
+            raise SceneError(f"{subject} not exported to {program}", key=scene.name)

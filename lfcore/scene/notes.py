@@ -1,4 +1,4 @@
-"""What a scene file holds, and what of it is not in the scene: one list, with file and line."""
+"""Notes on differences between a file and its scene, with file and line."""
 
 from __future__ import annotations
 
@@ -48,7 +48,17 @@ class Note:
 
 @dataclass(frozen=True)
 class Count:
-    """The number of things of a kind that a file holds, and of those that are in the scene."""
+    """The number of things of a kind in a file.
+
+    Attributes
+    ----------
+    file : Path
+        The file.
+    what : str
+        The things.
+    held, used : int
+        Their number in the file, and in the scene.
+    """
 
     file: Path
     what: str
@@ -71,7 +81,7 @@ class Notebook:
         self.counts: dict[Path, tuple[Count, ...]] = {}
 
     def add(self, kind: str, place: Place | Path, what: str) -> None:
-        """Note what happened to a place, or to a file whose lines do not matter."""
+        """Add a note on a place, or on a whole file."""
         file, line = (place, 0) if isinstance(place, Path) else (place.file, place.line)
         self._notes.setdefault(Note(kind, file, line, what))
 

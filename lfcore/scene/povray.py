@@ -1,7 +1,7 @@
-"""A scene as a POV-Ray file: the same triangles, materials, lights and thin lens.
+"""Export of a scene to POV-Ray: the same triangles, materials, lights and thin lens.
 
-POV-Ray's axes are ours with y turned over.  Its focal blur is a thin lens; its Blinn highlight
-(``specular``) is ours, white light in, with the strongest channel of the specular colour.
+POV-Ray's axes are camera space with y upwards.  Its focal blur is a thin lens; its Blinn highlight
+(``specular``) is the scene's, with the strongest channel of the specular colour.
 Colours are linear (``assumed_gamma 1``); lens points and pixel sampling are POV-Ray's own.
 """
 
@@ -23,21 +23,21 @@ from lfcore.scene.needs import check_exportable
 FILE = "scene.pov"
 MESH = "mesh.inc"
 FAR_M = 1e4
-"""Where the light of a direction stands; POV-Ray makes its rays parallel."""
+"""The distance of a directional light, metres; POV-Ray makes its rays parallel."""
 FADE = 1000.0
-"""Reference distance of a point light over POV-Ray's fade distance."""
+"""The reference distance of a point light over POV-Ray's fade distance."""
 
 
 def write_mesh(folder: str | Path, scene: Scene) -> None:
-    """Write mesh and textures of a scene, which all views share, into ``folder``, which is made."""
+    """Write mesh and textures of a scene, which all views share, into the new ``folder``."""
     check_exportable(scene, "POV-Ray")
     write_text(Path(folder) / MESH, "\n".join(_mesh(scene, Path(folder))) + "\n")
 
 
 def write_view(folder: str | Path, scene: Scene, camera: Camera, *, samples: int) -> Path:
-    """Write ``scene.pov`` beside the mesh of the same scene; its path.
+    """Write ``scene.pov`` beside the mesh of the same scene, and return its path.
 
-    POV-Ray is to be run in the folder, since names are relative.
+    Run POV-Ray in the folder, since names are relative.
     ``camera`` is a thin lens at the scene's origin, focused where its sensor is; every pixel
     takes ``samples`` rays through the lens.  Raises :class:`SceneError` for a focus at infinity.
     """

@@ -1,8 +1,8 @@
-"""Depths that a scene's picture shows, without a device: a coarse picture of depths by numpy.
+"""Visible depths of a scene, without a device: a coarse depth map by numpy.
 
-A ray through the lens centre of tangents (x, y) meets the triangle v0 v1 v2 where (x, y, 1) has
-the same sign against all three planes through the lens centre and an edge.  Triangles that begin
-before the lens and end behind it need no clipping that way.  Source: Olano and Greer, "Triangle
+A ray through the lens centre with tangents (x, y) hits the triangle v0 v1 v2 if (x, y, 1) has the
+same sign against the three planes through the lens centre and an edge.  So triangles on both sides
+of the lens need no clipping.  Source: Olano and Greer, "Triangle
 Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997.
 """
 
@@ -19,12 +19,12 @@ SIDE = 64
 """The rays per side of the coarse picture."""
 PAIRS_AT_A_TIME = 1 << 19
 Ticks = tuple[np.ndarray, np.ndarray]
-"""The tangents of the rays' columns and rows, even."""
+"""The tangents of the rays' columns and rows, evenly spaced."""
 
 
 def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
     """The depths that a picture of tangent extent ``width`` shows, without its nearest and farthest
-    2 percent; None where no ray meets anything and no vertex is in it."""
+    2 percent; None if no ray has a hit and no vertex is in the picture."""
     ticks = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * width
     depth = _depths(triangles, (ticks, ticks))
     depth = depth[np.isfinite(depth)]
@@ -39,7 +39,7 @@ def depth_range(triangles: np.ndarray, width: float) -> DepthRange | None:
 def focus_at(
     triangles: np.ndarray, width: float, place: Sequence[float], pixels: Pixels = 1
 ) -> float:
-    """The depth at a place of the picture, metres, as the autofocus of a camera finds it.
+    """The depth at a place of the picture, metres, as in a camera's autofocus.
 
     ``width`` is the tangent extent of the shorter side of a picture of ``pixels``.
     """
@@ -59,7 +59,7 @@ def focus_at(
 
 
 def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:
-    """Depths (R, C), inf for a miss, of the rays."""
+    """Depths (R, C) of the rays; inf for a miss."""
     columns, rows = map(len, ticks)
     nearest = np.full(rows * columns, np.inf)
     corners = triangles[(triangles[:, :, 2] > 0).any(1)].astype(np.float64)
@@ -79,7 +79,7 @@ def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:
 def _boxes(corners: np.ndarray, ticks: Ticks) -> tuple[np.ndarray, np.ndarray]:
     """First column and row, and numbers of columns and rows, (T, 2) each, around triangles."""
     z = corners[:, :, 2]
-    whole = ~(z > 0).all(1)  # those that cross the plane of the lens can be anywhere
+    whole = ~(z > 0).all(1)  # triangles that cross the plane of the lens can be anywhere
     first, count = np.empty((2, len(corners), 2), np.int64)
     for axis, places in enumerate(ticks):
         tangents = corners[:, :, axis] / np.where(z > 0, z, 1.0)
@@ -96,14 +96,14 @@ def _draw(
 ) -> None:
     """Lower ``nearest`` to the depths of ``corners`` (K, 3, 3) at the rays of their boxes."""
     columns, rows = ticks
-    # Of the order of 1, so that products of three lengths neither overflow nor vanish.
+    # Scaled to about 1, so that products of three lengths neither overflow nor vanish.
     size = np.abs(corners).max()
     v = corners / size
     planes = np.stack([np.cross(v[:, (k + 1) % 3], v[:, (k + 2) % 3]) for k in range(3)], 1)
     volume = (v[:, 0] * planes[:, 0]).sum(-1)
-    each = count.prod(1)
-    owner = np.repeat(np.arange(len(corners)), each)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(each) - each, each)
+    counts = count.prod(1)
+    owner = np.repeat(np.arange(len(corners)), counts)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     row, column = np.divmod(within, count[owner, 0])
     column, row = column + first[owner, 0], row + first[owner, 1]
     rays = np.stack([columns[column], rows[row], np.ones(len(owner))], -1)

@@ -1,7 +1,7 @@
-"""Skies: what rays see that leave the scene, and the light that it gives.
+"""Skies: the radiance of rays that miss the scene, and the light of a sky.
 
 A sky is an octahedral map in camera space, (S, S, 3) float32 linear radiance: direction d is at
-d.xy over the sum of its components' sizes, and behind the camera folded outward over the edges
+d.xy / (|d.x| + |d.y| + |d.z|); directions behind the camera are folded outward over the edges
 (T. Engelhardt and C. Dachsbacher, "Octahedron Environment Maps", VMV 2008).
 """
 
@@ -27,11 +27,20 @@ if TYPE_CHECKING:
     from lfcore.scene.model import Scene
 
 MOST_TEXELS = 2**26
+"""The most texels of a panorama: 768 MiB of float32 RGB."""
 LARGEST_FILE = 1 << 30
-LARGEST_SIDE, GRADIENT_SIDE = 2048, 256
+"""The largest file of a panorama, bytes."""
+LARGEST_SIDE = 2048
+"""The largest side of a map, texels."""
+GRADIENT_SIDE = 256
+"""The side of the map of a gradient, texels."""
 Places = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-SUNS, WIDEST_SUN, SUN_CONTRAST = 8, 0.02, 50.0
-"""At most so many suns, up to so many steradians, so many times as bright as the sky's mean."""
+SUNS = 8
+"""The most suns of a sky: each costs a shadow ray per hit."""
+WIDEST_SUN = 0.02
+"""The largest solid angle of a sun, steradians."""
+SUN_CONTRAST = 50.0
+"""The least radiance of a sun, in mean radiances of the sky."""
 
 
 def octahedron(places: np.ndarray) -> np.ndarray:
@@ -50,7 +59,7 @@ def texel_directions(side: int) -> np.ndarray:
 
 
 def radiance(sky: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(R, 3) float32 that a sky gives from ``directions`` (R, 3), bilinearly."""
+    """(R, 3) float32 radiance of a sky in ``directions`` (R, 3), bilinear."""
     d, side = np.asarray(directions, np.float32), len(sky)
     size = abs(d)
     d = d / (size[:, 0] + size[:, 1] + size[:, 2])[:, None]
@@ -79,8 +88,10 @@ def solid_angles(side: int) -> np.ndarray:
 
 
 def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
-    """The sky without its small bright spots, and a directional light for each of them: one shadow
-    ray finds what rays to the whole sky would hardly ever hit."""
+    """The sky without its small bright spots, and a directional light for each spot.
+
+    One shadow ray samples a spot that rays to the whole sky would hardly ever hit.
+    """
     import cv2  # loaded for skies alone
 
     angles = solid_angles(len(sky))
@@ -94,7 +105,7 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
     power = np.bincount(numbers, (light * angles).ravel(), count)
     small = np.flatnonzero(size <= WIDEST_SUN)
     small = small[small > 0]
-    rest, found = sky.copy(), []
+    rest, lights = sky.copy(), []
     base = sky[~bright].mean(0)
     axis = (np.arange(len(sky)) + 0.5) / len(sky) * 2 - 1
     for number in small[np.argsort(-power[small], kind="stable")][:SUNS]:
@@ -105,14 +116,14 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
         towards /= math.sqrt(float((towards**2).sum()))
         rest[row, column] = base
         colour = tuple((np.maximum(flux, 0).sum(0) / math.pi).tolist())
-        found.append(Light(DIRECTIONAL, tuple(towards.tolist()), colour))
-    return rest, found
+        lights.append(Light(DIRECTIONAL, tuple(towards.tolist()), colour))
+    return rest, lights
 
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:
     """The scene under the checked ``sky`` of a scene.yaml, and lit by its suns; ``to_camera`` turns
     the world, y up."""
-    # All that takes the kernels' header imports this module.
+    # Imported here: modules that make the kernels' header import this one.
     from lfcore.reading import Where
     from lfcore.scene.surface_mesh import parse_colour
 
@@ -128,7 +139,7 @@ def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: st
         ends = [
             np.multiply(parse_colour(description[end]), strength) for end in ("horizon", "zenith")
         ]
-        # Above the horizon linear in the sine of the elevation; below as at the horizon.
+        # Above the horizon, radiance is linear in the sine of the elevation; below, it is constant.
         rows = (np.arange(GRADIENT_SIDE) + 0.5) / GRADIENT_SIDE
         up = np.maximum(np.cos(rows * math.pi), 0)[:, None]
         column = (ends[0] + up * (ends[1] - ends[0])).astype(np.float32)
@@ -144,11 +155,14 @@ def under(scene: Scene, sky: np.ndarray) -> Scene:
 
 
 def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: int) -> np.ndarray:
-    """The map of a picture (H, W, 3) of all directions; ``to_world`` (3, 3) turns those of the
-    camera, and ``places`` says where on the picture they are."""
+    """Turn a picture (H, W, 3) of all directions into an octahedral map.
+
+    ``to_world`` (3, 3) rotates camera space to the world; ``places`` maps world directions to the
+    picture.
+    """
     import cv2  # loaded for skies alone
 
-    made, (height, width) = np.zeros((side, side, 3), np.float32), picture.shape[:2]
+    radiances, (height, width) = np.zeros((side, side, 3), np.float32), picture.shape[:2]
     rays = picture.shape[1] // side + 2
     within = (np.arange(rays) + 0.5) / rays
     for row in range(side):
@@ -160,8 +174,8 @@ def octahedral(picture: np.ndarray, to_world: np.ndarray, places: Places, side: 
         at = u * width - 0.5, np.clip(v * height - 0.5, 0, height - 1)
         x, y = (np.asarray(axis, np.float32) for axis in at)
         light = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        made[row] = light.reshape(rays, side, rays, 3).mean((0, 2))
-    return made
+        radiances[row] = light.reshape(rays, side, rays, 3).mean((0, 2))
+    return radiances
 
 
 def panorama_places(world: np.ndarray, turned: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -197,6 +211,6 @@ def _read_panorama(path: Path, where: Where) -> np.ndarray:
     except LfcoreError as error:
         raise refuse(f"cannot be read: {error.problem[:200]}", "Get it again") from None
     if not np.isfinite(panorama).all() or panorama.min() < 0 or panorama.max() > BRIGHTEST:
-        found = f"has values from {panorama.min():g} to {panorama.max():g}"
-        raise refuse(found, f"Give radiance from 0 to {BRIGHTEST:g}")
+        fault = f"has values from {panorama.min():g} to {panorama.max():g}"
+        raise refuse(fault, f"Give radiance from 0 to {BRIGHTEST:g}")
     return panorama

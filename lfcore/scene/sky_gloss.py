@@ -1,10 +1,9 @@
-"""What surfaces of metal and roughness reflect of a sky, by the split sum.
+"""Reflection of a sky by metallic-roughness surfaces, by the split sum.
 
-The light of a lobe is the product of two factors: the mean of the sky over the lobe of a surface
-seen from straight above, and the share that a surface reflects of an even sky, A f0 + B.  What this
-neglects: lobes are round, where seen flatly they are long; and the sky is there though something
-may stand before it.  For the latter, a reflection is dimmed as the light that was baked is against
-that of the open sky.
+Reflected radiance is the product of two factors: the sky's mean over the lobe of a surface viewed
+along its normal, and the share of a uniform sky that a surface reflects, A f0 + B.  Two effects are
+neglected: lobes get longer at grazing angles, and objects occlude the sky.  For the second, a
+reflection is multiplied by the ratio of baked irradiance to that of the open sky.
 
 Source: B. Karis, "Real Shading in Unreal Engine 4", SIGGRAPH 2013 course; D. Lazarov, "Getting More
 Physical in Call of Duty: Black Ops II", SIGGRAPH 2013 course, for the dimming.
@@ -17,14 +16,21 @@ import numpy as np
 
 from lfcore.scene.sky import octahedron, radiance, solid_angles, suns, texel_directions
 
-LEVELS, SIDE, SHARES = 6, 128, 32
-"""Maps of roughness 0, 1/5, ... 1, then one of light over pi; their side; the side of A and B."""
-_SIDES, _SOURCE = (128, 64, 32, 32, 16, 16), 64
-"""The sides of maps before they are enlarged, and of the sky that most are made from."""
+LEVELS = 6
+"""The number of maps, of roughness 0, 1/5, ... 1; one of irradiance over pi follows."""
+SIDE = 128
+"""The side of the maps, texels."""
+SHARES = 32
+"""The side of the tables A and B."""
+_SIDES = (128, 64, 32, 32, 16, 16)
+"""The sides of the maps before they are enlarged: rough lobes are smooth."""
+_SOURCE = 64
+"""The side of the sky that rough lobes are computed from; smooth lobes use twice the side."""
 _SAMPLES = 256
+"""The samples per entry of A and B."""
 Source = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Directions (S, 3), light (S, 3) and solid angles (S,) of texels."""
-_made: dict[int, tuple[weakref.ref[np.ndarray], np.ndarray]] = {}
+_cache: dict[int, tuple[weakref.ref[np.ndarray], np.ndarray]] = {}
 
 
 def sky_gloss(sky: np.ndarray) -> np.ndarray:
@@ -35,19 +41,19 @@ def sky_gloss(sky: np.ndarray) -> np.ndarray:
     They are kept as long as the sky is.
     """
     key = id(sky)
-    if key not in _made or _made[key][0]() is not sky:
+    if key not in _cache or _cache[key][0]() is not sky:
         rest = suns(sky)[0]
         maps = [_enlarged(_mean_over_lobes(rest, k / (LEVELS - 1), side), SIDE)
                 for k, side in enumerate(_SIDES)]  # fmt: skip
         maps.append(_enlarged(_light(rest), SIDE))
         rows = [part.reshape(-1, 3) for part in (*maps, reflected_shares())]
         gloss = np.concatenate(rows).astype(np.float32)
-        _made[key] = weakref.ref(sky, lambda _: _made.pop(key, None)), gloss
-    return _made[key][1]
+        _cache[key] = weakref.ref(sky, lambda _: _cache.pop(key, None)), gloss
+    return _cache[key][1]
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """To 12 bits: libraries round otherwise on other processors."""
+    """Round to 12 bits, because libraries' last bits differ between processors."""
     mantissa, exponent = np.frexp(values)
     return np.ldexp(np.rint(mantissa * 4096) / 4096, exponent)
 
@@ -59,7 +65,7 @@ def _corners(side: int) -> np.ndarray:
 
 
 def _source(sky: np.ndarray, side: int) -> Source:
-    """The texels of a map as fine as needed, of ``side`` texels a side at most."""
+    """The texels of a map of at most ``side`` texels per side."""
     side = min(side, max(len(sky), 32))
     towards = texel_directions(side).reshape(-1, 3)
     return towards, _reduced(sky, side, towards), solid_angles(side).ravel()
@@ -74,7 +80,7 @@ def _reduced(sky: np.ndarray, side: int, towards: np.ndarray) -> np.ndarray:
 
 
 def _mean_over_lobes(sky: np.ndarray, roughness: float, side: int) -> np.ndarray:
-    """(side, side, 3): of each direction, the sky weighted by D(h) N . L, for V = N."""
+    """(side, side, 3): the sky's mean weighted by D(h) N . L with V = N, per direction N."""
     towards = _corners(side).reshape(-1, 3)
     if not roughness:
         return _rounded(_reduced(sky, side, towards)).reshape(side, side, 3)
@@ -88,24 +94,24 @@ def _mean_over_lobes(sky: np.ndarray, roughness: float, side: int) -> np.ndarray
 
 
 def _light(sky: np.ndarray) -> np.ndarray:
-    """(16, 16, 3): light over pi on a surface of each direction."""
+    """(16, 16, 3): irradiance over pi, per normal."""
     towards = _corners(16).reshape(-1, 3)
-    found = _weighted(towards, _source(sky, _SOURCE), lambda cosine: np.maximum(cosine, 0))
-    return _rounded(found).reshape(16, 16, 3)
+    irradiance = _weighted(towards, _source(sky, _SOURCE), lambda cosine: np.maximum(cosine, 0))
+    return _rounded(irradiance).reshape(16, 16, 3)
 
 
 def _weighted(
     towards: np.ndarray, source: Source, weights: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    made, (texels, light, angles) = [], source
+    means, (texels, light, angles) = [], source
     for some in np.array_split(towards, max(1, len(towards) * len(texels) >> 22)):
         share = weights(some @ texels.T) * angles
-        made.append(share @ light / share.sum(1, keepdims=True))
-    return np.concatenate(made)
+        means.append(share @ light / share.sum(1, keepdims=True))
+    return np.concatenate(means)
 
 
 def _enlarged(small: np.ndarray, side: int) -> np.ndarray:
-    """A map with the outermost texels on its border, linearly."""
+    """Enlarge a map with its outermost texels on the border, linearly."""
     at = np.linspace(0, len(small) - 1, side)
     low = np.minimum(at.astype(np.int64), len(small) - 2)
     share = (at - low)[:, None, None]
@@ -124,13 +130,13 @@ def reflected_shares() -> np.ndarray:
     square = rough**4
     up = np.sqrt((1 - first) / (1 + (square - 1) * first))  # N . H
     along = np.sqrt(1 - up**2) * np.cos(turn)
-    seen = np.maximum(np.sqrt(1 - cosine**2) * along + cosine * up, 0)  # V . H
-    light = np.maximum(2 * seen * up - cosine, 0)  # N . L
+    view_cosine = np.maximum(np.sqrt(1 - cosine**2) * along + cosine * up, 0)  # V . H
+    light = np.maximum(2 * view_cosine * up - cosine, 0)  # N . L
 
     def masked(c: np.ndarray) -> np.ndarray:
         return c + np.sqrt(square + (1 - square) * c * c)
 
-    share = 4 * light * seen / (masked(light) * masked(cosine) * up)
-    grazing = (1 - seen) ** 5
+    share = 4 * light * view_cosine / (masked(light) * masked(cosine) * up)
+    grazing = (1 - view_cosine) ** 5
     a, b = (share * (1 - grazing)).mean(-1), (share * grazing).mean(-1)
     return _rounded(np.stack([a, b, np.zeros_like(a)], -1))

@@ -1,7 +1,7 @@
 """Surface meshes: the triangles of one surface, in world space, before a scene is assembled.
 
-Mesh files and procedural builders both return a list of :class:`SurfaceMesh`, the parts of what
-they describe; ``lfcore.scene.assemble`` turns it into the flat arrays of a
+Mesh files and procedural builders both return a list of :class:`SurfaceMesh`, the parts of a
+model; ``lfcore.scene.assemble`` turns it into the flat arrays of a
 :class:`~lfcore.scene.model.Scene`.
 """
 
@@ -28,7 +28,7 @@ def xyz(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
 
 
 def triple(values: ArrayLike) -> Colour:
-    """Three numbers as a tuple of Python's floats."""
+    """Turn three numbers into a tuple of Python's floats."""
     first, second, third = np.asarray(values, np.float64).tolist()
     return first, second, third
 
@@ -74,8 +74,8 @@ class Surface:
 
     @property
     def has_textures(self) -> bool:
-        others = self.metal_texture, self.normal_texture, self.emission_texture
-        return any(picture is not None for picture in (self.texture, *others))
+        maps = self.metal_texture, self.normal_texture, self.emission_texture
+        return any(picture is not None for picture in (self.texture, *maps))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class SurfaceMesh:
         return self.transformed(translate(x, y, z))
 
     def picked(self, index: Any) -> SurfaceMesh:
-        """The part whose arrays are indexed alike: some triangles, or other corners."""
+        """The part with all arrays indexed by ``index``: some triangles, or reordered corners."""
         arrays = {name: getattr(self, name) for name in ("triangles", "normals", "uvs", "colours")}
         return replace(
             self, **{n: array[index] for n, array in arrays.items() if array is not None}
@@ -151,17 +151,17 @@ DEFAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "uvs": lambda corners: np.zeros((len(corners), 3, 2)),
     "colours": lambda corners: np.ones((len(corners), 3, 3)),
 }
-"""The attributes of a part of these triangles that lacks them."""
+"""The default of each attribute of a part, as a function of its triangles."""
 
 
 def stacked(parts: list[SurfaceMesh]) -> dict[str, np.ndarray | None]:
     """Each attribute over all parts, with :data:`DEFAULTS`; None where every part lacks it."""
-    found: dict[str, np.ndarray | None] = {}
+    columns: dict[str, np.ndarray | None] = {}
     for name, default in DEFAULTS.items():
         arrays = [(getattr(part, name), part.triangles) for part in parts]
         filled = [default(t) if a is None else np.asarray(a, np.float64) for a, t in arrays]
-        found[name] = np.concatenate(filled) if any(a is not None for a, _ in arrays) else None
-    return found
+        columns[name] = np.concatenate(filled) if any(a is not None for a, _ in arrays) else None
+    return columns
 
 
 def grid_triangles(grid: np.ndarray) -> np.ndarray:
@@ -191,21 +191,24 @@ def normalise(vectors: np.ndarray) -> np.ndarray:
 
 
 def parse_colour(value: str | list[float]) -> Colour:
-    """A colour as the schema admits it, to linear RGB."""
+    """Turn a colour of the schema into linear RGB."""
     if isinstance(value, str):
         return hex_colour(value)
     return triple(value)
 
 
 def hex_colour(code: str) -> Colour:
-    """``"#rrggbb"``, sRGB, to linear RGB."""
+    """Turn sRGB ``"#rrggbb"`` into linear RGB."""
     encoded = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
     return triple(srgb_decode(encoded))
 
 
 def shaded(part: SurfaceMesh, shading: str, crease_deg: float) -> SurfaceMesh:
-    """The part with the normals it is shaded with: its own, if it has any and ``shading`` is
-    ``auto``, else smoothed but for edges beyond ``crease_deg``; none where it is ``flat``."""
+    """The part with its shading normals.
+
+    They are its own if it has any and ``shading`` is ``auto``; none if it is ``flat``; else smooth
+    except at edges beyond ``crease_deg``.
+    """
     normals = part.normals if shading == "auto" else None
     if normals is None and shading != "flat":
         normals = crease_normals(np.nan_to_num(part.triangles, posinf=0.0, neginf=0.0), crease_deg)

@@ -33,7 +33,7 @@ def parts_of(
     try:
         nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
         meshes = [(matrix, scene.geometry[name]) for matrix, name in nodes]
-    except (LookupError, TypeError, ValueError) as error:  # names that are none, circles of nodes
+    except (LookupError, TypeError, ValueError) as error:  # unknown names, cycles of nodes
         raise _error(path, f"its nodes cannot be placed: {error!r}") from error
     parts, empty = [], True
     for matrix, mesh in meshes:
@@ -59,10 +59,10 @@ def _part(
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise _error(path, f"face names vertex {int(faces.max())} of {len(vertices)}")
     # trimesh computes normals on demand; only those in the cache came with the file.
-    given = mesh._cache.cache.get("vertex_normals")
-    if given is not None and np.shape(given) != vertices.shape:
-        given = None
-    normals = None if given is None else np.asarray(given, np.float64)[faces]
+    file_normals = mesh._cache.cache.get("vertex_normals")
+    if file_normals is not None and np.shape(file_normals) != vertices.shape:
+        file_normals = None
+    normals = None if file_normals is None else np.asarray(file_normals, np.float64)[faces]
     colours = _colours(mesh.visual, faces, path)
     if getattr(mesh.visual, "kind", None) in ("vertex", "face"):  # and no material
         surface = replace(surface, diffuse=(1.0,) * 3)
@@ -79,26 +79,27 @@ def _surface(visual: Any, faces: np.ndarray, path: Path) -> tuple[Surface, np.nd
     if isinstance(material, SimpleMaterial):
         material = material.to_pbr()
     if isinstance(material, PBRMaterial):
-        made = surface_of_pbr(material, path)
+        surface = surface_of_pbr(material, path)
     else:
-        made = Surface(path.stem)
-    values = (*made.diffuse, *made.specular, *made.emission, made.shininess)
+        surface = Surface(path.stem)
+    values = (*surface.diffuse, *surface.specular, *surface.emission, surface.shininess)
     if not np.isfinite(values).all():
-        problem = f"material {made.name!r} has a number that is not finite"
+        problem = f"material {surface.name!r} has a number that is not finite"
         raise _error(path, problem, "Mend the material")
     uv = getattr(visual, "uv", None)
     if uv is None or len(uv) == 0:
-        return made, None
+        return surface, None
     try:
-        return made, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
+        return surface, _texture_coordinates(np.asarray(uv, np.float64), faces, path)
     except SceneError:
-        if not made.has_textures:
-            return made, None  # nothing is read there
+        if not surface.has_textures:
+            return surface, None  # nothing is read there
         raise
 
 
 def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.ndarray:
-    """(T, 3, 2) of the corners; exporters write NaN for what is not unwrapped, read as 0."""
+    """(T, 3, 2) of the corners; exporters write NaN for corners that are not unwrapped, read as
+    0."""
     uv = np.where(np.isnan(uv), 0.0, uv)
     if uv.ndim != 2 or uv.shape[1] < 2 or len(uv) <= faces.max():
         remedy = "Unwrap the mesh again, or take its texture away"
@@ -107,8 +108,8 @@ def _texture_coordinates(uv: np.ndarray, faces: np.ndarray, path: Path) -> np.nd
 
 
 def _is_invented(material: Any, path: Path) -> bool:
-    """Whether trimesh made the material up, with 2 x 2 texels of (100, 100, 100), for texture
-    coordinates without one."""
+    """Whether trimesh invented the material, 2 x 2 texels of (100, 100, 100), for texture
+    coordinates without a material."""
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if getattr(image, "size", None) != (2, 2) or getattr(material, "kwargs", None):
         return False
@@ -118,31 +119,31 @@ def _is_invented(material: Any, path: Path) -> bool:
 def surface_of_pbr(material: Any, path: Path) -> Surface:
     """The surface of one of trimesh's PBRMaterials.
 
-    It is of metal and roughness where it says anything of either, else matt; roughness alone is of
-    no metal.
+    It has metal and roughness if the material has either or their texture, else it is matt; the
+    default of ``metallic`` is 0.
     """
     metallic, roughness = material.metallicFactor, material.roughnessFactor
     image = material.metallicRoughnessTexture
-    given = not (metallic is None and roughness is None and image is None)
-    glow = np.zeros(3)
+    is_physical = not (metallic is None and roughness is None and image is None)
+    emission = np.zeros(3)
     if material.emissiveFactor is not None:
-        glow = np.clip(np.asarray(material.emissiveFactor, np.float64)[:3], 0, 1)
-    glows = bool(glow.any())
+        emission = np.clip(np.asarray(material.emissiveFactor, np.float64)[:3], 0, 1)
+    emits = bool(emission.any())
     return Surface(
         str(material.name or path.stem),
         base_colour(material),
-        emission=clipped(glow),
+        emission=clipped(emission),
         texture=picture(material.baseColorTexture, path),
-        metallic=_share(metallic, 0.0, path) if given else -1.0,
+        metallic=_share(metallic, 0.0, path) if is_physical else -1.0,
         roughness=_share(roughness, 1.0, path),
         metal_texture=picture(image, path),
         normal_texture=picture(material.normalTexture, path),
-        emission_texture=picture(material.emissiveTexture, path) if glows else None,
+        emission_texture=picture(material.emissiveTexture, path) if emits else None,
     )
 
 
 def picture(image: Any, path: Path, mode: str = "RGB") -> np.ndarray | None:
-    """(H, W, channels) uint8 of a Pillow image, None of none."""
+    """(H, W, channels) uint8 of a Pillow image; None without one."""
     if image is None:
         return None
     try:

@@ -19,19 +19,20 @@ def build(name: str, parameters: dict, seed: int, where: Where = NOWHERE) -> lis
     """The parts of builder ``name``, in world space."""
     if name not in BUILDERS:
         raise where["builder"].error(f"unknown builder {name!r}", did_you_mean(name, BUILDERS))
-    builder, given = importlib.import_module(f"{__name__}.{name}").build, where["parameters"]
-    known = {key: each.default for key, each in inspect.signature(builder).parameters.items()}
-    del known["seed"]
+    builder, place = importlib.import_module(f"{__name__}.{name}").build, where["parameters"]
+    signature = inspect.signature(builder).parameters
+    defaults = {key: parameter.default for key, parameter in signature.items()}
+    del defaults["seed"]
     for key, value in parameters.items():
-        if key not in known:
+        if key not in defaults:
             problem = f"builder {name!r} has no such parameter"
-            raise given[str(key)].error(problem, did_you_mean(str(key), known))
-        _check_type(value, known[key], given[key])
+            raise place[str(key)].error(problem, did_you_mean(str(key), defaults))
+        _check_type(value, defaults[key], place[key])
     try:
         return builder(seed, **parameters)
     except SceneError as error:
-        here = given[error.key] if error.key else given
-        raise here.error(error.problem, error.remedy) from None
+        error_place = place[error.key] if error.key else place
+        raise error_place.error(error.problem, error.remedy) from None
 
 
 def _check_type(value: Any, default: object, where: Where) -> None:

@@ -49,7 +49,7 @@ MOST_TRIANGLES = 50_000_000
 def filled_to(
     triangles: int, parts: Parts, unit: SurfaceMesh, make: Callable[[int], SurfaceMesh]
 ) -> Parts:
-    """``parts``, and ``make(number)`` copies of ``unit``, cut off at so many ``triangles``."""
+    """``parts``, and ``make(number)`` copies of ``unit``, cut off at ``triangles`` triangles."""
     budget = triangles - sum(part.count for part in parts)
     if budget > MOST_TRIANGLES:
         raise SceneError(f"more than {MOST_TRIANGLES} triangles are asked for", key="triangles")

@@ -124,7 +124,7 @@ def _window(seed: int, stone: Surface) -> Parts:
 def _reveal(
     left: float, right: float, low: float, high: float, back: float, stone: Surface
 ) -> Parts:
-    """The sides, top and bottom of an opening, from the wall's face back to what closes it."""
+    """The sides, top and bottom of an opening, from the wall's face back to the pane or leaf."""
     corners = [(left, low), (right, low), (right, high), (left, high)]
     return [
         quad([(xa, ya, back), (xa, ya, WALL_Z), (xb, yb, WALL_Z), (xb, yb, back)], stone)
@@ -133,7 +133,7 @@ def _reveal(
 
 
 def _pane(seed: int) -> np.ndarray:
-    """What old glass shows: a dark room, a curtain, the sky's reflection."""
+    """The picture in old glass: a dark room, a curtain, the sky's reflection."""
     v, u = np.mgrid[:128, :128] / 128.0
     wave = textures.noise(seed, cells=(3, 3), octaves=3, size=(128, 128))
     sky = np.clip(1.3 - 1.5 * v + 0.5 * (wave - 0.5) - 0.4 * u, 0, 1)

@@ -1,4 +1,4 @@
-"""A book with a readable cover on a floor, standing as the assignment's book stands.
+"""A book with a readable cover on a floor, in the pose of the assignment's book.
 
 A box with a cover, a spine and page edges; its rotation is that of the pbrt book scene, so the
 cover leans back and the title, the authors and the edges lie at different depths.
@@ -24,7 +24,7 @@ RED_ON_DARK = (240, 120, 96)
 def build(seed: int) -> Parts:
     """16 triangles: cover, back, spine, three page edges, floor and wall; the cover faces +z."""
     parts = _box(SIZE_M / 2, seed)
-    # The mesh this stands for lies on its back: cover up (+y), top of the page at -x.
+    # The assignment's mesh lies on its back: cover up (+y), top of the page at -x.
     lie = affine([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
     pose = chain(lie, rotate(POSE[1], POSE[0]), translate(*CENTRE))
     parts = [part.transformed(pose) for part in parts]

@@ -15,8 +15,12 @@ from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
 RED, GREEN, BLUE = (214, 40, 40), (36, 168, 70), (40, 70, 214)
 WHITE = (250, 250, 250)
-FOREGROUND_M, BACKGROUND_M, HALF_WIDTH_M = 1.0, 2.0, 1.1
-"""Distances of the two planes from the lens, and half the width of the background."""
+FOREGROUND_M = 1.0
+"""The distance of the blue plane from the lens."""
+BACKGROUND_M = 2.0
+"""The distance of the background from the lens."""
+HALF_WIDTH_M = 1.1
+"""Half the width of the background."""
 # Share of the background's half width that the scene's own camera sees.
 VISIBLE = 0.75
 
@@ -39,7 +43,7 @@ def build(seed: int) -> Parts:
 
 
 def _page_of(origin: ArrayLike, width: float, height: float, surface: Surface) -> SurfaceMesh:
-    """A rectangle tiled with square pages as large as the camera sees of it, from the axis on."""
+    """A rectangle tiled with square pages of the size of the camera's field, from the axis on."""
     part = rectangle(origin, (width, 0, 0), (0, height, 0), surface)
     return SurfaceMesh(part.triangles, surface, None, part.triangles[..., :2] / (VISIBLE * width))
 

@@ -130,14 +130,14 @@ def patchwork(seed: int) -> np.ndarray:
     for number in range(16):
         row, column = divmod(number, 4)
         base = np.array(getrgb(tones[(row * 2 + column * 5 + (row * column) % 3) % 6]))
-        other = np.array(getrgb(tones[(row * 3 + column + 2) % 6]))
+        second_tone = np.array(getrgb(tones[(row * 3 + column + 2) % 6]))
         mask = masks[int(rng.integers(4))]
         cloth = textures.weave(seed + number, (255, 255, 255), size=(128, 128), threads=32)
-        patch = np.where(mask[..., None], 0.55 * base + 0.45 * other, base) * (cloth / 255.0)
+        patch = np.where(mask[..., None], 0.55 * base + 0.45 * second_tone, base) * (cloth / 255.0)
         patch *= (0.80 + 0.20 * np.clip(seam / 0.05, 0, 1))[..., None]
         patch[stitch] = (246, 240, 228)
-        there = slice(row * 128, row * 128 + 128), slice(column * 128, column * 128 + 128)
-        picture[there] = textures.finish(patch)
+        square = slice(row * 128, row * 128 + 128), slice(column * 128, column * 128 + 128)
+        picture[square] = textures.finish(patch)
     return picture
 
 

@@ -88,8 +88,8 @@ def box(size: ArrayLike, surface: Surface, *, repeat: float = 1.0, grain: int = 
         corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
         corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
         along = grain if axis != grain else first
-        other = 3 - axis - along
-        uv = (corners + half)[:, [along, other]] * repeat + (0.13 * axis, 0.37 * axis)
+        third = 3 - axis - along
+        uv = (corners + half)[:, [along, third]] * repeat + (0.13 * axis, 0.37 * axis)
         parts.append(quad(corners, surface, uv))
     return join(parts)
 

@@ -29,7 +29,7 @@ def pillow(size: Triple, surface: Surface, *, seed: int, pieces: int) -> Surface
 
 
 def _over_edge(excess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far cloth runs out and down once it has passed an edge by ``excess``."""
+    """The offsets outward and down of cloth that passes an edge by ``excess``."""
     radius = 0.07
     angle = np.clip(excess / radius, 0, np.pi / 2)
     straight = np.maximum(excess - radius * np.pi / 2, 0)

@@ -9,7 +9,7 @@ from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.procedural.turned import sphere as ball
 
 MOST_SEGMENTS = 4096
-"""16 million triangles: beyond, a machine's memory decides."""
+"""The most segments: 16 million triangles."""
 
 
 def build(seed: int, *, segments: int = 96) -> Parts:

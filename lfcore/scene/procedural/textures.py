@@ -16,7 +16,7 @@ SQUARE = (512, 512)
 Tone = ArrayLike
 """An sRGB triple."""
 Colours = Sequence[Tone]
-"""A gradient of them."""
+"""The tones of a gradient."""
 
 
 def noise(
@@ -223,7 +223,7 @@ def write(
     *,
     turn: int = 0,
 ) -> np.ndarray:
-    """A copy of (H, W, 3) uint8 ``picture`` with ``text`` on it, in the typeface of Pillow's own.
+    """A copy of (H, W, 3) uint8 ``picture`` with ``text`` on it, in Pillow's own typeface.
 
     ``centre`` is (x, y) from the top left and ``height`` the letters' size, in pixels; ``turn``
     counts quarter turns counter-clockwise of the picture under the text.

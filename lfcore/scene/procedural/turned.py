@@ -29,7 +29,7 @@ def lathe(
 ) -> SurfaceMesh:
     """A profile of (radius, height) pairs, bottom to top outside, turned about the y axis.
 
-    ``profile`` may be text, as of :func:`outline`; ``repeat`` None wraps one texture once around
+    ``profile`` may be a text for :func:`outline`; ``repeat`` None wraps one texture once around
     and once from the first to the last pair.
     """
     profile = outline(profile) if isinstance(profile, str) else np.asarray(profile, np.float64)
