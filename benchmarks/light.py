@@ -151,8 +151,8 @@ def planes(
     if "cycles" in options.parts:
         try:
             bounces = bounces_of(scene)
-            bounces = MOST_BOUNCES if bounces == "all" else bounces
-            cycles = cycles_lens(scene, options.threads, bounces)
+            most = MOST_BOUNCES if isinstance(bounces, str) else bounces
+            cycles = cycles_lens(scene, options.threads, most)
             yield theirs(CYCLES, cycles)
             cycles.close()
         except SkippedError as why:

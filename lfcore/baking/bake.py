@@ -64,8 +64,8 @@ def bake_light(
     around = Surroundings(scene, Tracer(unlit, bvh, device))
     faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
     if not len(faces):  # the picture is of the sky alone
-        grids = np.tile(np.int32([0, 0, 1]), (scene.triangle_count, 1))
-        return BakedLight(grids, np.zeros((3, 3), np.float32), rays=around.rays)
+        dark = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
+        return BakedLight(dark, np.zeros((3, 3), np.float32), rays=around.rays)
     sides, direct_sides, cells = _grid_sides(scene, distance, options.cells)
     normals = corner_normals(scene, around.lens)
     grids, direct_grids = (Grids(scene, each, *normals) for each in (sides, direct_sides))

@@ -66,7 +66,7 @@ class Bounces:
         level, off = (mean_colour(a[self._judged]) for a in (light, light - other))
         if not len(level):
             return 0.0
-        level = np.maximum(level, max(_DARK * _total(level) / len(level), 1e-30))
+        level = np.maximum(level, max(_DARK * float(_total(level)) / len(level), 1e-30))
         return float(np.sqrt(_total((off / level) ** 2) / len(level)))
 
 

@@ -176,8 +176,11 @@ class Grids:
             [np.rint((exact - self._low) / place_step + _ROUNDING_OFFSET),
              np.rint(normals / _SAME_NORMAL + _ROUNDING_OFFSET)], -1
         ).astype(np.int64)  # fmt: skip
-        vectors = (array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat))
-        return Points(*vectors, np.repeat(edge, number)), hashed(key.reshape(-1, 6))
+        inset, normals, flat = (
+            array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat)
+        )
+        points = Points(inset, normals, flat, np.repeat(edge, number))
+        return points, hashed(key.reshape(-1, 6))
 
     def shading_normals(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the unit normals (R, 3), float32, at barycentric ``weights`` (R, 3) of faces."""

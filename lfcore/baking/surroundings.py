@@ -56,7 +56,10 @@ class Surroundings:
 
     def __init__(self, scene: Scene, tracer: Tracer):
         self.scene, self.tracer = scene, tracer
-        self.sky, self.suns = suns(scene.sky) if len(scene.sky) else (None, [])
+        self.sky: np.ndarray | None = None
+        self.suns: list[Light] = []
+        if len(scene.sky):
+            self.sky, self.suns = suns(scene.sky)
         p, q, r = scene.triangles.swapaxes(0, 1)
         flat = np.cross(q - p, r - p)
         self.unit = flat / np.sqrt(dot(flat, flat))[:, None]

@@ -22,8 +22,6 @@ _RAYS = 256
 """Rays per estimate: their noise is then a few percent, and cancels over all places."""
 _DARK = 0.25
 """Errors are shares of the light, or of this share of its mean in darker places."""
-_LARGEST = 0.25
-"""The largest squared error of a place: pixels average over spots that are all wrong."""
 _FIRST_SEED = 1 << 40
 """Makes samples independent of those of the bake."""
 
@@ -58,7 +56,7 @@ def measured_error(cache: IrradianceCache, light: BakedLight) -> float:
     level = np.maximum((estimates[0] + estimates[1]) / 2, baked) + lights
     level = np.maximum(level, max(_DARK * _mean(level), 1e-30))
     squared = (baked - estimates[0]) * (baked - estimates[1]) / level**2
-    return math.sqrt(max(_mean(np.clip(squared, -_LARGEST, _LARGEST)), 0.0))
+    return math.sqrt(max(_mean(squared), 0.0))
 
 
 def _of_discs(around: Surroundings, points: Points, seeds: np.ndarray) -> np.ndarray:
