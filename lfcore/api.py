@@ -5,7 +5,6 @@ Distances are in metres.  Pictures are float32 arrays of linear light, rows from
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,35 +12,35 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, check_kind, check_known
+from lfcore.errors import OpticsError, answers_typos, check_kind
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
-from lfcore.optics.camera import Camera
-from lfcore.optics.focus import exclude_twice
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.size import Pixels, Size, whole_number
+from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.pictures import LIGHT_FIELD, check_suffix
 from lfcore.progress import Progress
 from lfcore.readers.load import load_scene as load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
-from lfcore.rendering.direct import focused_camera, trace_picture, trace_planes
+from lfcore.rendering.defaults import (
+    chosen_planes,
+    lattice_to_store,
+    lattice_to_trace,
+    recorded_lens,
+)
+from lfcore.rendering.direct import trace_picture, trace_planes
 from lfcore.rendering.prepared import lit, open_tracer, open_tracers, opened
-from lfcore.rendering.quality import Quality, QualitySearch, Rendering, planes_between
+from lfcore.rendering.quality import Quality, QualitySearch, Rendering
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.description import check
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import with_sky
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
-from lfcore.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from lfcore.lightfield import LightField
 
-FILTERS = ("depth", "nearest")
-VIEWS = 16
-"""The default lens samples per side without depth: those of the thesis's tables."""
 # Functions that need video import it themselves, so that a picture starts sooner.
 
 
@@ -206,7 +205,7 @@ def render(
         ).pictures  # fmt: skip
         return pictures[0] if planes is None else pictures
     lattice = lattice_to_trace(filter, views)
-    chosen, camera = _chosen_planes(
+    chosen, camera = chosen_planes(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
@@ -224,24 +223,6 @@ def render(
 
 def _check_scene(scene: object) -> None:
     check_kind(scene, Scene, "scene", remedy="Read one with load_scene")
-
-
-def lattice_to_trace(filter: str, views: int | Lattice | None) -> Lattice:
-    """The lattice that :func:`render` traces."""
-    check_known(OpticsError, "filter", filter, FILTERS)
-    if filter == "depth":
-        return views if isinstance(views, Lattice) else Lattice(4 if views is None else views)
-    remedy = "Give a Lattice with displaced=False"
-    return _plain(views, "the filter 'nearest' takes views that are not displaced", remedy)
-
-
-def _plain(views: int | Lattice | None, problem: str, remedy: str) -> Lattice:
-    """A lattice without displaced views, by default with one ray per pixel."""
-    if not isinstance(views, Lattice):
-        return Lattice(VIEWS if views is None else views, 1, displaced=False)
-    if views.displaced:
-        raise OpticsError(problem, key="views", remedy=remedy)
-    return views
 
 
 @answers_typos
@@ -299,38 +280,12 @@ def render_to_quality(
         problem = "is a setting of record"
         raise OpticsError(problem, key="focus_range_m", remedy="Give planes")
     size = Size.of(pixels)
-    chosen, camera = _chosen_planes(
+    chosen, camera = chosen_planes(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
     tracer = open_tracer(scene, device, progress)
     return QualitySearch(tracer, camera, chosen, size, quality).pictures(progress)
-
-
-def _chosen_planes(
-    scene: Scene, planes: Sequence[SensorPlane] | None, size: Size, **lens: Any
-) -> tuple[list[SensorPlane], Camera]:
-    """The planes, and the scene's camera, which is opened as wide as any plane needs.
-
-    ``lens`` has the settings of :meth:`Scene.plane` that :func:`render` takes.
-    """
-    if planes is None:
-        planes = [scene.plane(pixels=size, **lens)]
-    else:
-        for name, value in lens.items():
-            is_default = name == "aperture" and value == "circle"
-            exclude_twice(**{name: None if is_default else value, "planes": planes})
-    check_kind(planes, Sequence, "planes", "a sequence of SensorPlanes")
-    if not planes:
-        raise OpticsError("there are no planes", key="planes")
-    for plane in planes:
-        check_kind(plane, SensorPlane, "planes")
-    widest = min(plane.f_number for plane in planes)
-    camera = replace(scene.camera, f_number=min(widest, scene.camera.f_number))
-    for plane in planes:
-        plane.check(Slab(camera, 1, 1))
-        plane.lens_aperture(Slab(camera, 1, 1))
-    return list(planes), camera
 
 
 @answers_typos
@@ -414,6 +369,7 @@ def record(
     from lfcore.lightfield import LightField
     from lfcore.rendering.record import peak_to_store, record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
+    from lfcore.rendering.trials import plan_quality
 
     check_suffix(path, (LIGHT_FIELD,))
     _check_scene(scene)
@@ -431,7 +387,7 @@ def record(
         if encoding.depth is False or views is not None:
             problem = "chooses the rays itself, and stores depth"
             raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
-        views, encoding, content["expected"] = _plan_quality(
+        views, encoding, content["expected"] = plan_quality(
             tracer, camera, size, quality, encoding, peak
         )
     by_depth, lattice = lattice_to_store(encoding.depth, views)
@@ -451,74 +407,6 @@ def record(
         tracers = open_tracers(scene, device)
         record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
     return LightField.open(path)
-
-
-def recorded_lens(
-    scene: Scene,
-    pixels: Pixels,
-    focus_m: float | str | None = None,
-    f_number: float | None = None,
-    *,
-    focus_at: Sequence[float] | None = None,
-    blur: float | str | None = None,
-) -> tuple[Scene, Camera, dict[str, Any]]:
-    """The scene, the camera that :func:`record` traces, and the file's note on its lens.
-
-    A pinhole camera gets a fitted lens unless an aperture is given.  The field of view stays.
-    """
-    content = {}
-    if f_number is None and blur is None and scene.is_pinhole:
-        scene, content = scene.with_lens(), {"lens": "fitted: the scene's camera is a pinhole"}
-    plane = scene.plane(focus_m, f_number, focus_at=focus_at, blur=blur, pixels=pixels)
-    camera = focused_camera(scene.camera, plane)
-    if not np.isfinite(camera.field_width):
-        raise OpticsError("the picture has no extent", key="focus_m")
-    return scene, camera, content
-
-
-def _plan_quality(
-    tracer: Tracer,
-    camera: Camera,
-    size: Size,
-    quality: Quality,
-    encoding: Encoding,
-    peak: float | None,
-) -> tuple[Lattice, Encoding, dict]:
-    """The lattice that one view chooses, the encoding that trials choose, and their expected dB."""
-    from lfcore.rendering.depth import seen_range
-    from lfcore.rendering.trials import OF_RAYS, Trials, share_db, together_db
-
-    near_far = quality.focus_range_m or seen_range(tracer, Slab.of(camera, 4, size))
-    planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
-    crf_is_free = encoding.crf is None and not encoding.lossless
-    search = QualitySearch(tracer, camera, planes, size, quality)
-    lattice = search.plan(share_db(0.0, OF_RAYS) if crf_is_free else 0.0)
-    rays_db = float(search.look.expected_db(lattice.views, lattice.subpixels).min())
-    width = Slab.of(camera, lattice, size).size.width
-    spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=width)
-    expected = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
-    if encoding.lossless:
-        return lattice, encoding, expected | {"db": round(rays_db, 2)}
-    trials = Trials(tracer, camera, lattice, size, planes, spec, peak)
-    if encoding.crf is None:
-        crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
-        encoding = replace(encoding, crf=crf)
-    else:
-        codec_db = trials.codec_db(encoding.crf)
-    db = together_db(rays_db, codec_db)
-    return lattice, encoding, expected | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
-
-
-def lattice_to_store(depth: bool | None, views: int | Lattice | None) -> tuple[bool, Lattice]:
-    """Whether :func:`record` stores depth, and the lattice that it traces."""
-    if depth is not False:
-        if isinstance(views, Lattice):
-            return True, views
-        # Views between 4 x 4 stored ones reach 36 to 47 dB; 6 x 6 add only 0.7 dB.
-        provided = whole_number("views", 4 if views is None else views, 4096)
-        return True, Lattice(max(4, math.isqrt(provided)))
-    remedy = "Store depth, or give a Lattice with displaced=False"
-    return False, _plain(views, "displaced views need their depths", remedy)
 
 
 @answers_typos

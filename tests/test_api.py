@@ -86,7 +86,7 @@ def test_rays_count_by_their_depth_unless_asked_otherwise(recorded):
 
 def test_rays_of_a_pixel_by_default():
     from lfcore import Lattice
-    from lfcore.api import lattice_to_store, lattice_to_trace
+    from lfcore.rendering.defaults import lattice_to_store, lattice_to_trace
 
     plain = Lattice(32, 1, displaced=False)
     assert lattice_to_store(None, None) == (True, Lattice(4, 2))

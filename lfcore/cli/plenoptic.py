@@ -43,9 +43,9 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    from lfcore.api import recorded_lens
     from lfcore.optics.planes import SensorPlane
     from lfcore.optics.plenoptic import PlenopticCamera, sub_aperture
+    from lfcore.rendering.defaults import recorded_lens
     from lfcore.rendering.plenoptic import photograph, refocus_photograph
     from lfcore.rendering.prepared import open_tracer
 

@@ -72,7 +72,7 @@ def options(command: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    from lfcore.api import lattice_to_trace
+    from lfcore.rendering.defaults import lattice_to_trace
 
     check_suffix(arguments.output)
     check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
@@ -182,7 +182,7 @@ def record_options(command: argparse.ArgumentParser) -> None:
 
 
 def record(arguments: argparse.Namespace) -> None:
-    from lfcore.api import lattice_to_store
+    from lfcore.rendering.defaults import lattice_to_store
 
     check_suffix(arguments.output, (".mkv",))
     excluded = flags(arguments, "views", "subpixels", "depth")

@@ -18,12 +18,14 @@ from lfcore.colour import srgb_encode
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
-from lfcore.optics.slab import Lattice
+from lfcore.optics.slab import Lattice, Slab
 from lfcore.refocus.stored_depth import slice_stored
+from lfcore.rendering.depth import seen_range
 from lfcore.rendering.first_look import inner
+from lfcore.rendering.quality import Quality, QualitySearch, planes_between
 from lfcore.rendering.record_depth import depth_store, record_by_depth
 from lfcore.storage.codecs import LOSSLESS, WHOLE_ROWS, Encoding
-from lfcore.storage.defaults import CRF_SCALE
+from lfcore.storage.defaults import CRF_SCALE, chosen_encoding
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
@@ -104,3 +106,33 @@ class Trials:
             small += 8 * (small % WHOLE_ROWS == 0)
         pixels = max(8, round(small / per_pixel))
         return replace(self.lattice, subpixels=small / pixels), size.scaled(pixels)
+
+
+def plan_quality(
+    tracer: Tracer,
+    camera: Camera,
+    size: Size,
+    quality: Quality,
+    encoding: Encoding,
+    peak: float | None,
+) -> tuple[Lattice, Encoding, dict]:
+    """The lattice that one view chooses, the encoding that trials choose, and their expected dB."""
+    near_far = quality.focus_range_m or seen_range(tracer, Slab.of(camera, 4, size))
+    planes = planes_between(camera, *(near_far or (math.inf, math.inf)))
+    crf_is_free = encoding.crf is None and not encoding.lossless
+    search = QualitySearch(tracer, camera, planes, size, quality)
+    lattice = search.plan(share_db(0.0, OF_RAYS) if crf_is_free else 0.0)
+    rays_db = float(search.look.expected_db(lattice.views, lattice.subpixels).min())
+    width = Slab.of(camera, lattice, size).size.width
+    spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=width)
+    expected = {"focus_m": [planes[0].focus_m, planes[-1].focus_m]}
+    if encoding.lossless:
+        return lattice, encoding, expected | {"db": round(rays_db, 2)}
+    trials = Trials(tracer, camera, lattice, size, planes, spec, peak)
+    if encoding.crf is None:
+        crf, codec_db = trials.chosen(share_db(quality.quality_db, 1 - OF_RAYS))
+        encoding = replace(encoding, crf=crf)
+    else:
+        codec_db = trials.codec_db(encoding.crf)
+    db = together_db(rays_db, codec_db)
+    return lattice, encoding, expected | {"db": round(db, 2), "codec_db": round(codec_db, 2)}
