@@ -1,1 +1,1 @@
-"""Pictures, depth and light fields straight from a scene: whatever traces."""
+"""Tracing of pictures, depth and light fields from a scene."""

@@ -20,8 +20,8 @@ from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
 RAYS_AT_A_TIME = 1 << 21
-"""Their colours and depths fit a cache of 32 MiB, and are the allocator's again for the next: some
-views, or some rows of one that has more."""
+"""The rays traced at a time, some views or some rows of a view: their colours and depths, 16 bytes
+per ray, fit a cache of 32 MiB."""
 
 
 def pictures_by_depth(
@@ -44,22 +44,22 @@ def pictures_by_depth(
         return _focused(tracer, camera, planes[0], size, lattice, progress)[None]
     lens = traced_camera(camera, planes)
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
-    # For more, rays are traced again.
+    # Each group of planes traces the rays again.
     room = planes_at_a_time(tracer.device, size, tracer.needs.stops)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
-    made = []
+    parts = []
     for number, group in enumerate(groups):
         tell = part_of(progress, number, len(groups))
-        made.append(trace_by_depth(tracer, views, group, size.longer, progress=tell))
-    pictures = np.concatenate(made)
+        parts.append(trace_by_depth(tracer, views, group, size.longer, progress=tell))
+    pictures = np.concatenate(parts)
     for picture, plane in zip(pictures, planes, strict=True):
-        if plane.normalise == "lens":  # the whole lens, not the part that is traced
+        if plane.normalise == "lens":  # of the whole lens, not of the traced part
             picture *= (camera.f_number / lens.f_number) ** 2
     return pictures
 
 
 def traced_camera(camera: Camera, planes: Sequence[SensorPlane]) -> Camera:
-    """The lens whose rays form ``planes``: as wide as the widest, focused where a single one is."""
+    """The lens whose rays form ``planes``: as wide as the widest, and focused at a single plane."""
     if len(planes) == 1:
         return focused_camera(camera, planes[0])
     return replace(camera, f_number=min(plane.f_number for plane in planes))
@@ -75,11 +75,11 @@ def _focused(
 ) -> np.ndarray:
     slab = Slab.of(traced_camera(camera, [plane]), lattice, size)
     views = views_of(slab, displaced=lattice.displaced)
-    own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_by_depth(tracer, views, [own], size.longer, progress=progress)[0]
+    stopped = replace(plane, normalise="aperture", keep_magnification=False)
+    picture = trace_by_depth(tracer, views, [stopped], size.longer, progress=progress)[0]
     if plane.normalise == "lens":
         whole = Slab(camera, 1, 1)
-        share = lens_cells(views.slab, own.lens_aperture(views.slab)).share.mean()
+        share = lens_cells(views.slab, stopped.lens_aperture(views.slab)).share.mean()
         share *= (camera.f_number / plane.f_number) ** 2
         picture *= share / plane.magnification(whole) ** 2
     return picture
@@ -102,9 +102,9 @@ def trace_by_depth(
     stops = tracer.needs.stops
     needed = DepthSlicer.sums_bytes(len(planes), size, stops)
     if needed > device.device.global_mem_size // 2:
-        what = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
+        problem = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
-        raise OpticsError(what, key="size", remedy=remedy)
+        raise OpticsError(problem, key="size", remedy=remedy)
     slicer = DepthSlicer(views, planes, pixels, device, stops=stops)
     for part, first, light, depth in traced_views(tracer, views, pixels, in_rows=True):
         slicer.add(part, light, depth, first)
@@ -122,9 +122,12 @@ def traced_views(
     order: np.ndarray | None = None,
     in_rows: bool = False,
 ) -> Iterator[tuple[slice, int, np.ndarray, np.ndarray]]:
-    """Yield part, first row, light (K, rows, columns, 3) and depth of a few views at a time, for
-    pictures whose longer side has so many pixels; ``part`` is of ``order``, numbers of views.
-    ``in_rows``: large views come some rows at a time."""
+    """Trace a few views at a time: yield part, first row, light (K, rows, columns, 3) and depth.
+
+    ``pixels`` is the longer side of the pictures that textures are filtered for; ``part`` is a
+    slice of ``order``, the numbers of the views.  With ``in_rows``, large views are traced some
+    rows at a time.
+    """
     slab = views.slab
     pitch = slab.camera.field_width / pixels
     if footprint_px is None:
@@ -133,7 +136,7 @@ def traced_views(
     order = np.arange(slab.views**2) if order is None else order
     count, step = len(order), max(1, RAYS_AT_A_TIME // math.prod(slab.size))
     rows = slab.size.height
-    if in_rows:  # of whole packets, so that no ray's bits change
+    if in_rows:  # in whole packets, so that no ray's bits change
         rows = max(1, RAYS_AT_A_TIME // slab.size.width // PACKET_ROWS) * PACKET_ROWS
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))

@@ -1,7 +1,7 @@
 """Depth and disparity of views, and a picture in which everything is in focus.
 
-The parameter of a slab's ray is depth, so the tracer knows it for every ray: planar z, of the ray
-through the middle of a pixel, never a mixture of two surfaces.
+The tracer computes the depth of every ray: planar z of the ray through the middle of a pixel, never
+a mixture of two surfaces.
 """
 
 import json
@@ -19,8 +19,10 @@ from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
 SAME_PX = 0.5
-RANGE_VIEWS, RANGE_PIXELS = 3, 96
-"""Rays a side of lens and picture that tell the range of depths."""
+RANGE_VIEWS = 3
+"""The lens samples per side of the rays that measure the range of depths."""
+RANGE_PIXELS = 96
+"""The pixels per side of these rays."""
 
 
 def depth_of_views(
@@ -47,7 +49,7 @@ def depth_of_views(
 
 
 def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
-    """The nearest and the farthest depth, metres, of few rays spread over the slab; None if all
+    """The nearest and the farthest depth, metres, of a few rays spread over the slab; None if all
     miss."""
     depth = _spread_depths(tracer, slab)
     depth = depth[np.isfinite(depth)]
@@ -55,7 +57,7 @@ def depth_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 
 
 def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
-    """The same; of a mesh on a floor the ends that the scene has, without the floor."""
+    """The depth range; for a mesh on a floor, the scene's, without the floor."""
     scene = tracer.scene
     if scene.floor is None or scene.depth_range is None:
         return depth_range(tracer, slab)
@@ -64,23 +66,25 @@ def seen_range(tracer: Tracer, slab: Slab) -> tuple[float, float] | None:
 
 
 def depth_content(tracer: Tracer, slab: Slab) -> dict:
-    """The ends of depth as a file's ``content`` has them."""
-    found = {"depth_m": depth_range(tracer, slab), "ends_m": tracer.scene.depth_range}
+    """The depth ranges for a file's ``content``."""
+    ranges = {"depth_m": depth_range(tracer, slab), "ends_m": tracer.scene.depth_range}
     if tracer.scene.floor:
-        found["seen_m"] = seen_range(tracer, slab)
-    return {name: list(ends) for name, ends in found.items() if ends}
+        ranges["seen_m"] = seen_range(tracer, slab)
+    return {name: list(ends) for name, ends in ranges.items() if ends}
 
 
 def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, float]:
-    """The least and greatest inverse depth, 1/m, of such rays, misses being 0, and ``margin`` of
-    what lies between on either side."""
+    """The least and greatest inverse depth, 1/m, of a few rays, misses being 0.
+
+    The range is widened on either side by the share ``margin``.
+    """
     inverse = _inverse(_spread_depths(tracer, slab))
     far, near = (float(inverse.min()), float(inverse.max())) if len(inverse) else (0.0, 0.0)
     return max(0.0, far - margin * (near - far)), near + margin * (near - far)
 
 
 def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
-    """Depths in metres, infinity for a miss, of few rays all over lens and picture."""
+    """Depths in metres, infinity for a miss, of a few rays all over lens and picture."""
     coarse = spread_over(slab)
     origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
     depth = tracer.closest_hit(origins, directions)[1]
@@ -88,7 +92,7 @@ def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
 
 
 def spread_over(slab: Slab) -> Slab:
-    """A slab of few rays all over the lens and the picture."""
+    """A slab of a few rays all over the lens and the picture."""
     views, extent = min(slab.views, RANGE_VIEWS), None
     if slab.extent is not None:
         extent = Extent((0, 0, views, views), slab.picture(RANGE_PIXELS))
@@ -96,7 +100,8 @@ def spread_over(slab: Slab) -> Slab:
 
 
 def check_samples(slab: Slab, samples: np.ndarray | None) -> np.ndarray:
-    """(K, 2) lens samples (i, j), default all; :class:`OpticsError` for one outside the lens."""
+    """(K, 2) lens samples (i, j), default all; raises :class:`OpticsError` for one outside the
+    lens."""
     samples = all_samples(slab) if samples is None else np.asarray(samples).reshape(-1, 2)
     if samples.size and not (0 <= samples.min() and samples.max() < slab.views):
         raise OpticsError(f"lens samples are from 0 to {slab.views - 1}", key="samples")
@@ -137,28 +142,28 @@ def all_in_focus(
     slab: Slab, depth: np.ndarray, views: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]
 ) -> np.ndarray:
     """(H, W, 3) float32, linear light: the picture through the lens centre, every point averaged
-    over all views that see it, else of the view nearest to the axis.
+    over all views that see it, else from the view nearest to the axis.
 
-    ``depth`` (H, W) is seen through the lens centre.  ``views`` are samples (K, 2), light (K, H, W,
-    3) and depths (K, H, W), in groups.  A view sees a point if it has the same depth there, to
-    within :data:`SAME_PX` of blur at the rim of the lens.
+    ``depth`` (H, W) is that of rays through the lens centre.  ``views`` are samples (K, 2), light
+    (K, H, W, 3) and depths (K, H, W), in groups.  A view sees a point if it has the same depth
+    there, to within :data:`SAME_PX` of blur at the rim of the lens.
     """
     (columns, rows), lens = slab.size, slab.lens_positions()
     near = _inverse(depth)
     limit = SAME_PX * slab.pixel_pitch / max(slab.camera.lens_radius_m, 1e-30)
-    shift = (near - slab.camera.delta) / slab.pixel_pitch  # pixels a metre of lens
+    shift = (near - slab.camera.delta) / slab.pixel_pitch  # pixels per metre of lens
     total, weight = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 1))
     fallback, closest = np.zeros((rows, columns, 3)), np.inf
     v, u = np.mgrid[:rows, :columns]
     for samples, light, depths in views:
-        for (i, j), picture, there in zip(samples, light, depths, strict=True):
+        for (i, j), picture, view_depth in zip(samples, light, depths, strict=True):
             x = np.floor(u - lens[i] * shift + 0.5).astype(np.int64)
             y = np.floor(v - lens[j] * shift + 0.5).astype(np.int64)
             inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
             x, y = x.clip(0, columns - 1), y.clip(0, rows - 1)
-            seen = inside & (np.abs(_inverse(there[y, x]) - near) <= limit)
-            total += picture[y, x] * seen[..., None]
-            weight += seen[..., None]
+            visible = inside & (np.abs(_inverse(view_depth[y, x]) - near) <= limit)
+            total += picture[y, x] * visible[..., None]
+            weight += visible[..., None]
             if (radius := np.hypot(lens[i], lens[j])) < closest:
                 closest, fallback = radius, picture[y, x]
     return np.where(weight > 0, total / np.maximum(weight, 1), fallback).astype(np.float32)
@@ -170,24 +175,24 @@ def _inverse(depth: np.ndarray) -> np.ndarray:
 
 
 def depth_picture(depth: np.ndarray) -> np.ndarray:
-    """uint8 (H, W, 3) sRGB to look at: near is warm, far is cold, evenly in dioptres, what is not
-    there black.  The map is Turbo (Mikhailov, 2019)."""
+    """Colour a depth map, uint8 (H, W, 3) sRGB: near is warm, far is cold, evenly in dioptres,
+    misses are black.  The map is Turbo (Mikhailov, 2019)."""
     import cv2
 
     near = _inverse(depth)
-    seen = np.isfinite(depth) & (depth > 0)
-    if not seen.any():
+    hit = np.isfinite(depth) & (depth > 0)
+    if not hit.any():
         return np.zeros((*depth.shape, 3), np.uint8)
-    low, high = near[seen].min(), near[seen].max()
-    share = np.where(seen, (near - low) / max(high - low, 1e-30), 0.0)
-    codes = np.rint(20 + 225 * share).astype(np.uint8)  # the map's own ends are nearly black
+    low, high = near[hit].min(), near[hit].max()
+    share = np.where(hit, (near - low) / max(high - low, 1e-30), 0.0)
+    codes = np.rint(20 + 225 * share).astype(np.uint8)  # the colour map's ends are nearly black
     colours = cv2.applyColorMap(codes, cv2.COLORMAP_TURBO)[..., ::-1]
-    return np.ascontiguousarray(np.where(seen[..., None], colours, 0).astype(np.uint8))
+    return np.ascontiguousarray(np.where(hit[..., None], colours, 0).astype(np.uint8))
 
 
 def save_depth(path: str | Path, slab: Slab, samples: np.ndarray, depth: np.ndarray) -> None:
-    """Write depths and disparities (K, H, W) beside the light field, as npz; ``slab`` in it has the
-    bytes of its JSON."""
+    """Write depths and disparities (K, H, W) as npz; its array ``slab`` has the bytes of the slab's
+    JSON."""
     header = np.frombuffer(json.dumps(slab.to_json()).encode(), np.uint8)
     with whole_file(path) as file:
         np.savez_compressed(

@@ -27,22 +27,22 @@ def trace_planes(
     layout = FrameLayout(
         "macropixels", slab.views, slab.pixels, pixel_format="yuv444p", picture=slab.size
     )
-    done, parts, pixels = 0, [], math.prod(slab.size)
+    traced, parts, pixels = 0, [], math.prod(slab.size)
     for tile in layout.tiles(TILE_RAYS, least=1):
-        count = (lambda n, _, before=done: progress(before + n, pixels)) if progress else None
+        count = (lambda n, _, before=traced: progress(before + n, pixels)) if progress else None
         tracing = trace_tile(tracer, slab, tile, planes, frames=False, progress=count).finished()
-        assert tracing.plane_sums is not None  # of a tracing that has ended
+        assert tracing.plane_sums is not None  # the tracing has ended
         parts.append(tracing.plane_sums)
-        done += tile.element_count
+        traced += tile.element_count
     return total(slab, list(planes), parts).pictures()
 
 
 def focused_camera(camera: Camera, plane: SensorPlane) -> Camera:
-    """A camera that sees what ``plane`` shows, already focused there and stopped down.
+    """A camera with the focus and aperture of ``plane``.
 
-    Its picture has the extent of the plane's: without the magnification the sensor is scaled with
-    its distance, so that tangents stay; with it the sensor stays.  No ray has to move between
-    pixels then, so this is the reference for refocused pictures.
+    Its picture has the plane's extent: without magnification the sensor is scaled with its
+    distance, so that tangents stay; with magnification the sensor stays.  No ray moves between
+    pixels, so this is the reference for refocused pictures.
     """
     check_focus(plane.focus_m, camera.focal_length_m, key="focus_m")
     scale = 1.0
@@ -69,13 +69,13 @@ def trace_picture(
     """One picture traced at its own focus, (height, width, 3) float32, linear light.
 
     ``views`` is the side of the grid of rays over the square around the aperture: 64 are 4096 rays
-    a pixel; of a lattice ``plane`` has the picture's own pixels.
+    per pixel.  With a lattice, ``plane`` has the picture's pixels.
     """
     slab = Slab.of(focused_camera(camera, plane), views, pixels)
-    own = replace(plane, normalise="aperture", keep_magnification=False)
-    picture = trace_planes(tracer, slab, [own], progress=progress)[0]
+    stopped = replace(plane, normalise="aperture", keep_magnification=False)
+    picture = trace_planes(tracer, slab, [stopped], progress=progress)[0]
     if plane.normalise == "lens":
-        # Of the whole lens's N^2 rays this aperture lets through a share, spread by v' / v.
-        open_share = own.mask(slab).mean() * (camera.f_number / plane.f_number) ** 2
+        # This aperture passes a share of the whole lens's N^2 rays, spread by v' / v.
+        open_share = stopped.mask(slab).mean() * (camera.f_number / plane.f_number) ** 2
         picture *= open_share / plane.magnification(Slab(camera, 1, 1)) ** 2
     return picture

@@ -1,10 +1,10 @@
-"""The error that a lattice of rays will have, predicted from one view through the lens's middle.
+"""Prediction of a lattice's error from one view through the lens centre.
 
-Rays err where light changes.  What a view's pixels differ from their neighbours, in mean squares
-of sRGB, is the light that can go wrong.  How much of it does depends on the blur there and on the
-lattice: in focus on the distance between the rays of all views, in wide blur on the number of
+Errors occur where light changes.  The mean squared difference of a view's pixels to their
+neighbours, in sRGB, bounds them.  The share of it that becomes an error depends on the blur and on
+the lattice: in focus on the distance between the rays of all views, in wide blur on the number of
 views.  So the mean squared error is a sum over bands of blur: the differences in a band, times a
-power of the views and one of a view's rays (fitted, docs/decisions.md).
+power of the views and a power of a view's rays (fitted, docs/decisions.md).
 """
 
 from __future__ import annotations
@@ -25,35 +25,36 @@ from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 
 BANDS_PX = 1.0, 16.0
-"""Diameters of blur that part the bands, in pixels."""
+"""The blur diameters between bands, in pixels."""
 STRAIGHT = 17
-"""The length of edges along the pixel grid, in pixels, that all views blur alike in focus."""
+"""The least length, in pixels, of straight edges along the pixel grid: in focus all views have the
+same error there."""
 SHARE = np.array([0.0993, 0.0125, 0.0061, 0.6])
-"""The share of the differences that one view with one ray per pixel lacks: per band, and of
-straight edges in focus.  In the last band it grows in proportion to the blur, because a blurred
-edge errs over its whole width."""
+"""The share of the differences that becomes an error with one view and one ray per pixel: per band,
+and of straight edges in focus.  In the last band it grows in proportion to the blur, because a
+blurred edge errs over its whole width."""
 BY_VIEWS = np.array([2.01, 1.28, 2.93, 2.0])
-"""The power of the views per side by which the share falls."""
+"""The exponents, per band, with which the share falls with the views per side."""
 BY_SUBPIXELS = np.array([2.79, 2.26, 0.0, 2.0])
-"""The power of a view's rays per pixel and side."""
+"""The exponents, per band, with which the share falls with a view's rays per pixel side."""
 MARGIN_DB = 2.3
-"""What is subtracted, so that nine of ten pictures are as good as expected or better."""
+"""The safety margin: with it, nine of ten pictures are as good as expected or better."""
 BRIGHTEST = 4.0
-"""Light above so many times white counts as that: it saturates its pixels anyway."""
+"""The radiance, in units of white, at which light is cut: brighter light saturates its pixels."""
 BORDER = 0.08
-"""The margin, as a share of the side, that is left out: not all of the lens sees it."""
+"""The omitted margin, as a share of the side: parts of the lens do not see it."""
 
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What one view shows of pictures.
+    """Contrast and blur of pictures, from one view.
 
     Attributes
     ----------
     contrast : (H, W) mean squared difference of a pixel to its neighbours, sRGB.
-    straight : (H, W) the part of it along straight edges of the pixel grid.
-    blur_px : (P, H, W) the diameter of its blur on each plane, in pixels.
-    narrower : (P,) the plane's aperture as a share of the lens that is traced, per side.
+    straight : (H, W) the part of the contrast along straight edges of the pixel grid.
+    blur_px : (P, H, W) the diameter of blur on each plane, in pixels.
+    narrower : (P,) the plane's aperture as a share of the traced lens, per side.
     """
 
     contrast: np.ndarray = field(repr=False)
@@ -65,7 +66,7 @@ class FirstLook:
     def at(
         cls, tracer: Tracer, camera: Camera, planes: Sequence[SensorPlane], pixels: Pixels
     ) -> FirstLook:
-        """Trace one view of ``camera``, whose lens all ``planes`` are within."""
+        """Trace one view of ``camera``, whose lens contains the apertures of all ``planes``."""
         slab = Slab.of(camera, 1, pixels)
         views = plain_views(slab)
         _, _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
@@ -80,19 +81,25 @@ class FirstLook:
         return cls(*_contrast(light[0], most), np.stack(blur), np.array(narrower))
 
     def expected_db(self, views: np.ndarray | int, subpixels: np.ndarray | float) -> np.ndarray:
-        """(P, ...) PSNR in dB, sRGB, to expect of pictures of lattices."""
+        """(P, ...) expected PSNR in dB, sRGB, of pictures of lattices."""
         views, subpixels = np.asarray(views, float), np.asarray(subpixels, float)
-        each = (slice(None), *[None] * views.ndim)
-        seen = np.maximum(np.multiply.outer(self.narrower, views), 1.0)[:, None]
-        # (P, bands, ...): the share of the differences in a band that pictures lack.
-        lacking = SHARE[each] * seen ** -BY_VIEWS[each] * subpixels ** -BY_SUBPIXELS[each]
-        error = np.einsum("pb,pb...->p...", self._differences, lacking)
+        per_band = (slice(None), *[None] * views.ndim)
+        open_views = np.maximum(np.multiply.outer(self.narrower, views), 1.0)[:, None]
+        # (P, bands, ...): the share of the differences in a band that becomes an error.
+        share = (
+            SHARE[per_band]
+            * open_views ** -BY_VIEWS[per_band]
+            * subpixels ** -BY_SUBPIXELS[per_band]
+        )
+        error = np.einsum("pb,pb...->p...", self._differences, share)
         return -10 * np.log10(np.maximum(error, 1e-12)) - MARGIN_DB
 
     @property
     def _parts(self) -> np.ndarray:
-        """(P, bands + 1, H, W): the differences of each band, multiplied in the last by the growth
-        with blur, and those of straight edges in focus."""
+        """(P, bands + 1, H, W): the differences per band, and those of straight edges in focus.
+
+        In the last band they are multiplied by the growth with blur.
+        """
         bands = np.arange(len(BANDS_PX) + 1)[:, None, None]
         band = np.searchsorted(BANDS_PX, self.blur_px)
         grown = self.contrast * np.maximum(self.blur_px / BANDS_PX[-1], 1)
@@ -103,12 +110,12 @@ class FirstLook:
 
     @cached_property
     def _differences(self) -> np.ndarray:
-        """(P, bands + 1) their means without the margin."""
-        return np.stack([inner(each).mean(axis=(1, 2)) for each in self._parts])
+        """(P, bands + 1) the parts' means without the margin."""
+        return np.stack([inner(part).mean(axis=(1, 2)) for part in self._parts])
 
 
 def inner(pictures: np.ndarray) -> np.ndarray:
-    """Pictures (P, H, W, ...) without the margin that not all of the lens sees."""
+    """Pictures (P, H, W, ...) without the margin that parts of the lens do not see."""
     rows, columns = (
         slice(int(BORDER * side), side - int(BORDER * side)) for side in pictures.shape[1:3]
     )
@@ -116,17 +123,17 @@ def inner(pictures: np.ndarray) -> np.ndarray:
 
 
 def _contrast(light: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W) differences to neighbours, and the part of them along straight edges; light above
-    white counts up to ``most``."""
+    """(H, W) differences to neighbours, and the part of them along straight edges; light
+    is cut at ``most``."""
     from scipy.ndimage import minimum_filter  # slow to import
 
     shown = srgb_encode(np.clip(light, 0, 1)) + np.clip(light, 1, most) ** (1 / 2.4) - 1
     total, straight = np.zeros((2, *shown.shape[:2]))
     for axis in range(2):
-        apart = np.square(np.diff(shown, axis=axis)).mean(axis=-1) / 2
-        along = minimum_filter(apart, [(STRAIGHT, 1), (1, STRAIGHT)][1 - axis])
+        squares = np.square(np.diff(shown, axis=axis)).mean(axis=-1) / 2
+        along = minimum_filter(squares, [(STRAIGHT, 1), (1, STRAIGHT)][1 - axis])
         for before in ((0, 1), (1, 0)):
-            sides = [before if each == axis else (0, 0) for each in range(2)]
-            total += np.pad(apart, sides)
+            sides = [before if side == axis else (0, 0) for side in range(2)]
+            total += np.pad(squares, sides)
             straight += np.pad(along, sides)
     return total, straight

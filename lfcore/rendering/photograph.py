@@ -1,9 +1,9 @@
-"""The picture that a scene's own camera takes: a thin lens, one pinhole, or an array of them.
+"""The picture of a scene's own camera: a thin lens, one pinhole, or an array of pinholes.
 
-What pbrt makes of a scene file: the whole film, as many rays a pixel as the file asks for, and the
-shutter open while objects move.  It is cut into equal intervals and the scene is traced once in the
-middle of each; the mean is the exposure.  Of an array every camera is one element of bundles, its
-pixels are the inner grid.
+As in pbrt: the whole film, the file's rays per pixel, and a shutter that is open while objects
+move. The shutter's time is cut into equal intervals and the scene is traced once in the middle of
+each; the mean is the exposure.  Each camera of an array is one element of bundles, with its pixels
+as the inner grid.
 """
 
 import math
@@ -27,7 +27,8 @@ from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 MOST_INSTANTS = 16
-_CHUNK_RAYS = 1 << 23  # of all lens points at once: what their pictures take in memory
+_CHUNK_RAYS = 1 << 23
+"""The rays traced at a time, of several lens points: their pictures take 96 MiB."""
 
 
 def photograph(
@@ -40,9 +41,8 @@ def photograph(
 ) -> np.ndarray:
     """The picture of ``scene.view``: (height, width, 3) float32, linear radiance.
 
-    ``samples_per_pixel`` are by default the view's.  ``instants`` of the shutter are by default 1
-    where nothing moves, else up to 16; where the rays cannot be shared equally between them, there
-    are more rays.
+    ``samples_per_pixel`` is by default the view's.  ``instants`` of the shutter is by default 1 if
+    nothing moves, else up to 16; rays are rounded up to a multiple of the instants.
     """
     view = scene.view
     if view is None:
@@ -52,16 +52,18 @@ def photograph(
         raise OpticsError(f"must be at least 1, not {samples}", key="samples_per_pixel")
     moves = scene.motions and view.shutter[1] > view.shutter[0]
     instants = instants or (min(samples, MOST_INSTANTS) if moves else 1)
-    each = -(-samples // instants)
+    samples_each = -(-samples // instants)
 
     def picture(tracer: Tracer, index: int) -> np.ndarray:
         if view.kind == LIGHTFIELD or not view.lens_radius_m:
-            return trace_array(tracer, view.array, each, seed=index)
+            return trace_array(tracer, view.array, samples_each, seed=index)
         camera = VirtualCamera(
             np.zeros(3), np.eye(3), view.array.fov_deg, view.film, view.lens_radius_m
         )
-        # Other lens points at every instant.
-        return direct_thin_lens(tracer, camera, view.camera.focus_m, each, first=index * each)
+        # Every instant has other lens points.
+        return direct_thin_lens(
+            tracer, camera, view.camera.focus_m, samples_each, first=index * samples_each
+        )
 
     return expose(scene, instants, picture, device=device, progress=progress)
 
@@ -72,10 +74,10 @@ def direct_thin_lens(
     """The scene itself through a thin lens: (h, w, 3) float32 linear radiance.
 
     All pixels share one Halton set over film and lens, so there is no noise from pixel to pixel.
-    ``first`` skips that many points of it.  Each is a pinhole on the lens, sheared so that their
-    pictures coincide on the plane z = focus_z.  Rays start in z = 0, where the bundles have their
-    origins: what lies between a camera at z > 0 and that plane would hide the scene, and what lies
-    behind it is seen through.
+    ``first`` skips that many points of the set.  Each point is a pinhole on the lens, sheared so
+    that the pictures coincide on the plane z = focus_z.  Rays start in the plane z = 0, the origin
+    of bundles: surfaces behind that plane are not hit, and surfaces between it and a camera at
+    z > 0 occlude the scene.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")
@@ -84,8 +86,8 @@ def direct_thin_lens(
     x, y, z = camera.position_m
     distance = focus_z - z
     if not distance > 0:
-        raise OpticsError(f"the focus lies {-distance:g} m behind the camera", key="focus_z")
-    # Half of a cell on: the set's first point is the corner (0, 0, 0, 0).
+        raise OpticsError(f"the focus is {-distance:g} m behind the camera", key="focus_z")
+    # Shifted by half a cell: the set's first point is the corner (0, 0, 0, 0).
     points = sampling.halton_table(first + samples_per_pixel)[first:]
     samples = (points + 0.5 / (first + samples_per_pixel)) % 1.0
     lens = np.stack(sampling.concentric_disk(samples[:, 2], samples[:, 3]), -1)
@@ -122,8 +124,8 @@ def expose(
 ) -> np.ndarray:
     """The mean over the open shutter of ``picture(tracer, instant's number)``, float32.
 
-    Every instant at which something moves has a hierarchy of its own.  Light is baked once, of the
-    first poses.
+    Every instant has its own hierarchy if something moves.  Light is baked once, for the first
+    poses.
     """
     instants, tracer = shutter_times(times), None
     device = opened(device)
@@ -165,7 +167,7 @@ def array_bundles(array: CameraArray, offsets: np.ndarray, samples: int) -> Bund
     """All data cameras, row after row, as bundles.
 
     ``offsets`` (Ny Nx, 2) moves each camera's rays within their pixels, in pixels from the centre.
-    ``samples`` a pixel narrow the footprint that textures are filtered over.
+    ``samples`` per pixel narrow the footprint of texture filtering.
     """
     origins = array.origins().reshape(-1, 3)[:, :2]
     tangents = -array.delta * origins + offsets * array.pixel_pitch
@@ -178,7 +180,7 @@ def array_bundles(array: CameraArray, offsets: np.ndarray, samples: int) -> Bund
 def stratified_offsets(cameras: int, samples: int, seed: int) -> np.ndarray:
     """(samples, cameras, 2) in pixels from the centre: one in each stratum, jittered per camera.
 
-    One sample a pixel is its centre, without jitter.
+    One sample per pixel is its centre, without jitter.
     """
     if samples == 1:
         return np.zeros((1, cameras, 2))
@@ -195,8 +197,8 @@ def trace_array(
     """(Ny h, Nx w, 3) float32 linear radiance of all data cameras, not clamped, tiles as
     :class:`CameraArray` lays them out.
 
-    Each camera has its own jitter of ``samples_per_pixel``, its pixels share it, which keeps their
-    rays one bundle.
+    Each camera has its own jitter of ``samples_per_pixel``; its pixels share it, so that their rays
+    are one bundle.
     """
     if samples_per_pixel < 1:
         raise OpticsError(f"must be at least 1, not {samples_per_pixel}", key="samples_per_pixel")

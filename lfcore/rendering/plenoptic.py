@@ -22,17 +22,17 @@ BLOCK_PX = 512
 def photograph(
     tracer: Tracer, camera: PlenopticCamera, *, progress: Progress | None = None
 ) -> np.ndarray:
-    """(M N, M N, 3) uint8 sRGB: what the photosensor records, upright.
+    """(M N, M N, 3) uint8 sRGB: the photosensor's picture, upright.
 
-    All rays of a microlens meet in one point of the scene if that lies at the focus distance, so
-    they are traced together, one bundle a microlens.  Colours pass as 8-bit YCbCr 4:4:4.
+    All rays of a microlens meet in one point at the focus distance, so they are traced together,
+    one bundle per microlens.  Colours are converted by way of 8-bit YCbCr 4:4:4.
     """
     pack = max(1, min(BLOCK_PX // camera.samples, camera.lenses))
     layout = FrameLayout(
         "macropixels", camera.samples, camera.lenses, "raster", pack, pixel_format="yuv444p"
     )
     out = np.empty((camera.photograph_side, camera.photograph_side, 3), np.uint8)
-    done = 0
+    traced = 0
     for tile in layout.tiles(TILE_RAYS):
         elements = tile.elements()
         firsts = np.unique(tile.placement(elements)[:, 0], return_index=True)[1]
@@ -45,9 +45,9 @@ def photograph(
                 x, y = corners[chunk.first + k]
                 part = out[y : y + len(block), x : x + block.shape[1]]  # cut at its edges
                 part[:] = block[: part.shape[0], : part.shape[1]]
-        done += tile.element_count
+        traced += tile.element_count
         if progress:
-            progress(done, camera.lenses**2)
+            progress(traced, camera.lenses**2)
     return out
 
 

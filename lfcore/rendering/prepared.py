@@ -15,20 +15,22 @@ _lit = WeakKeyDictionary[Scene, Scene]()
 
 
 def hierarchy_of(scene: Scene) -> Bvh:
-    """The scene's bounding volume hierarchy; it is kept as long as the scene is."""
+    """The scene's bounding volume hierarchy, cached for the scene's lifetime."""
     if scene not in _built:
         _built[scene] = build_bvh(scene.triangles)
     return _built[scene]
 
 
 def opened(device: Device | str | None) -> Device:
-    """A device that is open already, or the one of that name; raises :class:`DeviceError`."""
+    """An open device, or the device of a name; raises :class:`DeviceError`."""
     return device if isinstance(device, Device) else open_device(device)
 
 
 def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene:
-    """The scene with the light of its sky and bounces baked, if it asks for that; it is kept as
-    long as the scene is."""
+    """The scene with baked light of its sky and bounces, if it has settings for that.
+
+    The light is cached for the scene's lifetime.
+    """
     if scene.bake is None or scene.light is not None:
         return scene
     if scene not in _lit:
@@ -45,20 +47,21 @@ def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene
 def open_tracer(
     scene: Scene, device: Device | str | None = None, progress: Progress | None = None
 ) -> Tracer:
-    """A tracer of the scene on all of a device; light is baked where the scene asks for that."""
+    """A tracer of the scene on all of a device; light is baked if the scene has settings for
+    that."""
     whole = opened(device)
     scene = lit(scene, whole, progress)
     return Tracer(scene, hierarchy_of(scene), whole)
 
 
 def open_dark_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:
-    """A tracer of hits alone, for which no light is baked."""
+    """A tracer of hits alone, without baked light."""
     dark = replace(scene, bake=None, light=None, sky=NO_SKY)
     return Tracer(dark, hierarchy_of(scene), opened(device))
 
 
 def open_tracers(scene: Scene, device: Device | str | None = None) -> list[Tracer]:
-    """One tracer a core, each of one thread, or a single one for a device beside the CPU."""
+    """One tracer per core, each of one thread; a single one for a device other than the CPU."""
     whole = opened(device)
     scene = lit(scene, whole)
     if not whole.is_cpu:

@@ -17,10 +17,12 @@ from lfcore.rendering.by_depth import pictures_by_depth, traced_camera
 from lfcore.rendering.first_look import FirstLook
 from lfcore.tracing.tracer import Tracer
 
-VIEWS, SUBPIXELS = range(1, 65), [k / 8 for k in range(8, 65)]
-"""The lattices to choose from: views, and a view's rays per pixel, at most as many, per side."""
-OF_A_VIEW = 2.5
-"""What a view costs beside its rays, in rays per pixel (bike, bedroom and a mesh, M = 128)."""
+VIEWS = range(1, 65)
+"""The choices of views per side."""
+SUBPIXELS = [k / 8 for k in range(8, 65)]
+"""The choices of a view's rays per pixel side; at most the number of views."""
+VIEW_COST = 2.5
+"""The fixed cost of a view, in rays per pixel (bike, bedroom and a mesh, M = 128)."""
 MOST_RAYS = 4096
 """The default budget of a quality, in rays per pixel."""
 PLANNED_PLANES = 5
@@ -39,7 +41,8 @@ class Quality:
     most_rays : float
         The budget, in rays per pixel.
     focus_range_m : (float, float), optional
-        Nearest and farthest focus of the pictures of a light field, metres; default what is seen.
+        Nearest and farthest focus of the pictures of a light field, metres; default the visible
+        depths.
 
     Raises
     ------
@@ -104,7 +107,7 @@ class QualitySearch:
 
     @cached_property
     def look(self) -> FirstLook:
-        """What one view shows of the pictures."""
+        """Contrast and blur of the pictures, from one view."""
         planes = list(self.planes)
         camera = traced_camera(self.camera, planes)
         return FirstLook.at(self.tracer, camera, planes, self.pixels)
@@ -112,11 +115,11 @@ class QualitySearch:
     def pictures(self, progress: Progress | None = None) -> Rendering:
         """Trace the pictures with about as few rays as the quality needs."""
         lattice = self.lattice()
-        made = pictures_by_depth(
+        pictures = pictures_by_depth(
             self.tracer, self.camera, self.planes, self.pixels, lattice, progress=progress
         )
         expected = self.look.expected_db(lattice.views, lattice.subpixels)
-        return Rendering(made, lattice, expected)
+        return Rendering(pictures, lattice, expected)
 
     def plan(self, spare_db: float = 0.0) -> Lattice:
         """As :meth:`lattice`, with a multiple of 8 pixels on a view's longer side, for encoders."""
@@ -128,16 +131,16 @@ class QualitySearch:
 
         Raises :class:`OpticsError` for a quality that needs more than the budget.
         """
-        wanted, budget = self.quality.quality_db + spare_db, self.quality.most_rays
-        views, subpixels = (each.ravel() for each in np.meshgrid(VIEWS, SUBPIXELS))
+        target_db, budget = self.quality.quality_db + spare_db, self.quality.most_rays
+        views, subpixels = (values.ravel() for values in np.meshgrid(VIEWS, SUBPIXELS))
         fewer = subpixels <= views
         views, subpixels = views[fewer], subpixels[fewer]
         db = self.look.expected_db(views, subpixels).min(axis=0)
         rays = (views * subpixels) ** 2
-        fits = np.flatnonzero((db >= wanted) & (rays <= budget))
+        fits = np.flatnonzero((db >= target_db) & (rays <= budget))
         if not len(fits):
             raise self._too_much(rays, db - spare_db)
-        best = fits[np.argmin(views[fits] ** 2 * (subpixels[fits] ** 2 + OF_A_VIEW))]
+        best = fits[np.argmin(views[fits] ** 2 * (subpixels[fits] ** 2 + VIEW_COST))]
         return Lattice(int(views[best]), float(subpixels[best]))
 
     def _too_much(self, rays: np.ndarray, db: np.ndarray) -> OpticsError:
@@ -146,7 +149,7 @@ class QualitySearch:
         within = db[rays <= most].max(initial=-np.inf)
         ask = f"for at most {within:.1f} dB, " if math.isfinite(within) else ""
         return OpticsError(
-            f"{self.quality.quality_db:g} dB takes {takes} rays per pixel, and most_rays is "
+            f"{self.quality.quality_db:g} dB needs {takes} rays per pixel, and most_rays is "
             f"{most:,.0f}",
             key="quality_db",
             remedy=f"Ask {ask}for fewer planes, or allow more rays (most_rays)",

@@ -1,4 +1,4 @@
-"""From a tracer to a light field file, in one process (Algorithm 3)."""
+"""Recording of a light field file by tracing, in one process (Algorithm 3)."""
 
 import math
 import threading
@@ -27,7 +27,7 @@ from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
 HEADROOM = 2.0
-"""Highlights that few rays see, over those that all rays see, at most."""
+"""The largest ratio of the brightest highlight of all rays to that of a few rays."""
 
 
 def record_slab(
@@ -42,25 +42,25 @@ def record_slab(
 ) -> Metadata:
     """Trace ``slab`` and write the light field file ``path``, or nothing.
 
-    As many tiles at a time as there are ``tracers``, which are of one scene, on devices (queues)
-    of their own; segments lie in a temporary folder beside ``path`` until they are joined.
-    ``content`` is what else is known of it; ``progress`` counts outer elements.
+    Each of the ``tracers`` traces a tile at a time; all have one scene, and a device (queue) each.
+    Segments are in a temporary folder beside ``path`` until they are joined.  ``content`` has
+    further facts for the file; ``progress`` counts outer elements.
     """
     path, scene = Path(path), tracers[0].scene
     tiles = layout.tiles(TILE_RAYS, least=max(2, len(tracers)))
     free, lock, failed = list(tracers), threading.Lock(), threading.Event()
-    done, of = dict.fromkeys(range(len(tiles)), 0), math.prod(layout.outer)
+    traced, total = dict.fromkeys(range(len(tiles)), 0), math.prod(layout.outer)
     with draft_folder(path) as folder:
         segments = [folder / f"{tile.index:04d}.mp4" for tile in tiles]
 
-        def one(tile: Tile) -> None:
+        def record(tile: Tile) -> None:
             def report(elements: int, _: int) -> None:
                 with lock:
-                    if failed.is_set():  # another tile, or interrupted: this one is not wanted
+                    if failed.is_set():  # another tile failed, or the user interrupted
                         raise _StoppedError
-                    done[tile.index] = elements
+                    traced[tile.index] = elements
                     if progress:
-                        progress(sum(done.values()), of)
+                        progress(sum(traced.values()), total)
 
             with lock:
                 tracer = free.pop()
@@ -70,7 +70,7 @@ def record_slab(
                 free.append(tracer)
 
         with ThreadPoolExecutor(len(tracers)) as pool:
-            jobs = [pool.submit(one, tile) for tile in tiles]
+            jobs = [pool.submit(record, tile) for tile in tiles]
             try:
                 for job in jobs:
                     job.result()
@@ -100,11 +100,12 @@ def record_tile(
     *,
     progress: Progress | None = None,
 ) -> tuple[TileTracing, float]:
-    """Trace one tile into the file ``segment``: the tracing, which has ended, and the wall seconds
-    that encoding took beyond it.
+    """Trace one tile into the file ``segment``.
 
-    On a device beside the CPU the next frames are traced meanwhile; on the CPU itself that would
-    only take the encoder's core from it.
+    Returns the ended tracing, and the wall seconds of encoding beyond it.
+
+    A device other than the CPU traces the next frames during encoding; the CPU does not, because
+    the encoder needs its core.
     """
     layout, tracing = tile.layout, trace_tile(tracer, slab, tile, planes, progress=progress)
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
@@ -122,24 +123,24 @@ class _StoppedError(Exception):
 
 
 def peak_to_store(tracer: Tracer, slab: Slab, transfer: str | None) -> float | None:
-    """The light of the brightest code, a power of two; None for sRGB, which ends at white.
+    """The radiance of the brightest code, a power of two; None for sRGB, which ends at white.
 
-    Without a ``transfer``, sRGB where nothing brighter than white is seen.  Of surfaces that glow
-    and of the background it is exact, of highlights a measurement by few rays, with headroom.
+    Without a ``transfer``, sRGB if no ray is brighter than white.  The radiance of emitters and of
+    the background is exact; that of highlights is measured by a few rays, with headroom.
     """
     stops = tracer.needs.stops
     if transfer == "srgb" or (transfer is None and not stops):
         return None
-    found = bundles.views(coarse := spread_over(slab), all_samples(coarse))
-    seen = float(tracer.bundle_radiance(found).max(initial=0.0)) if stops else 1.0
+    coarse_rays = bundles.views(coarse := spread_over(slab), all_samples(coarse))
+    brightest = float(tracer.bundle_radiance(coarse_rays).max(initial=0.0)) if stops else 1.0
     scene = tracer.scene
-    glows = np.array([max(material.emission) for material in scene.every_material], np.float64)
+    emissions = np.array([max(material.emission) for material in scene.every_material], np.float64)
     x, y, z = np.moveaxis(scene.triangles, -1, 0).astype(np.float64)
     reach = slab.camera.field_width / 2 * max(slab.size) / min(slab.size)
     reach = reach * np.maximum(z, 0) + slab.camera.lens_radius_m
     corners = ((z > 0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)).any(axis=1)
-    glow = float(glows[scene.material_ids[corners]].max(initial=0.0))
-    if transfer is None and max(seen, glow) <= 1:
+    emitted = float(emissions[scene.material_ids[corners]].max(initial=0.0))
+    if transfer is None and max(brightest, emitted) <= 1:
         return None
-    most = max(1.0, glow, HEADROOM * seen)
+    most = max(1.0, emitted, HEADROOM * brightest)
     return 2.0 ** min(stops, math.ceil(math.log2(most)))

@@ -1,4 +1,4 @@
-"""From a tracer to a light field file that holds depth beside the rays, for slicing by depth."""
+"""Recording of a light field file with depth beside the rays, for slicing by depth."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -31,15 +31,27 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.tracing.tracer import Tracer
 
 MACROPIXEL_RAYS = 1 << 26
-"""Rays of macropixels at most: all of them are held at a time, 1 GiB."""
+"""The most rays of macropixels: all of them are in memory at a time, 1 GiB."""
 RANGE_MARGIN = 0.05
-"""Of the range of inverse depths seen by few rays: what all of them see may go beyond it."""
+"""The share by which the range of inverse depths of a few rays is widened: other rays may exceed
+it."""
 
 
 @dataclass(frozen=True)
 class DepthStore:
-    """How a slab is stored for slicing by depth: whether its views are ``displaced`` within a pixel
-    against one another, and the longer side of the pictures that textures are filtered for."""
+    """How a slab is stored for slicing by depth.
+
+    Attributes
+    ----------
+    layout : FrameLayout
+        The frames.
+    spec : Encoding
+        The encoding of colours.
+    displaced : bool
+        Whether views are displaced within a pixel against one another.
+    pixels : int
+        The longer side of the pictures that textures are filtered for.
+    """
 
     layout: FrameLayout
     spec: Encoding
@@ -56,8 +68,10 @@ def depth_store(
     kind: str = "views",
     **layout: Any,
 ) -> tuple[Slab, DepthStore]:
-    """The slab of ``lattice``, for pictures of so many pixels, and how it is stored, as
-    :func:`lfcore.storage.defaults.frame_layout` takes it."""
+    """The slab of ``lattice`` for pictures of ``pixels``, and how it is stored.
+
+    Keywords are those of :func:`lfcore.storage.defaults.frame_layout`.
+    """
     slab = Slab.of(camera, lattice, pixels)
     frames = frame_layout(slab.views, slab.size, spec.stored_format, kind=kind, **layout)
     return slab, DepthStore(frames, spec, lattice.displaced, Size.of(pixels).longer)
@@ -75,24 +89,24 @@ def record_by_depth(
     """Trace ``slab`` and write the light field file ``path``, with a stream of inverse depths, or
     nothing.
 
-    Colour and depth are traced together, by all of the device; they are encoded by a thread each
-    meanwhile.  ``content`` is what else is known of it; ``progress`` counts views.
+    Colour and depth are traced together, on the whole device; meanwhile two threads encode them.
+    ``content`` has further facts for the file; ``progress`` counts views.
     """
     path, layout, scene = Path(path), store.layout, tracer.scene
     if layout.kind == "macropixels" and slab.rays > MACROPIXEL_RAYS:
         raise OpticsError(
-            f"{slab.rays:,} rays are more than are turned into macropixels at a time",
+            f"{slab.rays:,} rays are too many for macropixels; at most {MACROPIXEL_RAYS:,} fit",
             key="layout", remedy="Store them as views",
         )  # fmt: skip
-    # Few views gain more from one another than from cores: no more tiles than must be.
+    # As few tiles as possible: encoders gain more from similar views than from cores.
     tiles = layout.tiles(TILE_RAYS, least=1)
-    seen = dioptre_range(tracer, slab, RANGE_MARGIN)
-    codes = DepthCodes.of_range(slab, *seen)
+    dioptres = dioptre_range(tracer, slab, RANGE_MARGIN)
+    codes = DepthCodes.of_range(slab, *dioptres)
     spec = codes.spec(slab, lossless=store.spec.lossless)
     with draft_folder(path) as folder:
         colours, depths = (
-            [folder / f"{tile.index:04d}.{what}.mp4" for tile in tiles]
-            for what in ("colours", "depths")
+            [folder / f"{tile.index:04d}.{stream}.mp4" for tile in tiles]
+            for stream in ("colours", "depths")
         )
         for tile in tiles:
             frames = frames_by_depth(tracer, slab, store, codes, tile, progress)
@@ -115,23 +129,25 @@ def encode(
     layout: FrameLayout,
     streams: Sequence[tuple[Path, Encoding]],
 ) -> None:
-    """Write segment files side by side, each by a thread of its own, of some ``frames`` of every
-    stream at a time; ``layout`` is the first stream's."""
+    """Write segment files in parallel, a thread per file.
+
+    ``frames`` yields some frames of every stream at a time; ``layout`` is the first stream's.
+    """
     with ExitStack() as stack:
         writers = []
         for file, spec in streams:
-            own = replace(layout, pixel_format=spec.stored_format, peak=None)
-            size = own.frame_width, own.frame_height
+            stored = replace(layout, pixel_format=spec.stored_format, peak=None)
+            size = stored.frame_width, stored.frame_height
             writer = stack.enter_context(SegmentWriter(file, spec, *size))
-            # One thread each, so that frames stay in order; it ends before its writer does.
+            # One thread per writer keeps frames in order; the thread ends before its writer.
             writers.append((stack.enter_context(ThreadPoolExecutor(1)), writer))
         jobs: list[Future[None]] = []
-        for some in frames:
+        for batches in frames:
             for job in jobs:
                 job.result()
             jobs = [
-                pool.submit(writer.write, each)
-                for (pool, writer), each in zip(writers, some, strict=True)
+                pool.submit(writer.write, batch)
+                for (pool, writer), batch in zip(writers, batches, strict=True)
             ]
         for job in jobs:
             job.result()
@@ -160,7 +176,7 @@ def frames_by_depth(
         if not by_views:
             parts.append((light, depth))
             continue
-        if not first:  # frames take turns: those before the last are encoded by now
+        if not first:  # the memory before the last is free: its frames are encoded
             old = len(rooms) > 1 and rooms.pop(0)
             count = min(tile.frame_count, len(elements[part]))
             rooms.append(old or FrameWriter(tracer.device, tile, count, codes))

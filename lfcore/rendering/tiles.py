@@ -28,18 +28,18 @@ from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
 
 CHUNK_RAYS = 1 << 21
-"""Rays that are traced at a time: their light, 12 bytes each, stays in a cache of 32 MiB."""
+"""The rays per chunk: their light, 12 bytes per ray, stays in a cache of 32 MiB."""
 MOST_GROWTH = 8
-"""Times CHUNK_RAYS that a chunk may have so as to part no group of elements that share a packet:
-parted groups are traced twice."""
+"""The largest chunk, in CHUNK_RAYS, that keeps groups of elements with a common packet whole: a
+divided group is traced twice."""
 
 
 @dataclass(frozen=True)
 class Chunk:
     """Consecutive frames of a tile.
 
-    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is asked for; ``first`` is the
-    number of its first frame within the tile.
+    ``frames`` is (F, frame_bytes) uint8, valid until the next chunk is taken; ``first`` is the
+    number of the first frame within the tile.
     """
 
     frames: np.ndarray
@@ -50,8 +50,8 @@ class Chunk:
 class TileTracing:
     """One tile being traced; iterate over its :class:`Chunk`s, then read ``plane_sums``.
 
-    ``seconds`` counts wall time of tracing, planes and frames, device queue finished, without
-    program build and without what the consumer does between chunks.
+    ``seconds`` is the wall time of tracing, planes and frames with the device queue finished,
+    without the program's build and without the consumer's work between chunks.
     """
 
     chunks: Iterator[Chunk]
@@ -63,7 +63,7 @@ class TileTracing:
         return self.chunks
 
     def finished(self) -> TileTracing:
-        """This tracing at its end; for a tile without frames, which has no chunks."""
+        """Run the tracing to its end and return it: a tile without frames has no chunks."""
         deque(self, maxlen=0)
         return self
 
@@ -82,9 +82,9 @@ def trace_tile(
     Parameters
     ----------
     slab : the rays.
-    tile : which elements, in which frames.
-    planes : sensor planes to form meanwhile; their partial sums are in ``plane_sums``.
-    frames : whether encoder-ready frames are wanted.
+    tile : the elements, and their frames.
+    planes : sensor planes to form; their partial sums are in ``plane_sums``.
+    frames : whether to make encoder-ready frames.
     progress : called with (elements done, elements of the tile).
     """
     for plane in planes:
@@ -124,9 +124,9 @@ def _trace(
     for start, stop in _parts(cuts):
         with watch.part("trace"):
             part, light = places[start:stop], room[: stop - start]
-            made = rays.macropixels(slab, part) if macro else rays.views(slab, part)
-            made = replace(made, columns=columns, rows=rows)
-            fill_arrays(job, [made], part if macro else None, {"radiance": light}, depth=None)
+            bundles = rays.macropixels(slab, part) if macro else rays.views(slab, part)
+            bundles = replace(bundles, columns=columns, rows=rows)
+            fill_arrays(job, [bundles], part if macro else None, {"radiance": light}, depth=None)
             if former:
                 former.add_light(light, start)
             if writer:
@@ -148,9 +148,9 @@ def _parts(cuts: np.ndarray) -> list[tuple[int, int]]:
 
 
 def closed_margin(slab: Slab, planes: Sequence[SensorPlane]) -> int:
-    """Columns and rows of lens samples along each edge that no aperture lets pass.
+    """The columns and rows of lens samples along each edge that all apertures stop.
 
-    Whole chunks of columns, so that the rest is traced to the same bits.
+    A multiple of the chunks of columns, so that the rest is traced to the same bits.
     """
     opened = np.logical_or.reduce([plane.mask(slab) for plane in planes])
     if not opened.any():
@@ -163,10 +163,11 @@ def closed_margin(slab: Slab, planes: Sequence[SensorPlane]) -> int:
 def chunk_cuts(
     places: np.ndarray, frame_of: np.ndarray | None, rays_each: int, group_side: int
 ) -> np.ndarray:
-    """Where chunks of about CHUNK_RAYS begin and end among elements at ``places`` (E, 2).
+    """The ends of chunks of about CHUNK_RAYS, among elements at ``places`` (E, 2).
 
-    Chunks have whole frames, of ``frame_of`` (E,), if any are wanted.  Groups of ``group_side``²
-    elements, which share a packet, are not parted unless chunks would be MOST_GROWTH as large.
+    Chunks have whole frames if ``frame_of`` (E,) has the elements' frames.  Groups of
+    ``group_side``² elements, which share a packet, stay whole unless chunks would exceed
+    MOST_GROWTH.
     """
     total = len(places)
     ends = np.arange(total + 1)

@@ -1,8 +1,8 @@
 """The rate factor of a codec for a quality of pictures, from small light fields of the same scene.
 
-A trial is stored with a rate factor and sliced by depth.  What its pictures lack of those of a
-lossless trial is the codec's error.  In dB it is about linear in the rate factor, so two trials
-predict it, and a third measures the factor that is chosen.
+A trial is stored with a rate factor and sliced by depth.  The difference of its pictures to those
+of a lossless trial is the codec's error.  In dB the error is about linear in the rate factor, so
+two trials predict the factor, and a third measures the chosen one.
 """
 
 import math
@@ -30,22 +30,24 @@ from lfcore.storage.lightfield import LightFieldFile
 from lfcore.tracing.tracer import Tracer
 
 PIXELS = 96
-"""The longer side of a trial's pictures, about."""
+"""The approximate longer side of a trial's pictures, pixels."""
 CRFS = 14.0, 26.0
 """The rate factors of the first trials, of H.264."""
-BEST, WORST = 6.0, 40.0
-"""The rate factors that are chosen at most, of H.264."""
+BEST = 6.0
+"""The least rate factor that is chosen, of H.264."""
+WORST = 40.0
+"""The greatest rate factor that is chosen, of H.264."""
 OF_RAYS = 0.75
-"""The share of the whole error, in mean squares, that is the rays': the rest is the codec's."""
+"""The rays' share of the mean squared error; the rest is the codec's."""
 
 
 def share_db(quality_db: float, share: float) -> float:
-    """The PSNR of a share of the error of a quality."""
+    """The PSNR of a share of a quality's error."""
     return quality_db - 10 * math.log10(share)
 
 
 def together_db(*parts_db: float) -> float:
-    """The PSNR of independent errors together."""
+    """The PSNR of the sum of independent errors."""
     return -10 * math.log10(sum(10 ** (-part / 10) for part in parts_db))
 
 
@@ -64,7 +66,7 @@ class Trials:
     def chosen(self, codec_db: float) -> tuple[float, float]:
         """The rate factor for pictures of ``codec_db``, and the PSNR in dB that it gives."""
         scale = CRF_SCALE.get(self.encoding.codec, 1.0)
-        few, many = (each * scale for each in CRFS)
+        few, many = (factor * scale for factor in CRFS)
         first, second = self.codec_db(few), self.codec_db(many)
         crf = few + (first - codec_db) * (many - few) / max(first - second, 1e-6)
         crf = round(min(max(crf, BEST * scale), WORST * scale), 1)
@@ -72,8 +74,8 @@ class Trials:
 
     def codec_db(self, crf: float) -> float:
         """PSNR in dB, sRGB, of the worst picture against those of a lossless trial."""
-        made = self._pictures(replace(self.encoding, crf=crf))
-        errors = np.square(inner(made) - inner(self._lossless)).mean(axis=(1, 2, 3))
+        pictures = self._pictures(replace(self.encoding, crf=crf))
+        errors = np.square(inner(pictures) - inner(self._lossless)).mean(axis=(1, 2, 3))
         return -10 * math.log10(max(float(errors.max()), 1e-10))
 
     @cached_property
@@ -94,7 +96,10 @@ class Trials:
 
     @cached_property
     def _small(self) -> tuple[Lattice, Size]:
-        """Fewer pixels, with as many rays each; encoders treat both widths alike."""
+        """A lattice and size of fewer pixels with the same rays per pixel.
+
+        Encoders treat both widths alike.
+        """
         size, per_pixel = Size.of(self.pixels), self.lattice.subpixels
         side = self.lattice.side(size.longer)
         if size.longer <= PIXELS:
