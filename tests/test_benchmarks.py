@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from unittest.mock import MagicMock
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,8 @@ import pytest
 from benchmarks import pathtracers, results, tracer
 from benchmarks.peers.method import SkippedError
 from benchmarks.peers.mitsuba_lens import check_plain
-from lfcore import SensorPlane
+from benchmarks.peers.mitsuba_path import Lit
+from lfcore import Material, SensorPlane
 from lfcore.rendering.prepared import open_tracer
 from robustness.outcome import ROOT
 from tests.plain_scenes import scene, wall
@@ -118,3 +120,17 @@ def test_rows_have_what_each_setting_made(tmp_path):
     pathtracers.figure(table, tmp_path / "figure.png")
     pathtracers.crops(table, kept, tmp_path)
     assert len(list(tmp_path.glob("*.png"))) == 2
+
+
+@pytest.mark.parametrize("ambient", [(0.0, 0.0, 0.0), (0.3, 0.3, 0.3)])
+def test_lamps_alone_emit_in_mitsuba(ambient):
+    lamp, walls = Material("lamp", emission=(2.0, 1.0, 1.0)), Material("walls")
+    room = scene(
+        np.concatenate([wall(2.0), wall(3.0)]), materials=[lamp, walls],
+        material_ids=np.int32([0, 0, 1, 1]), ambient=ambient,
+    )  # fmt: skip
+    mitsuba = MagicMock()
+    Lit(mitsuba, room).all({})
+    loaded = [call.args[0] for call in mitsuba.load_dict.call_args_list]
+    emitters = [given["radiance"] for given in loaded if given["type"] == "area"]
+    assert emitters == [{"type": "rgb", "value": [2.0, 1.0, 1.0]}]

@@ -32,15 +32,14 @@ def mitsuba_path(scene: Scene, bounces: int | str, threads: int) -> Renderer:
     return Renderer(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
 
 
-class _Lit(Description):
+class Lit(Description):
     """A scene with its sky and what glows."""
 
     def __init__(self, mitsuba, scene: Scene):
         super().__init__(mitsuba, _with_backs(without_suns(scene)), leave_out_ambient=True)
-        self._glows = False
 
-    def _glow(self, index: int) -> dict | None:
-        emission = self._scene.every_material[index].emission
+    def radiance(self, material: int) -> dict | None:
+        emission = self._scene.every_material[material].emission
         return {"type": "rgb", "value": list(emission)} if any(emission) else None
 
     def sky(self) -> dict:
@@ -98,7 +97,7 @@ def _with_backs(scene: Scene) -> Scene:
 
 def _open(scene: Scene, bounces: int | str, threads: int, llvm: str | None) -> None:
     mitsuba = start(threads, llvm)
-    describe = _Lit(mitsuba, scene)
+    describe = Lit(mitsuba, scene)
     described = describe.all({})
     most = -1 if bounces == "all" else int(bounces) + 2
     described["integrator"] = {"type": "path", "max_depth": most, "rr_depth": ROULETTE}

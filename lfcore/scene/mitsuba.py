@@ -70,9 +70,10 @@ class Description:
 
     def __init__(self, mitsuba: ModuleType, scene: Scene, *, leave_out_ambient: bool = False):
         self.mitsuba, self._scene = mitsuba, scene
-        self._is_ambient = not any(any(light.colour) for light in scene.lights)
+        lit = leave_out_ambient or any(any(light.colour) for light in scene.lights)
+        self._is_ambient = not lit
         check_exportable(scene, "Mitsuba")
-        if any(scene.ambient) and not self._is_ambient and not leave_out_ambient:
+        if any(scene.ambient) and lit and not leave_out_ambient:
             remedy = "Leave it out, or compare a scene that has no other light"
             raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
 
@@ -102,7 +103,8 @@ class Description:
         direction = [-c for c in light.vector]
         return {"type": "directional", "direction": direction, "irradiance": value}
 
-    def _radiance(self, material: int) -> dict | None:
+    def radiance(self, material: int) -> dict | None:
+        """The light that a material's surfaces emit, if any."""
         light = self._scene.ambient, self._scene.every_material[material].emission
         return self._colour(material, *map(np.array, light)) if self._is_ambient else None
 
@@ -113,7 +115,7 @@ class Description:
             return None
         props = mitsuba.Properties()
         props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
-        if radiance := self._radiance(material):
+        if radiance := self.radiance(material):
             props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": radiance})
         normals, uvs = (a[members] if len(a) else a for a in (scene.normals, scene.uvs))
         uvs = np.stack([uvs[..., 0], 1 - uvs[..., 1]], -1)
