@@ -139,15 +139,9 @@ def render(
     ----------
     scene : Scene
         As in :func:`bake`.
-    focus_m : float or str, optional
-        Focus distance in metres, ``math.inf`` included; ``"near"``, ``"middle"``, ``"far"`` or
-        ``"40%"`` of the visible depth.  Default: the scene's.
-    f_number : float, optional
-        Default: the scene's.
-    aperture : str
-        ``circle``, ``square``, ``diamond`` or ``polygon``.
-    focus_at, blur : optional
-        Instead of ``focus_m`` and ``f_number``, as in :meth:`Scene.plane`.
+    focus_m, f_number, aperture, focus_at, blur : optional
+        As in :meth:`Scene.plane`: a distance in metres or ``"near"``, ``"middle"``, ``"far"``, and
+        an f-number.  Default: the scene's.
     planes : sequence of SensorPlane, optional
         Instead of focus and aperture: several pictures from the same rays; see
         :meth:`Scene.plane`, which has more settings.
@@ -325,12 +319,8 @@ def record(
         stores all N x N; default 16.  A :class:`Lattice` is stored as it is.
     pixels : int or (int, int)
         The size of pictures that the file is made for, as in :func:`render`.
-    focus_m : float or str, optional
-        As in :func:`render`.
-    f_number : float, optional
-        The widest aperture that pictures can have later.  Default: the scene's.
-    focus_at, blur : optional
-        Instead of ``focus_m`` and ``f_number``, as in :meth:`Scene.plane`.
+    focus_m, f_number, focus_at, blur : optional
+        As in :meth:`Scene.plane`; no picture can have a wider aperture later.
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
         ``views``.  One traced view predicts the error of each lattice, small light fields predict

@@ -74,19 +74,9 @@ class LightField(LightFieldFile):
 
         Parameters
         ----------
-        focus_m : float or str, optional
-            Focus distance in metres, ``math.inf`` included; ``"near"``, ``"middle"``, ``"far"`` or
-            ``"40%"`` of the file's visible depth.  Default: as recorded.
-        f_number : float, optional
-            No wider than the lens.  Default: the whole lens.
-        aperture : str
-            ``circle``, ``square``, ``diamond`` or ``polygon``.
-        focus_at : (float, float), optional
-            Instead of a distance, in a file with depth: focus on the surface that the middle view
-            shows at this place, x and y from 0 to 1 from the picture's upper left corner.
-        blur : float or str, optional
-            Instead of an f-number: the diameter of the blur at the near or far end of the visible
-            depth, whichever is larger, relative to the picture's shorter side: 0.03 or ``"3%"``.
+        focus_m, f_number, aperture, focus_at, blur : optional
+            As in :meth:`Scene.plane`, of the depth that the file shows; ``focus_at`` needs a file
+            with depth.  Default: as recorded, with the whole lens, which is the widest.
         disparity_px : float, optional
             Instead of a distance: the disparity of points in focus, pixels per view; 0 is the
             recorded focus, more is nearer.
@@ -94,11 +84,6 @@ class LightField(LightFieldFile):
             Instead of an f-number: the aperture's diameter in views.
         blades, rotation_deg, normalise, keep_magnification : optional
             As in :class:`SensorPlane`.
-
-        Returns
-        -------
-        SensorPlane
-            For :meth:`refocus_many`.
 
         Raises
         ------
