@@ -1,9 +1,11 @@
 """Mesh files: the common formats by readers of their own, all others through trimesh."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from lfcore.readers import others
+from lfcore.readers.account import Account
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES as GLTF
 from lfcore.readers.gltf.meshes import read_gltf
@@ -11,11 +13,14 @@ from lfcore.readers.obj import read_obj
 from lfcore.readers.off import read_off
 from lfcore.readers.ply import read_ply
 from lfcore.readers.stl import read_stl
-from lfcore.reading import Where
+from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, shaded
 
-READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off}
+READERS: dict[str, Callable[[bytes, Path, Notebook, Account], list[SurfaceMesh]]] = {
+    ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off
+}  # fmt: skip
+"""They raise ValueError for what makes no sense."""
 WITH_AXIS = (*GLTF, *others.WITH_AXIS)
 """The formats that say where up is."""
 
@@ -51,5 +56,15 @@ def read_mesh(
     if path.suffix.lower() in GLTF:
         return read_gltf(path, notebook, shading=shading, crease_deg=crease_deg)
     if (read := READERS.get(path.suffix.lower())) is not None:
-        return Content([shaded(part, shading, crease_deg) for part in read(path, notebook)])
+        account, data = Account(notebook, path), read_bytes(path, LARGEST_MESH, "mesh file")
+        try:
+            parts = read(data, path, notebook, account)
+        except ValueError as error:
+            remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
+            raise Where(path).error(f"mesh cannot be read: {error}", remedy) from None
+        if not any(part.count for part in parts):
+            remedy = "Export triangles, not only points, lines or curves"
+            raise Where(path).error("mesh holds no triangles", remedy)
+        account.close()
+        return Content([shaded(part, shading, crease_deg) for part in parts])
     return Content(others.read_other(path, notebook, shading, crease_deg))

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.colour import srgb_decode
-from lfcore.errors import SceneError
 from lfcore.readers.account import Account
 from lfcore.readers.mtl import Libraries
 from lfcore.readers.polygons import triangulate
 from lfcore.readers.text import Statements, numbers, rows, words_of
-from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh
 
@@ -28,18 +26,14 @@ CURVED = (
 """Statements of curves and surfaces that are no polygons."""
 
 
-def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+def read_obj(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
     """The parts of an OBJ file, one per material; normals are those of the file."""
-    account = Account(notebook, path)
-    found = Statements(read_bytes(path, LARGEST_MESH, "mesh file"), ("v", "vt", "vn", "f"))
+    found = Statements(data, ("v", "vt", "vn", "f"))
     libraries = Libraries(path, notebook, account)
     switches = _switches(found, libraries, account)
     if b"#MRGB" in found.text:
         notebook.add(NOT_USED, path, "colours of vertices in comments '#MRGB'")
-    try:
-        mesh = _Polygons(found, account)
-    except ValueError as error:
-        raise _error(path, f"mesh cannot be read: {error}") from None
+    mesh = _Polygons(found, account)
     faces = found.lines("f")[mesh.polygons]
     lines, names = zip(*switches, strict=True)
     known = {name: number for number, name in enumerate(dict.fromkeys(names))}
@@ -53,10 +47,6 @@ def read_obj(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
             chosen = order[start:end] if end - start < len(faces) else slice(None)
             parts.append(libraries.surface(name).placed(mesh.part(chosen)))
     libraries.close()
-    account.close()
-    if not len(faces):
-        remedy = "Export triangles, not only points, lines or curves"
-        raise _error(path, "mesh holds no triangles", remedy)
     return parts
 
 
@@ -78,10 +68,6 @@ def _switches(found: Statements, libraries: Libraries, account: Account) -> list
             elif word in CURVED:
                 account.lose(what, LEFT_OUT, "curves and curved surfaces")
     return switches
-
-
-def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
-    return Where(path).error(problem, remedy)
 
 
 class _Polygons:

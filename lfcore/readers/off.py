@@ -12,7 +12,6 @@ from lfcore.readers.account import Account
 from lfcore.readers.colours import display_colours
 from lfcore.readers.polygons import triangulate
 from lfcore.readers.text import numbers, plain, rows, whole
-from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
@@ -21,21 +20,8 @@ MOST_NUMBERS = 16
 """The most numbers of a vertex."""
 
 
-def read_off(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+def read_off(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
     """The part of an OFF file; normals are those of the file."""
-    account = Account(notebook, path)
-    try:
-        part = _part(read_bytes(path, LARGEST_MESH, "mesh file"), path, notebook, account)
-    except ValueError as error:
-        problem = f"mesh cannot be read: {error}"
-        raise Where(path).error(problem, "Export it again") from None
-    if not part.count:
-        raise Where(path).error("mesh holds no triangles", "Export it again, with faces")
-    account.close()
-    return [part]
-
-
-def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> SurfaceMesh:
     text = plain(data)
     head = HEAD.match(text)
     has_uvs, _, has_normals, *unread = head.groups() if head else (None,) * 6
@@ -78,7 +64,7 @@ def _part(data: bytes, path: Path, notebook: Notebook, account: Account) -> Surf
     if own is not None and not coloured:
         given["colours"] = np.repeat(own[polygon][:, None], 3, 1)
     surface = Surface(path.stem, diffuse=(1.0 if "colours" in given else 0.8,) * 3)
-    return SurfaceMesh(points[corners], surface, **given)
+    return [SurfaceMesh(points[corners], surface, **given)]
 
 
 def _faces(

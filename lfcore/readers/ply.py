@@ -15,7 +15,7 @@ from lfcore.readers.faces import strip_faces
 from lfcore.readers.ply_elements import Lists, Ply
 from lfcore.readers.polygons import triangulate
 from lfcore.readers.side_files import beside, read_texture
-from lfcore.reading import LARGEST_MESH, Where, read_bytes
+from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
@@ -30,18 +30,10 @@ ALPHA = ("alpha", "a", "diffuse_alpha")
 INDICES = ("vertex_indices",), ("vertex_index",)
 
 
-def read_ply(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+def read_ply(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
     """The parts of a PLY file, one per texture; normals are those of the file."""
-    account, where = Account(notebook, path), Where(path)
-    try:
-        ply = Ply(read_bytes(path, LARGEST_MESH, "mesh file"))
-        part, numbers = part_of(ply, account)
-    except ValueError as error:
-        problem = f"mesh cannot be read: {error}"
-        remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
-        raise where.error(problem, remedy) from None
-    if not part.count:
-        raise where.error("mesh holds no triangles", "Export triangles, not only points or lines")
+    ply = Ply(data)
+    part, numbers = part_of(ply, account)
     if ply.rest:
         unit = "numbers" if ply.is_text else "bytes"
         notebook.add(NOT_USED, path, f"{ply.rest} {unit} that belong to no element")
@@ -53,7 +45,6 @@ def read_ply(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
         surface = Surface(path.stem, (1.0 if white else 0.8,) * 3, texture=texture)
         own = part.picked(numbers == number) if len(names) > 1 else part
         parts.append(replace(own, surface=surface))
-    account.close()
     return parts
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.readers.account import Account
 from lfcore.readers.text import Statements, rows
-from lfcore.reading import LARGEST_MESH, Where, read_bytes
 from lfcore.scene.notes import NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 
@@ -20,31 +19,23 @@ HEAD = 84
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
 
 
-def read_stl(path: Path, notebook: Notebook) -> list[SurfaceMesh]:
+def read_stl(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
     """The part of an STL file; normals are those of the triangles' winding."""
-    data, account = read_bytes(path, LARGEST_MESH, "mesh file"), Account(notebook, path)
     count = int.from_bytes(data[80:HEAD], "little") if len(data) >= HEAD else 0
     end = HEAD + count * TRIANGLE.itemsize
     colours = None
-    try:
-        if b"vertex" in data[:4096].lower() and end != len(data):
-            corners = _text(data, account)
-        elif end <= len(data) and len(data) >= HEAD:
-            found = np.frombuffer(data, TRIANGLE, count, HEAD)
-            corners = found["corners"].astype(np.float64)
-            colours = _colours(data[:80], found["colour"], account)
-            if data[end:].strip(b"\0"):
-                notebook.add(NOT_USED, path, f"{len(data) - end} bytes at its end")
-        else:
-            raise ValueError(f"it has {len(data)} bytes, of {end} for {count} triangles")
-    except ValueError as error:
-        problem = f"mesh cannot be read: {error}"
-        raise Where(path).error(problem, "Export it again") from None
-    if not len(corners):
-        raise Where(path).error("mesh holds no triangles", "Export it again")
+    if b"vertex" in data[:4096].lower() and end != len(data):
+        corners = _text(data, account)
+    elif end <= len(data) and len(data) >= HEAD:
+        found = np.frombuffer(data, TRIANGLE, count, HEAD)
+        corners = found["corners"].astype(np.float64)
+        colours = _colours(data[:80], found["colour"], account)
+        if data[end:].strip(b"\0"):
+            notebook.add(NOT_USED, path, f"{len(data) - end} bytes at its end")
+    else:
+        raise ValueError(f"it has {len(data)} bytes, of {end} for {count} triangles")
     account.hold("triangles", len(corners))
     account.use("triangles", len(corners))
-    account.close()
     surface = Surface(path.stem, diffuse=(0.8 if colours is None else 1.0,) * 3)
     return [SurfaceMesh(corners, surface, colours=colours)]
 
