@@ -15,9 +15,9 @@ from lfcore.storage.ycbcr import rgb_from_planes
 Rectangle = tuple[int, int, int, int]
 """The first column and row, and the column and row after the last."""
 CHUNK_BYTES = 4 << 20
-"""Frames that are decoded before rays are taken out of them; as floats these are some 50 MB."""
+"""The bytes of frames that are decoded at a time; their rays take some 50 MB as floats."""
 FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
-"""The formats without chroma subsampling, by their bits."""
+"""The formats without chroma subsampling, by bits per sample."""
 
 
 def read_block(
@@ -53,7 +53,7 @@ def read_block(
 
 
 def _codes(layout: FrameLayout, encoded: np.ndarray) -> np.ndarray:
-    """uint8 sRGB of encoded values; light above white is clipped."""
+    """Convert encoded values to uint8 sRGB; light above white is clipped."""
     return to_uint8(encoded) if layout.peak is None else srgb_codes(layout.decoded(encoded))
 
 
@@ -62,15 +62,15 @@ def _needed_frames(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, slice]]:
     """Decode the frames ``numbers`` (ascending) of a segment, some at a time.
 
-    Yields the frames of a chunk, the index into them of each element, and the slice of ``numbers``
-    that they are for.
+    Yields a chunk of frames, a slice of ``numbers``, and for each number in this slice the index
+    of its frame in the chunk; the slice is the last.
     """
     wanted = np.unique(numbers)
     step = max(1, CHUNK_BYTES // video.layout.frame_bytes)
     held = slice(bisect_left(video.keys, part.first), bisect_left(video.keys, part.stop))
     keys = np.array([key - part.first for key in video.keys[held]] or [0])
     entry = keys[np.searchsorted(keys, wanted, side="right") - 1]
-    # On through the frames between, unless a later key frame lets us skip some.
+    # The frames between wanted ones are decoded, too, unless a key frame lets us skip them.
     for run in np.split(wanted, np.flatnonzero(entry[1:] > wanted[:-1] + 1) + 1):
         first = int(run[0])
         for chunk in video.frames(part.index, first, int(run[-1]) + 1, chunk=step):
@@ -95,8 +95,8 @@ def windows(
     form = layout.format
     pictures = []
     for index, plane in enumerate(form.views(frames, layout.frame_width, layout.frame_height)):
-        # Chroma is repeated over its 2 x 2 pixels, as in refocusing.  A macropixel's mean is then
-        # the stored one, 4 dB better than interpolated, and elements do not mix.
+        # Chroma is repeated over its 2 x 2 pixels, as in refocusing.  This keeps a macropixel's
+        # mean, is 4 dB better than interpolation, and does not mix elements.
         step = form.subsampling if index else 1
         x, y = corners.T
         columns = (x[:, None] + np.arange(inner[0], inner[2])) // step

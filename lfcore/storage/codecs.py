@@ -21,35 +21,37 @@ CODECS = {
         "gbrp",
     ),
 }
-"""Encoders of FFmpeg's that can be used, with the pixel formats of colour of each."""
+"""The supported encoders of FFmpeg, and the colour formats of each."""
 GREY_CODECS = ("libx264", "ffv1")
-"""Those that are used for streams of one plane, too."""
+"""The encoders that are also used for streams with one plane."""
 LOSSLESS = ("ffv1",)
+"""The lossless encoders."""
 TRANSFERS = ("srgb", "pq")
-"""How linear light becomes codes."""
+"""The transfer functions from linear light to codes."""
 
 WHOLE_ROWS = 128
-"""x264's macroblock tree and its like in x265 ("cutree") are used for frames of such widths only.
+"""The divisor, pixels, of frame widths with x264's macroblock tree and x265's "cutree".
 
-With others, x264 gave another stream each run at 48, 64, 130, 144 and 200 pixels, never at 128,
-256, 384, 512 or 640; x265 damaged the heap (seen with glibc's MALLOC_CHECK_=3) at 16, 32 and 48.
+At widths of 48, 64, 130, 144 and 200 pixels x264's streams differed between runs, at multiples of
+128 never; at 16, 32 and 48 x265 damaged the heap (found with glibc's MALLOC_CHECK_=3).
 """
 SMALLEST_FRAME = {"libx265": 66}
-"""Side of the smallest frame that gives the same file each time.  x265 reads beyond frames that are
-one coding tree block wide (64 pixels; 32 with its fastest presets): the same 64 x 64 pixels gave 10
-unlike files of 10, now and then a poor one or an error; from 66 pixels on all files were the same.
+"""The side, pixels, of the smallest frame whose file is the same in each run.  x265 reads beyond
+frames that are one coding tree block wide (64 pixels; 32 with its fastest presets): 10 runs on the
+same 64 x 64 pixels gave 10 different files, some poor, and errors; from 66 pixels on none differed.
 """
 RANGES = {
     "crf": (0, 63), "gop": (0, 1 << 20), "threads": (1, 64), "bframes": (0, 16), "refs": (1, 16),
 }  # fmt: skip
+"""The least and the greatest value of each number in :class:`Encoding`."""
 
 
 @answers_typos
 @dataclass(frozen=True)
 class Encoding:
-    """How a light field is stored as video.
+    """The settings with which a light field is stored as video.
 
-    None means: chosen by the number of views and the codec, as measured best
+    None stands for the best measured setting of the codec and number of views
     (:mod:`lfcore.storage.defaults`).
 
     Parameters
@@ -58,14 +60,14 @@ class Encoding:
         ``libx264`` (H.264), ``libx265`` (H.265), ``libsvtav1`` (AV1) or ``ffv1`` (lossless).
     pixel_format : str, optional
         The format of the stored frames, such as ``yuv444p`` or ``yuv420p10le``; with ``ffv1`` also
-        ``gbrp``, which holds 8-bit RGB exactly.
+        ``gbrp``, which keeps 8-bit RGB exactly.
     crf : float, optional
-        The constant rate factor, 0 to 63; lower is better and larger.  ``ffv1`` ignores it.
+        The constant rate factor, 0 to 63.  Lower means better and larger; ``ffv1`` ignores it.
     preset : str or int, optional
         The encoder's name for a compromise of speed and size.
     tune : str, optional
-        ``psnr`` (default) leaves out what pleases the eye and costs accuracy; None is the encoder's
-        default.
+        ``psnr`` (default) switches off methods that please the eye but increase the error; None is
+        the encoder's default.
     gop : int, optional
         Frames from one key frame to the next; 0 for one key frame per segment.
     bframes, refs : int, optional
@@ -75,8 +77,8 @@ class Encoding:
     extra : tuple of (str, str)
         More parameters of the encoder, as (key, value).
     transfer : str, optional
-        ``srgb``, which ends at white, or ``pq`` (SMPTE ST 2084), which needs 10 bits and holds all
-        light; default ``pq`` where something that is traced may be brighter than white.
+        ``srgb``, which clips at white, or ``pq`` (SMPTE ST 2084), which needs 10 bits and does not
+        clip; default ``pq`` if the traced scene may be brighter than white.
     layout : str, optional
         ``views`` (a frame holds one view) or ``macropixels`` (all lens samples of a pixel).
     depth : bool, optional
@@ -117,7 +119,7 @@ class Encoding:
         if isinstance(self.preset, int) and not isinstance(self.preset, bool):
             object.__setattr__(self, "preset", str(self.preset))  # SVT-AV1's are numbers
         if not isinstance(self.preset, str | None):
-            raise StorageError(f"is no preset's name: {self.preset!r}", key="preset")
+            raise StorageError(f"must be a preset's name, not {self.preset!r}", key="preset")
         if self.pixel_format is not None:
             pixel_format(self.pixel_format)
             known = CODECS[self.codec]
@@ -133,7 +135,7 @@ class Encoding:
 
     @property
     def stored_format(self) -> str:
-        """``pixel_format``; :class:`StorageError` where it is still to be chosen."""
+        """``pixel_format``; raises :class:`StorageError` if it is None."""
         if self.pixel_format is None:
             raise StorageError("is not chosen", key="pixel_format", remedy="Name one")
         return self.pixel_format
@@ -143,7 +145,7 @@ class Encoding:
         return self.codec in LOSSLESS
 
     def check_frame(self, width: int, height: int) -> None:
-        """Raise :class:`StorageError` for frames smaller than the encoder is reproducible with."""
+        """Raise :class:`StorageError` for frames that are too small for reproducible files."""
         least = SMALLEST_FRAME.get(self.codec, 0)
         if min(width, height) < least:
             raise StorageError(
@@ -154,7 +156,7 @@ class Encoding:
             )
 
     def options(self, width: int) -> dict[str, str]:
-        """The settings as FFmpeg's encoder options, for frames of that width."""
+        """Return the settings as FFmpeg's encoder options, for frames of ``width`` pixels."""
         if self.codec in ("libx264", "libx265"):
             return self._x26x(width)
         if self.codec == "libsvtav1":
@@ -168,8 +170,8 @@ class Encoding:
         return {key: value for key, value in named.items() if value is not None}
 
     def _x26x(self, width: int) -> dict[str, str]:
-        # Segments are joined: headers must not depend on what is in them (stitchable), and no
-        # frame may refer beyond its own segment (open-gop=0).
+        # Segments are joined: their headers must be the same whatever the frames (stitchable),
+        # and no frame may refer beyond its own segment (open-gop=0).
         is_x265 = self.codec == "libx265"
         endless = "-1" if is_x265 else "infinite"
         own = {"keyint": str(self.gop or endless), "min-keyint": "1", "scenecut": "0",
@@ -188,10 +190,10 @@ class Encoding:
         return self._named(tune=self.tune) | {f"{name}-params": _joined(own | dict(self.extra))}
 
     def _svtav1(self) -> dict[str, str]:
-        os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to stderr by itself
+        os.environ.setdefault("SVT_LOG", "1")  # SVT-AV1 writes to stderr: errors only
         own = {
             "keyint": str(self.gop) if self.gop else "-1",
-            "irefresh-type": "2",  # closed
+            "irefresh-type": "2",  # closed groups of pictures
             "scd": "0",
             "lp": str(self.threads),
         }
@@ -200,7 +202,7 @@ class Encoding:
         return self._named() | {"svtav1-params": _joined(own | dict(self.extra))}
 
     def to_json(self) -> dict:
-        """The encoder's settings, as light field files record them."""
+        """Return the encoder's settings as light field files record them."""
         data = asdict(self) | {"extra": [list(pair) for pair in self.extra]}
         return {
             key: value for key, value in data.items() if key not in ("transfer", "layout", "depth")

@@ -20,20 +20,17 @@ from lfcore.errors import StorageError
 from lfcore.files import WholeFile, draft_folder, whole_file
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.decoding import FRAME_RATE, ticks_per_frame
+from lfcore.storage.decoding import ticks_per_frame
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth
 from lfcore.storage.index import SegmentIndex
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import TAG, Metadata
 from lfcore.storage.segment import SegmentInfo, named_errors, open_video, read_segment
 
-FRAME_MS = 1000 // FRAME_RATE
-"""Milliseconds, Matroska's unit of time, from one frame to the next; exact."""
 LONGEST_TAG = 1 << 24
-"""Bytes of a text in a Matroska file that FFmpeg reads."""
-
-# Timestamps stay as they are; no random identifiers, so that the same input gives the same file.
+"""The longest text, bytes, that FFmpeg reads from a Matroska file."""
 MUXER_OPTIONS = {"avoid_negative_ts": "disabled", "fflags": "bitexact"}
+"""The muxer keeps timestamps and writes no random identifiers: same input, same file."""
 
 
 def join_segments(
@@ -48,10 +45,10 @@ def join_segments(
     content: dict | None = None,
     depth: DepthSegments | None = None,
 ) -> Metadata:
-    """Write the light field file ``path`` from one segment a tile, in the order of tiles.
+    """Write the light field file ``path`` from one segment per tile, in the order of tiles.
 
     ``geometry`` is the slab, or a JSON object of a camera array; ``spec``, ``scene`` and
-    ``content`` are recorded. Memory grows by a few numbers a segment. After an error no file is
+    ``content`` are recorded. Memory grows by a few numbers per segment. After an error no file is
     left.
     """
     path = Path(path)
@@ -99,8 +96,8 @@ def join_segments(
 
 @dataclass(frozen=True)
 class DepthSegments:
-    """Inverse depths to be joined: one segment a tile, encoded with ``spec``, and what they hold,
-    as in :class:`StoredDepth`."""
+    """The segments of inverse depths, one per tile, with their encoding ``spec`` and the fields
+    that :class:`StoredDepth` records."""
 
     segments: Sequence[Path]
     codes: DepthCodes
@@ -125,8 +122,8 @@ class _Stream:
         if len(files) != len(tiles) or not files:
             raise StorageError(f"{len(files)} segments for {len(tiles)} tiles", file=path)
         paths = [Path(file) for file in files]
-        found = [read_segment(file, grey=layout.format.grey) for file in paths]
-        infos, headers = [info for info, _ in found], [header for _, header in found]
+        pairs = [read_segment(file, grey=layout.format.grey) for file in paths]
+        infos, headers = [info for info, _ in pairs], [header for _, header in pairs]
         for file, info, header, tile in zip(paths, infos, headers, tiles, strict=True):
             frames = info.width, info.height, info.pixel_format
             expected = layout.frame_width, layout.frame_height, layout.pixel_format
@@ -142,29 +139,29 @@ class _Stream:
                 raise StorageError(problem, file=file, remedy=remedy)
         return cls(paths, infos, headers[0])
 
-    def segments(self, made: Any) -> Iterator[Iterator[av.Packet]]:
-        """The packets of each segment in turn, with their times in the whole file."""
+    def segments(self, output: Any) -> Iterator[Iterator[av.Packet]]:
+        """Yield the packets of each segment, for the stream ``output`` and with its times."""
         reorder, first = max(info.reorder for info in self.infos), 0
         for file, info in zip(self.files, self.infos, strict=True):
             with open_video(file) as container:
-                yield _packets(container, info, file, first, first - reorder, made)
+                yield _packets(container, info, file, first, first - reorder, output)
             first += info.frames
 
 
 def _packets(
-    container: Any, info: SegmentInfo, file: Path, first: int, decoded: int, made: Any
+    container: Any, info: SegmentInfo, file: Path, first: int, decoded: int, output: Any
 ) -> Iterator[av.Packet]:
-    """The packets of a segment whose frame 0 is ``first`` of the whole, decoded from ``decoded``
-    on; :class:`StorageError` where they do not match ``info``."""
+    """Yield a segment's packets, whose first frame is shown at ``first`` and decoded at
+    ``decoded``, frames of the whole; :class:`StorageError` if they do not match ``info``."""
     frames = crc = 0
     for packet in container.demux(container.streams.video[0]):
         if packet.size:
             crc = zlib.crc32(packet, crc)
-            # In the file's own unit of time; the muxer goes over to milliseconds, exactly.
+            # In the segment's unit of time; the muxer converts it to milliseconds, exactly.
             ticks = ticks_per_frame(packet.time_base)
             packet.pts = (packet.pts or 0) + first * ticks
             packet.dts, packet.duration = (decoded + frames) * ticks, ticks
-            packet.stream = made
+            packet.stream = output
             frames += 1
             yield packet
     if (frames, crc) != (info.frames, info.crc32):
@@ -173,17 +170,16 @@ def _packets(
 
 def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
     output = av.open(file, "w", format="matroska", options=MUXER_OPTIONS)
-    written = []
+    runs = []
     for stream in streams:
         with open_video(stream.files[0], formats=True) as template:
             # opaque: by codec parameters; else FFmpeg looks for an encoder of the decoder's name.
-            made = output.add_stream_from_template(template.streams.video[0], opaque=True)
-        made.time_base = Fraction(1, 1000)
-        written.append(made)
+            written = output.add_stream_from_template(template.streams.video[0], opaque=True)
+        written.time_base = Fraction(1, 1000)
+        runs.append(stream.segments(written))
     output.metadata.update(tags)
-    runs = [stream.segments(made) for stream, made in zip(streams, written, strict=True)]
     for segments in zip(*runs, strict=True):
-        # Frame by frame in turn: the muxer holds back what comes before its time.
+        # The streams alternate frame by frame: the muxer buffers packets until their time.
         for packets in zip(*segments, strict=True):
             for packet in packets:
                 output.mux_one(packet)
@@ -191,17 +187,17 @@ def _mux(file: WholeFile, streams: list[_Stream], tags: dict[str, str]) -> None:
 
 
 def pack_segments(path: str | Path, segments: Iterable[Path]) -> None:
-    """Write a batch of segments: one file, with check sums."""
+    """Write a batch of segments into one file, with check sums."""
     with whole_file(path) as file, ZipFile(cast(IO[bytes], file), "w") as batch:
         for segment in segments:
-            with segment.open("rb") as one, batch.open(ZipInfo(segment.name), "w") as to:
-                shutil.copyfileobj(one, to)
+            with segment.open("rb") as source, batch.open(ZipInfo(segment.name), "w") as member:
+                shutil.copyfileobj(source, member)
 
 
 @contextmanager
 def unpacked(batches: Iterable[str | Path], beside: str | Path) -> Iterator[list[Path]]:
-    """The segments of batches, in order, while the block lasts; :class:`StorageError` names a
-    batch that is damaged."""
+    """Unpack the segments of batches, in order, for the ``with`` block; a damaged batch raises
+    :class:`StorageError`."""
     with draft_folder(beside) as folder:
         segments = []
         for batch in batches:

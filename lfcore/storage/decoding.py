@@ -1,5 +1,5 @@
-"""Planar bytes in and out of FFmpeg's frames, by plain copies: no converter is involved; and frames
-out of packets, in order and counted."""
+"""Frames decoded from packets, and copies between FFmpeg's frames and planar bytes, without
+FFmpeg's converter."""
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -15,16 +15,16 @@ from lfcore.errors import StorageError
 from lfcore.storage.pixels import PixelFormat
 
 FRAME_RATE = 25
-"""Frames a second: 40 ms each, exact in Matroska's milliseconds; it means nothing else."""
-
+"""The frames per second.  Their 40 ms are exact in Matroska's milliseconds; time has no other
+meaning here."""
 PACKED_RGB = "bgr0"
-"""FFV1 has no planar 8-bit RGB: ``gbrp`` frames pass through it as blue, green, red, 0."""
+"""FFmpeg's format of 8-bit RGB in FFV1, which has no planar one: bytes blue, green, red, 0."""
 _GREY_OF = {"yuv420p": "gray", "yuv420p10le": "gray10le"}
-"""H.264 of grey alone is decoded with two planes of chroma that say nothing."""
+"""The grey format of a decoder's format: H.264 decodes grey with two constant chroma planes."""
 
 
 def ticks_per_frame(time_base: Fraction | None) -> int:
-    """Units of ``time_base`` from one frame to the next; 0 when that is no whole number."""
+    """Return the units of ``time_base`` per frame; 0 if this is no whole number."""
     if not time_base:
         return 0
     ticks = 1 / (time_base * FRAME_RATE)
@@ -32,7 +32,7 @@ def ticks_per_frame(time_base: Fraction | None) -> int:
 
 
 def frame_number(pts: int | None, ticks: int) -> int | None:
-    """Number of the frame shown at ``pts``; None when that is no whole number or unknown."""
+    """Return the number of the frame shown at ``pts``; None if it is unknown or not whole."""
     if pts is None or not ticks:
         return None
     number, rest = divmod(pts, ticks)
@@ -47,20 +47,20 @@ def decoded_planes(
     form: PixelFormat,
     size: tuple[int, int],
 ) -> Iterator[tuple[int, list[np.ndarray]]]:
-    """Number and planes (h, w) of each frame, one by one, in the decoder's own memory.
+    """Yield each frame's number and planes (h, w), in the decoder's memory.
 
-    ``ticks`` are of a frame.  Raises :class:`StorageError` with the name of the ``file`` for what
-    cannot be decoded, has another form or size (width, height), or is without a number.
+    ``ticks`` is the duration of a frame.  Raises :class:`StorageError` that names ``file`` if a
+    frame cannot be decoded, has another format or size (width, height), or has no number.
     """
     for frame in _decoded(file, context, packets):
         name = stored_format(frame.format.name, grey=form.grey)
-        found, expected = (frame.width, frame.height, name), (*size, form.name)
-        if found != expected:
-            problem = "frames are {} x {} {}, not {} x {} {} as the file says of itself"
-            raise StorageError(problem.format(*found, *expected), file=file)
+        actual, expected = (frame.width, frame.height, name), (*size, form.name)
+        if actual != expected:
+            problem = "frames are {} x {} {}, not {} x {} {} as in the metadata"
+            raise StorageError(problem.format(*actual, *expected), file=file)
         number = frame_number(frame.pts, ticks)
         if number is None:
-            raise StorageError("a frame is without a number", file=file)
+            raise StorageError("a frame has no number", file=file)
         yield number, plane_arrays(frame, form)
 
 
@@ -84,9 +84,9 @@ def packed(
     chunk: int,
     rooms: Iterator[np.ndarray] | None = None,
 ) -> Iterator[np.ndarray]:
-    """The planes of ``count`` frames as arrays (up to ``chunk``, frame_bytes) uint8.
+    """Pack the planes of ``count`` frames into arrays (up to ``chunk``, frame_bytes) uint8.
 
-    ``rooms`` are arrays of that kind to fill, one after another; default fresh ones.
+    ``rooms`` are the arrays to fill, one after another; default: new ones.
     """
     filled = 0
     for done, planes in enumerate(frames):
@@ -103,7 +103,7 @@ def packed(
 
 
 def stored_format(decoded: str | None, *, grey: bool) -> str | None:
-    """The pixel format that was stored, of what a decoder gives out; ``grey``: in a grey stream."""
+    """Return the stored pixel format of a decoder's format; ``grey``: in a grey stream."""
     if grey:
         return _GREY_OF.get(decoded or "", decoded)
     return "gbrp" if decoded == PACKED_RGB else decoded
@@ -112,7 +112,7 @@ def stored_format(decoded: str | None, *, grey: bool) -> str | None:
 def video_frames(
     frames: np.ndarray, form: PixelFormat, width: int, height: int
 ) -> Iterator[av.VideoFrame]:
-    """FFmpeg's frames of (F, frame_bytes) uint8; raises :class:`StorageError` for other sizes."""
+    """Convert (F, frame_bytes) uint8 to FFmpeg's frames; :class:`StorageError` for other sizes."""
     planes = form.views(np.ascontiguousarray(frames), width, height)
     for index in range(len(frames)):
         frame = av.VideoFrame(width, height, PACKED_RGB if form.rgb else form.name)
@@ -122,7 +122,7 @@ def video_frames(
 
 
 def plane_arrays(frame: av.VideoFrame, form: PixelFormat) -> list[np.ndarray]:
-    """The samples of ``frame`` as writable arrays (h, w) in ``form``'s plane order."""
+    """Return the samples of ``frame`` as writable arrays (h, w) in ``form``'s plane order."""
     if form.rgb:
         plane = frame.planes[0]
         pixels = _array(plane, (frame.height, frame.width, 4), (plane.line_size, 4, 1), np.uint8)

@@ -58,25 +58,23 @@ FEW_VIEWS = 8
 
 
 def default_kind(views: int, pixels: int = 512) -> str:
-    """The layout with fewer bits at equal error that is not slow to trace: views or macropixels.
-
-    ``views`` and ``pixels`` are N and M, per side.
-    """
+    """Return the layout, views or macropixels, with fewer bits at equal error that is fast to
+    trace; ``views`` and ``pixels`` are N and M, per side."""
     _check(views)
     wide = pixels >= PIXELS_FOR_VIEWS * views
     return "views" if wide or views <= FEW_VIEWS else "macropixels"
 
 
 def default_pack(views: int, pixels: int = 512) -> int:
-    """The elements per side of a frame: one view, or macropixels with 128 pixels together.
+    """Return the elements per side of a frame: one view, or macropixels with 128 pixels together.
 
-    An encoder needs some 30 microseconds per frame of any size.
+    Small frames are slow: an encoder needs at least some 30 microseconds per frame.
     """
     return macropixel_pack(views) if default_kind(views, pixels) == "macropixels" else 1
 
 
 def macropixel_pack(views: int) -> int:
-    """As :func:`default_pack`, always for macropixels; at most 8."""
+    """Return :func:`default_pack` for macropixels; at most 8."""
     _check(views)
     return max(1, min(8, 128 // views))
 
@@ -84,34 +82,34 @@ def macropixel_pack(views: int) -> int:
 def chosen_encoding(
     views: int, encoding: Encoding | None = None, *, by_depth: bool = False, width: int = 0
 ) -> Encoding:
-    """``encoding`` for N = ``views``, with each None replaced by what measured best, also where
-    pictures are sliced ``by_depth``, in frames of ``width`` pixels.
+    """Replace each None of ``encoding`` by the best measured setting.
 
-    H.265 has H.264's rate factor of that N and AV1 that times :data:`CRF_SCALE`, for about the same
-    quality, at presets of their own; chroma is whole where the codec can store it whole.
-    ``bframes`` and ``refs`` stay None where the preset decides.
+    The settings depend on N = ``views``, on whether pictures are sliced ``by_depth``, and on the
+    ``width`` of frames, pixels.  H.265 has H.264's rate factor, and AV1 that times
+    :data:`CRF_SCALE`, for about the same quality, with their own presets.  Chroma is not subsampled
+    if the codec allows it.  ``bframes`` and ``refs`` stay None if the preset decides.
     """
     _check(views)
-    given = encoding or Encoding()
+    requested = encoding or Encoding()
     crf, best = next((crf, own) for limit, crf, own in _SETTINGS if views <= limit)
     if by_depth and views <= 16:
         crf = FEW_VIEWS_CRF
-    if given.codec != DEFAULT_CODEC:
-        crf = min(63.0, crf * CRF_SCALE.get(given.codec, 1.0))
-        best = {"preset": OTHER_PRESETS.get(given.codec)}
-    elif given.preset not in (None, best["preset"]):
+    if requested.codec != DEFAULT_CODEC:
+        crf = min(63.0, crf * CRF_SCALE.get(requested.codec, 1.0))
+        best = {"preset": OTHER_PRESETS.get(requested.codec)}
+    elif requested.preset not in (None, best["preset"]):
         best = {}  # another preset has its own
-    if width > WIDE and given.codec in ("libx264", "libx265"):
+    if width > WIDE and requested.codec in ("libx264", "libx265"):
         best = best | {"bframes": 0, "refs": 1}
-        if "preset" in best and given.codec == DEFAULT_CODEC and views <= 16:
+        if "preset" in best and requested.codec == DEFAULT_CODEC and views <= 16:
             crf, best = crf + WIDE_CRF, best | {"extra": NO_LOOKAHEAD}
-    full = "yuv444p" if "yuv444p" in CODECS[given.codec] else "yuv420p"
-    deep = given.transfer == "pq" or (by_depth and not given.lossless)
-    if deep and f"{full}10le" in CODECS[given.codec]:
+    full = "yuv444p" if "yuv444p" in CODECS[requested.codec] else "yuv420p"
+    deep = requested.transfer == "pq" or (by_depth and not requested.lossless)
+    if deep and f"{full}10le" in CODECS[requested.codec]:
         full += "10le"
     best = {"crf": crf} | best | {"pixel_format": full, "gop": KEY_EVERY}
-    open_keys = [key for key in best if getattr(given, key) in (None, ())]
-    chosen = replace(given, **{key: best[key] for key in open_keys})
+    open_keys = [key for key in best if getattr(requested, key) in (None, ())]
+    chosen = replace(requested, **{key: best[key] for key in open_keys})
     return replace(chosen, preset=None, tune=None) if chosen.lossless else chosen
 
 
@@ -125,8 +123,10 @@ def frame_layout(
     pack: int | None = None,
     peak: float | None = None,
 ) -> FrameLayout:
-    """The layout of N = ``views`` of so many pixels in frames; None is what measured best, and of
-    ``peak`` sRGB."""
+    """Return the layout of N = ``views`` with ``pixels`` in frames.
+
+    None is the best measured value; a ``peak`` of None is sRGB.
+    """
     size = Size.of(pixels)
     kind = kind or default_kind(views, size.longer)
     if pack is None:

@@ -62,26 +62,27 @@ class DepthCodes:
         return (1 << self.format.bits) - 1
 
     def of_depth(self, depth: np.ndarray) -> np.ndarray:
-        """Codes of depths in metres, infinity for a miss; what lies outside is taken as the end."""
+        """Convert depths, metres, to codes; infinity is a miss, and depths beyond the range are
+        clipped to its ends."""
         share = (1.0 / np.asarray(depth, np.float64) - self.far) / (self.near - self.far)
         return np.rint(np.clip(share, 0, 1) * self.last).astype(self.format.dtype)
 
     def depth(self, codes: np.ndarray) -> np.ndarray:
-        """float32 metres, infinity for 0 dioptres."""
+        """Convert codes to float32 metres; 0 dioptres is infinity."""
         return self.table[codes]
 
     @cached_property
     def table(self) -> np.ndarray:
-        """float32 metres of every code."""
+        """The float32 metres of every code."""
         inverse = self.far + np.arange(self.last + 1) * ((self.near - self.far) / self.last)
         with np.errstate(divide="ignore", over="ignore"):
             return (1.0 / inverse).astype(np.float32)
 
     def spec(self, slab: Slab, *, lossless: bool = False) -> Encoding:
-        """H.264 whose quantisers err by up to :data:`SWEEP_PX`, half their step, or FFV1.
+        """Return FFV1, or H.264 with quantisers whose error, half a step, is :data:`SWEEP_PX`.
 
-        The step is 1 at quantiser 4 for 8 bits and doubles every 6. Measured: finer steps bring
-        nothing, coarser ones lose pictures (docs/decisions.md).
+        A step is 1 code at quantiser 4 for 8 bits and doubles every 6.  Finer steps did not improve
+        pictures, coarser ones made them worse (docs/decisions.md).
         """
         if lossless:
             return Encoding(LOSSLESS[0], self.pixel_format, preset=None, tune=None, gop=KEY_EVERY)
@@ -97,7 +98,7 @@ class DepthCodes:
 
 
 def sweep_step(slab: Slab) -> float:
-    """The dioptres that change a view's sweep by :data:`SWEEP_PX`."""
+    """Return the change of inverse depth, 1/m, that changes a view's sweep by :data:`SWEEP_PX`."""
     return SWEEP_PX * slab.pixel_pitch / slab.lens_pitch_m
 
 
@@ -149,7 +150,7 @@ class StoredDepth:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StoredDepth:
-        """Raises :class:`StorageError`, or of Python's own, for what it cannot be."""
+        """Raises :class:`StorageError` or an exception of Python's for impossible values."""
         if set(data) != set(KEYS):
             raise StorageError(f"must have exactly the keys {sorted(KEYS)}", key="depth")
         for key, kind in (("codec", str), ("header_crc32", int), ("settings", dict)):

@@ -1,5 +1,4 @@
-"""Frames that a device writes: where a tile's elements are in them, their memory, and the kernel
-that makes them of traced light."""
+"""Frames that a device writes: the positions of elements, the memory, and the encoding kernel."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from lfcore.storage.depth_stream import DepthCodes
 
 PLACEMENT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
-"""Where an element is in frames, and its column and row on the outer grid."""
+"""The position of an element in frames, and its column and row on the outer grid."""
 FRAME_ARGUMENTS = np.dtype([
     ("width", INT),
     ("height", INT),
@@ -31,24 +30,23 @@ RECORDS = {"Placement": PLACEMENT, "FrameArguments": FRAME_ARGUMENTS}
 
 
 def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
-    """(2,) int32: what a tile's columns and rows count from, on the slab's square grids.
+    """Return the element (2,) int32 of the slab's square grid that a tile counts from.
 
-    Tiles of views count from the first lens sample, and tiles of pixels from the first that is
-    there.
+    Tiles of views count from the first lens sample, tiles of pixels from the first stored pixel.
     """
     corner = slab.held.pixels[:2] if tile.layout.kind == "macropixels" else (0, 0)
     return np.array(corner, np.int32)
 
 
 def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
-    """The elements [u0, u1) x [v0, v1) of a tile on the slab's square grid: u0, v0, u1, v1."""
+    """Return u0, v0, u1, v1 of a tile's elements [u0, u1) x [v0, v1) on the slab's square grid."""
     left, top = (grid_corner(tile, slab) + [tile.column, tile.row]).tolist()
     return left, top, left + tile.columns, top + tile.rows
 
 
 def placements_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
-    """(E,) PLACEMENT of a tile's elements, frame after frame; without ``frames`` only columns and
-    rows on the slab's square grid."""
+    """Return (E,) PLACEMENT of a tile's elements, frame after frame; without ``frames`` only their
+    columns and rows on the slab's square grid."""
     elements = tile.elements()
     placed = np.zeros(len(elements), PLACEMENT)
     if frames:
@@ -58,7 +56,7 @@ def placements_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
 
 
 class FrameMemory:
-    """Page-aligned host memory that the device writes frames into, without a copy on a CPU."""
+    """Page-aligned host memory for frames that the device writes; a CPU writes without a copy."""
 
     def __init__(self, device: Device, layout: FrameLayout, frames: int):
         self.device, self.layout = device, layout
@@ -70,7 +68,7 @@ class FrameMemory:
             self.blank(frames)
 
     def blank(self, count: int) -> None:
-        """Make padding and empty slots of the first frames black, whatever memory held."""
+        """Make the first ``count`` frames black, with their padding and empty slots."""
         layout = self.layout
         with self.frames(count, write=True) as codes:
             channels = layout.format.views(codes[:1], layout.frame_width, layout.frame_height)
@@ -79,18 +77,18 @@ class FrameMemory:
             codes[1:] = codes[0]
 
     def frames(self, count: int, *, write: bool = False) -> AbstractContextManager[np.ndarray]:
-        """(count, frame_bytes) uint8 within a ``with`` block, in which no kernel may run."""
+        """Return (count, frame_bytes) uint8 for a ``with`` block, in which no kernel may run."""
         shape = count, self.layout.frame_bytes
         return self.device.mapped(self.buffer, shape, np.uint8, write=write)
 
     def held(self, count: int) -> np.ndarray:
-        """The same, which is valid until kernels write again."""
-        with self.frames(count):  # to map it is enough
+        """Return (count, frame_bytes) uint8, valid until kernels write again."""
+        with self.frames(count):  # mapping it once is enough
             return self.memory[: count * self.layout.frame_bytes].reshape(count, -1)
 
     @property
     def arguments(self) -> np.ndarray:
-        """Size and format of the frames, for kernels."""
+        """The size and format of frames, for kernels."""
         layout = self.layout
         return record(
             FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
@@ -99,13 +97,14 @@ class FrameMemory:
 
 
 class FrameWriter:
-    """Memory of some frames of a tile, in which a kernel writes the light of traced rays and, with
-    ``codes``, their depth; what no element covers is black.
+    """Encodes traced rays into frames on the device: their light and, with ``codes``, their depth.
 
     Attributes
     ----------
-    colours, depths : the memory of both; ``depths`` is None without ``codes``.
-    count : frames that were written last.
+    colours, depths : FrameMemory
+        The frames; black where there is no element.  ``depths`` is None without ``codes``.
+    count : int
+        The number of frames written last.
     """
 
     def __init__(self, device: Device, tile: Tile, frames: int, codes: DepthCodes | None = None):
@@ -118,7 +117,7 @@ class FrameWriter:
             self._tiles.append(replace(tile, layout=grey))
             defines["CODE"] = "uchar" if codes.format.bits == 8 else "ushort"
             defines["LAST_CODE"] = codes.last
-        memory = [FrameMemory(device, each.layout, frames) for each in self._tiles]
+        memory = [FrameMemory(device, part.layout, frames) for part in self._tiles]
         self.colours, self.depths = memory[0], memory[1] if codes else None
         self._memory, self.count = memory, 0
         files = ["storage/kernels/encode.cl"]
@@ -134,7 +133,7 @@ class FrameWriter:
         *,
         first_row: int = 0,
     ) -> None:
-        """Write rows of ``elements`` (E, 2), whose first frame becomes the memory's first.
+        """Write rows of ``elements`` (E, 2); their first frame becomes the memory's first.
 
         ``light`` (E, rows, columns, 3) is linear, ``depth`` (E, rows, columns) in metres; float32.
         """
@@ -149,7 +148,7 @@ class FrameWriter:
         targets.insert(3, scratch)
         if codes:
             steps = codes.last / (codes.near - codes.far)
-            assert depth is not None  # with codes there is depth
+            assert depth is not None  # callers that give codes give depth
             targets.insert(4, device.shown(np.ascontiguousarray(depth)))
             targets += [np.float32(codes.far), np.float32(steps)]
         self._kernel(
@@ -160,6 +159,6 @@ class FrameWriter:
         self.count = int(placed["frame"].max()) + 1
 
     def read(self) -> tuple[np.ndarray, ...]:
-        """The frames that were written last, of colours and of depths: (F, frame_bytes) uint8 each,
-        valid until the next are written."""
+        """Return the frames of colours and of depths that were written last: (F, frame_bytes) uint8
+        each, valid until the next :meth:`write`."""
         return tuple(memory.held(self.count) for memory in self._memory)

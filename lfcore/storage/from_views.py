@@ -1,7 +1,7 @@
-"""A light field file of views in memory.
+"""Views in memory, written to a light field file.
 
-The store holds sRGB codes from 0 to 1, a camera array linear radiance without an upper end: what
-the brightest code stands for, ``white``, is recorded beside the array and taken back on reading.
+A file stores codes from 0 to 1; a camera array has unbounded linear radiance.  Its ``white``, the
+radiance of the brightest code, is recorded with the array, and readers multiply by it.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from lfcore.scene.model import Scene
 
 CODES = (np.uint8, np.uint16)
+"""The types of views that hold sRGB codes."""
 
 
 def store_arrays(
@@ -51,7 +52,7 @@ def store_arrays(
     try:
         views, encoding = np.asarray(views), encoding or Encoding()
     except (TypeError, ValueError) as error:
-        raise OpticsError(f"are no array: {error}", key="views") from None
+        raise OpticsError(f"must be an array: {error}", key="views") from None
     if views.dtype.kind != "f" and views.dtype not in CODES:
         remedy = "Give floats of linear light, or uint8 or uint16 of sRGB codes"
         raise OpticsError(f"are of type {views.dtype}", key="views", remedy=remedy)
@@ -95,9 +96,9 @@ def store_arrays(
 
 
 def _white(path: Path, views: np.ndarray, array: CameraArray, white: float | None) -> float:
-    """The radiance of the brightest code: the brightest of the views, and at least 1, unless given.
+    """Return the radiance of the brightest code: ``white``, or the views' maximum and at least 1.
 
-    Raises :class:`OpticsError` for views that a file does not hold.
+    Raises :class:`OpticsError` for views that a file cannot store.
     """
     (nx, ny), (w, h) = array.cameras, array.tile
     if views.dtype in CODES:
@@ -109,8 +110,8 @@ def _white(path: Path, views: np.ndarray, array: CameraArray, white: float | Non
         )  # fmt: skip
     if nx != ny or w != h:
         raise OpticsError(
-            f"{nx} x {ny} cameras of {w} x {h} pixels: a file holds as many columns as rows, of "
-            "square pictures",
+            f"has {nx} x {ny} cameras of {w} x {h} pixels; a file stores square grids of square "
+            "pictures",
             file=path,
             remedy="Keep it as EXR, or trace a square array",
         )
@@ -119,7 +120,7 @@ def _white(path: Path, views: np.ndarray, array: CameraArray, white: float | Non
         raise OpticsError(
             f"has radiance from {low:g} to {high:g}",
             file=path,
-            remedy="Mend the picture: light is neither negative nor infinite",
+            remedy="Replace negative and infinite values",
         )
     white = max(1.0, high) if white is None else float(white)
     if not (white > 0 and np.isfinite(white)):
@@ -128,7 +129,7 @@ def _white(path: Path, views: np.ndarray, array: CameraArray, white: float | Non
 
 
 def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:
-    """The slab of the views, and what the file says of its geometry."""
+    """Return the views' slab, and the facts about its geometry that the file records."""
     rows, columns, height, width, _ = views.shape
     if isinstance(geometry, Camera):
         extent = Extent.centred(columns, rows, width, height)
@@ -139,23 +140,22 @@ def _slab(views: np.ndarray, geometry: Camera | float) -> tuple[Slab, dict]:
     spacing = float(geometry)
     if not (spacing > 0 and np.isfinite(spacing)):
         raise OpticsError(f"must be positive and finite, not {spacing}", key="spacing")
-    known = Geometry(spacing)
     content = {"metric": False, "source": {"format": "views", "pitch_m": spacing}}
-    return known.slab(columns, rows, width, height), content
+    return Geometry(spacing).slab(columns, rows, width, height), content
 
 
 def _peak(views: np.ndarray, white: float | None, encoding: Encoding, path: Path) -> float | None:
-    """The light of the brightest code; None for sRGB."""
+    """Return the light of the brightest code; None for sRGB."""
     if white is not None:
         raise OpticsError("belongs to a camera array", key="white", remedy="Give a CameraArray")
     if views.dtype in CODES:
         if encoding.transfer == "pq":
-            raise StorageError("is of linear light, not of codes", key="transfer")
+            raise StorageError("pq needs views of linear light, not codes", key="transfer")
         return None
     low, high = float(views.min()), float(views.max())
     if not (low >= 0 and high <= (MOST_LIGHT if encoding.transfer != "srgb" else 1)):
         raise OpticsError(
             f"have light from {low:g} to {high:g}", file=path, key="views",
-            remedy="Clip it: sRGB holds 0 to 1, PQ 0 to 65536",
+            remedy="Clip them: sRGB stores 0 to 1, PQ 0 to 65536",
         )  # fmt: skip
     return max(1.0, high) if high > 1 or encoding.transfer == "pq" else None

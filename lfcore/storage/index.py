@@ -1,6 +1,6 @@
-"""The index of a light field file: which frames are which tile's, as one array of numbers.
+"""The index of a light field file: the frames of each tile, as one array of numbers.
 
-A file may hold a hundred thousand segments; objects are made of those alone that are looked at.
+A file may have a hundred thousand segments, so objects are created only on access.
 """
 
 from __future__ import annotations
@@ -16,13 +16,23 @@ from lfcore.optics.slab import Rectangle
 from lfcore.storage.layout import FrameLayout, Tile
 
 COLUMN, ROW, COLUMNS, ROWS, FIRST, FRAMES, BYTES, CRC32 = range(8)
+"""The columns of an index."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One tile's frames in the file: ``first`` and ``frames`` count frames of the whole file.
+    """The frames of one tile in the file.
 
-    ``bytes`` and ``crc32`` are of the segment's packets, in file order.
+    Attributes
+    ----------
+    index : int
+        The segment's number in the file.
+    tile : Tile
+        The tile.
+    first, frames : int
+        The first frame, counted over the whole file, and the number of frames.
+    bytes, crc32 : int
+        The size and check sum of the segment's packets, in file order.
     """
 
     index: int
@@ -38,8 +48,8 @@ class Segment:
 
 
 class SegmentIndex(Sequence[Segment]):
-    """All segments of a file, in its order, as (S, 8) int64: column, row, columns and rows of the
-    tile, first frame, frames, bytes, and check sum."""
+    """All segments of a file, in its order, as (S, 8) int64: the tile's column, row, columns and
+    rows; first frame, frames, bytes, and check sum."""
 
     def __init__(self, layout: FrameLayout, numbers: np.ndarray):
         self.layout = layout
@@ -47,7 +57,7 @@ class SegmentIndex(Sequence[Segment]):
 
     @classmethod
     def from_json(cls, layout: FrameLayout, rows: list) -> SegmentIndex:
-        """The index of a list of lists of eight whole numbers from 0 to 2^63 - 1."""
+        """Create an index from lists of eight whole numbers from 0 to 2^63 - 1."""
         for index, row in enumerate(rows):
             whole = isinstance(row, list) and len(row) == 8
             if not (whole and all(type(n) is int and 0 <= n < 1 << 63 for n in row)):
@@ -82,25 +92,25 @@ class SegmentIndex(Sequence[Segment]):
 
     @property
     def frames(self) -> int:
-        """Of all segments."""
+        """The number of frames of all segments."""
         return int(self.numbers[:, FRAMES].sum())
 
     def meeting(self, column0: int, row0: int, column1: int, row1: int) -> list[int]:
-        """Indices of the segments whose tiles meet a half-open rectangle of the outer grid."""
+        """Return the indices of tiles that meet a half-open rectangle of the outer grid."""
         column, row, columns, rows = self.numbers[:, :FIRST].T
         meets = (column < column1) & (column0 < column + columns)
         meets &= (row < row1) & (row0 < row + rows)
         return np.flatnonzero(meets).tolist()
 
     def check(self, extent: Rectangle | None) -> None:
-        """Raise :class:`StorageError` unless frames follow one another, as many as each tile needs,
-        and each element of the outer grid, or of ``extent`` of it, is in just one tile."""
+        """Raise :class:`StorageError` unless each tile has the frames that it needs, in order, and
+        each element of the outer grid, or of its ``extent``, is in exactly one tile."""
         tiles, pack = self.numbers[:, :FIRST], self.layout.pack
         low, size = tiles[:, :2], tiles[:, 2:]
         outer = np.array(self.layout.outer)
         bad = (size < 1) | (size > outer) | (low > outer) | (low + size > outer) | (low % pack != 0)
         for index in np.flatnonzero(bad.any(1))[:1].tolist():
-            self[index]  # says what is wrong with it
+            self[index]  # raises an error with the reason
         needed = np.prod(-(-size // pack), axis=1)
         first = np.cumsum(needed) - needed
         wrong = (self.numbers[:, FIRST] != first) | (self.numbers[:, FRAMES] != needed)
@@ -118,9 +128,9 @@ class SegmentIndex(Sequence[Segment]):
 
 
 def _covers(tiles: np.ndarray, column: int, row: int, columns: int, rows: int) -> bool:
-    """Whether rectangles (S, 4) partition the one given.
+    """Return whether rectangles (S, 4) partition the given one.
 
-    From the top down, each must stand on what those before it have filled of its columns.
+    From the top down, each must begin where the rectangles before it end, in all its columns.
     """
     low, high = tiles[:, :2] - [column, row], tiles[:, :2] + tiles[:, 2:] - [column, row]
     if (low < 0).any() or (high > [columns, rows]).any():

@@ -51,7 +51,7 @@ def read_metadata(path: Path) -> tuple[Metadata, list[int]]:
         _compare(path, [("streams of video", len(described), len(streams))])
         for stream_metadata, stream in zip(described, streams, strict=True):
             _check_stream(path, stream_metadata, stream)
-        with suppress(FFmpegError):  # of a damaged index
+        with suppress(FFmpegError):  # a damaged index
             container.seek(0, stream=streams[0])
         ticks = ticks_per_frame(streams[0].time_base)
         entries = streams[0].index_entries
@@ -74,14 +74,14 @@ def _compare(path: Path, pairs: Iterable[tuple[str, object, object]]) -> None:
     for name, in_metadata, in_video in pairs:
         if in_metadata != in_video:
             problem = (
-                f"contradicts itself: the metadata say {name} {in_metadata}, the video has "
+                f"contradicts itself: the metadata have {name} {in_metadata}, the video has "
                 f"{in_video}"
             )
             raise StorageError(problem, file=path, remedy="Join the segments again")
 
 
 def segment_damage(streams: Sequence[StoredVideo], part: Segment) -> list[Damage]:
-    """Check a segment of all streams; a list of one if it is damaged, else empty."""
+    """Check a segment of all streams; return one entry if it is damaged, else none."""
     try:
         for stream in streams:
             stream.check_segment(part.index)
@@ -93,9 +93,9 @@ def segment_damage(streams: Sequence[StoredVideo], part: Segment) -> list[Damage
 def find_damage(streams: Sequence[StoredVideo]) -> list[Damage]:
     """Check all segments, and look for frame numbers that two packets claim."""
     colours = streams[0]
-    damage = [each for part in colours.segments for each in segment_damage(streams, part)]
+    damage = [entry for part in colours.segments for entry in segment_damage(streams, part)]
     once: set[int] = set()
-    twice: set[int] = set()  # as where a cluster has lost its time
+    twice: set[int] = set()  # as in a cluster that has lost its time
     with suppress(FFmpegError), open_video(colours.path, MOST_STREAMS) as container:
         stream = container.streams.video[0]
         ticks = ticks_per_frame(stream.time_base)
@@ -103,23 +103,24 @@ def find_damage(streams: Sequence[StoredVideo]) -> list[Damage]:
             number = frame_number(packet.pts, ticks) if packet.size else None
             if number is not None:
                 (twice if number in once else once).add(number)
-    damaged = {each.segment.index for each in damage}
+    damaged = {entry.segment.index for entry in damage}
     for part in colours.segments:
         if part.index not in damaged and twice & set(range(part.first, part.stop)):
-            damage.append(Damage(part, "holds two packets of one number"))
+            damage.append(Damage(part, "has two packets with one number"))
     return damage
 
 
 def damage_error(path: Path, total: int, damage: Sequence[Damage]) -> StorageError:
-    """The error of a damaged file: what is wrong, and how many of ``total`` segments are left."""
+    """Return the error of a damaged file: the reasons, and how many of ``total`` segments are
+    left."""
     if len(damage) == total:
         readable = f"none of {total} segments can be read"
     else:
-        numbers = ", ".join(str(each.segment.index) for each in damage[:MOST_NAMED])
+        numbers = ", ".join(str(entry.segment.index) for entry in damage[:MOST_NAMED])
         more = ", ..." if len(damage) > MOST_NAMED else ""
         left = total - len(damage)
         readable = f"{left} of {total} segments can still be read, not {numbers}{more}"
-    reasons = [each.reason for each in damage[:MOST_REASONS]]
+    reasons = [entry.reason for entry in damage[:MOST_REASONS]]
     problem = f"is damaged: {'; '.join(reasons)}; {readable}"
     remedy = "Open it to salvage what can be read, or join the segments again"
     return StorageError(problem, file=path, remedy=remedy)

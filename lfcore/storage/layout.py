@@ -1,4 +1,4 @@
-"""Which ray of a light slab is which pixel of which video frame.
+"""The positions of a light slab's rays in video frames.
 
 The *outer* grid of elements and the *inner* grid of rays of one element are, by kind,
 
@@ -27,27 +27,47 @@ from lfcore.optics.slab import Slab
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
 KINDS = ("macropixels", "views")
+"""The kinds of layouts."""
 LEAST_PQ_BITS = 10
+"""The fewest bits per sample with PQ; with fewer, bands are visible."""
 PQ_ONE = float(1 << 26)
-"""The brightest PQ code in the fixed point that frames are decoded to."""
+"""The brightest PQ code in the fixed point of decoded frames."""
 MOST_LIGHT = 1 << 16
-"""Times white."""
-MOST_A_SIDE = 65536
-"""Of views and of pixels, as in a slab."""
+"""The greatest peak, as a multiple of white."""
+MOST_PER_SIDE = 65536
+"""The most views and the most pixels per side, as in a slab."""
 SMALLEST_FRAME = 16
-"""Frames are padded to this size: some encoders refuse smaller ones, all pad to it inside."""
+"""The side, pixels, to which smaller frames are padded: some encoders refuse smaller ones, and all
+pad to it internally."""
 
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """How the rays of N x N ``views`` of M x M ``pixels`` are laid out in frames.
+    """The positions of the rays of N x N views with M x M pixels in frames.
 
-    ``picture`` is the width and height of pictures that are not square, whose longer side has M
-    pixels; without it frames have squares, in which a slab's wide pictures lie where its extent
-    says.  ``order`` is the scan order of frames within a tile: ``raster``, ``serpentine`` or
-    ``hilbert``.  ``peak`` is the linear light of the brightest code of PQ (SMPTE ST 2084); without
-    it codes are sRGB and end at white.  Raises :class:`StorageError` for values that make no
-    layout.
+    Attributes
+    ----------
+    kind : str
+        ``macropixels`` or ``views``.
+    views, pixels : int
+        N and M.
+    order : str
+        The scan order of frames within a tile: ``raster``, ``serpentine`` or ``hilbert``.
+    pack : int
+        The elements per side of a frame.
+    pixel_format : str
+        The format of frames.
+    picture : (int, int), optional
+        The width and height of pictures that are not square; the longer side is M.  Without it,
+        frames have squares that contain a slab's pictures at the position of its extent.
+    peak : float, optional
+        The linear light of PQ's (SMPTE ST 2084) brightest code; without it codes are sRGB and clip
+        at white.
+
+    Raises
+    ------
+    StorageError
+        Values that make no layout.
     """
 
     kind: str
@@ -66,8 +86,8 @@ class FrameLayout:
             value = getattr(self, key)
             if not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
                 raise StorageError(f"must be a positive integer, not {value!r}", key=key)
-            if value > MOST_A_SIDE:
-                raise StorageError(f"must be at most {MOST_A_SIDE}, not {value}", key=key)
+            if value > MOST_PER_SIDE:
+                raise StorageError(f"must be at most {MOST_PER_SIDE}, not {value}", key=key)
         form = pixel_format(self.pixel_format)
         if self.peak is not None and not (
             isinstance(self.peak, int | float) and 1 <= self.peak <= MOST_LIGHT
@@ -81,18 +101,18 @@ class FrameLayout:
             width, height = self.picture
             whole = type(width) is type(height) is int and min(width, height) >= 1
             if not whole or max(width, height) != self.pixels:
-                problem = f"is no width and height with a longer side of {self.pixels}"
+                problem = f"must be width and height, with a longer side of {self.pixels}"
                 raise StorageError(problem, key="picture")
             object.__setattr__(self, "picture", None if width == height else (width, height))
 
     def corner(self, slab: Slab) -> tuple[int, int]:
-        """Where the pictures of ``slab`` begin in the layout's own: not at (0, 0) in squares."""
+        """Return the first pixel of the slab's pictures in the layout's; (0, 0) if both agree."""
         left, top = slab.held.pixels[:2]
         return (0, 0) if self.picture else (left, top)
 
     @property
     def size(self) -> Size:
-        """Width and height of the pictures in frames."""
+        """The width and height of pictures in frames."""
         return Size(*(self.picture or (self.pixels, self.pixels)))
 
     @property
@@ -101,17 +121,17 @@ class FrameLayout:
 
     @property
     def outer(self) -> Size:
-        """Columns and rows of the outer grid."""
+        """The columns and rows of the outer grid."""
         return self.size if self.kind == "macropixels" else Size(self.views, self.views)
 
     @property
     def inner(self) -> Size:
-        """Columns and rows of the inner grid."""
+        """The columns and rows of the inner grid."""
         return Size(self.views, self.views) if self.kind == "macropixels" else self.size
 
     @property
     def packed(self) -> Size:
-        """Columns and rows of elements in a frame."""
+        """The columns and rows of elements in a frame."""
         return Size(*(min(self.pack, count) for count in self.outer))
 
     @property
@@ -120,7 +140,7 @@ class FrameLayout:
 
     @property
     def slot(self) -> Size:
-        """Width and height of the pixels that one element has in a frame: even for 4:2:0.
+        """The width and height of an element in a frame, pixels; even for 4:2:0.
 
         Columns and rows from ``inner`` to ``slot`` are padding; they should repeat the last one.
         """
@@ -129,7 +149,7 @@ class FrameLayout:
 
     @property
     def frame_width(self) -> int:
-        """Of every frame, in pixels; no smaller than SMALLEST_FRAME."""
+        """The width of every frame, pixels; at least SMALLEST_FRAME."""
         return max(self.slot.width * self.packed.width, SMALLEST_FRAME)
 
     @property
@@ -145,9 +165,9 @@ class FrameLayout:
         return math.prod(self.outer) * math.prod(self.inner)
 
     def tile(self, column: int, row: int, columns: int, rows: int, index: int = 0) -> Tile:
-        """The tile of this rectangle of the outer grid.
+        """Return the tile of a rectangle of the outer grid.
 
-        Raises :class:`StorageError` unless it lies inside and starts at a block's corner.
+        Raises :class:`StorageError` unless it is inside and begins at a block's corner.
         """
         inside = 0 <= column < column + columns <= self.outer.width
         inside &= 0 <= row < row + rows <= self.outer.height
@@ -160,12 +180,12 @@ class FrameLayout:
         return Tile(self, index, column, row, columns, rows)
 
     def tiles(self, max_rays: int, *, least: int = 2, small_rays: int = 1 << 20) -> list[Tile]:
-        """The outer grid cut into tiles of at most ``max_rays`` rays, in raster order.
+        """Cut the outer grid into tiles of at most ``max_rays`` rays, in raster order.
 
-        Bands of whole rows of blocks as long as a row fits, pieces of one row of blocks else;
-        a tile never is less than one block, however small ``max_rays``.  Tiles differ by at most
-        one block a side, so that cores finish together.  A light field of more than
-        ``small_rays`` rays gives at least ``least`` tiles where it has that many blocks.
+        If a row of blocks fits, tiles are whole rows, else parts of one row.  A tile has at least
+        one block, however small ``max_rays`` is.  Tiles differ by at most one block per side, so
+        that cores finish together.  More than ``small_rays`` rays make at least ``least`` tiles, if
+        there are that many blocks.
         """
         across, down = (-(-count // self.pack) for count in self.outer)
         if self.rays <= small_rays:
@@ -183,35 +203,35 @@ class FrameLayout:
         return tiles
 
     def encoded(self, light: np.ndarray) -> np.ndarray:
-        """What frames hold of linear light, in [0, 1]: sRGB or PQ."""
+        """Encode linear light as sRGB or PQ, in [0, 1]."""
         if self.peak is None:
             return srgb_encode(light)
         return pq_encode(floating(light) * floating(light).dtype.type(1 / self.peak))
 
     def decoded(self, codes: np.ndarray) -> np.ndarray:
-        """Linear light of what frames hold, in [0, 1]."""
+        """Decode sRGB or PQ, in [0, 1], to linear light."""
         if self.peak is None:
             return srgb_decode(codes)
         return pq_decode(codes) * floating(codes).dtype.type(self.peak)
 
     @property
     def one(self) -> float:
-        """Radiance 1 in the fixed point that frames are decoded to."""
+        """The radiance 1 in the fixed point of decoded frames."""
         return FIXED_ONE if self.peak is None else PQ_ONE / self.peak
 
     @property
     def most_views(self) -> int:
-        """Views of that fixed point whose sum 32 bits hold."""
+        """The most views in this fixed point whose sum fits 32 bits."""
         return ((1 << 32) - 1) // int(FIXED_ONE if self.peak is None else PQ_ONE)
 
     @property
     def stops(self) -> int:
-        """Whole stops above white that hold all light."""
+        """The whole stops above white up to the peak."""
         return math.ceil(math.log2(self.peak or 1))
 
     @property
     def defines(self) -> dict[str, int]:
-        """What programs that decode frames are built with."""
+        """The macros of programs that decode frames."""
         form = self.format
         return {
             "BITS": form.bits,
@@ -221,7 +241,7 @@ class FrameLayout:
         }
 
     def to_json(self) -> dict:
-        """``picture`` is left out of squares, ``peak`` of sRGB."""
+        """Return the fields; squares have no ``picture``, and sRGB has no ``peak``."""
         data = {key: value for key, value in asdict(self).items() if value is not None}
         return data | ({"picture": list(self.picture)} if self.picture else {})
 
@@ -237,7 +257,7 @@ class FrameLayout:
 
 @dataclass(frozen=True)
 class Tile:
-    """A rectangle of the outer grid; ``index`` is its place among all tiles."""
+    """A rectangle of the outer grid; ``index`` is its number among all tiles."""
 
     layout: FrameLayout
     index: int
@@ -265,21 +285,21 @@ class Tile:
 
     @cached_property
     def _scan(self) -> np.ndarray:
-        """(frame_count, 2) int32: block (column, row) of each frame."""
+        """The block (column, row) of each frame, (frame_count, 2) int32."""
         return ORDERS[self.layout.order](*self._block_grid)
 
     @cached_property
     def _frame_of_block(self) -> np.ndarray:
-        """int32 (block rows, block columns): the frame of each block."""
+        """The frame of each block, (block rows, block columns) int32."""
         columns, rows = self._block_grid
         frames = np.empty((rows, columns), np.int32)
         frames[self._scan[:, 1], self._scan[:, 0]] = np.arange(self.frame_count, dtype=np.int32)
         return frames
 
     def elements(self) -> np.ndarray:
-        """(E, 2) int32 outer coordinates (column, row), frame after frame in scan order.
+        """Return outer coordinates (column, row), (E, 2) int32, frame after frame in scan order.
 
-        Within a frame row by row; slots that lie outside the tile are left out.
+        Within a frame they go row by row; slots outside the tile are left out.
         """
         pack = self.layout.pack
         slots = np.stack(np.divmod(np.arange(pack * pack, dtype=np.int32), np.int32(pack))[::-1], 1)
@@ -289,7 +309,7 @@ class Tile:
         return cells + np.array([self.column, self.row], np.int32)
 
     def placement(self, elements: np.ndarray) -> np.ndarray:
-        """(E, 3) int32 [frame within the tile, x0, y0] of outer coordinates (E, 2).
+        """Return (E, 3) int32 [frame within the tile, x0, y0] of outer coordinates (E, 2).
 
         (x0, y0) is the corner of the element's inner grid within the frame, in pixels.
         """
@@ -297,7 +317,7 @@ class Tile:
             [self.column, self.row], np.int32
         )
         if local.size and (local.min() < 0 or (local >= [self.columns, self.rows]).any()):
-            raise StorageError("elements lie outside the tile", key="tile")
+            raise StorageError("elements are outside the tile", key="tile")
         block, slot = np.divmod(local, np.int32(self.layout.pack))
         out = np.empty((len(local), 3), np.int32)
         out[:, 0] = self._frame_of_block[block[:, 1], block[:, 0]]
@@ -309,19 +329,19 @@ class Tile:
 
 
 def _spans(blocks: int, parts: int, pack: int, outer: int) -> Iterator[tuple[int, int]]:
-    """``parts`` nearly equal spans of the blocks, in elements: (start, stop)."""
+    """Yield ``parts`` nearly equal spans of blocks, in elements: (start, stop)."""
     cuts = [part * blocks // parts * pack for part in range(parts)] + [outer]
     yield from itertools.pairwise(cuts)
 
 
 def raster(columns: int, rows: int) -> np.ndarray:
-    """Row after row, each from the left: one long step at the end of each row."""
+    """Scan row after row, each from the left, with a long step at the end of each row."""
     row, column = np.divmod(np.arange(columns * rows, dtype=np.int32), np.int32(columns))
     return np.stack([column, row], axis=1)
 
 
 def serpentine(columns: int, rows: int) -> np.ndarray:
-    """Every other row from the right: all steps have length one."""
+    """Scan every other row from the right: all steps have length one."""
     cells = raster(columns, rows)
     back = cells[:, 1] % 2 == 1
     cells[back, 0] = columns - 1 - cells[back, 0]
@@ -329,9 +349,9 @@ def serpentine(columns: int, rows: int) -> np.ndarray:
 
 
 def hilbert(columns: int, rows: int) -> np.ndarray:
-    """Squares chained along the longer side, a Hilbert curve in each, cells outside left out.
+    """Scan squares along the longer side, each by a Hilbert curve; cells outside are left out.
 
-    All steps have length one where the shorter side is a power of two that divides the longer.
+    All steps have length one if the shorter side is a power of two that divides the longer.
     """
     if rows > columns:
         return np.ascontiguousarray(hilbert(rows, columns)[:, ::-1])
@@ -345,8 +365,8 @@ def hilbert(columns: int, rows: int) -> np.ndarray:
 
 
 def _hilbert_square(side: int) -> np.ndarray:
-    """The curve from (0, 0) to (side - 1, 0) of a square, by reflections and copies of the
-    quadrants' (Hilbert 1891)."""
+    """Return a square's curve from (0, 0) to (side - 1, 0), by copies and reflections of its
+    quadrants' curves (Hilbert 1891)."""
     curve = np.zeros((1, 2), np.int32)
     half = 1
     while half < side:

@@ -95,7 +95,7 @@ class LightFieldFile:
         ------
         StorageError
             The file is missing, foreign, cut short, damaged outside the video, lacks segments or
-            contradicts itself; says what is damaged and what can still be read.
+            contradicts itself; the error names damaged and readable segments.
         """
         path = located(path)
         metadata, keys = read_metadata(path)
@@ -127,11 +127,11 @@ class LightFieldFile:
         ----------
         views : ndarray
             (rows, columns, height, width, 3): floats are linear light, uint8 and uint16 sRGB codes.
-            Row 0 is the top camera, column 0 the leftmost.  Of a :class:`CameraArray` also the
+            Row 0 is the top camera, column 0 the leftmost.  With a :class:`CameraArray` also the
             mosaic that :func:`lfcore.trace_array` returns.
         geometry : Camera, CameraArray or float
-            A lens whose samples the views are; parallel cameras; or the metres between neighbouring
-            views, where nothing else is known: then refocus by disparity.
+            The lens whose samples are the views; parallel cameras; or, if nothing else is known,
+            the metres between neighbouring views: then refocus by disparity.
         path : str or Path
             The file to write, ``.mkv``.
         encoding : Encoding, optional
@@ -141,10 +141,10 @@ class LightFieldFile:
         name : str, optional
             Default: the scene's, else the file's.
         white : float, optional
-            Of a :class:`CameraArray`: light that the brightest code stands for; more is clipped.
-            Default: the brightest of the views, and at least 1.
+            The light of the brightest code, for a :class:`CameraArray`; brighter light is clipped.
+            Default: the views' maximum, and at least 1.
         progress : callable, optional
-            Called with (views done, of all).
+            Called with (views done, total).
 
         Returns
         -------
@@ -154,7 +154,7 @@ class LightFieldFile:
         Raises
         ------
         OpticsError
-            Views of another shape, or light that the file cannot hold.
+            Views of another shape, or light that the file cannot store.
         StorageError
             The codec does not take the settings, or the file cannot be written.
         """
@@ -305,7 +305,7 @@ class LightFieldFile:
 
     @property
     def seen_range(self) -> tuple[float, float] | None:
-        """As :attr:`depth_range`, without a floor that was added under a mesh."""
+        """The :attr:`depth_range` without a floor that was added under a mesh."""
         ends = self.content.get("seen_m")
         return tuple(ends) if ends else self.depth_range
 
@@ -317,13 +317,13 @@ class LightFieldFile:
     def require_metric(self, key: str) -> None:
         """Raise :class:`OpticsError` naming ``key`` if distances and f-numbers are unknown."""
         if not self.metric:
-            problem = "does not hold its geometry: distances and f-numbers are unknown"
+            problem = "does not record its geometry: distances and f-numbers are unknown"
             remedy = f"Focus by disparity and stop down by views. {GIVE_GEOMETRY}"
             raise OpticsError(problem, file=self.path, key=key, remedy=remedy)
 
     @property
     def made_views(self) -> Slab:
-        """The slab of the views that depth makes of displaced ones; else the file's own."""
+        """The slab of the plain views that depth makes from displaced views; else the file's."""
         slab, depth = self.require_slab(), self.metadata.depth
         return slab.resized(depth.pixels) if depth and self.displaced else slab
 
@@ -414,7 +414,7 @@ class LightFieldFile:
         for rectangle, (column, row, columns, rows) in ((lens, held_views), (film, held_pixels)):
             a, b, c, d = rectangle
             if not (0 <= a < c <= columns and 0 <= b < d <= rows):
-                problem = f"({a}, {b}) to ({c}, {d}) lies outside the {columns} x {rows} recorded"
+                problem = f"({a}, {b}) to ({c}, {d}) is outside the {columns} x {rows} recorded"
                 raise StorageError(problem, file=self.path)
             moved.append((a + column, b + row, c + column, d + row))
         if self.layout.kind == "views":

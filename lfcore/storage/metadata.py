@@ -1,7 +1,7 @@
-"""What a light field file says of itself: geometry, layout, colour, and an index of its segments.
+"""The metadata of a light field file: geometry, layout, colour, and an index of its segments.
 
-It is JSON in the Matroska tag ``LIGHTFIELD``, which stands before the video, is kept by programs
-that copy streams, and carries a digest of itself.
+They are JSON in the Matroska tag ``LIGHTFIELD`` before the video, with a digest; programs that copy
+streams keep the tag.
 """
 
 from __future__ import annotations
@@ -21,9 +21,13 @@ from lfcore.storage.index import BYTES, CRC32, SegmentIndex
 from lfcore.storage.layout import FrameLayout
 
 TAG = "LIGHTFIELD"
-SQUARE, VERSION = 1, 2
-"""The versions of files whose frames hold squares, and of those that hold wide pictures."""
+"""The name of the Matroska tag."""
+SQUARE = 1
+"""The version of files whose frames have squares."""
+VERSION = 2
+"""The version of files whose frames have wide pictures."""
 GEOMETRIES = ("slab", "array")
+"""The kinds of geometry."""
 COLOUR = {
     "transfer": "sRGB, IEC 61966-2-1",
     "primaries": "BT.709",
@@ -45,17 +49,30 @@ _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
 
 @dataclass(frozen=True)
 class Metadata:
-    """Everything but the frames: the tag of the file format, whose page has all keys.
+    """Everything but the frames; the page on the file format explains all keys.
 
     Attributes
     ----------
-    slab, array : one of them; an array is a JSON object: :meth:`CameraArray.to_json`, and
-        ``white``, the linear light of the brightest code.
-    codec : name of the video stream, e.g. ``h264``; ``settings`` are what it was encoded with.
-    header_crc32 : of the codec's global header.
-    scene : JSON object with at least ``name`` and ``digest``.
-    content : JSON object of what is known beside the rays.
-    depth : of the stream of inverse depths, where there is one.
+    slab : Slab or None
+        The geometry, unless it is an array.
+    array : dict or None
+        :meth:`CameraArray.to_json`, and ``white``, the linear light of the brightest code.
+    layout : FrameLayout
+        The positions of rays in frames.
+    codec, settings : str, dict
+        The codec of the video stream, e.g. ``h264``, and the encoder's settings.
+    header_crc32 : int
+        The check sum of the codec's global header.
+    scene : dict
+        At least ``name`` and ``digest``.
+    segments : SegmentIndex
+        The frames of each tile.
+    software : str
+        The program that wrote the file.
+    content : dict
+        Facts beside the rays.
+    depth : StoredDepth, optional
+        The stream of inverse depths.
     """
 
     slab: Slab | None
@@ -72,14 +89,14 @@ class Metadata:
 
     @property
     def camera_array(self) -> CameraArray | None:
-        """The array of an ``array`` geometry; :class:`OpticsError` when it is none."""
+        """The camera array of an ``array`` geometry; :class:`OpticsError` if it is invalid."""
         return CameraArray.from_json(self.array) if self.array is not None else None
 
     def of_depth(self) -> Metadata:
-        """The same of the stream of depths, whose frames are laid out as those of colours."""
+        """Return the metadata of the stream of depths; its layout is that of colours."""
         depth = self.depth
         if depth is None:
-            raise StorageError("holds no depth", key="depth")
+            raise StorageError("has no depth", key="depth")
         numbers = self.segments.numbers.copy()
         numbers[:, [BYTES, CRC32]] = depth.segments
         layout = replace(self.layout, pixel_format=depth.codes.pixel_format, peak=None)
@@ -98,7 +115,7 @@ class Metadata:
         return float((self.array or {}).get("white", 1.0))
 
     def to_text(self) -> str:
-        """JSON with a digest."""
+        """Return JSON with a digest."""
         data = {
             "version": VERSION if self.layout.picture else SQUARE,
             "software": self.software,
@@ -122,11 +139,11 @@ class Metadata:
 
     @classmethod
     def from_text(cls, text: str, file: Path) -> Metadata:
-        """Raises :class:`StorageError` when it is damaged, too new, or contradicts itself."""
+        """Raises :class:`StorageError` if the text is damaged, too new, or contradicts itself."""
         try:
             data = json.loads(text)
             whole = data.pop("digest") == _digest(data)
-        # Text that nests deeper than Python's stack is nothing that we wrote.
+        # RecursionError: text that nests deeper than Python's stack is not ours.
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError):
             whole = False
         if not whole:
@@ -139,7 +156,7 @@ class Metadata:
             raise StorageError(problem, file=file, remedy=remedy)
         if set(data) - OPTIONAL_KEYS != KEYS:
             odd = (set(data) - OPTIONAL_KEYS) ^ KEYS
-            raise StorageError(f"has other metadata than it must: {sorted(odd)}", file=file)
+            raise StorageError(f"has unknown or missing metadata: {sorted(odd)}", file=file)
         try:
             return cls._from_json(data)
         except StorageError as error:
@@ -147,7 +164,7 @@ class Metadata:
         except (
             LfcoreError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError,
         ) as error:  # fmt: skip
-            raise StorageError(f"has metadata that make no sense: {error}", file=file) from error
+            raise StorageError(f"has invalid metadata: {error}", file=file) from error
 
     @classmethod
     def _from_json(cls, data: dict[str, Any]) -> Metadata:
@@ -162,17 +179,17 @@ class Metadata:
         if lacking:
             raise StorageError(f"is {data['geometry']}, which lacks its data", key="geometry")
         slab = Slab.from_json(data["slab"]) if data["slab"] is not None else None
-        found = cls(
+        metadata = cls(
             slab, data["array"], layout, data["codec"], data["header_crc32"],
             data["settings"], data["scene"], segments, data["software"],
             data.get("content", {}),
             StoredDepth.from_json(data["depth"]) if "depth" in data else None,
         )  # fmt: skip
-        found.check()
-        return found
+        metadata.check()
+        return metadata
 
     def check(self) -> None:
-        """Raise :class:`StorageError` where the parts contradict one another."""
+        """Raise :class:`StorageError` if the parts contradict one another."""
         slab, array, layout = self.slab, self.camera_array, self.layout
         n, m = layout.views, layout.pixels
         if slab and (slab.views, slab.pixels) != (n, m):
@@ -183,24 +200,25 @@ class Metadata:
         if array and (array.cameras, array.tile) != ((n, n), (m, m)):
             raise StorageError(
                 f"the array has {array.cameras} cameras of {array.tile} pixels, the layout {n} and "
-                f"{m} a side", key="layout",
+                f"{m} per side", key="layout",
             )  # fmt: skip
         if not (self.white > 0 and math.isfinite(self.white)):
-            raise StorageError(f"a white of {self.white} is none", key="array")
+            problem = f"white must be positive and finite, not {self.white}"
+            raise StorageError(problem, key="array")
         if not all(isinstance(self.scene.get(key), str) for key in ("name", "digest")):
             raise StorageError("the scene lacks name or digest", key="scene")
         if layout.picture and (slab is None or slab.size != layout.size):
-            raise StorageError("has pictures of another size than the slab", key="layout")
+            raise StorageError("has pictures of another size than the slab's", key="layout")
         whole = slab is None or bool(slab.views_held().all())
         same = slab is None or slab.size == layout.size
         if layout.kind != "views" and not (whole and same):
-            raise StorageError("a part of the grids is stored as views", key="layout")
+            raise StorageError("must be views for a part of the grids", key="layout")
         if layout.format.grey:
-            raise StorageError(f"{layout.pixel_format} holds no colours", key="layout")
+            raise StorageError(f"{layout.pixel_format} has no colours", key="layout")
         for key in ("depth_m", "seen_m", "ends_m"):
             ends = self.content.get(key) if isinstance(self.content, dict) else ()
             if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
-                raise StorageError(f"{ends} is no range of depths", key="content")
+                raise StorageError(f"{key} {ends} is no range of depths", key="content")
         by_views = slab if layout.kind == "views" else None
         self.segments.check(by_views.held.views if by_views else None)
         if self.depth and not (slab and whole and same):

@@ -1,9 +1,9 @@
-"""Pixel formats: how the samples of one video frame lie in memory.
+"""Pixel formats: the order of a video frame's samples in memory.
 
-A frame is one contiguous run of bytes, plane after plane, rows without padding.  Formats of more
-than 8 bits hold little-endian 16-bit samples.  YCbCr is BT.709, limited ("tv") range, made from
+A frame is one contiguous run of bytes, plane after plane, rows without padding.  Formats with more
+than 8 bits have little-endian 16-bit samples.  YCbCr is BT.709, limited ("tv") range, made from
 encoded RGB (sRGB, or PQ); ``gbrp`` is sRGB-encoded RGB itself, planes in the order green, blue,
-red.  Grey formats have one plane of codes, which need not be light.
+red.  Grey formats have one plane of codes, not necessarily of light.
 """
 
 import math
@@ -16,8 +16,19 @@ from lfcore.errors import StorageError, check_known
 
 @dataclass(frozen=True)
 class PixelFormat:
-    """``subsampling`` is 2 for 4:2:0 and 1 else; ``bits`` per sample; ``rgb`` for no YCbCr;
-    ``grey`` for one plane alone."""
+    """A pixel format.
+
+    Attributes
+    ----------
+    name : str
+        FFmpeg's name.
+    bits : int
+        Bits per sample.
+    subsampling : int
+        2 for 4:2:0, else 1.
+    rgb, grey : bool
+        Whether the planes are RGB instead of YCbCr; whether there is only one plane.
+    """
 
     name: str
     bits: int
@@ -27,20 +38,19 @@ class PixelFormat:
 
     @property
     def dtype(self) -> np.dtype:
-        """Of one sample: uint8, or little-endian uint16."""
+        """The type of a sample: uint8, or little-endian uint16."""
         return np.dtype(np.uint8) if self.bits == 8 else np.dtype("<u2")
 
     @property
     def black(self) -> tuple[int, ...]:
-        """Code of black in each plane."""
+        """The code of black in each plane."""
         scale = 1 << (self.bits - 8)
         if self.grey:
             return (0,)
         return (0, 0, 0) if self.rgb else (16 * scale, 128 * scale, 128 * scale)
 
     def planes(self, width: int, height: int) -> list[tuple[int, int]]:
-        """Rows and columns of the planes, one or three; :class:`StorageError` for a frame that this
-        format cannot hold."""
+        """Return the rows and columns of each plane; :class:`StorageError` for impossible sizes."""
         if width < 1 or height < 1 or width % self.subsampling or height % self.subsampling:
             problem = f"a frame of {width} x {height} cannot be {self.name}"
             remedy = "Use positive and, for 4:2:0, even sizes"
@@ -49,11 +59,11 @@ class PixelFormat:
         return [(height, width)] + [small, small] * (not self.grey)
 
     def frame_bytes(self, width: int, height: int) -> int:
-        """Bytes of one frame."""
+        """Return the bytes of one frame."""
         return sum(map(math.prod, self.planes(width, height))) * self.dtype.itemsize
 
     def views(self, frames: np.ndarray, width: int, height: int) -> list[np.ndarray]:
-        """The planes of ``frames`` (F, frame_bytes) uint8 as arrays (F, h, w) that share memory."""
+        """Return the planes of ``frames`` (F, frame_bytes) uint8 as views (F, h, w)."""
         expected = self.frame_bytes(width, height)
         if frames.dtype != np.uint8 or frames.ndim != 2 or frames.shape[1] != expected:
             raise StorageError(
@@ -80,16 +90,16 @@ PIXEL_FORMATS = {
         PixelFormat("gbrp", 8, 1, rgb=True),
     )
 }
-"""Of colours."""
+"""The formats of colours."""
 GREY_FORMATS = {
     known.name: known
     for known in (PixelFormat("gray", 8, 1, grey=True), PixelFormat("gray10le", 10, 1, grey=True))
 }
-"""Of one plane of codes, named as FFmpeg names them."""
+"""The formats with one plane of codes."""
 
 
 def pixel_format(name: str) -> PixelFormat:
-    """The format of that name, colour or grey; raises :class:`StorageError` for an unknown one."""
+    """Return the format of a name, colour or grey; :class:`StorageError` if it is unknown."""
     formats = PIXEL_FORMATS | GREY_FORMATS
     check_known(StorageError, "pixel_format", name, formats, "pixel format")
     return formats[name]

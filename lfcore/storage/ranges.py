@@ -8,35 +8,38 @@ from typing import Any, Protocol
 from lfcore.errors import StorageError
 
 TIMEOUT_S = 30.0
-"""Seconds without a byte after which a request is given up."""
+"""The seconds without a byte after which a request fails."""
 MOST_REDIRECTS = 10
+"""The most redirections of a request."""
 STORES = {"s3": "s3fs", "gs": "gcsfs"}
-"""Schemes of object stores, and the packages that read them."""
+"""The schemes of object stores, and the packages that read them."""
 SCHEMES = ("http", "https", *STORES)
+"""The supported schemes."""
 HEAD_BYTES = 1024
-NO_RANGES = "the server hands out no ranges of the file"
+"""The bytes of the first request, which yields the file's size."""
 DOWNLOAD = "Download the file, and open the copy"
+"""The remedy for a server that cannot serve the file."""
 
 
 class Ranges(Protocol):
-    """A file of ``size`` bytes."""
+    """A file with ``size`` bytes."""
 
     size: int
 
     def read(self, low: int, high: int) -> bytes:
-        """Bytes low ... high - 1, or fewer; raises anything."""
+        """Return bytes low ... high - 1, or fewer; may raise any exception."""
 
 
 def ranges_of(url: str) -> Ranges:
-    """The file behind a URL of one of :data:`SCHEMES`; other exceptions are the server's fault.
+    """Open the file of a URL with one of :data:`SCHEMES`.
 
-    Raises :class:`StorageError` for another scheme, a package that is missing, and a server without
-    ranges.
+    Raises :class:`StorageError` for another scheme, a missing package, and a server without ranges;
+    any other exception is a failure of the server.
     """
     scheme = url.partition("://")[0].lower()
     if scheme not in SCHEMES or "::" in url:
         remedy = f"Give a URL of {', '.join(SCHEMES)}, or download the file"
-        raise StorageError("is no URL that is read", file=url, remedy=remedy)
+        raise StorageError("has an unsupported scheme", file=url, remedy=remedy)
     try:
         return _Store(url, scheme) if scheme in STORES else _Http(url)
     except ImportError as error:
@@ -46,16 +49,17 @@ def ranges_of(url: str) -> Ranges:
 
 
 class _Http:
-    """A server may promise anything: no more than what was asked for is read."""
+    """A file on an HTTP server.  No more than the requested bytes are read, whatever its headers
+    promise."""
 
     def __init__(self, url: str):
         import urllib3
 
-        once: dict[str, Any] = {"connect": 0, "read": 0, "status": 0, "other": 0}
+        no_retries: dict[str, Any] = {"connect": 0, "read": 0, "status": 0, "other": 0}
         self._url, self.size = url, 0
         self._pool = urllib3.PoolManager(
             timeout=urllib3.Timeout(connect=TIMEOUT_S, read=TIMEOUT_S),
-            retries=urllib3.Retry(MOST_REDIRECTS, redirect=MOST_REDIRECTS, **once),
+            retries=urllib3.Retry(MOST_REDIRECTS, redirect=MOST_REDIRECTS, **no_retries),
         )
         self.read(0, HEAD_BYTES)
 
@@ -69,10 +73,11 @@ class _Http:
                 raise OSError(f"the server answers {reply.status}")
             place = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", reply.headers.get("Content-Range", ""))
             if reply.status == 200 or not place or int(place[1]) != low:
-                raise StorageError(NO_RANGES, file=self._url, remedy=DOWNLOAD)
+                problem = "the server does not serve ranges of the file"
+                raise StorageError(problem, file=self._url, remedy=DOWNLOAD)
             size, self.size = self.size, int(place[2])
             if size not in (0, self.size):
-                raise OSError("the file has changed meanwhile")
+                raise OSError("the file has changed since it was opened")
             data: bytes = reply.read(high - low, decode_content=False)
             if not reply.read(1):
                 reply.release_conn()
@@ -96,7 +101,7 @@ class _Store:
 
 
 def _options(scheme: str) -> dict[str, Any]:
-    """Time-outs, as each package takes them."""
+    """Return the time-outs as options of the scheme's package."""
     if scheme == "s3":
         waits = {"connect_timeout": TIMEOUT_S, "read_timeout": TIMEOUT_S}
         return {"config_kwargs": {**waits, "retries": {"total_max_attempts": 1}}}

@@ -1,6 +1,6 @@
-"""Light field files by URL: only those ranges of bytes are fetched that are read, and each once.
+"""Light field files by URL: only ranges of bytes that are read are fetched, and each once.
 
-A server that sends no byte for 30 s is given up, after one more try.
+A request fails after 30 s without a byte; each is repeated once.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from lfcore.storage import ranges
 from lfcore.storage.ranges import DOWNLOAD, ranges_of
 
 BLOCK = 1024
-"""Bytes of which a range is made: small, as structure is scattered between clusters of video."""
+"""The bytes of a block, the unit of ranges; small, as structure is scattered between clusters of
+video."""
 MOST_BLOCKS = (256 << 20) // BLOCK
-"""That are kept: a segment is read twice, to be checked and to be decoded."""
-Made = TypeVar("Made")
+"""The most blocks in memory: a segment is read twice, first checked and then decoded."""
+Result = TypeVar("Result")
 
 
 class RemoteFile:
-    """A file behind a URL, with as much of a ``Path`` as opening a light field takes."""
+    """A file at a URL, with the methods of ``Path`` that opening a light field needs."""
 
     def __init__(self, url: str):
         self.url = url
@@ -40,8 +41,8 @@ class RemoteFile:
         self._source = self._twice(lambda: ranges_of(url))
         self._size = self._source.size
 
-    def _twice(self, work: Callable[[], Made]) -> Made:
-        """What ``work`` makes, after one more try where a server fails."""
+    def _twice(self, work: Callable[[], Result]) -> Result:
+        """Return the result of ``work``, repeated once if the server fails."""
         for last in (False, True):
             try:
                 return work()
@@ -62,11 +63,11 @@ class RemoteFile:
         return SimpleNamespace(st_size=self._size)
 
     def open(self, mode: str = "rb") -> RemoteReader:
-        """The file from its beginning; several may be open at a time."""
+        """Open the file at its beginning; several readers may be open at a time."""
         return RemoteReader(self)
 
     def range(self, start: int, stop: int) -> bytes:
-        """Bytes start ... stop - 1, as far as the file goes."""
+        """Return bytes start ... stop - 1, up to the end of the file."""
         stop = min(stop, self._size)
         if start >= stop:
             return b""
@@ -88,9 +89,9 @@ class RemoteFile:
         return whole[start - first * BLOCK : stop - first * BLOCK]
 
     def _ahead(self, first: int, stop: int) -> int:
-        """To which block to fetch: of what is read in one go, an eighth more each time.
+        """Return the block up to which to fetch: an eighth more than the current run of reads.
 
-        Requests grow with the run, and what is fetched in vain stays below an eighth of it.
+        Requests grow with the run, and less than an eighth of it is fetched in vain.
         """
         if first != self._run[1]:
             self._run = (first, first)
@@ -105,17 +106,17 @@ class RemoteFile:
         def whole() -> bytes:
             data = self._source.read(low, high)
             if len(data) != high - low:
-                raise OSError(f"{len(data)} bytes came of {high - low} asked for at {low}")
+                raise OSError(f"sent {len(data)} of {high - low} bytes at {low}")
             return data
 
         return self._twice(whole)
 
 
 def _reason(error: Exception) -> str:
-    """What a server did wrong, without the client's own names."""
+    """Return the server's fault, without the client's class names."""
     error = getattr(error, "reason", None) or error
     if isinstance(error, TimeoutError) or "timeout" in type(error).__name__.lower():
-        return f"no byte came for {ranges.TIMEOUT_S:g} s"
+        return f"the server sent no byte for {ranges.TIMEOUT_S:g} s"
     return re.sub(r"^\w+\(.*?\): ", "", str(error)) or type(error).__name__
 
 
@@ -148,7 +149,7 @@ class RemoteReader(io.RawIOBase):
 
 
 def located(name: str | Path) -> Path:
-    """Where a file is: a path, or a :class:`RemoteFile`, which stands in for one; raises as it."""
+    """Return a path, or for a URL a :class:`RemoteFile` in its place; raises its errors."""
     if isinstance(name, RemoteFile):
         return cast(Path, name)
     if isinstance(name, str) and "://" in name:

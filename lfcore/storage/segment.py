@@ -32,25 +32,29 @@ from lfcore.storage.decoding import (
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.remote import RemoteFile
 
-# Code points of ITU-T H.273: BT.709 primaries and matrix, the sRGB transfer of IEC 61966-2-1, no
-# matrix for RGB; and FFmpeg's own for the range.
-BT709, RGB_MATRIX = 1, 0
+BT709 = 1
+"""The code point of BT.709 primaries and matrix (ITU-T H.273)."""
+RGB_MATRIX = 0
+"""The code point of RGB without a matrix (ITU-T H.273)."""
 TRANSFER_TAGS = {"srgb": 13, "pq": 16}
-LIMITED, FULL = 1, 2
+"""The code points of transfer functions (ITU-T H.273); sRGB is IEC 61966-2-1."""
+LIMITED = 1
+"""FFmpeg's code of the limited range."""
+FULL = 2
+"""FFmpeg's code of the full range."""
 FEW_FRAMES = 2
-"""Of so few none is decoded before its turn, and x265 leaves their decoding times unset: the muxer
-refused half of such files, and others differed."""
+"""The most frames that are never reordered.  x265 leaves their decoding times unset; the muxer then
+refused half of the files, and the others differed between runs."""
 
 
 class SegmentWriter:
-    """Encode frames into the file ``path``, which appears when the ``with`` block ends well.
+    """Encodes frames into the file ``path``, which appears when the ``with`` block ends well.
 
         with SegmentWriter("tile.mp4", spec, width, height) as writer:
             writer.write(frames)  # uint8 (F, frame_bytes), as often as needed
 
-    Raises :class:`StorageError` when frames do not fit or are too small for the encoder, when none
-    was written, when the encoder refuses its settings and when the file cannot be written; no file
-    is left then.
+    Raises :class:`StorageError` if frames do not fit, are too small for the encoder or are missing,
+    if the encoder refuses its settings, or if the file cannot be written; no file is left then.
     """
 
     def __init__(self, path: str | Path, spec: Encoding, width: int, height: int):
@@ -80,7 +84,7 @@ class SegmentWriter:
         context.time_base = Fraction(1, FRAME_RATE)
         context.thread_count = self.spec.threads
         context.gop_size = self.spec.gop or 1 << 20
-        if not form.grey:  # whose codes are no colours
+        if not form.grey:  # the codes of grey formats are no colours
             context.color_primaries = BT709
             context.color_trc = TRANSFER_TAGS[self.spec.transfer or "srgb"]
             context.colorspace = RGB_MATRIX if form.rgb else BT709
@@ -108,7 +112,7 @@ class SegmentWriter:
             if error:
                 raise error
             if not self.frames:
-                raise StorageError("a segment without frames", file=self.path)
+                raise StorageError("the segment has no frames", file=self.path)
             with self._named_errors():
                 for packet in self._stream.codec_context.encode(None):
                     packet.stream = self._stream
@@ -119,22 +123,32 @@ class SegmentWriter:
 
 
 @contextmanager
-def named_errors(path: Path, what: str) -> Iterator[None]:
+def named_errors(path: Path, action: str) -> Iterator[None]:
     """Turn errors of the system and of FFmpeg into :class:`StorageError` with the file's name.
 
-    ``what`` says in words what was being done, e.g. "encoding with libx264".
+    ``action`` is for the message, e.g. "encoding with libx264".
     """
     try:
         yield
     except FFmpegError as error:
-        raise StorageError(f"{what} failed: {error.strerror or error}", file=path) from error
+        raise StorageError(f"{action} failed: {error.strerror or error}", file=path) from error
     except OSError as error:
         raise cannot_write(path, error) from error
 
 
 @dataclass(frozen=True)
 class SegmentInfo:
-    """What a segment file holds; ``crc32`` and ``bytes`` are of its packets in file order."""
+    """The content of a segment file.
+
+    Attributes
+    ----------
+    codec, pixel_format, width, height, frames
+        The format, size and number of its frames.
+    bytes, crc32 : int
+        The size and check sum of its packets, in file order.
+    reorder : int
+        The most frames by which a frame is decoded before it is shown.
+    """
 
     codec: str
     pixel_format: str
@@ -144,23 +158,22 @@ class SegmentInfo:
     bytes: int
     crc32: int
     reorder: int
-    """By how many frames the order of decoding runs ahead of the order of showing."""
 
 
 def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]:
-    """What a segment file holds, without decoding it, and the codec's global header.
+    """Read a segment's content, without decoding it, and the codec's global header.
 
-    ``grey``: it is of one plane of codes.
+    ``grey``: frames have one plane of codes.
     """
     again = "Encode this tile again"
     if not _is_whole(path):
-        raise StorageError("is cut short or no segment", file=path, remedy=again)
+        raise StorageError("is cut short, or is no segment", file=path, remedy=again)
     with open_video(path, formats=True) as container:
         video = container.streams.video[0]
         context, ticks = video.codec_context, ticks_per_frame(video.time_base)
         if context.pix_fmt is None:
-            said = "is damaged: its first frame cannot be decoded"
-            raise StorageError(said, file=path, remedy=again)
+            problem = "is damaged: its first frame cannot be decoded"
+            raise StorageError(problem, file=path, remedy=again)
         form = pixel_format(stored_format(context.pix_fmt, grey=grey) or "")
         frames = size = crc = reorder = 0
         for packet in container.demux(video):
@@ -178,17 +191,17 @@ def read_segment(path: Path, *, grey: bool = False) -> tuple[SegmentInfo, bytes]
 
 
 def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.container.InputContainer:
-    """``path`` opened by FFmpeg with one video stream, or up to ``most``; ``formats``: a frame of
-    each is decoded to learn its pixel format and colours."""
+    """Open ``path`` by FFmpeg, with one video stream or up to ``most``; ``formats``: decode a frame
+    of each for its pixel format and colours."""
     try:
-        # More frames are for a rate that nothing here needs; of a remote file they take megabytes.
+        # By default FFmpeg reads many frames to find their rate: megabytes of a remote file.
         file: Any = str(path)
         own: Any = None if formats else [{"skip_frame": "all"}] * most
         size, options = 32768, {"analyzeduration": "1"}
         if isinstance(path, RemoteFile):
-            file, size = path.open(), 4096  # it reads ahead by itself
+            file, size = path.open(), 4096  # RemoteFile reads ahead itself
             options["probesize"] = "4096"
-        # Bytes of a damaged tag may be no text; the digest of the metadata finds that out.
+        # A damaged tag may be no text; the digest of the metadata detects this.
         container = av.open(
             file, "r", options=options, stream_options=own, metadata_errors="replace",
             buffer_size=size,
@@ -196,23 +209,23 @@ def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.contai
     except FileNotFoundError:
         raise StorageError("no such file", file=path) from None
     except (FFmpegError, OSError, ValueError) as error:
-        # PyAV's own ValueError: the file looks like MPEG, which shows its streams late.
-        reason = getattr(error, "strerror", "it is of another format") or error
+        # PyAV raises ValueError for files that look like MPEG, whose streams appear late.
+        reason = getattr(error, "strerror", "it has another format") or error
         problem = f"cannot be opened as a video: {reason}"
-        remedy = "The file may be cut short or no video; make it again"
+        remedy = "The file may be cut short, or no video; make it again"
         raise StorageError(problem, file=path, remedy=remedy) from error
     streams = container.streams.video
     if not 1 <= len(streams) <= most:
         container.close()
-        raise StorageError(f"holds {len(streams)} video streams, not one", file=path)
+        raise StorageError(f"has {len(streams)} video streams, not one", file=path)
     if any(stream.codec_context is None for stream in streams):
         container.close()
-        raise StorageError("holds a video of an unknown codec", file=path)
+        raise StorageError("has a video with an unknown codec", file=path)
     return container
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether the boxes of an MP4 file (ISO/IEC 14496-12) fill it; FFmpeg opens it regardless."""
+    """Return whether the boxes of an MP4 file (ISO/IEC 14496-12) fill it; FFmpeg does not check."""
     try:
         size, position = path.stat().st_size, 0
         with open(path, "rb") as file:

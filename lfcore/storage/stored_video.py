@@ -1,6 +1,6 @@
 """One video stream of a light field file, colours or inverse depths, decoded by segments.
 
-A segment is decoded only after its check sum is right.
+A segment's check sum is tested before it is decoded.
 """
 
 import zlib
@@ -32,7 +32,7 @@ class StoredVideo:
     path : Path
         The file, or a :class:`RemoteFile`.
     metadata : Metadata
-        The stream's: for depths those of :meth:`Metadata.of_depth`.
+        The stream's metadata; for depths those of :meth:`Metadata.of_depth`.
     keys : list of int
         The numbers of all key frames.
     threads : int
@@ -43,11 +43,11 @@ class StoredVideo:
     Attributes
     ----------
     keys : list of int
-        As given.
+        The numbers of all key frames.
     decoded_frames : int
-        The frames decoded so far, with those that only led to others.
+        The number of frames decoded so far, including those before a requested one.
     decoded_segments : set of int
-        The numbers of their segments.
+        The numbers of decoded segments.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class StoredVideo:
 
     @property
     def layout(self) -> FrameLayout:
-        """How rays lie in frames."""
+        """The positions of rays in frames."""
         return self.metadata.layout
 
     @property
@@ -77,11 +77,11 @@ class StoredVideo:
     def check_segment(self, index: int) -> None:
         """Read a segment without decoding it, and compare its packets with the index.
 
-        Raises :class:`StorageError` where packets are missing, displaced or changed.
+        Raises :class:`StorageError` if packets are missing, displaced or changed.
         """
         part = self.metadata.segments[index]
         frames = size = crc = 0
-        crc_of: dict[int, int] = {}  # frame number: that of its packet
+        crc_of: dict[int, int] = {}  # frame number: check sum of its packet
         with self._reader(part, part.first) as (_, ticks, packets):
             for packet in packets:
                 crc, size, frames = zlib.crc32(packet, crc), size + packet.size, frames + 1
@@ -95,7 +95,7 @@ class StoredVideo:
         self._checked[index] = np.array([crc_of.get(n, 0) for n in range(part.first, part.stop)])
 
     def check_once(self, index: int) -> None:
-        """As :meth:`check_segment`, for a segment that was not checked before."""
+        """Call :meth:`check_segment` unless the segment was checked before."""
         if index not in self._checked:
             self.check_segment(index)
 
@@ -140,7 +140,8 @@ class StoredVideo:
     def planes(
         self, segment: int, start: int = 0, stop: int | None = None
     ) -> Iterator[list[np.ndarray]]:
-        """As :meth:`frames`, one by one without a copy: planes (h, w) in the decoder's memory."""
+        """Decode as :meth:`frames`, one by one without a copy: planes (h, w) in the decoder's
+        memory."""
         part, stop = self._span(segment, start, stop)
         if (wanted := start) == stop:
             return
@@ -163,44 +164,43 @@ class StoredVideo:
             raise StorageError(problem, file=self.path)
 
     def _span(self, segment: int, start: int, stop: int | None) -> tuple[Segment, int]:
-        """A segment, checked, and the frame after the last of it that is wanted."""
+        """Check a segment; return it, and the frame after the last that is wanted."""
         if not 0 <= segment < len(self.metadata.segments):
             raise StorageError(f"there is no segment {segment}", file=self.path)
         part = self.metadata.segments[segment]
         stop = part.frames if stop is None else stop
         if not 0 <= start <= stop <= part.frames:
-            problem = f"frames {start} to {stop} were asked for of {part.frames}"
+            problem = f"frames {start} to {stop} are not within {part.frames} frames"
             raise StorageError(problem, file=self.path)
         self.check_once(segment)
         return part, stop
 
     def _as_checked(self, part: Segment, packets: Iterable[Any], ticks: int) -> Iterator[Any]:
-        """The packets, as long as each is what :meth:`check_segment` read under its number.
+        """Yield packets while each is the one that :meth:`check_segment` read under its number.
 
-        In a damaged file two packets may claim one number; which of them is met depends on where
-        a reader comes from.
+        In a damaged file two packets may have one number; a reader's start decides which it meets.
         """
         crcs, first = self._checked[part.index], True
         for packet in packets:
             if zlib.crc32(packet) != crcs[packet.pts // ticks - part.first]:
-                raise self._bad_segment(part, "holds two packets of one number")
+                raise self._bad_segment(part, "has two packets with one number")
             if first and not packet.is_keyframe:
-                raise self._bad_segment(part, "is entered where no key frame is")
+                raise self._bad_segment(part, "does not begin with a key frame")
             first = False
             yield packet
 
     @contextmanager
     def _reader(self, part: Segment, first: int) -> Iterator[tuple[Any, int, Iterator[Any]]]:
-        """(decoder, ticks a frame, packets from a key frame at or before ``first``).
+        """Yield (decoder, ticks per frame, packets from a key frame at or before ``first``).
 
-        They are this reader's alone until it ends: a decoder is drained after the last packet.
+        No other reader shares them: a decoder is drained after the last packet.
         """
         container = self._take_container(first)
         try:
             stream = container.streams.video[self._track]
             ticks = ticks_per_frame(stream.time_base)
             yield stream.codec_context, ticks, self._packets(container, part, first, ticks)
-        except GeneratorExit:  # enough was read
+        except GeneratorExit:  # the caller has read enough
             self._idle.append(container)
             raise
         except BaseException:
@@ -209,7 +209,7 @@ class StoredVideo:
         self._idle.append(container)
 
     def _packets(self, container: Any, part: Segment, first: int, ticks: int) -> Iterator[Any]:
-        """The packets of a segment from a key frame at or before ``first``."""
+        """Yield the packets of a segment from a key frame at or before ``first``."""
         stream = container.streams.video[self._track]
         try:
             if first:
@@ -226,10 +226,10 @@ class StoredVideo:
             raise self._bad_segment(part, f"cannot be read: {error.strerror}") from error
 
     def _take_container(self, first: int) -> av.container.InputContainer:
-        """The open file for one reader alone; before the beginning where ``first`` is 0.
+        """Return an open file for one reader alone, at its beginning if ``first`` is 0.
 
-        Once opened, it is kept for the next reader: nothing of the file is read twice, and one of
-        the same name that takes its place meanwhile is not mixed with it.
+        It is kept for the next reader: nothing is read twice, and another file that replaces this
+        one is not mixed with it.
         """
         while container := self._next_idle():
             if first:
@@ -237,7 +237,7 @@ class StoredVideo:
             try:
                 container.seek(0, stream=container.streams.video[self._track])
                 return container
-            except FFmpegError:  # a file without its index is read from its beginning only
+            except FFmpegError:  # a file without an index cannot be sought in
                 container.close()
         container = open_video(self.path, MOST_STREAMS)
         container.streams.video[self._track].codec_context.thread_count = self.threads
@@ -251,13 +251,14 @@ class StoredVideo:
     def _next_idle(self) -> av.container.InputContainer | None:
         try:
             return self._idle.pop()
-        except IndexError:  # several threads read at a time
+        except IndexError:  # another thread may have taken the last
             return None
 
     def _bad_segment(self, part: Segment, problem: str) -> StorageError:
-        a, b, c, d = part.tile.to_json()
-        of = " of the depths" if self._track else ""
-        where = f"{self.layout.kind} ({a}, {b}) to ({a + c - 1}, {b + d - 1})"
+        column, row, columns, rows = part.tile.to_json()
+        last = f"({column + columns - 1}, {row + rows - 1})"
+        place = f"{self.layout.kind} ({column}, {row}) to {last}"
+        stream = " of the depths" if self._track else ""
         remedy = "Open the file to salvage the other segments, or make it again"
-        whole = f"segment {part.index}{of} ({where}) {problem}"
-        return StorageError(whole, file=self.path, remedy=remedy)
+        problem = f"segment {part.index}{stream} ({place}) {problem}"
+        return StorageError(problem, file=self.path, remedy=remedy)

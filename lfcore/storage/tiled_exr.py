@@ -1,9 +1,8 @@
-"""Camera arrays as one tiled EXR: linear radiance, the geometry in the header.
+"""Camera arrays as one tiled EXR: linear radiance, with the geometry in the header.
 
-The picture holds the data cameras' tiles side by side as the assignment lays them out, and the file
-is tiled so that one camera is one EXR tile (where the size allows).  The header attribute
-:data:`ATTRIBUTE` holds the array as JSON.  An EXR without it, as pbrt writes, is read too; its
-geometry must then come from elsewhere.
+The picture has the cameras' pictures side by side, in the order of the assignment; if the size
+allows, one camera is one EXR tile.  The header attribute :data:`ATTRIBUTE` has the array as JSON.
+An EXR without it, as pbrt writes, can be read, too, but without geometry.
 """
 
 import hashlib
@@ -20,19 +19,33 @@ from lfcore.files import whole_file
 from lfcore.optics.array import CameraArray
 
 ATTRIBUTE = "lightfield"
+"""The name of the header attribute."""
 FORMAT = "lfcore camera array"
+"""The name of the format, in the attribute."""
 VERSION = 1
-_TILE_LIMIT = 4096  # larger tiles help nobody's reader
+"""The version of the attribute."""
+_TILE_LIMIT = 4096
+"""The longest side of EXR tiles, pixels; readers gain nothing from larger ones."""
 
 
 def _digest(description: dict) -> str:
-    """SHA-256 of a description without its digest."""
+    """Return the SHA-256 of a description without its digest."""
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
 class TiledPicture:
-    """``image`` is (H, W, 3) float32 or float16; ``array`` is None without geometry."""
+    """The content of an EXR.
+
+    Attributes
+    ----------
+    image : ndarray
+        (H, W, 3) float32 or float16.
+    array : CameraArray or None
+        The geometry, if the file has any.
+    extra : dict
+        JSON values recorded beside it.
+    """
 
     image: np.ndarray
     array: CameraArray | None
@@ -47,8 +60,8 @@ def write_array(
     half: bool = False,
     extra: dict | None = None,
 ) -> None:
-    """Write a light field (Ny h, Nx w, 3) of ``array``, with ``extra`` JSON values; ``half``: as
-    pbrt."""
+    """Write a light field (Ny h, Nx w, 3) of ``array``, with ``extra`` JSON values; ``half``: with
+    16-bit floats, as pbrt."""
     array.tiles(image)
     description = {
         "format": FORMAT, "version": VERSION, "array": array.to_json(), "extra": extra or {}
@@ -72,7 +85,7 @@ def read_array(path: str | Path) -> TiledPicture:
         description = json.loads(text)
         digest = description.pop("digest", None)  # older files have none
         if digest not in (None, _digest(description)):
-            raise ValueError("it is damaged")
+            raise ValueError("the digest differs")
         if description["format"] != FORMAT:
             raise ValueError(f"format {description['format']!r}")
         if description["version"] > VERSION:
@@ -82,7 +95,7 @@ def read_array(path: str | Path) -> TiledPicture:
     except (
         ValueError, KeyError, TypeError, AttributeError, RecursionError, OpticsError
     ) as error:  # fmt: skip
-        problem = f"the geometry in its header does not fit: {error}"
+        problem = f"the geometry in its header is invalid: {error}"
         remedy = "Write the light field again"
         raise StorageError(problem, file=path, key=ATTRIBUTE, remedy=remedy) from None
     return TiledPicture(image, array, description.get("extra", {}))

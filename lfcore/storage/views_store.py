@@ -1,4 +1,4 @@
-"""Views into a light field file, one a frame."""
+"""Encodes views into a light field file, one per frame."""
 
 import hashlib
 import math
@@ -19,6 +19,7 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.ycbcr import frames_from_rgb
 
 SEGMENT_RAYS = 1 << 27
+"""The most rays of a segment of several rows of views."""
 
 
 def store_views(
@@ -36,10 +37,10 @@ def store_views(
 ) -> Metadata:
     """Encode all views into the light field file ``path``; each is read once.
 
-    ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or sRGB-encoded
-    values in [0, 1], float, with ``peak`` PQ-encoded ones. An array has as many columns as rows of
-    square pictures, and ``white`` is the light of its brightest code. The digest is by default that
-    of the views. After an error no file is left.
+    ``view(column, row)`` returns (height, width, 3): sRGB codes, uint8 or uint16, or floats in
+    [0, 1], encoded as sRGB or, with ``peak``, as PQ. A camera array is a square grid of square
+    pictures, and ``white`` is the light of its brightest code. The default digest is that of the
+    views. After an error no file is left.
     """
     recorded: Slab | dict = (
         geometry if isinstance(geometry, Slab) else {**geometry.to_json(), "white": white}
@@ -61,8 +62,8 @@ def store_views(
         for tile, segment in zip(tiles, segments, strict=True):
             frame_size = layout.frame_width, layout.frame_height
             with SegmentWriter(segment, encoding, *frame_size) as writer:
-                for place in tile.elements() - np.array(held.views[:2], np.int32):
-                    picture = view(*place.tolist())
+                for position in tile.elements() - np.array(held.views[:2], np.int32):
+                    picture = view(*position.tolist())
                     hashed.update(np.ascontiguousarray(picture).data)
                     if picture.dtype == np.uint16:
                         picture = picture / np.float32(65535)
@@ -77,7 +78,7 @@ def store_views(
 
 
 def _held(geometry: Slab | CameraArray) -> tuple[Extent, tuple[int, int]]:
-    """The views and pixels that there are; N and M."""
+    """Return the stored views and pixels, and N and M."""
     if isinstance(geometry, Slab):
         return geometry.held, (geometry.views, geometry.pixels)
     n, m = geometry.cameras[0], geometry.tile[0]

@@ -1,9 +1,9 @@
 """sRGB-encoded pictures to the planes of a video frame, and back.
 
-Light is averaged linear and stored sRGB-encoded (lfcore.colour).  YCbCr is ITU-R BT.709, limited
-range: for b bits, luma codes run from 16 to 235 and chroma codes from 16 to 240, times
-``2^(b - 8)``.  Conversions are done in float and rounded once, half to even.  4:2:0 chroma is the
-mean of 2 x 2 pixels, so its samples lie in their centre; streams are tagged so.
+Light is averaged linearly and stored sRGB-encoded (lfcore.colour).  YCbCr is ITU-R BT.709, limited
+range: for b bits, luma codes are from 16 to 235 and chroma codes from 16 to 240, times
+``2^(b - 8)``.  Conversions use floats and round once, half to even.  4:2:0 chroma is the mean of
+2 x 2 pixels, so its samples are at their centre; a tag of the stream records this.
 """
 
 import numpy as np
@@ -11,17 +11,22 @@ import numpy as np
 from lfcore.colour import floating
 from lfcore.storage.pixels import PixelFormat, pixel_format
 
-RED, BLUE = 0.2126, 0.0722
-"""BT.709 luma weights of red and blue; green has the rest."""
+RED = 0.2126
+"""The weight of red in BT.709's luma."""
+BLUE = 0.0722
+"""The weight of blue in BT.709's luma."""
 GREEN = 1.0 - RED - BLUE
+"""The weight of green in BT.709's luma."""
 BAND_PIXELS = 1 << 18
+"""The pixels that are converted at a time: intermediate results fit a cache."""
 
 
 def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
-    """Codes (..., 3) Y, Cb, Cr, not rounded, of sRGB-encoded ``rgb`` (..., 3) in [0, 1].
+    """Convert sRGB-encoded ``rgb`` (..., 3) in [0, 1] to unrounded codes (..., 3) Y, Cb, Cr.
 
-    float32 or float64, kept.  BT.709: ``Y' = Kr R + Kg G + Kb B``, ``Cb = (B - Y') / (2 - 2 Kb)``,
-    ``Cr = (R - Y') / (2 - 2 Kr)``; limited range ``16 + 219 Y'``, ``128 + 224 C``.
+    The type, float32 or float64, is kept.  BT.709: ``Y' = Kr R + Kg G + Kb B``,
+    ``Cb = (B - Y') / (2 - 2 Kb)``, ``Cr = (R - Y') / (2 - 2 Kr)``; limited range
+    ``16 + 219 Y'``, ``128 + 224 C``.
     """
     rgb = floating(rgb)
     kind, scale = rgb.dtype.type, float(1 << (bits - 8))
@@ -37,7 +42,8 @@ def rgb_to_ycbcr(rgb: np.ndarray, bits: int = 8) -> np.ndarray:
 def ycbcr_to_rgb(
     luma: np.ndarray, blue: np.ndarray, red: np.ndarray, bits: int, dtype: type = np.float32
 ) -> np.ndarray:
-    """sRGB-encoded RGB (..., 3), clipped to [0, 1], of arrays of codes; float32 or float64."""
+    """Convert arrays of codes to sRGB-encoded RGB (..., 3), clipped to [0, 1]; float32 or
+    float64."""
     scale = float(1 << (bits - 8))
     luma = (luma.astype(dtype) - dtype(16 * scale)) * dtype(1 / (219 * scale))
     cb = (blue.astype(dtype) - dtype(128 * scale)) * dtype(1 / (112 * scale))
@@ -53,8 +59,8 @@ def ycbcr_to_rgb(
 def frames_from_rgb(
     rgb: np.ndarray, format_name: str, width: int | None = None, height: int | None = None
 ) -> np.ndarray:
-    """Planar frames (F, frame_bytes) uint8 of sRGB-encoded pictures (F, h, w, 3), uint8 or floats
-    in [0, 1]; larger frames repeat the last column and row."""
+    """Convert sRGB-encoded pictures (F, h, w, 3), uint8 or floats in [0, 1], to planar frames
+    (F, frame_bytes) uint8; larger frames repeat the last column and row."""
     form = pixel_format(format_name)
     count, high, wide, _ = rgb.shape
     width, height = width or wide, height or high
@@ -62,8 +68,7 @@ def frames_from_rgb(
         rgb = np.pad(rgb, ((0, 0), (0, height - high), (0, width - wide), (0, 0)), mode="edge")
     out = np.empty((count, form.frame_bytes(width, height)), np.uint8)
     planes = form.views(out, width, height)
-    # Rows, an even number at a time: what is computed of so few fits a cache, and its memory is
-    # used again for the next.  Whole pictures take 1.3 to 1.5 times as long.
+    # An even number of rows at a time fits a cache; whole pictures take 1.3 to 1.5 times as long.
     step = max(2, BAND_PIXELS // (count * width) // 2 * 2)
     for top in range(0, height, step):
         rows = slice(top, min(top + step, height))
@@ -96,7 +101,7 @@ def _fill(planes: list[np.ndarray], rgb: np.ndarray, form: PixelFormat) -> None:
 
 
 def rgb_from_frames(frames: np.ndarray, format_name: str, width: int, height: int) -> np.ndarray:
-    """sRGB-encoded pictures (F, height, width, 3) float32 in [0, 1] of planar frames.
+    """Convert planar frames to sRGB-encoded pictures (F, height, width, 3) float32 in [0, 1].
 
     4:2:0 chroma is interpolated between sample centres.
     """
@@ -105,7 +110,7 @@ def rgb_from_frames(frames: np.ndarray, format_name: str, width: int, height: in
 
 
 def rgb_from_planes(planes: list[np.ndarray], form: PixelFormat) -> np.ndarray:
-    """The same of three planes (F, h, w), or windows of planes, of one pixel format."""
+    """Convert as :func:`rgb_from_frames` three planes (F, h, w), or windows of planes."""
     if form.rgb:
         green, blue, red = planes
         return np.stack([red, green, blue], -1).astype(np.float32) * np.float32(1 / 255)
@@ -115,7 +120,7 @@ def rgb_from_planes(planes: list[np.ndarray], form: PixelFormat) -> np.ndarray:
 
 
 def _upsampled(chroma: np.ndarray, form: PixelFormat) -> np.ndarray:
-    """Chroma (F, h, w) on the grid of the luma; centre-sited."""
+    """Interpolate chroma (F, h, w), centre-sited, on the grid of luma."""
     if form.subsampling == 1:
         return chroma
     chroma = chroma.astype(np.float32)

@@ -170,7 +170,7 @@ def test_foreign_files(tmp_path, stored):
 
 @pytest.mark.parametrize("change, words", [
     (("frame", 0), "damaged"),  # without a new digest
-    (("pixels", 13), "slab has|tiles"), (("pixel_format", "yuv420p"), "of itself"),
+    (("pixels", 13), "slab has|tiles"), (("pixel_format", "yuv420p"), "yuv4"),
     (("pack", 2), "tile"), (("kind", "views"), "tile|segment"),
 ])  # fmt: skip
 def test_metadata_that_contradict(tmp_path, stored, change, words):

