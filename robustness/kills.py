@@ -212,11 +212,11 @@ def copy_project(folder: Path) -> None:
     (folder / "micro.yaml").write_text(json.dumps(MICRO))
 
 
-def make_run(arguments: str, directory: str = ".") -> tuple[str, ...]:
+def make_run(arguments: str) -> tuple[str, ...]:
     """The shell command of ``make tables`` in this environment."""
     said = subprocess.run(
         ["make", "--no-print-directory", "-n", "-o", f"{sys.prefix}/installed", "tables",
-         f"VENV={sys.prefix}", f"ARGS={arguments}", f"DIRECTORY={directory}"],
+         f"VENV={sys.prefix}", f"ARGS={arguments}", "DIRECTORY=."],
         cwd=ROOT, check=True, capture_output=True, text=True,
     )  # fmt: skip
     return ("sh", "-c", said.stdout)

@@ -115,9 +115,9 @@ def codes(*channels):
     return np.rint(255 * np.clip(np.stack(channels, -1), 0, 1)).astype(np.uint8)
 
 
-def checks(low, high, count=2):
+def checks(low, high):
     x, y = grid(64)
-    odd = ((x * count).astype(int) + (y * count).astype(int)) % 2
+    odd = ((2 * x).astype(int) + (2 * y).astype(int)) % 2
     return codes(*(np.where(odd, a, b) for a, b in zip(low, high, strict=True)))
 
 

@@ -10,7 +10,7 @@ behind fills only the part of a pixel that nearer light has left.
 Sources: Zwicker et al., "EWA Splatting", 2002 (splats by footprint); Lehtinen et al., "Temporal
 Light Field Reconstruction for Rendering Distribution Effects", SIGGRAPH 2011 (reprojection by
 depth); Soler et al., "Fourier Depth of Field", TOG 2009 (the number of samples).
-`lfcore.oracle.depth_slicing` is the reference.
+`tests/refocus/slicing_reference.py` is the reference.
 """
 
 import math

@@ -44,13 +44,11 @@ def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
     return left, top, left + tile.columns, top + tile.rows
 
 
-def placements_of(tile: Tile, slab: Slab, *, frames: bool = True) -> np.ndarray:
-    """Return (E,) PLACEMENT of a tile's elements, frame after frame; without ``frames`` only their
-    columns and rows on the slab's square grid."""
+def placements_of(tile: Tile, slab: Slab) -> np.ndarray:
+    """Return (E,) PLACEMENT of a tile's elements, frame after frame."""
     elements = tile.elements()
     placed = np.zeros(len(elements), PLACEMENT)
-    if frames:
-        placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
+    placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
     placed["column"], placed["row"] = (elements + grid_corner(tile, slab)).T
     return placed
 

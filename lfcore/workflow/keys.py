@@ -27,7 +27,7 @@ def above(low: float, high: float | None = None) -> Any:
     return Annotated[float, Field(gt=low, le=high)]
 
 
-def listed(item: Any, least: int = 1, most: int | None = None) -> Any:
+def listed(item: Any, least: int, most: int) -> Any:
     """A list of items, which may repeat."""
     return Annotated[list[item], Field(min_length=least, max_length=most)]
 
@@ -44,9 +44,9 @@ def _distinct(values: list) -> list:
     return values
 
 
-def several(item: Any, least: int = 1, most: int | None = None) -> Any:
+def several(item: Any, least: int = 1) -> Any:
     """A list of distinct items."""
-    unique = Field(min_length=least, max_length=most, json_schema_extra={"uniqueItems": True})
+    unique = Field(min_length=least, json_schema_extra={"uniqueItems": True})
     return Annotated[list[item], AfterValidator(_distinct), unique]
 
 

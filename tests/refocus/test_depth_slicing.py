@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_scenes import refused
+from slicing_reference import slice_by_depth
 
 from lfcore import Camera, SensorPlane, Slab, open_device
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.ray_cells import displaced_views, plain_views
-from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.refocus.depth_slicing import COARSE_PX, DepthSlicer
 from lfcore.refocus.free_views import _PointSlicer
 from lfcore.rendering.direct import focused_camera

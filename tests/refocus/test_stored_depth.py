@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from plain_scenes import CHART, refused
 from plain_scenes import scene as plain_scene
+from slicing_reference import slice_by_depth
 from stored_fields import LOSSLESS
 
 from lfcore import Camera, Encoding, LightField, SensorPlane, Slab
@@ -16,7 +17,6 @@ from lfcore.evaluation.metrics import psnr
 from lfcore.exchange.pictures import read_pfm
 from lfcore.optics.bundles import Bundles
 from lfcore.optics.ray_cells import views_of
-from lfcore.oracle.depth_slicing import slice_by_depth
 from lfcore.pictures import read_picture
 from lfcore.refocus import depth_slicing, stored_depth
 from lfcore.refocus.depth_slicing import DepthSlicer
