@@ -52,8 +52,7 @@ class PlaneFormer:
         if stops is not None:
             defines = {"OUTER": 1, "TRACED": 1, "STOPS": stops, "BITS": 0}
         if not views:
-            # Rows of samples are a byte each: sixteen cost less than the eight floats of a register
-            # even where they take two.
+            # Samples are bytes: 16 lanes are faster than 8, even if they take two registers.
             lanes = 16 if self.device.lanes > 1 else 1
             defines |= {"STRIP": strip_tables.STRIP, "LANES": lanes}
         file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")

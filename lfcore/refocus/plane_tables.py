@@ -9,7 +9,6 @@ from lfcore.optics.plane_sums import shown, targets
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Rectangle, Slab
 
-BLOCK = 16
 PLANE = np.dtype([("mask", np.int32), ("targets", np.int32)])
 """A plane: its mask, and its offset into the tables' ``runs``."""
 PLANE_ARGUMENTS = np.dtype([

@@ -1,4 +1,4 @@
-"""Tables for forming sensor planes from stored macropixels, by strips of lens rows.
+"""Tables for forming sensor planes from macropixels, traced or stored, by strips of lens rows.
 
 A summed-area table has STRIP rows of a macropixel and its whole width: a plane needs few look-ups,
 and the table fits in the second-level cache.  A *run* is the lens samples of an axis that hit one
@@ -19,7 +19,7 @@ from lfcore.refocus.plane_tables import PlaneTables, distinct_masks, reached_reg
 STRIP = 32
 """The lens rows of a table."""
 CHUNK = 16
-"""The columns of a strip that are open, closed or masked together."""
+"""The number of columns that share one kind: open, partly open or closed."""
 MOST_COLUMNS = 112
 """The most columns of a run: STRIP * MOST_COLUMNS samples of at most 2^20 are less than 2^32."""
 INT = np.int32

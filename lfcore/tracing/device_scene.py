@@ -38,7 +38,6 @@ class DeviceScene:
     defines : what programs are built with.
     kernels : those that jobs built so far, by sink and defines.
     shadow_lights : how many lights cast shadows.
-    stops : above white, of the brightest ray.
 
     Raises
     ------
@@ -51,7 +50,7 @@ class DeviceScene:
                 f"its hierarchy has more than {MOST_LEVELS} levels",
                 remedy="Remove triangles that lie in each other",
             )
-        self.device, self.stops = device, needs.stops
+        self.device = device
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
         arrays = {**vars(bvh), **pack_cut_outs(scene, needs), **vars(s)}

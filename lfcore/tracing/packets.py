@@ -93,7 +93,7 @@ class Groups:
 
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As numpy's unique with inverse; of equal neighbours, as in a row of pixels, one is sorted."""
+    """`numpy.unique` with inverse, but faster: only the first of a run of equal keys is sorted."""
     begins = np.append(True, keys[1:] != keys[:-1])
     distinct, rank = np.unique(keys[begins], return_inverse=True)
     return distinct, rank[np.cumsum(begins) - 1]

@@ -84,7 +84,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         "SKY": int(len(scene.sky) > 0),
     }
     grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
-    colours = scene.sky.reshape(-1, 3)  # behind them what metals and gloss reflect
+    colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
     if len(colours) and needs.physical:
         colours = np.concatenate([colours, sky_gloss(scene.sky)])
     return Surfaces(

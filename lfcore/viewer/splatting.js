@@ -1,6 +1,7 @@
 // Pictures of a file with depth: each ray is spread over the box that its part of the lens sweeps, in layers
-// from the nearest to the farthest, and no layer takes more of a pixel than those before it have left. The same
-// as lfcore/refocus/kernels/depth_slicing.cl, in floating point.
+// from the nearest to the farthest, and no layer takes more of a pixel than those before it have left. As
+// lfcore/refocus/kernels/depth_slicing.cl, but in floating point, with fewer layers, and what a pixel lacks is given to
+// the last layer.
 
 const RAYS = `#version 300 es
 precision highp float;
@@ -91,7 +92,7 @@ void main() {
   colour = vec4(shown(sum.w > 0.0 ? sum.rgb / sum.w : vec3(0.0)), 1.0);
 }`;
 
-const BOUNDS = [0.5, 2];      // sweeps, pixels, between layers: lfcore.refocus.depth_slicing.BOUNDS_PX
+const BOUNDS = [0.5, 2];      // sweeps between layers, pixels
 const POINT_LAYERS = 6;       // of what is seen from a point: lfcore.refocus.free_views.LAYERS
 
 class Splatting {
