@@ -16,7 +16,7 @@ from lfcore import cli
 
 DOCS = Path(__file__).parents[1]
 LONGEST_DEFAULT = 20
-NAMES = re.compile(r"<!-- names: (.*?) -->\n.*?(?=\n## |\Z)", re.DOTALL)
+NAMES = re.compile(r"(<!-- names: (.*?) -->\n).*?(?=\n## |\Z)", re.DOTALL)
 COMMANDS = re.compile(r"(<!-- commands -->\n).*\Z", re.DOTALL)
 
 
@@ -24,7 +24,7 @@ def pages() -> dict[Path, str]:
     """The two pages as they are to be."""
     api, commands = DOCS / "api.md", DOCS / "command-line.md"
     texts = {path: path.read_text(encoding="utf-8") for path in (api, commands)}
-    texts[api] = NAMES.sub(lambda found: f"{_marker(found)}\n{_list(found)}\n", texts[api])
+    texts[api] = NAMES.sub(lambda found: f"{found[1]}\n{_list(found[2])}\n", texts[api])
     made = "\n".join(_commands())
     texts[commands] = COMMANDS.sub(lambda found: f"{found[1]}\n{made}", texts[commands])
     return texts
@@ -32,15 +32,13 @@ def pages() -> dict[Path, str]:
 
 def with_docstrings(text: str) -> str:
     """The API's page with a directive of Sphinx's autodoc per name."""
-    return NAMES.sub(lambda found: "\n".join(["```{eval-rst}", *_directives(found), "```\n"]), text)
+    return NAMES.sub(
+        lambda found: "\n".join(["```{eval-rst}", *_directives(found[2]), "```\n"]), text
+    )
 
 
-def _marker(found: re.Match[str]) -> str:
-    return found[0].partition("\n")[0] + "\n"
-
-
-def _list(found: re.Match[str]) -> str:
-    return "\n".join(line for name in found[1].split() for line in _lines(name))
+def _list(names: str) -> str:
+    return "\n".join(line for name in names.split() for line in _lines(name))
 
 
 def _lines(name: str) -> Iterator[str]:
@@ -97,8 +95,8 @@ def _summary(thing: object) -> str:
     return re.sub(r"(?<=\w\.) .*", "", first)
 
 
-def _directives(found: re.Match[str]) -> Iterator[str]:
-    for name in found[1].split():
+def _directives(names: str) -> Iterator[str]:
+    for name in names.split():
         thing = getattr(lfcore, name)
         is_error = inspect.isclass(thing) and issubclass(thing, Exception)
         kind = "exception" if is_error else "class" if inspect.isclass(thing) else "function"

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from lfcore.readers.account import Account
-from lfcore.readers.side_files import beside, read_texture
+from lfcore.readers.side_files import SOLID, beside, read_texture, same_size
 from lfcore.readers.text import plain
 from lfcore.reading import LARGEST_TEXT, Where, read_bytes
 from lfcore.scene.notes import APPROXIMATED, ASSUMED, LEFT_OUT, NOT_USED, Notebook
-from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, triple
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, clipped, triple
 
 Statements = dict[str, tuple[str, str]]
 """The statements of a material by their words in small letters: word as written, and the rest."""
@@ -32,8 +32,6 @@ PLAIN = {"illum": (1.0, 2.0), "d": (1.0,), "tr": (0.0,), "ni": (1.0,), "tf": (1.
 """Values that say what is so anyway; illumination models 1 and 2 are matt and glossy."""
 MOST_WORDS = 8
 """The most words of a library's name among several on a line."""
-OPAQUE = 250
-"""The least code of alpha that is opaque: encoders blur an alpha of one."""
 WHITE = np.full((1, 1, 4), 255, np.uint8)
 
 
@@ -201,7 +199,7 @@ class _Material:
         changes |= self._cutoff(textures["texture"])
         self._account_for_all()
         surface = Surface(
-            self.name, _clipped(diffuse), _clipped(specular), float(np.clip(shininess, 1, 1000)),
+            self.name, clipped(diffuse), clipped(specular), float(np.clip(shininess, 1, 1000)),
             triple(emission), **changes,
         )  # fmt: skip
         moves = [
@@ -260,7 +258,7 @@ class _Material:
         codes = read_texture(file, Where(self.file, f"material {self.name}: {key}"), alpha=True)
         if alpha:
             return codes
-        if key == "map_kd" and "map_d" not in self.maps and codes[..., 3].min(initial=255) < OPAQUE:
+        if key == "map_kd" and "map_d" not in self.maps and codes[..., 3].min(initial=255) < SOLID:
             self._note(NOT_USED, f"alpha of texture {asked.name!r}, which no map_d asks for")
         return np.ascontiguousarray(codes[..., :3])
 
@@ -283,19 +281,16 @@ class _Material:
             else:
                 alpha = np.rint(picture[..., :3].mean(-1)).astype(np.uint8)
         least, most = int(alpha.min()) / 255, int(alpha.max()) / 255
-        if opacity * least < OPAQUE / 255:
+        if opacity * least < SOLID / 255:
             self._note(APPROXIMATED, "transparency; cut out where most light passes")
         if opacity * most < 0.5:
             self._note(LEFT_OUT, "cut out wholly")
             return {"texture": np.zeros((1, 1, 4), np.uint8), "alpha_cutoff": 0.5}
         if opacity * least >= 0.5:
             return {}
-        import cv2
-
         base = WHITE[..., :3] if texture is None else texture
-        height, width = (max(sides) for sides in zip(alpha.shape, base.shape[:2], strict=True))
-        both = [cv2.resize(one, (width, height)) for one in (base, alpha)]
-        return {"texture": np.dstack(both), "alpha_cutoff": 0.5 / opacity}
+        codes = np.dstack(same_size(base, alpha))
+        return {"texture": codes, "alpha_cutoff": 0.5 / opacity}
 
     def _account_for_all(self) -> None:
         """Use what was asked for, and what says nothing beyond it; the rest is noted."""
@@ -307,8 +302,3 @@ class _Material:
 
 def _called(word: str) -> str:
     return f"statements '{word}'" if re.fullmatch(r"[\w.-]{1,32}", word) else "other statements"
-
-
-def _clipped(colour: np.ndarray) -> Colour:
-    """A colour in [0, 1]."""
-    return triple(np.clip(colour, 0, 1))

@@ -9,6 +9,9 @@ from lfcore.errors import LfcoreError
 from lfcore.pictures import codes_of, decode
 from lfcore.reading import LARGEST_TEXT, Where, read_bytes
 
+SOLID = 250
+"""The least code of alpha that is solid: encoders blur an alpha of one."""
+
 
 def beside(name: str, *files: Path) -> Path | None:
     """The file of a name that one of ``files`` has: in its folder, or in that of the next.
@@ -36,3 +39,12 @@ def read_texture(path: Path, where: Where, *, alpha: bool = False) -> np.ndarray
     except LfcoreError as error:
         problem = f"texture {str(path)!r} cannot be decoded: {error.problem}"
         raise where.error(problem, "Use a PNG or JPEG") from None
+
+
+def same_size(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two pictures, the smaller enlarged, bilinear."""
+    import cv2  # slow to import
+
+    height, width = np.maximum(one.shape[:2], other.shape[:2]).tolist()
+    scaled = [cv2.resize(each, (width, height)) for each in (one, other)]
+    return scaled[0], scaled[1]

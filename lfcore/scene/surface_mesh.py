@@ -33,6 +33,11 @@ def triple(values: ArrayLike) -> Colour:
     return first, second, third
 
 
+def clipped(colour: ArrayLike) -> Colour:
+    """Clip a colour to [0, 1]."""
+    return triple(np.clip(np.asarray(colour, np.float64), 0, 1))
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A material with its textures as arrays.

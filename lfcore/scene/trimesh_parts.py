@@ -9,7 +9,7 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
 from lfcore.reading import Where
-from lfcore.scene.surface_mesh import Colour, Surface, SurfaceMesh, shaded, triple
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh, clipped, shaded
 
 
 def _error(path: Path, problem: str, remedy: str = "Export the mesh again") -> SceneError:
@@ -131,7 +131,7 @@ def surface_of_pbr(material: Any, path: Path) -> Surface:
     emits = bool(emission.any())
     return Surface(
         str(material.name or path.stem),
-        base_colour(material),
+        clipped(factor(material)[:3]),
         emission=clipped(emission),
         texture=picture(material.baseColorTexture, path),
         metallic=_share(metallic, 0.0, path) if is_physical else -1.0,
@@ -153,10 +153,6 @@ def picture(image: Any, path: Path, mode: str = "RGB") -> np.ndarray | None:
         raise Where(path).error(problem, "Replace the image") from error
 
 
-def base_colour(material: Any) -> Colour:
-    return clipped(factor(material)[:3])
-
-
 def _number(value: Any, path: Path) -> float:
     if isinstance(value, (int, float)) and abs(value) <= 1e308:
         return float(value)
@@ -176,11 +172,6 @@ def factor(material: Any) -> np.ndarray:
     given = material.baseColorFactor
     given = np.zeros(0) if given is None else to_float(given)[:4]
     return np.append(given, np.ones(4 - len(given)))
-
-
-def clipped(colour: np.ndarray) -> Colour:
-    """A colour in [0, 1]."""
-    return triple(np.clip(np.asarray(colour, np.float64), 0, 1))
 
 
 def _colours(visual: Any, faces: np.ndarray, path: Path) -> np.ndarray | None:

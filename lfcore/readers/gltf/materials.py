@@ -18,6 +18,7 @@ from lfcore.pictures import codes_of, decode
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import WEBP
+from lfcore.readers.side_files import SOLID, same_size
 from lfcore.reading import Where
 from lfcore.scene.appearance import Dielectric
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
@@ -26,8 +27,6 @@ from lfcore.scene.surface_mesh import Surface, triple
 GLOSSY, UNLIT = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"
 STRENGTH, MOVED = "KHR_materials_emissive_strength", "KHR_texture_transform"
 REPEAT, NEAREST = 10497, 9728
-SOLID = 250
-"""The least code of alpha that is solid: encoders blur an alpha of one."""
 DIELECTRIC = 0.04
 """The reflectance of what is no metal."""
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -201,7 +200,7 @@ class _Material:
             )  # fmt: skip
             return surface, float(colour[3]), None
         white = np.full((1, 1, 4), 255, np.uint8)
-        one, other = _same_size(
+        one, other = same_size(
             white if colours is None else colours, white if shine is None else shine
         )
         base, metal = as_metal(
@@ -323,13 +322,3 @@ def _mean(codes: np.ndarray, *, linear: bool) -> np.ndarray:
         return np.rint(codes.mean((0, 1), keepdims=True)).astype(np.uint8)
     colour = srgb_codes(srgb_decode(codes[..., :3] / 255.0).mean((0, 1), keepdims=True))
     return np.dstack([colour, np.rint(codes[..., 3:].mean((0, 1), keepdims=True)).astype(np.uint8)])
-
-
-def _same_size(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two pictures, the smaller enlarged."""
-    import cv2  # slow to import
-
-    height, width = np.maximum(one.shape[:2], other.shape[:2])
-    size = int(width), int(height)
-    scaled = [cv2.resize(each, size, interpolation=cv2.INTER_LINEAR) for each in (one, other)]
-    return scaled[0], scaled[1]
