@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, check_kind
+from lfcore.errors import OpticsError, check_kind, suggest_keywords
 from lfcore.opencl.device import Device
 from lfcore.optics.array import CameraArray
 from lfcore.optics.planes import SensorPlane
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 # Functions that need video import it themselves, so that a picture starts sooner.
 
 
-@answers_typos
+@suggest_keywords
 def bake(
     scene: Scene,
     *,
@@ -116,7 +116,7 @@ def bake(
     return lit(scene, opened(device), progress)
 
 
-@answers_typos
+@suggest_keywords
 def render(
     scene: Scene,
     focus_m: float | str | None = None,
@@ -219,7 +219,7 @@ def _check_scene(scene: object) -> None:
     check_kind(scene, Scene, "scene", remedy="Read one with load_scene")
 
 
-@answers_typos
+@suggest_keywords
 def render_to_quality(
     scene: Scene,
     quality: Quality,
@@ -282,7 +282,7 @@ def render_to_quality(
     return QualitySearch(tracer, camera, chosen, size, quality).pictures(progress)
 
 
-@answers_typos
+@suggest_keywords
 def record(
     scene: Scene,
     path: str | Path,
@@ -399,7 +399,7 @@ def record(
     return LightField.open(path)
 
 
-@answers_typos
+@suggest_keywords
 def trace_array(
     scene: Scene,
     array: CameraArray | None = None,

@@ -83,21 +83,21 @@ def check_kind(
         raise LfcoreError(f"must be {what}, not {value!r}", key=key, remedy=remedy)
 
 
-def answers_typos(call: Named) -> Named:
-    """Make a function or dataclass answer an unknown keyword with the one that was meant."""
-    own: Any = vars(call)["__init__"] if isinstance(call, type) else call
-    known = [each for each in inspect.signature(own).parameters if each not in ("self", "cls")]
+def suggest_keywords(call: Named) -> Named:
+    """Decorate a function or dataclass: errors on unknown keywords suggest the nearest one."""
+    function: Any = vars(call)["__init__"] if isinstance(call, type) else call
+    known = [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
 
-    @functools.wraps(own)
-    def answering(*given: Any, **named: Any) -> Any:
-        for name in named.keys() - known:
+    @functools.wraps(function)
+    def checked(*arguments: Any, **keywords: Any) -> Any:
+        for name in keywords.keys() - known:
             problem = f"{call.__name__}() got an unexpected keyword argument {name!r}"
             raise TypeError(f"{problem}. {did_you_mean(name, known)}")
-        return own(*given, **named)
+        return function(*arguments, **keywords)
 
     if not isinstance(call, type):
-        return answering  # type: ignore[return-value]
-    call.__init__ = answering  # type: ignore[misc]
+        return checked  # type: ignore[return-value]
+    call.__init__ = checked  # type: ignore[misc]
     return call
 
 

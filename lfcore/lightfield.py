@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos
+from lfcore.errors import OpticsError, suggest_keywords
 from lfcore.opencl.device import Device
 from lfcore.optics.focus import blur_share, exclude_twice, f_number_of_blur
 from lfcore.optics.planes import SensorPlane
@@ -54,7 +54,7 @@ class LightField(LightFieldFile):
     def _visible(self) -> VisibleDepth:
         return VisibleDepth(self)
 
-    @answers_typos
+    @suggest_keywords
     def plane(
         self,
         focus_m: float | str | None = None,
@@ -182,7 +182,7 @@ class LightField(LightFieldFile):
             raise OpticsError(problem, file=self.path, key="aperture_views")
         return slab.camera.focal_length_m / (aperture_views * slab.lens_pitch_m)
 
-    @answers_typos
+    @suggest_keywords
     def refocus(
         self,
         focus_m: float | str | None = None,
@@ -229,7 +229,7 @@ class LightField(LightFieldFile):
             progress=progress,
         )[0]  # fmt: skip
 
-    @answers_typos
+    @suggest_keywords
     def refocus_many(
         self,
         planes: Sequence[SensorPlane],
@@ -278,7 +278,7 @@ class LightField(LightFieldFile):
             progress=progress,
         )  # fmt: skip
 
-    @answers_typos
+    @suggest_keywords
     def stack(
         self,
         focus_m: Sequence[float] | None = None,
@@ -348,7 +348,7 @@ class LightField(LightFieldFile):
             planes, filter=filter, pixels=pixels, device=device, progress=progress
         )
 
-    @answers_typos
+    @suggest_keywords
     def views_at(
         self,
         points_m: np.ndarray,
@@ -382,7 +382,7 @@ class LightField(LightFieldFile):
         """
         return views_at(self, points_m, pixels, device=device, progress=progress)
 
-    @answers_typos
+    @suggest_keywords
     def depth(
         self,
         scene: Scene | None = None,
@@ -420,7 +420,7 @@ class LightField(LightFieldFile):
 
         return field_depth(self, scene, samples, device, progress)
 
-    @answers_typos
+    @suggest_keywords
     def all_in_focus(
         self,
         scene: Scene | None = None,
@@ -476,7 +476,7 @@ class LightField(LightFieldFile):
         """
         return labelled_views(self, codes=codes)
 
-    @answers_typos
+    @suggest_keywords
     def viewer(
         self,
         *,

@@ -1,8 +1,8 @@
 """Inputs run in forked children, many per child, with limits of time and memory.
 
-The parent imports what the inputs need and then forks, so a child costs milliseconds.  A child
-reports each input when it has finished it.  When a child dies, the input after the last report is
-at fault, and another child continues after it.
+The parent imports all modules and then forks, so a child costs milliseconds.  A child reports each
+finished input.  When a child dies, the input after the last report is at fault, and another child
+continues after it.
 """
 
 import faulthandler
@@ -24,9 +24,16 @@ FORK = get_context("fork")
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of an input, CPU and wall seconds, and of a child, bytes of memory and per file.
+    """Limits of inputs and children.
 
-    ``memory`` is beyond the parent's memory; None is no limit.
+    Attributes
+    ----------
+    cpu, wall : float
+        CPU and wall seconds per input.
+    memory : int, optional
+        Bytes of a child's memory beyond the parent's; None is no limit.
+    file : int
+        Bytes of a file.
     """
 
     cpu: float = 10.0
@@ -36,9 +43,9 @@ class Limits:
 
 
 def run_all(
-    count: int, one: Callable[[int], Outcome], limits: Limits, crash_log: Path
+    count: int, judge: Callable[[int], Outcome], limits: Limits, crash_log: Path
 ) -> Iterator[tuple[int, Outcome]]:
-    """The outcomes of ``one(0) ... one(count - 1)``, run in children, in order.
+    """Yield the outcomes of ``judge(0) ... judge(count - 1)``, run in children, in order.
 
     The stack of a child that dies is written to ``crash_log``.
     """
@@ -46,8 +53,8 @@ def run_all(
     while start < count:
         crash_log.write_bytes(b"")
         reports, tell = FORK.Pipe(duplex=False)
-        given = range(start, count), one, limits, crash_log, tell
-        child = FORK.Process(target=_run, args=given, daemon=True)
+        arguments = range(start, count), judge, limits, crash_log, tell
+        child = FORK.Process(target=_run, args=arguments, daemon=True)
         child.start()
         tell.close()
         hangs = False
@@ -65,17 +72,21 @@ def run_all(
 
 
 def _run(
-    indices: range, one: Callable[[int], Outcome], limits: Limits, crash_log: Path, tell: Connection
+    indices: range,
+    judge: Callable[[int], Outcome],
+    limits: Limits,
+    crash_log: Path,
+    tell: Connection,
 ) -> None:
-    """A child: run the indices, and tell of each."""
+    """Run the inputs in a child, and report each."""
     os.setsid()
     _restrain(limits, crash_log)
     for index in indices:
-        # CPU time, as the wall clock depends on other work of the machine.
+        # CPU time, as the wall clock depends on the machine's load.
         signal.setitimer(signal.ITIMER_PROF, limits.cpu)
         try:
-            outcome = one(index)
-        except Exception as error:  # the judge's own mistake
+            outcome = judge(index)
+        except Exception as error:  # a fault of the harness
             outcome = Outcome("harness", repr(error)[:200], traceback.format_exc())
         signal.setitimer(signal.ITIMER_PROF, 0)
         tell.send(outcome)
@@ -88,7 +99,7 @@ def _restrain(limits: Limits, crash_log: Path) -> None:
         os.dup2(silence, stream)
     stack = open(crash_log, "wb", buffering=0)
     faulthandler.enable(stack, all_threads=False)
-    # Out of time: the stack is written, then the signal kills as it would.
+    # On a timeout the stack is written, then the signal kills the child.
     faulthandler.register(signal.SIGPROF, stack, all_threads=False, chain=True)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_FSIZE, (limits.file, limits.file))
@@ -109,7 +120,7 @@ def _death(hangs: bool, status: int, crash_log: Path) -> Outcome:
 
 
 def _innermost(stack: str) -> str:
-    """The project's innermost frame in what faulthandler wrote, innermost first."""
+    """Return the project's innermost frame in a stack by faulthandler, innermost first."""
     for line in stack.splitlines():
         for package in ("/lfcore/", "/workflow/"):
             if package in line and "site-packages" not in line:

@@ -1,4 +1,4 @@
-"""Disks that fill while a file is written: it is whole and right, or refused and gone."""
+"""Disks that fill while a file is written: the file must be whole, or refused and absent."""
 
 import ctypes
 import os
@@ -31,12 +31,13 @@ from robustness.outcome import OK, REFUSED, ROOT, Outcome, SilentlyWrong, outcom
 from robustness.targets.stores import CODECS
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
+"""The bytes of a page of memory, the unit of a disk's size."""
 MOST_TRIES = 40
-"""Sizes of a disk that are tried for a file; small files are tried page by page."""
+"""The most sizes of a disk per file; small files are tried page by page."""
 
 
 class Writer(NamedTuple):
-    """``write`` makes the ``file``, of a fixed content."""
+    """``write`` writes the ``file``, always with the same content."""
 
     name: str
     file: str
@@ -44,7 +45,7 @@ class Writer(NamedTuple):
 
 
 def writers(home: Path) -> list[Writer]:
-    """Every kind of file that the project writes, some tens to hundreds of kilobytes each."""
+    """Return a writer per kind of file, each of some tens to hundreds of kilobytes."""
     noise = np.random.default_rng(3)
     picture = noise.random((96, 128, 3), np.float32)
     array = CameraArray.on_grid((2, 2), (-1, 1, -1, 1), 40.0, (64, 48))
@@ -66,8 +67,8 @@ def writers(home: Path) -> list[Writer]:
     sums = PlaneSums.zeros(slab, [SensorPlane(2.0, 2.0)])
 
     def join(path: Path) -> None:
-        known = {"name": "noise", "digest": ""}
-        join_segments(path, segments, tiles, layout, geometry=slab, scene=known)
+        about = {"name": "noise", "digest": ""}
+        join_segments(path, segments, tiles, layout, geometry=slab, scene=about)
 
     kinds = ("png", "jpg", "ppm", "exr", "npy", "pfm")
     draw = partial(write_picture, picture=picture)
@@ -86,9 +87,9 @@ def writers(home: Path) -> list[Writer]:
 
 
 def fill(writer: Writer, home: Path) -> list[tuple[int, Outcome]]:
-    """(pages of the disk, what came of it) for disks from empty to large enough.
+    """Return (pages, outcome) for disks from empty to large enough.
 
-    Raises :class:`OSError` where no small disk can be mounted.
+    Raises :class:`OSError` if no small disk can be mounted.
     """
     reference = home / writer.file
     writer.write(reference)
@@ -96,15 +97,15 @@ def fill(writer: Writer, home: Path) -> list[tuple[int, Outcome]]:
     again = home / f"again-{writer.file}"
     writer.write(again)
     if again.read_bytes() != whole:
-        raise RuntimeError(f"{writer.name} is not written the same twice")
+        raise RuntimeError(f"two files of {writer.name} differ")
     need = -(-len(whole) // PAGE)
     step = max(1, need // MOST_TRIES)
-    # A page for the folder itself, and beyond the file room for the muxer's second thoughts.
+    # One page for the folder; a few more than the file's, as the muxer writes its head twice.
     pages = [1, *range(2, need + 8, step), 4 * need + 64]
     mount = home / "disk"
     mount.mkdir(exist_ok=True)
 
-    def one(index: int) -> Outcome:
+    def judge(index: int) -> Outcome:
         file = mount / writer.file
         before = b"before" if index % 2 else b""
         with small_disk(mount, (pages[index] + bool(before)) * PAGE):
@@ -112,12 +113,12 @@ def fill(writer: Writer, home: Path) -> list[tuple[int, Outcome]]:
                 file.write_bytes(before)
             return outcome_of(lambda: _write(writer, file, whole, before), names=str(file))
 
-    found = run_all(len(pages), one, Limits(), home / "stack.txt")
-    return [(pages[index], outcome) for index, outcome in found]
+    outcomes = run_all(len(pages), judge, Limits(), home / "stack.txt")
+    return [(pages[index], outcome) for index, outcome in outcomes]
 
 
 def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
-    """Write; a refusal leaves what was there, and nothing else."""
+    """Write the file; after a refusal the folder must be as before."""
     right = before
     try:
         writer.write(file)
@@ -125,47 +126,55 @@ def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
     finally:
         left = sorted(path.name for path in file.parent.iterdir())
         if left != ([file.name] if right else []):
-            raise SilentlyWrong(f"there is {left}")
+            raise SilentlyWrong(f"the folder has {left}")
         if right and file.read_bytes() != right:
             size = file.stat().st_size
             raise SilentlyWrong(f"{size} bytes under its name instead of {len(right)}")
 
 
 def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]]:
-    """(pages, what came of it): a run whose results' disk fills, and again when room was made."""
+    """Return (pages, outcome) of runs that fill the results' disk, and run again with more room."""
 
-    def one(index: int) -> Outcome:
+    def judge(index: int) -> Outcome:
         run.clean()
         results = run.folder / "results"
         results.mkdir()
         with small_disk(results, pages[index] * PAGE) as resize:
-            status, said = run.run()
-            if status == 0 or "Traceback" in said:
-                return Outcome("silent wrong", f"status {status} on a full disk", said)
+            status, output = run.run()
+            if status == 0 or "Traceback" in output:
+                return Outcome("silent wrong", f"status {status} on a full disk", output)
             resize(1 << 30)
-            status, said = run.run()
+            status, output = run.run()
             if status:
-                return Outcome("silent wrong", f"then status {status}", said)
+                return Outcome("silent wrong", f"then status {status}", output)
             if run.digests() != run.whole:
                 return Outcome("silent wrong", "then other results", str(run.digests()))
         return Outcome(REFUSED)
 
     limits = Limits(cpu=1e4, wall=1200, memory=None, file=1 << 40)
-    found = run_all(len(pages), one, limits, run.folder / "stack.txt")
-    return [(pages[index], outcome) for index, outcome in found]
+    outcomes = run_all(len(pages), judge, limits, run.folder / "stack.txt")
+    return [(pages[index], outcome) for index, outcome in outcomes]
 
 
-REMOUNT, DETACH = 32, 2
-NEW_USER, NEW_MOUNTS, PRIVATE_RECURSIVE = 0x10000000, 0x00020000, (1 << 18) | (1 << 14)
+REMOUNT = 32
+"""Linux's MS_REMOUNT."""
+DETACH = 2
+"""Linux's MNT_DETACH."""
+NEW_USER = 0x10000000
+"""Linux's CLONE_NEWUSER."""
+NEW_MOUNTS = 0x00020000
+"""Linux's CLONE_NEWNS."""
+PRIVATE_RECURSIVE = (1 << 18) | (1 << 14)
+"""Linux's MS_PRIVATE and MS_REC."""
 LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 @contextmanager
 def small_disk(folder: Path, size: int) -> Iterator[Callable[[int], None]]:
-    """A file system of that size in memory at ``folder``, seen by this process alone; a function
-    that changes its size.
+    """Mount a file system of ``size`` bytes in memory at ``folder``, visible to this process alone.
 
-    It needs the rights to mount, or a system whose users may make name spaces of their own.
+    Yields a function that changes the size.  Needs the right to mount, or to create user name
+    spaces.
     """
 
     def mount(size: int, flags: int = REMOUNT) -> None:
@@ -176,12 +185,12 @@ def small_disk(folder: Path, size: int) -> Iterator[Callable[[int], None]]:
     try:
         yield mount
     finally:
-        _call(LIBC.umount2, bytes(folder), DETACH)  # whatever is open there
+        _call(LIBC.umount2, bytes(folder), DETACH)  # even with open files
 
 
 @cache
 def own_mounts() -> None:
-    """Leave the system's mounts: what is mounted from now on ends with this process."""
+    """Enter a private mount name space: later mounts end with this process."""
     user, group = os.getuid(), os.getgid()
     _call(LIBC.unshare, NEW_MOUNTS if user == 0 else NEW_MOUNTS | NEW_USER)
     if user:
@@ -198,16 +207,16 @@ def _call(function, *arguments) -> None:
 
 
 def can_mount(home: Path) -> str:
-    """Empty where small disks can be had; else why not."""
+    """Return the reason why small disks cannot be mounted; empty if they can."""
     mount = home / "probe"
     mount.mkdir(parents=True, exist_ok=True)
 
-    def one(index: int) -> Outcome:
+    def judge(index: int) -> Outcome:
         try:
             with small_disk(mount, PAGE):
                 return Outcome(OK)
         except OSError as error:
             return Outcome(REFUSED, text=str(error))
 
-    ((_, outcome),) = run_all(1, one, Limits(), home / "probe.txt")
+    ((_, outcome),) = run_all(1, judge, Limits(), home / "probe.txt")
     return outcome.text

@@ -28,7 +28,7 @@ TEXTS = (
 
 
 def number(draw: Random) -> int | float:
-    """An extreme number, or one near a power of two or ten."""
+    """Draw an extreme number, or one near a power of two or ten."""
     if draw.random() < 0.7:
         return draw.choice(NUMBERS)
     base = draw.choice((2, 10)) ** draw.randrange(0, 64 if draw.random() < 0.5 else 20)
@@ -36,7 +36,7 @@ def number(draw: Random) -> int | float:
 
 
 def number_text(draw: Random) -> str:
-    """The text of a number in a file, or a text that looks like one."""
+    """Draw the text of a number in a file, or a text that looks like one."""
     if draw.random() < 0.4:
         return draw.choice(NUMBER_TEXTS)
     value = number(draw)
@@ -44,7 +44,7 @@ def number_text(draw: Random) -> str:
 
 
 def text(draw: Random) -> str:
-    """A text that is special to some program."""
+    """Draw a text that is special to some program."""
     return draw.choice(TEXTS)
 
 

@@ -1,4 +1,4 @@
-"""``python -m robustness.faults``: kills, full disks, missing folders; a table of each."""
+"""``python -m robustness.faults``: kills, full disks, missing folders, with a table of each."""
 
 import argparse
 import os
@@ -17,13 +17,26 @@ from robustness import disks, kills
 from robustness.outcome import LONGEST_MESSAGE, OK, REFUSED, ROOT, Outcome
 
 SIZE = ("--pixels", "16", "--views", "2")
+"""The options of a small picture."""
 
 
 @dataclass(frozen=True)
 class Surrounding:
-    """``works``: the picture must be the undisturbed one; else one line, and a status of 1.
+    """The environment of a command.
 
-    ``environment`` replaces variables (None: removes); ``redirect`` is of the shell.
+    Attributes
+    ----------
+    name : str
+        A description.
+    works : bool
+        Whether the command must write the undisturbed picture; else it must fail with status 1 and
+        one line.
+    environment : dict
+        Changed variables; None removes one.
+    output : str
+        The picture's path.
+    redirect : str
+        A redirection of the shell.
     """
 
     name: str
@@ -34,7 +47,7 @@ class Surrounding:
 
 
 def surroundings(folder: Path) -> list[Surrounding]:
-    """``folder`` is one that can be written."""
+    """Return all surroundings, with files below a writable ``folder``."""
     plain, empty = folder / "plain-file", folder / "empty-cache"
     plain.write_text("")
     empty.mkdir(exist_ok=True)
@@ -66,7 +79,7 @@ def surroundings(folder: Path) -> list[Surrounding]:
 
 
 def try_all(folder: Path, only: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
-    """(name, what is wrong: empty when nothing is) of each surrounding, or of those of a name."""
+    """Yield (name, problem or empty) per surrounding, or of ``only`` some names."""
     folder.mkdir(parents=True, exist_ok=True)
     undisturbed = _render(Surrounding("undisturbed"), folder)
     right = (folder / "p.ppm").read_bytes()
@@ -79,21 +92,21 @@ def try_all(folder: Path, only: Sequence[str] = ()) -> Iterator[tuple[str, str]]
         if picture.is_file():
             picture.unlink()
         done = _render(surrounding, folder)
-        said = done.stderr.decode(errors="replace") + done.stdout.decode(errors="replace")
-        yield surrounding.name, _judged(surrounding, done.returncode, said, picture, right)
+        output = done.stderr.decode(errors="replace") + done.stdout.decode(errors="replace")
+        yield surrounding.name, _problem(surrounding, done.returncode, output, picture, right)
 
 
-def _judged(surrounding: Surrounding, status: int, said: str, picture: Path, right: bytes) -> str:
-    if "Traceback" in said:
-        return f"a traceback: {said[-800:]}"
+def _problem(
+    surrounding: Surrounding, status: int, output: str, picture: Path, right: bytes
+) -> str:
+    if "Traceback" in output:
+        return f"a traceback: {output[-800:]}"
+    if status != (0 if surrounding.works else 1):
+        return f"status {status}: {output[-400:]}"
     if surrounding.works:
-        if status:
-            return f"status {status}: {said[-400:]}"
         return "" if picture.read_bytes() == right else "another picture"
-    if status != 1:
-        return f"status {status}: {said[-400:]}"
-    line = said.strip().rpartition("\n")[2]
-    return "" if 0 < len(line) <= LONGEST_MESSAGE else f"no message: {said[-400:]}"
+    line = output.strip().rpartition("\n")[2]
+    return "" if 0 < len(line) <= LONGEST_MESSAGE else f"no message: {output[-400:]}"
 
 
 def _render(surrounding: Surrounding, folder: Path) -> subprocess.CompletedProcess:
@@ -111,22 +124,21 @@ def _render(surrounding: Surrounding, folder: Path) -> subprocess.CompletedProce
     )
 
 
-# Too small for anything, for a scene, for its tree, for a store.
 WORKFLOW_PAGES = (1, 300, 480, 530)
-
-
+"""The pages of disks without room for anything, for a scene, its hierarchy, and a light field."""
 Findings = list[str]
+"""Descriptions of what went wrong."""
 
 
 def kill_all(home: Path, count: int) -> tuple[pd.DataFrame, Findings]:
-    """Kill ``count`` runs in all; a row per run and way, and for all together."""
+    """Kill ``count`` runs; return a row per job and way, and one for all."""
     killed = [kills.Killed(job, home / job.name) for job in kills.jobs()]
-    tallies = {(one.job.name, way): kills.Tally() for one in killed for way in one.job.ways}
+    tallies = {(run.job.name, way): kills.Tally() for run in killed for way in run.job.ways}
     draw, done = Random(1), 0
     while done < count:
-        one = killed[done % len(killed)]
-        way = draw.choice(one.job.ways)
-        one.disturb(draw, way, tallies[one.job.name, way])
+        run = killed[done % len(killed)]
+        way = draw.choice(run.job.ways)
+        run.disturb(draw, way, tallies[run.job.name, way])
         done = sum(tally.kills for tally in tallies.values())
         print(f"{done} of {count} kills", file=sys.stderr)
     table = pd.DataFrame([
@@ -140,7 +152,7 @@ def kill_all(home: Path, count: int) -> tuple[pd.DataFrame, Findings]:
 
 
 def fill_all(home: Path) -> tuple[pd.DataFrame, Findings]:
-    """Each kind of file on disks from too small to large enough; then the workflow."""
+    """Write each kind of file on disks from too small to large enough; then run the workflow."""
     home.mkdir(parents=True)
     if reason := disks.can_mount(home):
         return pd.DataFrame({"SKIPPED full disks: no file system can be mounted": [reason]}), []
@@ -149,9 +161,9 @@ def fill_all(home: Path) -> tuple[pd.DataFrame, Findings]:
     def add(name: str, outcomes: list[tuple[int, Outcome]]) -> Counter:
         counts = Counter(outcome.kind for _, outcome in outcomes)
         wrong = [
-            f"{name}, disk of {pages} pages: {one.kind} {one.signature}: {one.text}"
-            for pages, one in outcomes
-            if one.is_finding
+            f"{name}, disk of {pages} pages: {outcome.kind} {outcome.signature}: {outcome.text}"
+            for pages, outcome in outcomes
+            if outcome.is_finding
         ]
         findings.extend(wrong)
         rows.append({"file": name, "disks": len(outcomes), "refused": counts[REFUSED],
@@ -169,17 +181,17 @@ def fill_all(home: Path) -> tuple[pd.DataFrame, Findings]:
 
 
 def miss_all(home: Path) -> tuple[pd.DataFrame, Findings]:
-    """Missing folders and closed streams."""
+    """Run with missing folders and closed streams."""
     results = list(try_all(home))
-    table = pd.DataFrame(results, columns=["surrounding", ""])
-    table[""] = ["wrong" if wrong else "as it must" for _, wrong in results]
-    return table, [f"{name}: {wrong}" for name, wrong in results if wrong]
+    table = pd.DataFrame(results, columns=["surrounding", "result"])
+    table["result"] = ["wrong" if problem else "right" for _, problem in results]
+    return table, [f"{name}: {problem}" for name, problem in results if problem]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser("robustness.faults", description=__doc__)
-    parser.add_argument("--kills", type=int, default=20, help="how many (20)")
-    count, bad = parser.parse_args(argv).kills, False
+    parser.add_argument("--kills", type=int, default=20, help="number of kills (20)")
+    count, any_finding = parser.parse_args(argv).kills, False
     with tempfile.TemporaryDirectory(prefix="lfcore-faults-", ignore_cleanup_errors=True) as name:
         home = Path(name)
         for part in (
@@ -188,10 +200,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             lambda: kill_all(home, count),
         ):
             table, findings = part()
-            bad |= bool(findings)
+            any_finding |= bool(findings)
             print(table.to_markdown(index=False), "", sep="\n")
             print(*(f"FINDING {finding}" for finding in findings), sep="\n", flush=True)
-    return int(bad)
+    return int(any_finding)
 
 
 if __name__ == "__main__":

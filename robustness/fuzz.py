@@ -1,4 +1,4 @@
-"""``python -m robustness.fuzz``: hostile inputs for some time, and a table of their outcomes."""
+"""``python -m robustness.fuzz``: hostile inputs for a time, and a table of their outcomes."""
 
 import argparse
 import hashlib
@@ -29,7 +29,7 @@ def kept(target: str) -> list[Path]:
 
 
 def keep(target: str, data: bytes, signature: str) -> Path:
-    """Write an input to the corpus; its name says what was wrong."""
+    """Write an input to the corpus, under the name of its finding."""
     folder = CORPUS / _slug(target)
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(data).hexdigest()[:8]
@@ -42,8 +42,8 @@ def _slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
-def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
-    """A shorter input with the same finding: we leave out pieces as long as the finding stays.
+def smaller(data: bytes, judge: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
+    """Shorten an input: we leave out pieces as long as the finding stays the same.
 
     Delta debugging without its complements: Zeller, Hildebrandt, "Simplifying and Isolating
     Failure-Inducing Input", IEEE TSE 2002.
@@ -54,7 +54,7 @@ def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, trie
         while at < len(data) and tries > 0:
             shorter = data[:at] + data[at + size :]
             tries -= 1
-            if still(shorter).signature == signature:
+            if judge(shorter).signature == signature:
                 data = shorter
             else:
                 at += size
@@ -63,8 +63,9 @@ def smaller(data: bytes, still: Callable[[bytes], Outcome], signature: str, trie
 
 
 MINIMISE_TRIES = 120
+"""The most runs to shorten an input."""
 MEMORY_DISK = Path("/dev/shm")
-"""A folder in memory, where the system has one: children write thousands of small files."""
+"""The system's folder in memory, if there is one: children write thousands of small files."""
 
 
 @dataclass
@@ -99,11 +100,11 @@ class Bench:
         target.sides(self.work)
 
     def run(self, inputs: Sequence[bytes]) -> list[Outcome]:
-        def one(index: int) -> Outcome:
+        def judge(index: int) -> Outcome:
             return self.target.judge(inputs[index], self.work)
 
-        found = run_all(len(inputs), one, self.target.limits, self.crash_log)
-        return [outcome for _, outcome in found]
+        outcomes = run_all(len(inputs), judge, self.target.limits, self.crash_log)
+        return [outcome for _, outcome in outcomes]
 
     def batch(self, seed: int, count: int | None = None) -> None:
         before = time.monotonic()
@@ -139,10 +140,10 @@ class Bench:
 def fuzz(
     targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int, each: int = 0
 ) -> list[Bench]:
-    """The benches of all targets, after corpus, seeds and random inputs.
+    """Run corpus, seeds and random inputs; return the benches of all targets.
 
-    First come ``each`` inputs of every target, then more until ``seconds`` have passed or ``most``
-    inputs were run; each target has its share of the time.
+    Every target runs ``each`` inputs, then more until ``seconds`` have passed or ``most`` inputs
+    were run; each target has its share of the time.
     """
     benches = [Bench(target, home) for target in targets]
     for bench in benches:
@@ -156,9 +157,10 @@ def fuzz(
 
 
 def table(benches: Sequence[Bench]) -> pd.DataFrame:
-    """Inputs, outcomes and inputs per second of each target, and of all."""
+    """Return inputs, outcomes and inputs per second of each target, and of all."""
+    tallies = {bench.target.name: bench.tally for bench in benches}
     rows = pd.DataFrame(
-        {one.target.name: {**one.tally.counts, "seconds": one.tally.seconds} for one in benches}
+        {name: {**tally.counts, "seconds": tally.seconds} for name, tally in tallies.items()}
     ).T.reindex(columns=[OK, REFUSED, "finding", "seconds"], fill_value=0).fillna(0)  # fmt: skip
     rows.loc["all"] = rows.sum()
     counts = rows[[OK, REFUSED, "finding"]].astype(int)
@@ -168,7 +170,7 @@ def table(benches: Sequence[Bench]) -> pd.DataFrame:
 
 
 def report(benches: Sequence[Bench]) -> str:
-    """Each finding once, with its count."""
+    """Return the text of a report: each finding once, with its count."""
     lines = []
     for bench in benches:
         for signature, (outcome, data, count) in bench.tally.findings.items():
@@ -201,8 +203,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             most=arguments.inputs, each=arguments.each,
         )  # fmt: skip
         print(table(benches).to_markdown(), flush=True)
-        if found := report(benches):
-            print(found, flush=True)
+        if findings := report(benches):
+            print(findings, flush=True)
         if arguments.keep:
             for bench in benches:
                 for file in bench.keep():

@@ -1,4 +1,4 @@
-"""Runs that are killed at random times: the plain command must go on and end as undisturbed."""
+"""Runs that are killed at random times: the same command must then have the undisturbed result."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,18 +19,29 @@ from lfcore.files import file_digest
 from robustness.outcome import ROOT
 
 WAYS = ("KILL", "KILL group", "KILL child", "TERM", "INT group")
-"""How a run is ended: the process alone, all of its group as a terminal does, or one child."""
+"""The signals, and their receivers: the process alone, its group as by a terminal, or one child."""
 STATUS = {"TERM": (143, -signal.SIGTERM), "INT group": (130, -signal.SIGINT)}
+"""The proper exit statuses after a signal."""
 LONGEST = 900.0
-"""Seconds after which a run, which takes some ten on a quiet machine, is taken to hang."""
+"""The seconds after which a run hangs; it takes some ten on an idle machine."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """A command that makes files.
+    """A command that writes files.
 
-    ``results`` are patterns of the files that must be the same each time, below its folder;
-    ``ways`` how it may be ended.
+    Attributes
+    ----------
+    name, command
+        Its name and its words.
+    results : tuple of str
+        Patterns, below its folder, of files that must be the same in each run.
+    prepare : callable
+        Called with the empty folder before the first run.
+    ways : tuple of str
+        The ways to end it.
+    statuses : bool
+        Whether its exit status after a signal must be proper.
     """
 
     name: str
@@ -43,7 +54,7 @@ class Job:
 
 @dataclass
 class Tally:
-    """Of the kills of one job in one way; ``findings`` say what went wrong, with the time."""
+    """The counts of kills of one job in one way, the slowest end in seconds, and the findings."""
 
     kills: int = 0
     went_on: int = 0
@@ -53,7 +64,7 @@ class Tally:
 
 
 class Killed:
-    """A job with its folder, what it makes undisturbed, and how long that takes."""
+    """A job in its folder, with the digests and wall seconds of an undisturbed run."""
 
     def __init__(self, job: Job, folder: Path):
         self.job, self.folder = job, folder
@@ -63,13 +74,13 @@ class Killed:
         for _ in range(2):  # the first run fills caches
             self.clean()
             start = time.monotonic()
-            status, said = self.run()
+            status, output = self.run()
             self.seconds = time.monotonic() - start
             if status:
-                raise RuntimeError(f"{job.name} fails undisturbed: {said}")
+                raise RuntimeError(f"{job.name} fails undisturbed: {output}")
             before, self.whole = self.whole, self.digests()
         if before != self.whole or not self.whole:
-            raise RuntimeError(f"{job.name} does not make the same twice: {before} {self.whole}")
+            raise RuntimeError(f"two results of {job.name} differ: {before} {self.whole}")
 
     def clean(self) -> None:
         for name in ("results", "logs", ".snakemake", "out"):
@@ -77,13 +88,13 @@ class Killed:
         (self.folder / "out").mkdir()
 
     def digests(self) -> dict[str, str]:
-        """Name and SHA-256 of each result."""
-        found = {file for pattern in self.job.results for file in self.folder.glob(pattern)}
-        files = (file for file in found if not file.name.startswith(".snakemake"))
+        """Return the name and SHA-256 of each result."""
+        results = {file for pattern in self.job.results for file in self.folder.glob(pattern)}
+        files = (file for file in results if not file.name.startswith(".snakemake"))
         return digests(filter(Path.is_file, files), self.folder)
 
     def drafts(self) -> list[str]:
-        """Hidden files and folders that were not there undisturbed."""
+        """Return hidden files and folders, which an undisturbed run does not leave."""
         hidden = [*self.folder.glob("out/.*"), *self.folder.glob("results/**/.*")]
         return [str(file) for file in hidden if not file.name.startswith(".snakemake")]
 
@@ -100,10 +111,10 @@ class Killed:
         )
 
     def run(self) -> tuple[int, str]:
-        """The plain command: (status, what it said); a status of 99 when it does not end."""
+        """Run the command; return (status, output), with status 99 if it hangs."""
         process = self.start()
-        said = until_end(process)
-        return (99, "it does not end") if said is None else (process.returncode, said[-2000:])
+        output = until_end(process)
+        return (99, "it does not end") if output is None else (process.returncode, output[-2000:])
 
     def disturb(self, draw: Random, way: str, tally: Tally) -> None:
         self.clean()
@@ -112,9 +123,9 @@ class Killed:
         if not self._end(after, way, tally, note):
             return
         tally.kills += 1
-        status, said = self.run()
+        status, output = self.run()
         if status:
-            tally.findings.append(f"{note}: then status {status}: {said[-600:]}")
+            tally.findings.append(f"{note}: then status {status}: {output[-600:]}")
             return
         tally.went_on += 1
         if self.digests() == self.whole:
@@ -125,7 +136,7 @@ class Killed:
             tally.findings.append(f"{note}: left over: {self.drafts()}")
 
     def _end(self, after: float, way: str, tally: Tally, note: str) -> bool:
-        """Start and kill; whether it was still running then."""
+        """Start and kill a run; return whether it was still running."""
         process = self.start()
         with suppress(subprocess.TimeoutExpired):
             process.communicate(timeout=after)
@@ -134,34 +145,24 @@ class Killed:
         if not _strike(process.pid, way):
             process.communicate()
             return False
-        said = until_end(process)
-        if said is None:
+        output = until_end(process)
+        if output is None:
             tally.findings.append(f"{note}: it does not end")
             return True
         if self.job.statuses and way in STATUS:
-            took = time.monotonic() - began
-            tally.slowest = max(tally.slowest, took)
-            tally.findings += [f"{note}: {wrong}" for wrong in self._wrong(process, way, said)]
+            tally.slowest = max(tally.slowest, time.monotonic() - began)
+            tally.findings += [f"{note}: {text}" for text in self._problems(process, way, output)]
         return True
 
-    def _wrong(self, process: subprocess.Popen, way: str, said: str) -> Iterator[str]:
+    def _problems(self, process: subprocess.Popen, way: str, output: str) -> Iterator[str]:
         if process.returncode == 0:
-            return  # it had done all when the signal came
+            return  # the run had finished before the signal
         if process.returncode not in STATUS[way]:
-            yield f"status {process.returncode}: {said[-300:]}"
-        if "Traceback" in said:
-            yield f"a traceback: {said[-300:]}"
+            yield f"status {process.returncode}: {output[-300:]}"
+        if "Traceback" in output:
+            yield f"a traceback: {output[-300:]}"
         if self.drafts():
             yield f"left behind at once: {self.drafts()}"
-
-
-def started(words: Sequence[str], said: Path, environment: Mapping[str, str]) -> subprocess.Popen:
-    """A process in a session of its own, whose output is added to the file ``said``."""
-    with said.open("ab") as file:
-        return subprocess.Popen(
-            words, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=file,
-            stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
 
 
 def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
@@ -169,7 +170,7 @@ def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
 
 
 def _strike(leader: int, way: str) -> bool:
-    """Send the signal; False when there is nobody to send it to."""
+    """Send the signal; return False if no process is left."""
     number = getattr(signal, f"SIG{way.split()[0]}")
     with suppress(ProcessLookupError, psutil.NoSuchProcess):
         if way.endswith("group"):
@@ -180,15 +181,15 @@ def _strike(leader: int, way: str) -> bool:
             return True
         children = psutil.Process(leader).children(recursive=True)
         if children:
-            # The latest one: the job, not the one that waits.
-            max(children, key=lambda one: one.pid).send_signal(number)
+            # The latest child is the job; earlier ones wait for it.
+            max(children, key=lambda child: child.pid).send_signal(number)
             return True
         os.killpg(leader, signal.SIGKILL)
     return False
 
 
 def until_end(process: subprocess.Popen) -> str | None:
-    """What a process says until it ends; None, and an end, for one that hangs."""
+    """Return the output of a process when it ends; kill one that hangs, and return None."""
     try:
         return process.communicate(timeout=LONGEST)[0].decode(errors="replace")
     except subprocess.TimeoutExpired:
@@ -202,7 +203,7 @@ PARTS = ("Makefile", "Snakefile", "config", "lfcore", "profiles", "scenes", "wor
 
 
 def copy_project(folder: Path) -> None:
-    """The project itself, and a configuration of a run of seconds."""
+    """Copy the project, with a configuration that takes seconds."""
     ignored = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
     for name in PARTS:
         if (ROOT / name).is_dir():
@@ -213,26 +214,26 @@ def copy_project(folder: Path) -> None:
 
 
 def make_run(arguments: str) -> tuple[str, ...]:
-    """The shell command of ``make tables`` in this environment."""
-    said = subprocess.run(
+    """Return the shell command of ``make tables`` in this environment."""
+    printed = subprocess.run(
         ["make", "--no-print-directory", "-n", "-o", f"{sys.prefix}/installed", "tables",
          f"VENV={sys.prefix}", f"ARGS={arguments}", "DIRECTORY=."],
         cwd=ROOT, check=True, capture_output=True, text=True,
     )  # fmt: skip
-    return ("sh", "-c", said.stdout)
+    return ("sh", "-c", printed.stdout)
 
 
 def jobs() -> list[Job]:
     scene = str(ROOT / "scenes/sphere")
     lfcore = (sys.executable, "-m", "lfcore")
     size = ("--pixels", "96", "--views", "32")  # some seconds of tracing
-    made = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
+    goals = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
     commands = ("KILL", "TERM", "INT group")
     return [
         Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",),
             ways=commands),
         Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",),
             ways=commands),
-        Job("workflow", make_run(f"--configfile micro.yaml -- {made}"), ("results/**/*.npz",
+        Job("workflow", make_run(f"--configfile micro.yaml -- {goals}"), ("results/**/*.npz",
             "results/**/*.png", "results/**/*.mkv"), copy_project, statuses=False),
     ]  # fmt: skip

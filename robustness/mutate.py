@@ -15,7 +15,7 @@ MOST = 1 << 20
 
 
 def how_many(draw: Random) -> int:
-    """The number of changes, mostly one: several hide each other."""
+    """Draw the number of changes, mostly one: several hide each other."""
     count = 1
     while count < 12 and draw.random() < 0.4:
         count += 1
@@ -23,7 +23,7 @@ def how_many(draw: Random) -> int:
 
 
 def damage_bytes(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Flip, cut, repeat, splice."""
+    """Flip bits; cut, repeat or splice pieces."""
     changed = bytearray(data)
     for _ in range(how_many(draw)):
         _damage(draw, changed, seeds)
@@ -56,7 +56,7 @@ def _damage(draw: Random, data: bytearray, seeds: Sequence[bytes]) -> None:
 
 
 def _word(draw: Random) -> bytes:
-    """A number in binary form."""
+    """Draw a number in binary form."""
     order = draw.choice("<>")
     if draw.random() < 0.5:
         form = draw.choice("BHIQ")
@@ -68,7 +68,7 @@ def _word(draw: Random) -> bytes:
 
 
 def damage_text(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Change tokens: numbers to extreme ones, words to others of the seeds, nesting."""
+    """Change tokens: numbers to extreme ones, words to the seeds' words, and nesting."""
     if draw.random() < 0.15:
         return damage_bytes(draw, data, seeds)
     tokens = _TOKEN.findall(data.decode("utf-8", "surrogateescape"))
@@ -106,7 +106,7 @@ def _change_token(draw: Random, tokens: list[str], seeds: Sequence[bytes]) -> No
 
 
 def mixed(*choices: tuple[float, Mutation]) -> Mutation:
-    """One of several mutations, by weight."""
+    """Return a mutation that draws one of ``choices`` by weight."""
     weights, mutations = zip(*choices, strict=True)
 
     def mutate(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:

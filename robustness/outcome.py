@@ -1,4 +1,4 @@
-"""What may come of an input: it is taken, or refused in one line; all else is a finding."""
+"""The outcome of an input: accepted, or refused in one line; everything else is a finding."""
 
 import re
 import traceback
@@ -13,16 +13,26 @@ ROOT = Path(__file__).resolve().parent.parent
 SEEDS = ROOT / "robustness" / "seeds"
 OK, REFUSED = "ok", "refused"
 LONGEST_MESSAGE = 2000
-"""Characters of an error: more is no line that anybody reads."""
+"""The most characters of an error: nobody reads a longer line."""
 
 
 class SilentlyWrong(Exception):
-    """An input that was taken and gave what it must not give."""
+    """An accepted input had a wrong result."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """``kind`` is ``ok``, ``refused`` or what was found; findings alike share a ``signature``."""
+    """The outcome of an input.
+
+    Attributes
+    ----------
+    kind : str
+        ``ok``, ``refused``, or the kind of finding.
+    signature : str
+        The same for similar findings.
+    text : str
+        The message or traceback.
+    """
 
     kind: str
     signature: str = ""
@@ -34,17 +44,17 @@ class Outcome:
 
 
 def outcome_of(work: Callable[[], object], names: str | None) -> Outcome:
-    """Run ``work`` and judge how it ends.
+    """Run ``work`` and judge its result or exception.
 
-    ``names`` must be in the text of a refusal (the name of the input's file); None where the
-    library does not know it.
+    A refusal must contain ``names``, the name of the input's file; None if the library does not
+    know the name.
     """
     try:
         work()
     except LfcoreError as error:
         return judge_message(str(error), names, error)
     except SilentlyWrong as error:
-        # The same with other numbers is the same.
+        # Findings that differ only in numbers share a signature.
         return Outcome("silent wrong", re.sub(r"[-+.\d]+", "#", str(error))[:80], str(error))
     except MemoryError as error:
         return Outcome("memory", f"MemoryError {_place(error)}", _last_lines(error))
@@ -55,7 +65,7 @@ def outcome_of(work: Callable[[], object], names: str | None) -> Outcome:
 
 
 def judge_message(text: str, names: str | None, error: BaseException | None = None) -> Outcome:
-    """Whether ``text`` is a proper refusal: one printable line of bearable length with the name."""
+    """Judge whether ``text`` is a proper refusal: one printable, short line with the name."""
     at = _place(error) if error is not None else text[:40]
     if not text.strip():
         return Outcome("message", f"empty {at}", text)
@@ -71,7 +81,7 @@ def judge_message(text: str, names: str | None, error: BaseException | None = No
 
 
 def _place(error: BaseException) -> str:
-    """File and function of the innermost frame of the project, not of the harness."""
+    """Return file and function of the project's innermost frame, outside the harness."""
     place = ""
     for frame, _ in traceback.walk_tb(error.__traceback__):
         path = Path(frame.f_code.co_filename)
@@ -81,5 +91,5 @@ def _place(error: BaseException) -> str:
 
 
 def _last_lines(error: BaseException) -> str:
-    # A limit: the traceback of an error of depth has thousands of frames.
+    # The traceback of a RecursionError has thousands of frames.
     return "".join(traceback.format_exception(error, limit=-6, chain=False))[-2000:]

@@ -15,7 +15,7 @@ DEPTHS = (3, 30, 300, 3000, 100_000)
 
 
 def damage_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """A changed tree as YAML; self-references become anchors and aliases."""
+    """Change a tree in YAML; self-references become anchors and aliases."""
     return _damage(draw, data, seeds, _load_yaml, _dump_yaml)
 
 
@@ -24,7 +24,7 @@ def damage_json(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def extreme_yaml(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """The tree with one or two extreme numbers: most are legal, and pass many checks."""
+    """Change one or two numbers to extreme ones: most results are legal, and pass many checks."""
     tree = [_load_yaml(data)]
     numbers = [
         (node, key) for node, key in places(tree)
@@ -65,31 +65,30 @@ def _damage(
 
 
 def places(tree: Any) -> list[tuple[Any, Any]]:
-    """(container, key) of each value below ``tree``, shared and circular ones once."""
-    found: list[tuple[Any, Any]] = []
+    """Return (container, key) of each value below ``tree``, shared and circular ones once."""
+    values: list[tuple[Any, Any]] = []
     waiting, seen = [tree], set[int]()
     while waiting:
         node = waiting.pop()
-        if id(node) in seen or len(found) > 5000:
+        if id(node) in seen or len(values) > 5000:
             continue
         seen.add(id(node))
         keys = list(node) if isinstance(node, dict) else range(len(node))
         for key in keys:
-            found.append((node, key))
+            values.append((node, key))
             if isinstance(node[key], (dict, list)):
                 waiting.append(node[key])
-    return found
+    return values
 
 
 def _change(draw: Random, tree: list, donor: object, *, recursive: bool) -> None:
-    """``tree`` is a list that holds the root."""
+    """Change ``tree``, a list with the root."""
     node, key = draw.choice(places(tree))
     kind = draw.randrange(14)
     if kind <= 4:
         node[key] = extremes.scalar(draw)
     elif kind == 5:
-        found = places([donor])
-        other, name = draw.choice(found)
+        other, name = draw.choice(places([donor]))
         node[key] = copy.deepcopy(other[name])
     elif kind == 6:
         node[key] = draw.choice(([], {}, [node[key]], {"a": node[key]}, [node[key], node[key]]))
@@ -122,7 +121,7 @@ _MARK = "deeply-nested"
 
 
 def _nested(draw: Random, text: str) -> str:
-    """Replace the mark by deeply nested lists, which a writer's recursion could not make."""
+    """Replace the mark by deeply nested lists, which a recursive writer could not write."""
     depth = draw.choice(DEPTHS)
     opening, closing = draw.choice((("[", "]"), ('{"a": ', "}")))
     deep = opening * depth + "1" + closing * depth

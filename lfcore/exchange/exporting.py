@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from lfcore.errors import StorageError, answers_typos
+from lfcore.errors import StorageError, suggest_keywords
 from lfcore.exchange import table
 from lfcore.exchange.grid import WriteOptions
 from lfcore.exchange.reading import ExchangeError
@@ -20,7 +20,7 @@ POOR_DB = 35.0
 """The PSNR of views, dB, below which a note advises more recorded views: edges show then."""
 
 
-@answers_typos
+@suggest_keywords
 def export_lightfield(
     lightfield: str | Path | LightField,
     format: str,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lfcore.errors import answers_typos
+from lfcore.errors import suggest_keywords
 from lfcore.exchange import table
 from lfcore.exchange.grid import Order, ReadOptions, ViewGrid
 from lfcore.exchange.pictures import is_picture
@@ -61,7 +61,7 @@ def read_grid(source: Path, format: str | None, options: ReadOptions) -> ViewGri
     return replace(grid, geometry=geometry).turned(order.left, order.up)
 
 
-@answers_typos
+@suggest_keywords
 def import_lightfield(
     source: str | Path,
     path: str | Path,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError, answers_typos
+from lfcore.errors import OpticsError, suggest_keywords
 
 PINHOLE_F_NUMBER = 1e6
 """The f-number of a camera that a matrix describes: its lens is 50 nm wide."""
@@ -78,7 +78,7 @@ class Camera:
             object.__setattr__(self, "pose", tuple(map(tuple, rows.tolist())))
 
     @classmethod
-    @answers_typos
+    @suggest_keywords
     def from_matrix(
         cls,
         K: ArrayLike,

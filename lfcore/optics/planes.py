@@ -16,7 +16,7 @@ from numbers import Real
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos, check_kind, check_known
+from lfcore.errors import OpticsError, check_kind, check_known, suggest_keywords
 from lfcore.optics.camera import Camera, check_focus, image_distance
 from lfcore.optics.size import MOST_PIXELS, whole_number
 from lfcore.optics.slab import Slab
@@ -80,7 +80,7 @@ class Aperture:
         return inside
 
 
-@answers_typos
+@suggest_keywords
 @dataclass(frozen=True)
 class SensorPlane:
     """One picture: its focus, its aperture and its normalisation.

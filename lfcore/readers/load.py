@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import SceneError, answers_typos, check_kind
+from lfcore.errors import SceneError, check_kind, suggest_keywords
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import exclude_twice
 from lfcore.optics.size import Pixels, Size
@@ -30,7 +30,7 @@ EXAMPLE = Path(__file__).parents[1] / "scene" / "example.yaml"
 PBRT = (".pbrt", ".pbrt.gz")
 
 
-@answers_typos
+@suggest_keywords
 def load_scene(
     path: str | Path,
     *,

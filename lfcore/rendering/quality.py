@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lfcore.errors import OpticsError, answers_typos
+from lfcore.errors import OpticsError, suggest_keywords
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels, Size
@@ -29,7 +29,7 @@ PLANNED_PLANES = 5
 """The number of planes that represent a range."""
 
 
-@answers_typos
+@suggest_keywords
 @dataclass(frozen=True)
 class Quality:
     """A quality of pictures, for which the rays are chosen.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError, SceneError, answers_typos, check_kind, printable
+from lfcore.errors import OpticsError, SceneError, check_kind, printable, suggest_keywords
 from lfcore.optics.camera import Camera
 from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
 from lfcore.optics.planes import SensorPlane
@@ -145,7 +145,7 @@ class Scene:
         check_scene(self)
 
     @classmethod
-    @answers_typos
+    @suggest_keywords
     def from_triangles(
         cls,
         triangles: ArrayLike,
@@ -215,7 +215,7 @@ class Scene:
         return cls._of_parts([part], name, camera, lights, ambient=ambient, background=background)
 
     @classmethod
-    @answers_typos
+    @suggest_keywords
     def from_trimesh(
         cls,
         scene: trimesh.Scene | trimesh.Trimesh,
@@ -332,7 +332,7 @@ class Scene:
         focus = camera.focus_m if inside else visible.middle_m
         return replace(self, camera=fitted_lens(visible, camera.field_width, focus))
 
-    @answers_typos
+    @suggest_keywords
     def plane(
         self,
         focus_m: float | str | None = None,

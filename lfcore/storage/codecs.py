@@ -3,7 +3,7 @@
 import os
 from dataclasses import asdict, dataclass
 
-from lfcore.errors import StorageError, answers_typos, check_known
+from lfcore.errors import StorageError, check_known, suggest_keywords
 from lfcore.storage.layout import KINDS
 from lfcore.storage.pixels import GREY_FORMATS, pixel_format
 
@@ -46,7 +46,7 @@ RANGES = {
 """The least and the greatest value of each number in :class:`Encoding`."""
 
 
-@answers_typos
+@suggest_keywords
 @dataclass(frozen=True)
 class Encoding:
     """The settings with which a light field is stored as video.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from lfcore.errors import OpticsError, StorageError, answers_typos
+from lfcore.errors import OpticsError, StorageError, suggest_keywords
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
@@ -71,7 +71,7 @@ class LightFieldFile:
         self._salvage = salvage
 
     @classmethod
-    @answers_typos
+    @suggest_keywords
     def open(cls, path: str | Path, *, salvage: bool = False, threads: int = 1) -> Self:
         """Open a light field file.
 
@@ -108,7 +108,7 @@ class LightFieldFile:
         return field
 
     @classmethod
-    @answers_typos
+    @suggest_keywords
     def from_views(
         cls,
         views: np.ndarray,

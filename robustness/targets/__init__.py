@@ -1,4 +1,4 @@
-"""The targets of the fuzzer: each has seeds, mutations, and a judge of outcomes."""
+"""The fuzzer's targets: each has seeds, mutations, and a judge of outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,18 +16,31 @@ WARM = (
     "lfcore.readers.pbrt", "lfcore.readers.gltf.meshes", "scipy.spatial.transform", "scipy.stats",
     "cv2", "PIL.GifImagePlugin", "PIL.TiffImagePlugin", "PIL.WebPImagePlugin", "PIL.TgaImagePlugin",
 )  # fmt: skip
-"""Modules that readers and commands import late; the parent imports them before it forks."""
+"""The modules that readers and commands import late; the parent imports them before it forks."""
 MODULES = ("scenes", "meshes", "pictures", "exchange", "stores", "settings", "commands", "objects")
+"""The modules of targets."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """One way to feed input to the project.
+    """A kind of input.
 
-    ``seeds(folder)`` returns valid inputs, once; ``judge(input, folder)`` an outcome.  ``sides``
-    writes side files, which inputs may name, to each child's folder.  ``weight`` is the share of
-    the time, ``batch`` the inputs per child.  Without ``takes_seeds`` a seed may be refused, for
-    lack of a device; ``portable`` inputs mean the same on every machine, and can be kept.
+    Attributes
+    ----------
+    name, limits
+        Its name and the limits of an input.
+    seeds : callable
+        ``seeds(folder)`` returns valid inputs; called once.
+    mutate, judge : callable
+        The mutation of an input; ``judge(input, folder)`` returns an outcome.
+    sides : callable
+        Writes side files, which inputs may name, to each child's folder.
+    weight, batch : float, int
+        The share of the time; inputs per child.
+    takes_seeds : bool
+        Whether every seed must be accepted; False where judging lacks a device.
+    portable : bool
+        Whether inputs mean the same on every machine, and can be kept.
     """
 
     name: str
@@ -42,20 +55,20 @@ class Target:
     portable: bool = True
 
     def input(self, seed: int, index: int, seeds: Sequence[bytes]) -> bytes:
-        """Input ``index`` of the run with this seed: always the same bytes."""
+        """Return input ``index`` of the run with this seed: always the same bytes."""
         draw = Random(f"{seed}/{self.name}/{index}")
         return self.mutate(draw, draw.choice(seeds), seeds)
 
 
 def seeds_folder(folder: Path) -> Path:
-    """Where the seeds were made whose inputs are judged in ``folder``."""
+    """Return the folder of the seeds of the inputs that are judged in ``folder``."""
     return folder.with_name("seeds")
 
 
 def of_file(
     name: str, check: Callable[[Path], object], *, named: bool = True
 ) -> Callable[[bytes, Path], Outcome]:
-    """A judge: runs ``check`` on an input in a file, which refusals must name if ``named``."""
+    """Return a judge that runs ``check`` on a file; refusals must contain its name if ``named``."""
 
     def judge(data: bytes, folder: Path) -> Outcome:
         file = folder / name
@@ -66,7 +79,7 @@ def of_file(
 
 
 def all_targets() -> dict[str, Target]:
-    """All targets by name.  This imports the library, before the parent forks."""
+    """Return all targets by name.  This imports the library, before the parent forks."""
     for name in WARM:
         import_module(name)
     modules = (import_module(f"robustness.targets.{name}") for name in MODULES)

@@ -1,4 +1,4 @@
-"""The command line: hostile values of options, up to the point where a device would be opened."""
+"""The command line: hostile values of options, up to the opening of a device."""
 
 import contextlib
 import io
@@ -79,7 +79,8 @@ def damage_words(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def _argument(word: str) -> str:
-    """A word that the system can pass: no NUL, no surrogates but those of bytes, limited length."""
+    """Return a word that the system can pass: without NUL, with surrogates only for bytes, and with
+    limited length."""
     word = word.encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
     return word.replace("\0", "")[:100_000]
 
@@ -87,7 +88,7 @@ def _argument(word: str) -> str:
 def write_all_sides(folder: Path) -> None:
     home = seeds_folder(folder)
     write_sides(folder)
-    (folder / "fifo").unlink()  # a command may wait for a pipe
+    (folder / "fifo").unlink()  # commands may wait for a pipe
     (folder / "scene.yaml").write_text(PLAIN)
     (folder / "scene.pbrt").write_text(PBRT_SPHERE)
     (folder / "planes.csv").write_text("focus,f_number,aperture\n2.0,2.8,circle\n4.0,5.6,square\n")
@@ -106,21 +107,21 @@ def no_device(*_, **__) -> None:
 
 
 def judge(data: bytes, folder: Path) -> Outcome:
-    """Status 0, 1 with one line, or 2 with the usage; a failed command leaves no file."""
+    """Run a command: status 0, 1 with one line, or 2 with the usage; failures leave no file."""
     from lfcore.cli import main
 
     words = json.loads(data)
     out = folder / "out"
-    shutil.rmtree(out, ignore_errors=True)  # what a child that died left there
+    shutil.rmtree(out, ignore_errors=True)  # files of a child that died
     out.mkdir()
-    said, printed = io.StringIO(), io.StringIO()
+    errors, output = io.StringIO(), io.StringIO()
     status: list[object] = []
 
     def work() -> None:
         with (
             mock.patch("lfcore.opencl.device._choose", no_device),
-            contextlib.redirect_stderr(said),
-            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stderr(errors),
+            contextlib.redirect_stdout(output),
             contextlib.chdir(folder),
         ):
             try:
@@ -132,21 +133,21 @@ def judge(data: bytes, folder: Path) -> Outcome:
     if outcome.is_finding:
         return outcome
     left = sorted(file.name for file in out.rglob("*") if file.is_file())
-    return _judged(status[0], said.getvalue(), left, words)
+    return _judged(status[0], errors.getvalue(), left, words)
 
 
-def _judged(status: object, said: str, left: list[str], words: list[str]) -> Outcome:
+def _judged(status: object, errors: str, left: list[str], words: list[str]) -> Outcome:
     if status == 0:
         drafts = [name for name in left if name.startswith(".")]
         return Outcome("left over", f"drafts of {words[0]}", str(left)) if drafts else Outcome("ok")
     if left:
-        return Outcome("left over", f"files of {words[0]} that failed", f"{left} {said}")
+        return Outcome("left over", f"files of {words[0]} that failed", f"{left} {errors}")
     if status == 2:
         return Outcome("refused")
     if status != 1:
-        return Outcome("status", f"status {status} of {words[0]}", said)
-    # Notes, as on a scene or on damage, may come before the error.
-    return judge_message(said.strip("\n").rpartition("\n")[2], names=None)
+        return Outcome("status", f"status {status} of {words[0]}", errors)
+    # Notes, as on a scene or on damage, may precede the error.
+    return judge_message(errors.strip("\n").rpartition("\n")[2], names=None)
 
 
 def targets() -> list[Target]:

@@ -1,4 +1,4 @@
-"""Light fields of other programs, with one damaged file, or file name."""
+"""Light fields of other programs, with one damaged file or file name."""
 
 import shutil
 import zlib
@@ -21,17 +21,23 @@ from robustness.targets.stores import CODECS
 from robustness.trees import damage_json
 
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
+"""The geometry of the seeds."""
 GRID = (3, 3)
+"""The columns and rows of the seeds' views."""
 TEXTS = (".json", ".cfg", ".txt")
+"""The suffixes of text files."""
 UNRECOGNISED = ("eslf", "mosaic", "folder")
-PICTURES_A_FORMAT = 2
+"""The formats that are read only by name."""
+PICTURES_PER_FORMAT = 2
+"""The pictures of a format that are seeds; the others are alike."""
 MOST_PIXELS = 1 << 22
+"""The most pixels of a grid whose views are read."""
 
 
 def seeds_of_a_child(folder: Path) -> list[bytes]:
-    """Those of :func:`seeds`, made by a process of their own, as exporting opens a device.
+    """Return :func:`seeds` from another process, as exporting opens a device.
 
-    A parent that has opened one has threads that its children lack, and would wait for forever.
+    A device starts threads that forked children lack; these would wait for them forever.
     """
     with get_context("fork").Pool(1) as pool:
         return pool.apply(seeds, (folder,))
@@ -45,7 +51,7 @@ def seeds(folder: Path) -> list[bytes]:
     store_grid(folder / "noise.mkv", views, CODECS["ffv1"])
     whole = []
     for name, row in FORMATS.items():
-        if not row.imports or name == "hdf5":  # which needs a package of its own
+        if not row.imports or name == "hdf5":  # hdf5 needs another package
             continue
         if name == "folder":
             shutil.copytree(folder / "blender" / "png", folder / name)
@@ -56,19 +62,20 @@ def seeds(folder: Path) -> list[bytes]:
             export_lightfield(folder / "noise.mkv", name, folder / name)
         files = _files(folder / name)
         pictures = [path for path in files if is_picture(path)]
-        for file in [path for path in files if path not in pictures[PICTURES_A_FORMAT:]]:
+        for file in [path for path in files if path not in pictures[PICTURES_PER_FORMAT:]]:
             whole.append(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return whole
 
 
 def llff_poses(columns: int, rows: int) -> np.ndarray:
-    """Rows of LLFF's ``poses_bounds.npy``: axes down, right and back, place, size and depths."""
+    """Return the rows of LLFF's ``poses_bounds.npy``: axes down, right and back, position, size and
+    depths."""
     lens = np.array([16.0, 16.0, 50.0])
     matrices = [
         np.column_stack([[0, -1, 0], [1, 0, 0], [0, 0, 1], [0.04 * k, -0.04 * j, 0], lens])
         for j in range(rows) for k in range(columns)
     ]  # fmt: skip
-    return np.array([np.append(one.ravel(), (1.0, 2.0)) for one in matrices])
+    return np.array([np.append(matrix.ravel(), (1.0, 2.0)) for matrix in matrices])
 
 
 def _files(folder: Path) -> list[Path]:
@@ -76,7 +83,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage the contents, by their kind; sometimes the name."""
+    """Damage the content, according to its kind; sometimes the name."""
     name, _, contents = data.partition(b"\n")
     if draw.random() < 0.15:
         head, _, tail = name.partition(b"/")
@@ -99,19 +106,19 @@ def judge(data: bytes, folder: Path) -> Outcome:
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(home / format_name, source)
     names = [bytes(file.relative_to(home)) for file in _files(home / format_name)]
-    if name not in names:  # a name that was changed: the last file is the one that had it
+    if name not in names:  # a changed name: the file replaces the last one
         _files(source)[-1].unlink()
     try:
-        place = source / name.partition(b"/")[2].decode("utf-8", "surrogateescape")
-        if not place.resolve().is_relative_to(source.resolve()):
+        path = source / name.partition(b"/")[2].decode("utf-8", "surrogateescape")
+        if not path.resolve().is_relative_to(source.resolve()):
             return Outcome("refused")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(contents)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(contents)
     except (OSError, ValueError):
         return Outcome("refused")  # no file can have that name
-    # Those that cannot be recognised are always named; others half of the time.
-    told = format_name in UNRECOGNISED or zlib.crc32(data) % 2
-    named = format_name if told else None
+    # Formats that cannot be recognised are always named, others half of the time.
+    is_named = format_name in UNRECOGNISED or zlib.crc32(data) % 2
+    named = format_name if is_named else None
     return outcome_of(lambda: _read(source, named), names=None)
 
 

@@ -12,15 +12,15 @@ import trimesh
 from lfcore.readers.load import load_scene
 from robustness.mutate import damage_bytes, damage_text, mixed
 from robustness.outcome import SEEDS, Outcome, outcome_of
-from robustness.sound import check_scene
+from robustness.scene_checks import check_scene
 from robustness.targets import Target
 from robustness.targets.scenes import MTL, OBJ, PLY, write_sides
 
 FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
 OTHERS = {"dae": "collada", "3mf": "lxml"}
-"""The formats that trimesh reads with a package, and the module of it."""
+"""The formats for which trimesh needs a package, and its module."""
 MATERIALS = b"\n#### material library\n"
-"""The line in an input of the target ``obj`` after which the MTL begins."""
+"""The line before the MTL in an input of the target ``obj``."""
 
 
 def seeds_of(kind: str, folder: Path) -> list[bytes]:
@@ -42,7 +42,7 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
 
 
 def every_feature(file: Path) -> bytes:
-    """The manual's scene with every glTF feature that we read, with coarse balls."""
+    """Return the manual's scene with every glTF feature that we read, with coarse balls."""
     module = runpy.run_path(str(FEATURES))
     glb = module["Glb"]()
     module["add_things"](glb, rings=3)
@@ -75,13 +75,8 @@ def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 def targets() -> list[Target]:
     either = mixed((0.75, damage_text), (0.25, damage_bytes))
-    mutations = {
-        "obj": damage_text,
-        "ply": either,
-        "stl": either,
-        "off": damage_text,
-        "glb": damage_glb,
-    }
+    mutations = {"obj": damage_text, "ply": either, "stl": either, "off": damage_text}
+    mutations["glb"] = damage_glb
     if all(map(find_spec, OTHERS.values())):
         mutations |= {"dae": either, "3mf": damage_bytes}
     return [

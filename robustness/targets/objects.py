@@ -1,4 +1,4 @@
-"""Public objects that a program makes of arrays, and poses: hostile numbers, shapes and types."""
+"""Public objects from arrays and poses: hostile numbers, shapes and types."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from lfcore import BakedLight, Camera, Light, LightField, Material, Scene, Surfa
 from lfcore.scene.limits import within_limits
 from lfcore.tracing.surfaces import with_levels
 from robustness.outcome import Outcome, outcome_of
-from robustness.sound import check_scene
+from robustness.scene_checks import check_scene
 from robustness.targets import Target
 from robustness.trees import damage_json
 
@@ -43,78 +43,80 @@ def write_mesh(folder: Path) -> None:
 
 def judge(data: bytes, folder: Path) -> Outcome:
     try:
-        given = json.loads(data)
+        objects = json.loads(data)
     except (ValueError, RecursionError):
         return Outcome("refused")
-    if not (isinstance(given, dict) and all(isinstance(one, dict) for one in given.values())):
+    if not isinstance(objects, dict):
+        return Outcome("refused")
+    if not all(isinstance(arguments, dict) for arguments in objects.values()):
         return Outcome("refused")
 
     def make_all() -> None:
-        for kind, one in given.items():
-            _make(kind, one, folder)
+        for kind, arguments in objects.items():
+            _make(kind, arguments, folder)
 
     return outcome_of(make_all, None)
 
 
-def _make(kind: str, given: dict[str, Any], folder: Path) -> None:
-    """What the library makes; keywords that it has not are the caller's fault."""
+def _make(kind: str, arguments: dict[str, Any], folder: Path) -> None:
+    """Create an object; arguments that its class does not have are left out."""
     if kind == "light":
-        light = BakedLight(_array(given, "grids", np.int32), _array(given, "values", np.float32))
-        with_levels(light)
+        grids = _array(arguments, "grids", np.int32)
+        with_levels(BakedLight(grids, _array(arguments, "values", np.float32)))
     elif kind == "camera":
-        keys = given.keys() & {"K", "pose", "pixels", "focus_m", "f_number"}
-        Camera.from_matrix(**{"K": None} | {key: given[key] for key in keys})
+        keys = arguments.keys() & {"K", "pose", "pixels", "focus_m", "f_number"}
+        Camera.from_matrix(**{"K": None} | {key: arguments[key] for key in keys})
     elif kind == "place":
-        keys = given.keys() & {"position_m", "look_at_m", "matrix", "scale", "zoom"}
-        check_scene(load_scene(folder / MESH, bare=True, **{key: given[key] for key in keys}))
+        keys = arguments.keys() & {"position_m", "look_at_m", "matrix", "scale", "zoom"}
+        check_scene(load_scene(folder / MESH, bare=True, **{key: arguments[key] for key in keys}))
     elif kind == "triangles":
-        keys = given.keys() & {"normals", "uvs", "colours", "ambient", "name"}
-        triangles = given.get("triangles", CORNERS)
-        check_scene(Scene.from_triangles(triangles, **{key: given[key] for key in keys}))
+        keys = arguments.keys() & {"normals", "uvs", "colours", "ambient", "name"}
+        triangles = arguments.get("triangles", CORNERS)
+        check_scene(Scene.from_triangles(triangles, **{key: arguments[key] for key in keys}))
     elif kind == "scene":
-        _scene(given)
+        _make_scene(arguments)
     elif kind == "surface":
-        given = {"diffuse": None} | given
-        texture = _array(given, "texture", np.uint8)
-        Scene.from_triangles(CORNERS, surface=Surface(diffuse=given["diffuse"], texture=texture))
+        texture = _array(arguments, "texture", np.uint8)
+        surface = Surface(diffuse=arguments.get("diffuse"), texture=texture)
+        Scene.from_triangles(CORNERS, surface=surface)
     elif kind == "views":
-        given = {"views": None, "spacing": None} | given
-        LightField.from_views(given["views"], given["spacing"], folder / "views.mkv")
+        views, spacing = arguments.get("views"), arguments.get("spacing")
+        LightField.from_views(views, spacing, folder / "views.mkv")
 
 
-def _scene(given: dict[str, Any]) -> None:
+def _make_scene(arguments: dict[str, Any]) -> None:
     empty = np.zeros((0, 3, 3), np.float32)
-    listed: dict[str, list[Any]] = {key: _list(given, key)
-              for key in ("materials", "lights", "textures")}  # fmt: skip
-    made = Scene(
+    light = {"kind": 0, "vector": None, "colour": None}
+    scene = Scene(
         "a", Camera(0.05, 0.036, 2, 3), np.array(CORNERS, np.float32), empty, empty[..., :2], empty,
-        _array(given, "material_ids", np.int32),
-        [_of(Material, {"name": "a"}, one) for one in listed["materials"]],
-        [_array({"t": one}, "t", np.uint8) for one in listed["textures"]],
-        [_of(Light, {"kind": 0, "vector": None, "colour": None}, one) for one in listed["lights"]],
+        _array(arguments, "material_ids", np.int32),
+        [_record(Material, {"name": "a"}, fields) for fields in _list(arguments, "materials")],
+        [_array({"t": texels}, "t", np.uint8) for texels in _list(arguments, "textures")],
+        [_record(Light, light, fields) for fields in _list(arguments, "lights")],
         focus_distances_m=(3.0,),
     )  # fmt: skip
-    check_scene(within_limits(made, "a"))
+    check_scene(within_limits(scene, "a"))
 
 
-def _of(kind: type, needed: dict[str, Any], one: object) -> Any:
-    known = one.items() if isinstance(one, dict) else ()
-    fields = kind.__dataclass_fields__  # type: ignore[attr-defined]
-    return kind(**needed | {key: value for key, value in known if key in fields})
+def _record(kind: type, needed: dict[str, Any], fields: object) -> Any:
+    """Create a dataclass from ``needed`` and those of ``fields`` that it has."""
+    pairs = fields.items() if isinstance(fields, dict) else ()
+    known = kind.__dataclass_fields__  # type: ignore[attr-defined]
+    return kind(**needed | {key: value for key, value in pairs if key in known})
 
 
-def _list(given: dict[str, Any], key: str) -> list[Any]:
-    """The list of this name, empty where it is something else."""
-    value = given.get(key)
+def _list(arguments: dict[str, Any], key: str) -> list[Any]:
+    """Return the list with this name; an empty one if there is none."""
+    value = arguments.get(key)
     return value if isinstance(value, list) else []
 
 
-def _array(given: dict[str, Any], key: str, dtype: type) -> Any:
-    """The array of a type where the values are such; else what numpy makes of them."""
+def _array(arguments: dict[str, Any], key: str, dtype: type) -> Any:
+    """Return an array with this type if the values allow, else the value itself."""
     try:
-        return np.array(given.get(key), dtype)
+        return np.array(arguments.get(key), dtype)
     except (TypeError, ValueError, OverflowError):
-        return given.get(key)
+        return arguments.get(key)
 
 
 def targets() -> list[Target]:

@@ -31,15 +31,15 @@ def exr_seeds(folder: Path) -> list[bytes]:
 
 
 def check_exr(file: Path) -> None:
-    """EXR pixels have no check sum: we can only check the form of the picture."""
+    """Check the shape and type; EXR pixels have no check sum."""
     picture = read_exr_picture(file)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.float32:
         raise SilentlyWrong(f"a picture {picture.shape} {picture.dtype}")
     if not picture.size:
         raise SilentlyWrong("a picture without pixels")
-    found = read_array(file)
-    if found.array is not None:
-        found.array.tiles(found.image)
+    content = read_array(file)
+    if content.array is not None:
+        content.array.tiles(content.image)
 
 
 def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
@@ -49,7 +49,7 @@ def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
         return damage_bytes(draw, data, seeds)
     length = int.from_bytes(data[start - 4 : start], "little")
     text = damage_json(draw, data[start : start + length], [data[start : start + length]])
-    # The table of offsets is then wrong; readers repair it.
+    # The table of offsets becomes wrong; readers repair it.
     return data[: start - 4] + len(text).to_bytes(4, "little") + text + data[start + length :]
 
 
@@ -73,9 +73,9 @@ def lens_seeds(folder: Path) -> list[bytes]:
 
 
 def check_lens(file: Path) -> None:
-    """Read, focus and trace rays; for one lens in eight also those of the realistic camera.
+    """Read and focus a lens, and trace rays; one lens in eight also samples its exit pupil.
 
-    Its search for the pupil costs a hundred times as much as the rest.
+    The search for the pupil costs a hundred times as much as the rest.
     """
     lens = LensSystem.read(file).focused(5.0)
     film = np.array([[0.0, 0.0], [0.005, 0.002]])

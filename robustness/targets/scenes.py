@@ -1,4 +1,4 @@
-"""Scene descriptions: scene.yaml, pbrt, the npz between two jobs; accepted ones are traced, too."""
+"""Scene descriptions: scene.yaml, pbrt, the npz between two jobs; accepted scenes are traced."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ from robustness import extremes
 from robustness.children import Limits
 from robustness.mutate import damage_bytes, damage_text, mixed
 from robustness.outcome import ROOT, SEEDS, SilentlyWrong
-from robustness.sound import check_scene
+from robustness.scene_checks import check_scene
 from robustness.targets import Target, of_file
 from robustness.trees import damage_yaml, extreme_yaml
 
@@ -26,12 +26,17 @@ PLAIN, BUILT, FITTED, OBJ, MTL, PLY, PBRT_SPHERE = (
                  "sphere.pbrt")
 )  # fmt: skip
 SHORT = "objects: [{file: mesh.obj}]\n"
-PIXELS, VIEWS, MOST_TRIANGLES = 8, 2, 20_000
+PIXELS = 8
+"""The pixels per side of traced pictures."""
+VIEWS = 2
+"""The views per side of traced pictures."""
+MOST_TRIANGLES = 20_000
+"""The most triangles of a traced scene."""
 MORE = 'Material "metal"\nTranslate 0 1 0\nShape "cylinder" "float radius" .5\n'
 
 
 def write_sides(folder: Path) -> None:
-    """What seeds name, and things that are no files."""
+    """Write the files that seeds name, and a folder and a pipe."""
     corners = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
     Image.fromarray(corners).save(folder / "skin.png")
     for name, text in (
@@ -57,7 +62,7 @@ def pbrt_seeds(folder: Path) -> list[bytes]:
 
 
 def check_built(file: Path) -> None:
-    """Build the scene of a file; what is taken must be sound and survive saving."""
+    """Build the scene of a file; it must be valid, and the same after saving."""
     scene = load_scene(file, bare=True)
     check_scene(scene)
     if scene.triangle_count < 5000:
@@ -77,7 +82,7 @@ def check_saved(scene, folder: Path) -> None:
 
 
 def damage_pbrt(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """As text, and what only pbrt has: order of blocks, includes, deep nesting."""
+    """Damage text, or what only pbrt has: the order of blocks, includes, deep nesting."""
     if draw.random() < 0.7:
         return damage_text(draw, data, seeds)
     lines = data.splitlines(keepends=True)
@@ -107,7 +112,7 @@ def saved_seeds(folder: Path) -> list[bytes]:
 
 
 def check_traced(file: Path) -> None:
-    """No crash of the device, and a picture of finite light."""
+    """Trace a scene: the device must not crash, and the picture must be finite."""
     from lfcore.opencl.device import open_device
     from lfcore.optics.planes import SensorPlane
     from lfcore.rendering.direct import trace_picture
@@ -133,7 +138,7 @@ def targets() -> list[Target]:
     traced_seeds = lambda folder: [PLAIN.encode(), SHORT.encode()]  # noqa: E731
     numbers = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
     traced = of_file("input.yaml", check_traced, named=False)
-    # Programs are built in a child, and drivers map much: no limit of the address space.
+    # Children build programs, and drivers map much memory: no limit of the address space.
     limits = Limits(cpu=60, wall=300, memory=None)
     saved = of_file("input.npz", lambda file: check_scene(read_scene(file)))
     return [

@@ -22,7 +22,7 @@ CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
 def seeds(folder: Path) -> list[bytes]:
     files = ("config/smoke.yaml", "config/config.yaml", "config/thesis.yaml")
     texts = [(ROOT / file).read_bytes() for file in files]
-    # Those of a run lie above the default one, as Snakemake lays them.
+    # A run's configuration overrides the default one, as in Snakemake.
     default = yaml.safe_load(texts[1])
     texts = [yaml.dump(default | yaml.safe_load(text)).encode() for text in texts]
     planes = b"planes: [{focus_m: 3, f_number: 4, aperture: polygon, blades: 5}]\n"
@@ -30,11 +30,11 @@ def seeds(folder: Path) -> list[bytes]:
 
 
 def judge(data: bytes, folder: Path) -> Outcome:
-    """Check it and plan with it, as the Snakefile does.
+    """Check a configuration and plan with it, as the Snakefile does.
 
-    Snakemake reads the file itself: what YAML refuses, and what is no mapping, is its to tell.
+    Snakemake itself reports files that are no YAML or no mapping.
     """
-    # The reader in C is quick, and dies of depth.
+    # The reader in C is fast, but crashes on deep nesting.
     deep = len(_OPENS.findall(data)) > 1000
     try:
         config = yaml.load(io.BytesIO(data), yaml.SafeLoader if deep else yaml.CSafeLoader)

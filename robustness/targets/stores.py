@@ -1,4 +1,4 @@
-"""Light field files of four codecs, one with depths; and contradictory metadata with a right
+"""Light field files with four codecs, one with depths; contradictory metadata with a right
 digest."""
 
 import hashlib
@@ -30,7 +30,10 @@ from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target, seeds_folder
 from robustness.trees import damage_json
 
-VIEWS, PIXELS = 4, 8
+VIEWS = 4
+"""The views per side of the files."""
+PIXELS = 8
+"""The pixels per side of the files."""
 CODECS = {
     "x264": Encoding("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
     "x265": Encoding("libx265", "yuv420p", crf=10, preset="fast", gop=6),
@@ -41,30 +44,29 @@ CODECS = {
 DEPTHS = DepthCodes(0.0, 0.5)
 DEPTH_SPEC = Encoding("libx264", "gray", crf=10, preset="veryfast", gop=6)
 PACKS = {"av1": 8, "x265": 12}
-"""The elements per side that give frames of 64 and 96 pixels, which some encoders need."""
+"""The elements per side of a frame, for frames of 64 and 96 pixels, which some encoders need."""
 
 
 @cache
 def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes, bytes]:
-    """(file, all its pixels) of a light field of noise-free waves in about four segments."""
+    """Return (file, all its pixels) of a light field with noise in about four segments."""
     spec, pack = CODECS[name], PACKS.get(name, 1)
     pixels = 16 if pack > 1 else PIXELS
     layout = FrameLayout(
         "macropixels", 8 if pack > 1 else VIEWS, pixels, pack=pack, pixel_format=spec.stored_format
     )
     tiles = layout.tiles(layout.rays, least=4, small_rays=0)
-    wave = np.random.default_rng(5)
+    noise = np.random.default_rng(5)
 
-    def segments(what: str, spec: Encoding, layout: FrameLayout) -> list[Path]:
-        made = []
-        for tile in tiles:
-            made.append(folder / f"{name}-{tile.index}{what}.mp4")
+    def segments(suffix: str, spec: Encoding, layout: FrameLayout) -> list[Path]:
+        paths = [folder / f"{name}-{tile.index}{suffix}.mp4" for tile in tiles]
+        for tile, path in zip(tiles, paths, strict=True):
             size = layout.frame_width, layout.frame_height
-            with SegmentWriter(made[-1], spec, *size) as writer:
-                grain = wave.integers(60, 180, (tile.frame_count, 1), np.uint8)
-                fine = wave.integers(0, 40, (tile.frame_count, layout.frame_bytes), np.uint8)
-                writer.write(grain + fine)
-        return made
+            with SegmentWriter(path, spec, *size) as writer:
+                level = noise.integers(60, 180, (tile.frame_count, 1), np.uint8)
+                fine = noise.integers(0, 40, (tile.frame_count, layout.frame_bytes), np.uint8)
+                writer.write(level + fine)
+        return paths
 
     colours, depth = segments("", spec, layout), None
     if name == "depth":
@@ -92,7 +94,7 @@ def pixels_of(field: LightFieldFile) -> bytes:
 
 
 def depths_of(field: LightFieldFile, part: Segment) -> bytes:
-    """The depth frames of a segment, if the file has any."""
+    """Return the depth frames of a segment; empty if the file has none."""
     if field.depth_video is None:
         return b""
     return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
@@ -103,7 +105,7 @@ def store_seeds(name: str, folder: Path) -> list[bytes]:
 
 
 def judge_store(name: str, data: bytes, folder: Path) -> Outcome:
-    """A damaged file gives right pixels or none."""
+    """Read a damaged file: its pixels must be right, or refused."""
     _, right = whole_store(name, seeds_folder(folder))
     file = folder / "input.mkv"
     file.write_bytes(data)
@@ -126,9 +128,9 @@ def _salvage(file: Path, right: bytes) -> None:
     field = LightFieldFile.open(file, salvage=True)
     size, side = field.layout.pixels, field.layout.views
     whole = np.frombuffer(right, np.uint8)
-    of_light = size * size * side * side * 3
-    depths, whole = right[of_light:], whole[:of_light]
-    if whole.size != of_light or (field.depth_video is not None) != bool(depths):
+    samples = size * size * side * side * 3
+    depths, whole = right[samples:], whole[:samples]
+    if whole.size != samples or (field.depth_video is not None) != bool(depths):
         raise SilentlyWrong("a light field of another size")
     whole = whole.reshape(size, size, side, side, 3)
     known = np.zeros((size, size), bool)
@@ -138,13 +140,13 @@ def _salvage(file: Path, right: bytes) -> None:
             raise SilentlyWrong("other depths than were stored, when salvaged")
         tile = part.tile
         known[tile.row : tile.row + tile.rows, tile.column : tile.column + tile.columns] = True
-    found = field.rectangle(0, 0, size, size, codes=True)
-    if (found[known] != whole[known]).any() or found[~known].any():
+    pixels = field.rectangle(0, 0, size, size, codes=True)
+    if (pixels[known] != whole[known]).any() or pixels[~known].any():
         raise SilentlyWrong("other pixels than were stored, when salvaged")
 
 
 SEEDS = {"slab": ("x264", "slab"), "array": ("x264", "array"), "depth": ("depth", "slab")}
-"""The store and geometry whose metadata are damaged."""
+"""The file and the geometry whose metadata are damaged."""
 
 
 def metadata_seeds(home: Path) -> list[bytes]:
@@ -161,7 +163,7 @@ def metadata_seeds(home: Path) -> list[bytes]:
 
 
 def sealed(text: bytes) -> str:
-    """The metadata, wrong or not, with a right digest."""
+    """Return the metadata, wrong or not, with a right digest."""
     try:
         data = json.loads(text)
         canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
@@ -172,7 +174,7 @@ def sealed(text: bytes) -> str:
 
 
 def judge_metadata(data: bytes, folder: Path) -> Outcome:
-    """Open, show and read a file with these metadata and a sound video."""
+    """Open, describe and read a file with these metadata and an intact video."""
     from lfcore.cli.inspect import facts
     from lfcore.lightfield import LightField as Refocusable
 
@@ -201,11 +203,11 @@ def _remux(source: Path, path: Path, text: str) -> None:
             streams.append(new.add_stream_from_template(stream, opaque=True))
             streams[-1].time_base = Fraction(1, 1000)
         new.metadata[TAG] = text.replace("\0", "")
-        places = [itertools.count(-4) for _ in streams]
+        times = [itertools.count(-4) for _ in streams]
         for packet in old.demux(*old.streams.video):
             if packet.size:
                 number = packet.stream.index
-                packet.dts = next(places[number]) * 40
+                packet.dts = next(times[number]) * 40
                 packet.stream = streams[number]
                 new.mux(packet)
 
@@ -221,7 +223,7 @@ def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
 
 
 def targets() -> list[Target]:
-    # Not portable: the whole file is whatever this machine's encoder makes of the pixels.
+    # Not portable: the files depend on this machine's encoder.
     stores = [
         Target(f"store {name}", partial(store_seeds, name), damage_store,
                partial(judge_store, name), portable=False)

@@ -13,7 +13,7 @@ from lfcore.readers.meshes import load_mesh
 from lfcore.scene.needs import Needs
 from lfcore.scene.procedural import book, build, primitives, textures, turned
 from lfcore.scene.surface_mesh import Surface, crease_normals, face_normals
-from robustness.sound import check_scene
+from robustness.scene_checks import check_scene
 
 SQUARE = (
     "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

@@ -1,4 +1,4 @@
-"""Checks of a scene that a reader accepted: whether it can be traced."""
+"""Checks whether a scene that a reader accepted can be traced."""
 
 import math
 
@@ -9,10 +9,11 @@ from lfcore.scene.model import Scene
 from robustness.outcome import SilentlyWrong
 
 LARGEST = float(np.finfo(np.float32).max)
+"""The largest number of the tracer."""
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise :class:`SilentlyWrong` for values that the tracer's float32 cannot hold or use."""
+    """Raise :class:`SilentlyWrong` for values that the tracer's float32 cannot store or use."""
     count = scene.triangle_count
     for name in ("triangles", "normals", "uvs", "colours"):
         array = getattr(scene, name)
@@ -63,6 +64,6 @@ def _storable(value: float) -> bool:
     return math.isfinite(value) and abs(value) <= LARGEST
 
 
-def _must(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise SilentlyWrong(otherwise)
+def _must(condition: bool, problem: str) -> None:
+    if not condition:
+        raise SilentlyWrong(problem)
