@@ -9,6 +9,7 @@ import trimesh
 
 from lfcore import LfcoreError, Material
 from lfcore.evaluation.stability.tested_tracer import CAMERA, bare_scene
+from lfcore.readers.meshes import read_mesh
 from lfcore.scene.baked import NO_SKY
 
 __all__ = ["CAMERA", "CHART", "SCENES", "balls", "in_even_light", "refused", "scene", "wall"]
@@ -45,6 +46,11 @@ def balls():
     """A ball of radius 1, and a smaller one before it to the left, as seen from the front."""
     near = trimesh.creation.icosphere(3, radius=0.4).apply_translation((-0.8, 0.3, 2.0))
     return trimesh.util.concatenate([trimesh.creation.icosphere(3), near])
+
+
+def load_mesh(path, **how):
+    """The parts of a mesh file."""
+    return read_mesh(path, **how).parts
 
 
 def refused(words, call, *arguments, **more):

@@ -17,7 +17,7 @@ import numpy as np
 
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
-from lfcore.readers.meshes import load_mesh
+from lfcore.readers.meshes import read_mesh
 from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
@@ -33,6 +33,9 @@ from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
 from lfcore.scene.sky import with_sky
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all, triple
 from lfcore.scene.transforms import look_at, rotate, scale, translate
+
+if TYPE_CHECKING:
+    from lfcore.datasets.description import Description
 
 UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp", "globe")
 """Shapes that stand as they are built; others rest in one of their stable poses."""
@@ -95,7 +98,7 @@ def mesh(path: Path) -> Shape | SceneError:
 
 
 def _mesh(path: Path) -> Shape:
-    parts = load_mesh(path)
+    parts = read_mesh(path).parts
     has_look = any(part.surface.has_textures or part.colours is not None for part in parts)
     return _shape(path.name, [_unwrapped(part) for part in parts], False, has_look)
 
@@ -175,9 +178,6 @@ def procedural_texture(seed: int, number: int) -> np.ndarray:
     )
     return kinds[number % len(kinds)]()
 
-
-if TYPE_CHECKING:
-    from lfcore.datasets.description import Description
 
 TRIES = 40
 """Places that are tried for an object before it is left out."""

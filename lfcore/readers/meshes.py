@@ -25,17 +25,6 @@ WITH_AXIS = (*GLTF, *others.WITH_AXIS)
 """The formats that say where up is."""
 
 
-def load_mesh(
-    path: str | Path,
-    *,
-    shading: str = "auto",
-    crease_deg: float = 40.0,
-    notebook: Notebook | None = None,
-) -> list[SurfaceMesh]:
-    """The parts of a mesh file, as :func:`read_mesh`."""
-    return read_mesh(path, shading=shading, crease_deg=crease_deg, notebook=notebook).parts
-
-
 def read_mesh(
     path: str | Path,
     *,

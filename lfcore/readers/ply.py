@@ -11,9 +11,8 @@ import numpy as np
 
 from lfcore.readers.account import Account
 from lfcore.readers.colours import display_colours
-from lfcore.readers.faces import strip_faces
 from lfcore.readers.ply_elements import Lists, Ply
-from lfcore.readers.polygons import triangulate
+from lfcore.readers.polygons import strip_faces, triangulate
 from lfcore.readers.side_files import beside, read_texture
 from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, NOT_USED, Notebook

@@ -1,4 +1,4 @@
-"""Polygons as triangles: fans where these are right, else by ear clipping."""
+"""Triangles of polygons (fans where these are right, else by ear clipping), strips and fans."""
 
 import numpy as np
 
@@ -83,3 +83,23 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, bool]:
     x, y = (flat - flat[0]).T
     whole = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
     return ears, bool(abs(np.abs(areas).sum() - whole) > 1e-3 * whole)
+
+
+def strip_faces(indices: np.ndarray) -> np.ndarray:
+    """(T, 3) of a strip (V,): every three in a row, every other one turned; -1 starts anew."""
+    indices = np.asarray(indices, np.int64).ravel()
+    if len(indices) < 3:
+        return np.zeros((0, 3), np.int64)
+    at = np.arange(len(indices))
+    started = np.maximum.accumulate(np.where(indices < 0, at, -1)) + 1
+    faces = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
+    turned = (at - started)[:-2] % 2 == 1
+    faces[turned] = faces[turned][:, [1, 0, 2]]
+    a, b, c = faces.T
+    return faces[(faces >= 0).all(1) & (a != b) & (b != c) & (c != a)]
+
+
+def fan_faces(indices: np.ndarray) -> np.ndarray:
+    """(T, 3) of a fan (V,): every two in a row, and the first."""
+    after = np.stack([indices[1:-1], indices[2:]], axis=1)
+    return np.concatenate([after, np.full((len(after), 1), indices[0])], axis=1)

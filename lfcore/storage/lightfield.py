@@ -384,10 +384,8 @@ class LightFieldFile:
 
         Parameters
         ----------
-        u0, v0, u1, v1 : int
-            First column and row, and the column and row after the last.
-        codes : bool
-            Return sRGB codes, with light above white clipped, instead of linear light.
+        u0, v0, u1, v1, codes
+            As of :meth:`views`.
 
         Returns
         -------

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 from trimesh.visual.material import PBRMaterial
 
 from lfcore.colour import srgb_decode
 from lfcore.readers.gltf.materials import GLOSSY
 from lfcore.readers.load import load_scene
-from lfcore.readers.meshes import load_mesh, read_mesh
+from lfcore.readers.meshes import read_mesh
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Notebook

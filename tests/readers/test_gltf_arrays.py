@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from gltf_files import CORNERS, FACES, UVS, File, square
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 
-from lfcore.readers.meshes import load_mesh, read_mesh
+from lfcore.readers.meshes import read_mesh
 from lfcore.scene.notes import Notebook
 
 QUARTER = [0, 0, math.sqrt(0.5), math.sqrt(0.5)]

@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 
 from lfcore import Slab
 from lfcore.optics.bundles import macropixels
 from lfcore.oracle.slab import all_pixels, trace
 from lfcore.readers.load import load_scene
-from lfcore.readers.meshes import load_mesh
 from lfcore.readers.sources import files_of_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.needs import Needs

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from plain_scenes import SCENES, refused
+from plain_scenes import SCENES, load_mesh, refused
 from trimesh.visual.material import PBRMaterial
 
 from lfcore.colour import srgb_decode
 from lfcore.readers.load import load_scene
-from lfcore.readers.meshes import load_mesh
 from lfcore.scene.needs import Needs
 from lfcore.scene.procedural import book, build, primitives, textures, turned
 from lfcore.scene.surface_mesh import Surface, crease_normals, face_normals

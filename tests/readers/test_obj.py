@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from PIL import Image
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 
 from lfcore.colour import srgb_decode
 from lfcore.readers.load import load_scene
-from lfcore.readers.meshes import load_mesh
 from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import area_vectors
 

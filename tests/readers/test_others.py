@@ -5,10 +5,9 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 
 from lfcore.readers.load import load_scene
-from lfcore.readers.meshes import load_mesh
 from lfcore.scene.notes import Notebook
 
 DAE = """<?xml version="1.0"?>

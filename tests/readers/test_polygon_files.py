@@ -6,10 +6,9 @@ import struct
 import numpy as np
 import pytest
 from PIL import Image
-from plain_scenes import refused
+from plain_scenes import load_mesh, refused
 
 from lfcore.colour import srgb_decode
-from lfcore.readers.meshes import load_mesh
 from lfcore.scene.notes import Notebook
 
 POINTS = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 2, 0)], float)

@@ -11,11 +11,11 @@ import numpy as np
 
 from lfcore.readers.account import Account
 from lfcore.readers.content import Content
-from lfcore.readers.faces import fan_faces, strip_faces
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import DRACO, note_extensions
 from lfcore.readers.gltf.materials import Surfaces
 from lfcore.readers.gltf.nodes import Nodes
+from lfcore.readers.polygons import fan_faces, strip_faces
 from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, join, shaded
