@@ -1,7 +1,7 @@
-"""Another commit and this tree in turn: python -m benchmarks.against REVISION [STATEMENT ...]
+"""Compares another commit with this tree: python -m benchmarks.against REVISION [STATEMENT ...]
 
-Each statement of Python runs in both checkouts, in two processes that take turns. The numbers are
-processor seconds of the other checkout, of this one, and their ratio. The setup is as of timeit:
+Each Python statement runs in both checkouts, in two processes that take turns. The numbers are
+processor seconds of the other checkout, of this one, and their ratio. The setup is as in timeit:
 
     python -m benchmarks.against HEAD~1 "lfcore.render(scene, pixels=256, views=16)" \\
         --setup "import lfcore; scene = lfcore.load_scene('scenes/bike')"
@@ -34,7 +34,7 @@ for statement in sys.stdin:
 
 
 def worker(root: Path, setup: str, device: str) -> subprocess.Popen:
-    """A process that imports the checkout ``root``; it shares no built programs with others."""
+    """Start a process that imports the checkout ``root`` and has its own cache of programs."""
     environment = os.environ | {"PYTHONPATH": str(root), "XDG_CACHE_HOME": f"{root}/build/cache"}
     if device:
         environment["LFCORE_DEVICE"] = device
@@ -45,8 +45,8 @@ def worker(root: Path, setup: str, device: str) -> subprocess.Popen:
 
 
 def seconds(process: subprocess.Popen, statement: str) -> float:
-    """Processor seconds of the statement in one of the processes."""
-    assert process.stdin and process.stderr  # pipes, above
+    """Return the processor seconds of a statement in a worker."""
+    assert process.stdin and process.stderr  # both are pipes
     print(statement, file=process.stdin, flush=True)
     line = process.stderr.readline()
     try:
@@ -56,9 +56,9 @@ def seconds(process: subprocess.Popen, statement: str) -> float:
 
 
 def compared(processes: list, statement: str, rounds: int) -> np.ndarray:
-    """Medians of processor seconds of each process, after one round that does not count."""
-    taken = [[seconds(one, statement) for one in processes] for _ in range(rounds + 1)]
-    return np.median(taken[1:], axis=0)
+    """Return each worker's median of processor seconds, after a warm-up round."""
+    times = [[seconds(process, statement) for process in processes] for _ in range(rounds + 1)]
+    return np.median(times[1:], axis=0)
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
 """Cost and quality of data sets: python -m benchmarks.datasets --out FILE.csv
 
-Scenes of the shipped descriptions are made as one job makes them, with one thread, and each picture
-is compared with its true picture: of stacks as in ``quality.py``, of light fields views of 200 rays
-per pixel.  Disparities are compared with single rays.
+We make items of the shipped descriptions as a job does, with one thread, and compare each picture
+with its true picture: for stacks as in ``quality.py``, for light fields views with 200 rays per
+pixel.  Disparities are compared with single rays.
 """
 
 import argparse
@@ -32,32 +32,37 @@ from lfcore.tracing.tracer import Tracer
 
 CONFIG = Path(__file__).resolve().parents[1] / "config/datasets"
 TRUTH = Lattice(16, 2)
-"""Its error is about 10 dB below that of stacks of 45 dB."""
-TRUE_PATTERN, VIEWS, RAYS = (10, 2), (0, 13, 40, 67, 80), 20_000
-"""The rays of true views; the views that are compared; rays that check disparity."""
+"""The lens samples of true pictures; their error is about 10 dB below that of stacks of 45 dB."""
+TRUE_PATTERN = (10, 2)
+"""The pattern of a true view's rays: 200 per pixel."""
+VIEWS = (0, 13, 40, 67, 80)
+"""The views that are compared."""
+RAYS = 20_000
+"""The rays per view that check disparity."""
 
 
-def psnr(one: np.ndarray, other: np.ndarray) -> float:
-    return metrics.psnr(*(srgb_encode(each.astype(np.float64)) for each in (one, other)), peak=1)
+def psnr(picture: np.ndarray, truth: np.ndarray) -> float:
+    return metrics.psnr(*(srgb_encode(x.astype(np.float64)) for x in (picture, truth)), peak=1)
 
 
-def errors_of(of: Description, item: StoredItem, tracer: Tracer) -> list[float]:
-    """dB of each picture of a stack, or of some views of a light field."""
-    if of.kind == "light_fields":
-        slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+def errors_of(description: Description, item: StoredItem, tracer: Tracer) -> list[float]:
+    """Return the dB of each picture of a stack, or of some views of a light field."""
+    lens, pixels = description.lens, description.pixels
+    if description.kind == "light_fields":
+        slab = Slab(tracer.scene.camera, lens.views, pixels)
         true = {f"input_Cam{k:03d}.png": views.view(tracer, slab, k, TRUE_PATTERN) for k in VIEWS}
     else:
-        planes = [SensorPlane(focus, of.lens.f_number) for focus in of.lens.focus_m]
+        planes = [SensorPlane(focus, lens.f_number) for focus in lens.focus_m]
         true = {
-            f"focus{k:02d}.tif": true_picture(tracer, plane, of.pixels, TRUTH)
+            f"focus{k:02d}.tif": true_picture(tracer, plane, pixels, TRUTH)
             for k, plane in enumerate(planes)
         }
     return [psnr(srgb_decode(item.codes(name)), picture) for name, picture in true.items()]
 
 
-def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
-    """The largest error of disparity in pixels, by single rays, of pixels that are no edges."""
-    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
+def disparity_error(description: Description, item: StoredItem, tracer: Tracer) -> float:
+    """Return the largest error of disparity, pixels, by single rays away from edges."""
+    slab = Slab(tracer.scene.camera, description.lens.views, description.pixels)
     worst, rng = 0.0, np.random.default_rng(1)
     for number in VIEWS:
         stored = item.floats(f"gt_disp_lowres_Cam{number:03d}.pfm")
@@ -65,13 +70,10 @@ def disparity_error(of: Description, item: StoredItem, tracer: Tracer) -> float:
         for axis in (0, 1):
             step = np.abs(np.diff(stored, axis=axis, append=stored.take([-1], axis))) > 0.05
             flat &= ~step & ~np.roll(step, 1, axis)
-        where = rng.choice(np.flatnonzero(flat), RAYS)
-        origins, directions = (
-            each.reshape(-1, 3)[where]
-            for each in bundles.views(slab, all_samples(slab)[number : number + 1]).rays()
-        )
-        depth = tracer.closest_hit(origins, directions)[1]
-        worst = max(worst, float(np.abs(disparity(slab, depth) - stored.ravel()[where]).max()))
+        chosen = rng.choice(np.flatnonzero(flat), RAYS)
+        rays = bundles.views(slab, all_samples(slab)[number : number + 1]).rays()
+        depth = tracer.closest_hit(*(part.reshape(-1, 3)[chosen] for part in rays))[1]
+        worst = max(worst, float(np.abs(disparity(slab, depth) - stored.ravel()[chosen]).max()))
     return worst
 
 
@@ -80,32 +82,35 @@ SHOWN = ["data set", "core s", "rays per pixel", "asked dB", "worst dB", "median
 
 
 def row_of(name: str, count: int) -> dict:
-    """A row of the shipped description ``name``."""
-    of, device = Description.read(CONFIG / f"{name}.yaml"), open_device(threads=1)
-    chosen = np.linspace(0, of.count - 1, count).astype(int).tolist()
+    """Return a row for the shipped description ``name``, from ``count`` items."""
+    description, device = Description.read(CONFIG / f"{name}.yaml"), open_device(threads=1)
+    chosen = np.linspace(0, description.count - 1, count).astype(int).tolist()
     with tempfile.TemporaryDirectory() as folder:
-        shard, listed, drafts = (Path(folder) / each for each in ("tar", "records", "drafts"))
+        shard, listed, drafts = (Path(folder) / part for part in ("tar", "records", "drafts"))
         begun = time.process_time()
-        records = make_batch(of, chosen, shard, listed, drafts, device)
+        records = make_batch(description, chosen, shard, listed, drafts, device)
         seconds = time.process_time() - begun
-        made = [one for one in records if "refused" not in one]
-        errors, apart = [], []
+        facts = pd.DataFrame([record for record in records if "refused" not in record])
+        errors, disparities = [], []
         for item in stored_items([shard], chosen):
-            tracer = open_tracer(sample(of, item.index)[0], device)
-            errors += (found := errors_of(of, item, tracer))
-            if of.kind == "light_fields":
-                apart.append(disparity_error(of, item, tracer))
+            tracer = open_tracer(sample(description, item.index)[0], device)
+            item_errors = errors_of(description, item, tracer)
+            errors += item_errors
+            if description.kind == "light_fields":
+                disparities.append(disparity_error(description, item, tracer))
             expected = item.record["expected_db"]
-            say(f"{item.index}: {min(found):.1f} dB, expected {expected:.1f} {apart[-1:]}")
-    parts = pd.DataFrame(made)[["scene_core_seconds", "files_core_seconds"]].mean()
+            say(f"{item.index}: {min(item_errors):.1f} dB, expected {expected:.1f}")
+    reached = np.mean(np.array(errors) >= description.quality_db)
     return {
-        "data set": name, "made": f"{len(made)} of {count}", "core s": f"{seconds / len(made):.2f}",
-        "scene s": f"{parts.iloc[0]:.2f}", "files s": f"{parts.iloc[1]:.2f}",
-        "rays per pixel": f"{np.mean([one['rays_per_pixel'] for one in made]):.0f}",
-        "asked dB": f"{of.quality_db:g}", "worst dB": f"{min(errors):.1f}",
+        "data set": name, "made": f"{len(facts)} of {count}",
+        "core s": f"{seconds / len(facts):.2f}",
+        "scene s": f"{facts['scene_core_seconds'].mean():.2f}",
+        "files s": f"{facts['files_core_seconds'].mean():.2f}",
+        "rays per pixel": f"{facts['rays_per_pixel'].mean():.0f}",
+        "asked dB": f"{description.quality_db:g}", "worst dB": f"{min(errors):.1f}",
         "median dB": f"{np.median(errors):.1f}",
-        "as asked": f"{100 * np.mean(np.array(errors) >= of.quality_db):.0f}% of {len(errors)}",
-        "disparity px": f"{max(apart):.4f}" if apart else "",
+        "as asked": f"{100 * reached:.0f}% of {len(errors)}",
+        "disparity px": f"{max(disparities):.4f}" if disparities else "",
     }  # fmt: skip
 
 

@@ -1,12 +1,13 @@
-"""Baked light against Mitsuba: python -m benchmarks.light --out light.csv --pictures light/
+"""Compares baked light with Mitsuba: python -m benchmarks.light --out light.csv --pictures light/
 
 Ten matt scenes: three published ones, and seven of :mod:`benchmarks.lit_scenes`.  *bake*: core
-seconds and memory of a bake with an error; expected and real error of a pinhole's picture, a share
-of the light; and its dB to Mitsuba's converged one.  Further ``--parts``, for published scenes:
-*planes*: pictures of five planes through the open lens, beside Mitsuba and with *cycles* Cycles,
-with their denoisers: core seconds per plane, dB of all five, and from which plane on ours, with the
-bake, take a tenth of Mitsuba's time.  *price*: time of rays with baked light and sky over the time
-of the same rays with ambient light, in turn.  Rows of other scenes and parts stay.
+seconds and memory of a bake to an error bound; expected and real error of a pinhole's picture,
+relative to the light; and its dB to Mitsuba's converged picture.  Further ``--parts``, for
+published scenes: *planes*: pictures of five planes through the open lens, Mitsuba's and with
+*cycles* Cycles', denoised: core seconds per plane, dB of all five, and the number of planes from
+which ours, with the bake, take a tenth of Mitsuba's time.  *price*: the time of rays with baked
+light and sky over that of the same rays with ambient light, in turn.  Rows of other scenes and
+parts stay.
 """
 
 import argparse
@@ -53,18 +54,24 @@ from lfcore.tracing.tracer import Tracer
 
 PATHS = {"cornell": "cornell/scene.yaml", "bike": "bike/sky.yaml", "bedroom": "bedroom/window.yaml"}
 DEFAULT = ("0.02:32",)
-"""Errors that bakes are asked for, and cells over the width of the picture to begin with."""
+"""The error bounds of bakes, and the initial cells over the width of the picture."""
 DARK = 0.25
-"""Errors are shares of the light, or of this share of its mean in darker places."""
-PINHOLE, SHARP = 1e4, Lattice(2, 16)
+"""The least light, as a share of its mean, that errors are relative to."""
+PINHOLE = 1e4
+"""The f-number of a pinhole."""
+SHARP = Lattice(2, 16)
+"""The rays of a pinhole's picture."""
 PEER, CYCLES = (f"{name} + OIDN, 64 samples" for name in ("Mitsuba path", "Cycles"))
 DENOISED = Samples(64, "multijitter", "picture")
+"""The samples of peers' pictures."""
 LATTICES = Lattice(4, 2), Lattice(8, 1)
+"""The rays of our pictures, in ascending quality."""
 PRICED = 512
+"""The pixels per side of the slab in the part *price*."""
 
 
 def scene_of(name: str, folder: Path) -> Scene:
-    """A matt scene; the bicycle under a panorama."""
+    """Load a scene and make it matt; the bicycle is under a panorama."""
     if name in MADE:
         return replace(matt(made_scene(name, folder)), clip=False)
     path, light = SCENES / PATHS[name], None
@@ -79,7 +86,7 @@ def bounces_of(scene: Scene) -> int | str:
 
 
 def baked(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
-    """The light of a scene, core seconds and MiB, in a process of its own."""
+    """Bake in another process; return the light, core seconds and MiB."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         return pool.submit(_bake, scene, how, threads).result()
 
@@ -90,20 +97,20 @@ def _bake(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, flo
     bvh, device = hierarchy_of(scene), open_device(threads=threads)
     small = load_scene(SCENES / PATHS["cornell"])
     bake_light(small, hierarchy_of(small), device, replace(how, error=1.0))  # programs
-    Path("/proc/self/clear_refs").write_text("5")  # the peak counts anew
+    Path("/proc/self/clear_refs").write_text("5")  # resets the peak
     before, begun = _peak_mib(), time.process_time()
     light = bake_light(scene, bvh, device, how)
     return light, time.process_time() - begun, _peak_mib() - before
 
 
 def _peak_mib() -> float:
-    """The most memory that the process has had; Linux's, whose ru_maxrss has the parent's."""
+    """Return the process's peak of memory, from /proc: Linux's ru_maxrss includes the parent's."""
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace, kept: dict) -> Iterator[tuple]:
-    """A row per bake, and the scene with its light."""
+    """Yield a row per bake, and the scene with its light."""
     camera = replace(scene.camera, f_number=PINHOLE)
     truth = np.array([truth_of(peer, camera, options, 1)])
     plane = SensorPlane(scene.camera.focus_m, PINHOLE)
@@ -128,15 +135,15 @@ def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace, kept: dict)
 def planes(
     scene: Scene, lights: list, peer: Renderer, options: argparse.Namespace, kept: dict
 ) -> Iterator[dict]:
-    """Through the open lens: pictures of five planes, ever better, until as good as Mitsuba's."""
+    """Yield rows of five planes through the open lens, until ours are as good as Mitsuba's."""
     wanted = [SensorPlane(f, scene.camera.f_number) for f in scene.focus_distances_m]
     cameras = [focused_camera(scene.camera, plane) for plane in wanted]
     truths = np.array([truth_of(peer, c, options, 2 + n) for n, c in enumerate(cameras)])
 
     def row(setting: str, pictures: np.ndarray, seconds: float) -> dict:
-        one, near = pictures[len(wanted) // 2], truths[len(wanted) // 2, 2]
-        who = setting.split(",")[0]
-        kept.update({"converged": near, who: one, f"{who}, off": 0.5 + 4 * (one - near)})
+        picture, near = pictures[len(wanted) // 2], truths[len(wanted) // 2, 2]
+        name = setting.split(",")[0]
+        kept.update({"converged": near, name: picture, f"{name}, off": 0.5 + 4 * (picture - near)})
         return {
             "scene": scene.name, "part": "planes", "setting": setting,
             "core s": f"{seconds:.3g}", "dB": f"{true_psnr(pictures, truths):.1f}",
@@ -144,9 +151,9 @@ def planes(
 
     def theirs(name: str, other: Renderer) -> dict:
         other.picture(cameras[0], 64, DENOISED)  # compiles
-        found = [other.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
-        shown, taken = map(np.array, zip(*found, strict=True))
-        return _said(row(name, shown, taken.mean()))
+        runs = [other.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
+        pictures, seconds = map(np.array, zip(*runs, strict=True))
+        return _said(row(name, pictures, seconds.mean()))
 
     if "cycles" in options.parts:
         try:
@@ -162,9 +169,9 @@ def planes(
         tracer = Tracer(lit, hierarchy_of(scene), opened(None))
         pictures_by_depth(tracer, scene.camera, wanted, 16, lattice)  # programs
         begun = time.process_time()
-        made = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, lattice)
+        pictures = pictures_by_depth(tracer, scene.camera, wanted, options.pixels, lattice)
         traced = (time.process_time() - begun) / len(wanted)
-        ours = row(f"baked, {bake['setting']}, {lattice}", made, traced)
+        ours = row(f"baked, {bake['setting']}, {lattice}", pictures, traced)
         per_plane = float(mitsubas["core s"]) / 10 - traced
         first = max(1, math.ceil(float(bake["core s"]) / per_plane)) if per_plane > 0 else ""
         yield _said(ours | {"bake core s": bake["core s"], "a tenth from plane": first})
@@ -174,16 +181,19 @@ def planes(
 
 
 def truth_of(peer: Renderer, camera: Camera, options: argparse.Namespace, seed: int) -> list:
-    """Two converged pictures, of independent noise, and their mean, denoised."""
+    """Return two converged pictures with independent noise, and their mean, denoised."""
     how = camera, options.pixels, Samples(options.converged)
     pair = [peer.picture(*how, each)[0] for each in (2 * seed, 2 * seed + 1)]
     return [*pair, peer.ask(denoised, np.mean(pair, axis=0))]
 
 
 def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
-    """dB of pictures, in sRGB, to what two noisy ones each show: independent noise cancels in the
-    product of the differences to them.  These are of linear light, times the slope of sRGB from the
-    picture to the denoised one, for sRGB values of noise have another mean."""
+    """Return the dB of pictures, in sRGB, to two noisy converged pictures.
+
+    Independent noise cancels in the product of the differences to both.  Differences are linear,
+    times the slope of sRGB between the picture and the denoised one: the mean of sRGB-encoded noise
+    is biased.
+    """
     one, two, near = np.swapaxes(truths, 0, 1)
     middle, half = (pictures + near) / 2, np.maximum(abs(pictures - near) / 2, 1e-4)
     slope = (srgb_encode(middle + half) - srgb_encode(middle - half)) / (2 * half)
@@ -193,8 +203,8 @@ def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
 
 
 def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
-    """The root mean square error of pictures, a share of the light; noise cancels as above."""
-    one, two, near = (of.mean(-1) for of in np.swapaxes(truths, 0, 1))
+    """Return the root mean square error of pictures, relative to the light; noise cancels, too."""
+    one, two, near = (picture.mean(-1) for picture in np.swapaxes(truths, 0, 1))
     level = np.maximum(near, DARK * near.mean())
     border = math.ceil(BORDER * pictures.shape[1])
     errors = (pictures.mean(-1) - one) * (pictures.mean(-1) - two) / level**2
@@ -202,9 +212,9 @@ def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
 
 
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
-    """The time of rays with baked light over that of those with ambient light."""
+    """Yield rows with the time of rays with baked light over that with ambient light."""
     plain = replace(scene, light=None, sky=NO_SKY, bake=None, ambient=(0.3, 0.3, 0.3))
-    tracers = [Tracer(one, hierarchy_of(scene), opened(None)) for one in (scene, plain)]
+    tracers = [Tracer(version, hierarchy_of(scene), opened(None)) for version in (scene, plain)]
     for views in (16, 64):
         slab = Slab(scene.camera, views, PRICED)
         spread = (np.arange(views // 2, side, views) for side in slab.size)
@@ -224,7 +234,7 @@ def _said(row: dict) -> dict:
 
 
 def figure(table: pd.DataFrame, path: Path) -> None:
-    """dB of a pinhole's picture over core seconds of the bake, a line per scene."""
+    """Draw the dB of a pinhole's picture over core seconds of the bake, a line per scene."""
     from matplotlib.figure import Figure
 
     drawn = Figure(figsize=(5.2, 3.6))
@@ -254,7 +264,7 @@ SHOWN = {
 
 
 def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The published tables, one per part, by the suffix of their file."""
+    """Return the published tables, one per part, by the suffix of their file."""
     return {
         f"_{part}": table.loc[table["part"] == part, ["scene", "setting", *columns]]
         for part, columns in SHOWN.items()
@@ -289,8 +299,8 @@ def main() -> None:
             if options.pictures:
                 cells = [(picture, label) for label, picture in kept.items()]
                 contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
-    made = pd.DataFrame(rows).assign(pixels=options.pixels)
-    table = with_kept(made, options.out, "scene", "part")
+    new = pd.DataFrame(rows).assign(pixels=options.pixels)
+    table = with_kept(new, options.out, "scene", "part")
     report(options.out, "python -m benchmarks.light", table, shown=shown(table))
     if options.figure:
         figure(table, options.figure)

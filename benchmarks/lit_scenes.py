@@ -1,4 +1,4 @@
-"""Scenes that are hard for baked light: rooms, contacts, emitters that touch surfaces, a sun."""
+"""Scenes that are difficult for baked light: rooms, contacts, emitters near surfaces, a sun."""
 
 import json
 from collections.abc import Callable
@@ -11,11 +11,15 @@ from lfcore.api import load_scene
 from lfcore.pictures import write_picture
 from lfcore.scene.model import Scene
 
-WHITE, GREY = {"diffuse": [0.9, 0.9, 0.9]}, {"diffuse": [0.6, 0.6, 0.6]}
-RED, BLUE = {"diffuse": [0.7, 0.2, 0.15]}, {"diffuse": [0.2, 0.3, 0.7]}
+WHITE = {"diffuse": [0.9, 0.9, 0.9]}
+GREY = {"diffuse": [0.6, 0.6, 0.6]}
+RED = {"diffuse": [0.7, 0.2, 0.15]}
+BLUE = {"diffuse": [0.2, 0.3, 0.7]}
 SKY = {"zenith": [0.5, 0.7, 1.0], "horizon": [0.9, 0.85, 0.8]}
-SUN_DEG, SUN_HEIGHT = 5.0, 512
-"""The diameter of the sun of the scene ``sun``, and rows of its panorama."""
+SUN_DEG = 5.0
+"""The diameter, degrees, of the sun in the scene ``sun``."""
+SUN_HEIGHT = 512
+"""The rows of its panorama."""
 Part = tuple[trimesh.Trimesh, dict]
 
 
@@ -24,7 +28,7 @@ def box(low: tuple, high: tuple, material: dict) -> Part:
 
 
 def things() -> list[Part]:
-    """Things of 0.2 to 0.5 m that stand on a floor, y = 0, around the origin."""
+    """Return objects of 0.2 to 0.5 m on a floor, y = 0, around the origin."""
     ball = trimesh.creation.icosphere(4, radius=0.2).apply_translation((-0.35, 0.2, 0.1))
     pole = trimesh.creation.cylinder(0.05, 0.5, sections=48)
     pole.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
@@ -38,7 +42,7 @@ def things() -> list[Part]:
 
 
 def room(wall: dict) -> list[Part]:
-    """A closed room of 4 m x 2.6 m x 5 m with a lamp below its ceiling."""
+    """Return a closed room of 4 m x 2.6 m x 5 m with a lamp below its ceiling."""
     inside = trimesh.creation.box(bounds=[(-2, 0, -2.5), (2, 2.6, 2.5)])
     lamp = {"diffuse": [0.5, 0.5, 0.5], "emission": [6.0, 5.6, 5.0]}
     return [(inside, wall), box((-0.4, 2.4, -0.9), (0.4, 2.45, -0.5), lamp)]
@@ -52,7 +56,7 @@ def closed_room() -> tuple[list[Part], dict]:
 
 
 def ordinary_room() -> tuple[list[Part], dict]:
-    """A room with a table, a shelf and a bed."""
+    """Return a room with a table, a shelf and a bed."""
     wood = {"diffuse": [0.45, 0.3, 0.18]}
     legs = [box((x, 0, z), (x + 0.06, 0.7, z + 0.06), wood)
             for x in (-1.4, -0.46) for z in (-1.5, -0.9)]  # fmt: skip
@@ -67,14 +71,14 @@ def ordinary_room() -> tuple[list[Part], dict]:
 
 
 def floor(size: float) -> tuple[list[Part], dict]:
-    """Things on a floor ``size`` m wide under an even sky."""
+    """Return objects on a floor ``size`` m wide under an even sky."""
     half = size / 2
     parts = [*things(), box((-half, -0.05, -half), (half, 0, half), GREY)]
     return parts, {**_camera((0.3, 0.7, 2.0), (0, 0.15, 0), 40), "sky": SKY}
 
 
 def cards() -> tuple[list[Part], dict]:
-    """Cards 18 mm apart on a floor of 6 m."""
+    """Return cards 18 mm apart on a floor of 6 m."""
     parts = [box((-3, -0.05, -3), (3, 0, 3), GREY)]
     for number in range(9):
         x, colour = 0.018 * (number - 4), (WHITE, RED, BLUE)[number % 3]
@@ -83,7 +87,7 @@ def cards() -> tuple[list[Part], dict]:
 
 
 def shelf() -> tuple[list[Part], dict]:
-    """A strip that emits, half a millimetre below a shelf."""
+    """Return an emitting strip, half a millimetre below a shelf."""
     strip = {"diffuse": [0.5, 0.5, 0.5], "emission": [14.0, 12.0, 9.0]}
     corners = [
         (x, 0.5995, z) for x, z in ((-0.5, -0.06), (0.5, -0.06), (0.5, -0.04), (-0.5, -0.04))
@@ -100,7 +104,7 @@ def shelf() -> tuple[list[Part], dict]:
 
 
 def sun(folder: Path) -> tuple[list[Part], dict]:
-    """Things on a floor, under a sky with a large sun."""
+    """Return objects on a floor, under a sky with a large sun."""
     height = SUN_HEIGHT
     turn, polar = np.meshgrid(
         ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 2 * np.pi,

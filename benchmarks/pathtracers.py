@@ -1,10 +1,10 @@
-"""Our pictures against a path tracer's: python -m benchmarks.pathtracers --out FILE.csv
+"""Compares our pictures with path tracers': python -m benchmarks.pathtracers --out FILE.csv
 
-Pictures at equal time: one through the open round lens, focused near, in the middle and far.  Ours
-by depth and to a quality; Mitsuba 3 with the same shading, raw and with Intel's denoiser; and
-Blender's Cycles with its own, on the scene without highlights.  Seconds are processor
-seconds of all threads, scene and hierarchy loaded, the least of --repeats in turn after a warm-up.
-dB are against our converged picture, for Cycles against its own; the note says how these agree.
+Each picture is through the open round lens, focused near, in the middle or far.  Ours are by depth
+and to a quality; Mitsuba 3 has the same shading, raw and with Intel's denoiser; Blender's Cycles
+has its own denoiser, and the scene without highlights.  Seconds are processor seconds of all
+threads, with scene and hierarchy loaded: the least of --repeats in turn after a warm-up.  dB are
+against our converged picture, for Cycles against its own; the note reports how these agree.
 
     python -m benchmarks.pathtracers --out pathtracers.csv --figure pathtracers.png --crops crops/
     python -m benchmarks.pathtracers --scenes bike model.glb --pixels 128 --out pathtracers.csv
@@ -44,8 +44,11 @@ from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
 TRUTH = Lattice(12, 4), Lattice(10, 5)
-LATTICES = [Lattice(*each) for each in ((1, 1), (2, 1), (4, 1), (4, 1.5), (4, 2), (8, 2))]
+"""The two lattices of converged pictures."""
+LATTICES = [Lattice(*sides) for sides in ((1, 1), (2, 1), (4, 1), (4, 1.5), (4, 2), (8, 2))]
+"""The rays of our pictures by depth."""
 QUALITIES_DB = (35, 40, 45)
+"""The qualities of our pictures to a quality, dB."""
 MITSUBA = {
     "Mitsuba": Samples(1),
     "Mitsuba + OIDN": Samples(1, "multijitter", "picture"),
@@ -57,19 +60,23 @@ PEERS: dict[str, tuple[dict[str, Samples], Callable]] = {
     "mitsuba": (MITSUBA, mitsuba_lens), "cycles": (CYCLES, cycles_lens),
 }  # fmt: skip
 RAYS = (1, 4, 16, 64, 256)
+"""The samples per pixel of a peer's pictures."""
 IN_LARGE = "Mitsuba + OIDN"
 """The peer with the least error in equal time: the only one in sizes above the smallest."""
 MOST_MRAYS = 17.0
-"""Millions of rays of a picture, at most."""
+"""The most rays of a picture, millions."""
 CONVERGED = 1024
-"""Samples per pixel of a peer's own converged picture."""
+"""The samples per pixel of a peer's converged picture."""
 PLANES = ("near", "middle", "far")
-CROP_PX, CROP_SECONDS = 40, 0.25
+CROP_PX = 40
+"""The side of a crop, pixels."""
+CROP_SECONDS = 0.25
+"""The most core seconds of a picture in the sheet of crops."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A method's pictures with one setting: ``make()`` returns ((P, M, M, 3), core seconds)."""
+    """A method with one setting; ``make()`` returns P pictures (P, M, M, 3) and core seconds."""
 
     method: str
     setting: str
@@ -80,7 +87,7 @@ class Point:
 def ours(
     tracer: Tracer, planes: list[SensorPlane], pixels: int, most_rays: float
 ) -> Iterator[Point]:
-    """Our methods, each picture by itself, and all planes from the same rays."""
+    """Yield our methods, each picture by itself, and all planes from the same rays."""
     camera, alone, together = tracer.scene.camera, [[plane] for plane in planes], [planes]
 
     def by_depth(lattice: Lattice, wanted: list[SensorPlane]) -> np.ndarray:
@@ -92,8 +99,8 @@ def ours(
 
     def timed(make: Callable, groups: list[list[SensorPlane]]) -> tuple[np.ndarray, np.ndarray]:
         runs = [clocked(partial(make, group), clock=time.process_time) for group in groups]
-        each = [np.full(len(made), seconds / len(made)) for made, seconds in runs]
-        return np.concatenate([made for made, _ in runs]), np.concatenate(each)
+        per_picture = [np.full(len(part), seconds / len(part)) for part, seconds in runs]
+        return np.concatenate([part for part, _ in runs]), np.concatenate(per_picture)
 
     for lattice in LATTICES:
         if (rays := lattice.rays_per_pixel) <= most_rays:
@@ -109,31 +116,31 @@ def peer(
     kinds: dict[str, Samples], opened, scene: Scene, planes: list[SensorPlane], pixels: int,
     most_rays: float,
 ) -> Iterator[Point]:  # fmt: skip
-    """A peer's pictures, new samples in every run."""
+    """Yield a peer's methods, with new samples in every run."""
     seeds = itertools.count(1)
     for (name, kind), rays in itertools.product(kinds.items(), RAYS):
         if rays <= most_rays:
             samples = replace(kind, per_pixel=rays)
 
             def run(samples=samples):
-                made = [
+                runs = [
                     opened.picture(focused_camera(scene.camera, p), pixels, samples, next(seeds))
                     for p in planes
                 ]
-                pictures, seconds = zip(*made, strict=True)
+                pictures, seconds = zip(*runs, strict=True)
                 return np.stack(pictures), np.array(seconds)
 
             yield Point(name, f"{rays} sample{'s' * (rays > 1)}", rays, run)
 
 
 def measured(points: list[Point], repeats: int) -> Iterator[tuple[Point, np.ndarray, np.ndarray]]:
-    """Each point's last pictures and least seconds, of runs in turn."""
+    """Yield each point's last pictures and least seconds; the points take turns."""
     seconds: dict[int, np.ndarray] = {}
     for turn in range(repeats + 1):
         for number, point in enumerate(points):
-            pictures, taken = point.make()
+            pictures, run_seconds = point.make()
             if turn:
-                seconds[number] = np.minimum(taken, seconds.get(number, np.inf))
+                seconds[number] = np.minimum(run_seconds, seconds.get(number, np.inf))
             if turn == repeats:
                 yield point, pictures, seconds[number]
 
@@ -142,7 +149,7 @@ def rows_of(
     scene: Scene, points: list[Point], truths: np.ndarray, pixels: int, repeats: int,
     kept: dict[tuple, np.ndarray],
 ) -> Iterator[dict]:  # fmt: skip
-    """A row per point and plane; pictures of the middle plane are kept for crops."""
+    """Yield a row per point; pictures of the middle plane are kept for crops."""
     for point, pictures, seconds in measured(points, repeats):
         errors = [inner_psnr(*pair) for pair in zip(pictures, truths, strict=True)]
         kept[scene.name, pixels, point.method, point.setting] = pictures[1]
@@ -152,7 +159,7 @@ def rows_of(
 
 
 def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, np.ndarray]]:
-    """All rows, the agreement of converged pictures in words, and pictures for crops."""
+    """Return all rows, a text on the agreement of converged pictures, and pictures for crops."""
     rows: list[dict] = []
     agreements: list[str] = []
     kept: dict[tuple, np.ndarray] = {}
@@ -174,16 +181,16 @@ def study(options: argparse.Namespace) -> tuple[pd.DataFrame, str, dict[tuple, n
                     timed = {n: kind for n, kind in kinds.items() if is_least or n == IN_LARGE}
                     if not timed:
                         continue
-                    more, agrees = one_size(shown, tracer, opened, timed, pixels, options, kept)
+                    more, dB = one_size(shown, tracer, opened, timed, pixels, options, kept)
                     rows += more
-                    agreements.append(f"{shown.name} {pixels}: {agrees:.0f} dB")
+                    agreements.append(f"{shown.name} {pixels}: {dB:.0f} dB")
             finally:
                 opened.close()
     return pd.DataFrame(rows), "; ".join(agreements), kept
 
 
 def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[dict], float]:
-    """Rows of a scene and size, and the dB between converged pictures of the middle plane."""
+    """Return a size's rows, and the dB between converged pictures of the middle plane."""
     near, *_, far = scene.focus_distances_m
     middle = scene.focus_distances_m[len(scene.focus_distances_m) // 2]
     planes = [SensorPlane(focus, scene.camera.f_number) for focus in (near, middle, far)]
@@ -194,7 +201,7 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     for index in range(len(planes)) if has_own_truth else [1]:
         camera = focused_camera(scene.camera, planes[index])
         theirs[index], _ = opened.picture(camera, pixels, converged, 0)
-    agrees = inner_psnr(truths[1], theirs[1])
+    agreement_db = inner_psnr(truths[1], theirs[1])
     judge = theirs if has_own_truth else truths
     kept[scene.name, pixels, "true", ""] = truths[1]
     most = options.most_mrays * 1e6 / pixels**2
@@ -204,7 +211,7 @@ def one_size(scene, tracer, opened, kinds, pixels, options, kept) -> tuple[list[
     rows += rows_of(scene, points, judge, pixels, options.repeats, kept)
     for row in rows:
         say(" ".join(map(str, row.values())))
-    return rows, agrees
+    return rows, agreement_db
 
 
 SHOWN = {
@@ -213,11 +220,11 @@ SHOWN = {
     "_matt": (["bike, matt", "bedroom, matt"], ["by depth", "Cycles + OIDN"],
               ["4 x 1", "64 samples"]),
 }  # fmt: skip
-"""Scenes, methods and settings of the published tables, of the largest size that was run."""
+"""The scenes, methods and settings of the published tables; their size is the largest."""
 
 
 def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The rows that are published, by the suffix of their file."""
+    """Return the published rows by the suffix of their file."""
     tables = {}
     for suffix, (scenes, methods, settings) in SHOWN.items():
         rows = table[table["scene"].isin(scenes)]
@@ -228,8 +235,8 @@ def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def figure(table: pd.DataFrame, path: Path) -> None:
-    """dB (mean of the three planes) over core seconds, a line per method; a panel per scene as it
-    is, or per matt one if there are no others."""
+    """Draw dB (mean of the three planes) over core seconds, a line per method and a panel per
+    scene; matt scenes are drawn only if there are no others."""
     from matplotlib.figure import Figure
 
     table = table[table["M"] == table["M"].min()]
@@ -258,7 +265,7 @@ def figure(table: pd.DataFrame, path: Path) -> None:
 
 
 def crops(table: pd.DataFrame, kept: dict[tuple, np.ndarray], folder: Path) -> None:
-    """Per scene the detail of each method's best picture in at most CROP_SECONDS."""
+    """Write a sheet per scene: a detail of each method's best picture within CROP_SECONDS."""
     for (scene, pixels), rows in table.groupby(["scene", "M"]):
         true = kept[scene, pixels, "true", ""]
         x, y = busiest(true)
@@ -275,7 +282,7 @@ def crops(table: pd.DataFrame, kept: dict[tuple, np.ndarray], folder: Path) -> N
 
 
 def busiest(picture: np.ndarray) -> tuple[int, int]:
-    """The corner (x, y) of the window with most detail, away from the border."""
+    """Return the corner (x, y) of the window with most detail, away from the border."""
     detail = np.hypot(*np.gradient(picture.mean(axis=2)))
     border = len(picture) // 10 + 1
     sums = sliding_window_view(detail, (CROP_PX, CROP_PX)).sum((2, 3))[border:, border:]

@@ -1,11 +1,11 @@
-"""Requested and reached quality: python -m benchmarks.quality --out FILE.csv
+"""Compares requested with reached quality: python -m benchmarks.quality --out FILE.csv
 
 Scenes are rendered to several qualities, focused near, in the middle and far, and at all three
 from the same rays; with --stored, light fields are recorded, too.  A row has the PSNR of the worst
-picture, its core seconds, and those of the cheapest single lattice that reaches the quality.  The
-truth is of another kind: many lens samples displaced within a pixel, each ray counted in the pixel
-that it falls on.  With 128 pixels it is known well enough; with 24 x 24 lens samples to 50 dB with
-256 pixels and to 46 with 512 (bike, near plane), where blur is wide.
+picture, its core seconds, and those of the cheapest single lattice that reaches the quality.  True
+pictures are formed differently: from many lens samples displaced within a pixel, where each ray
+counts in the pixel that it meets.  They are exact enough with 128 pixels; with 24 x 24 lens samples
+they reach 50 dB with 256 pixels and 46 dB with 512 (bike, near plane), where blur is wide.
 """
 
 import tempfile
@@ -33,17 +33,26 @@ from lfcore.rendering.quality import Quality, QualitySearch
 from lfcore.timing import clocked
 from lfcore.tracing.tracer import Tracer
 
-TRUTH, TRUTH_FOOTPRINT_PX = Lattice(32, 2), 1 / 16
+TRUTH = Lattice(32, 2)
+"""The rays of true pictures."""
+TRUTH_FOOTPRINT_PX = 1 / 16
+"""The texture footprint of their rays, pixels."""
 LATTICES = [
-    Lattice(*each)
-    for each in (
+    Lattice(*sides)
+    for sides in (
         (1, 1), (2, 1), (2, 1.5), (2, 2), (3, 1), (3, 1.5), (3, 2), (3, 3), (4, 1), (4, 1.5),
         (4, 2), (4, 3), (4, 4), (5, 2), (6, 2), (6, 3), (8, 2), (8, 3),
     )
 ]  # fmt: skip
+"""The candidates for the cheapest lattice."""
 TARGETS_DB = 35, 40, 45, 50
+"""The requested qualities, dB."""
 FITTED = "bike", "cabin", "bedroom", "chart", "book", "sphere", "cornell"
-MOST_OVER_DB, MOST_TIMES = 2.5, 1.3
+"""The scenes from which the error model was fitted."""
+MOST_OVER_DB = 2.5
+"""The most dB above the request that the summary calls close."""
+MOST_TIMES = 1.3
+"""The most seconds that the summary calls close, relative to the cheapest lattice's."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +72,17 @@ class Case:
         return min(inner_psnr(*pair) for pair in zip(pictures, self.truths, strict=True))
 
     def fixed(self) -> list[tuple[float, float, Lattice]]:
-        """(core seconds, dB, lattice) of single lattices, the cheapest first."""
-        made = []
-        of = self.tracer, self.tracer.scene.camera, self.planes, self.pixels
+        """Return (core seconds, dB, lattice) of single lattices, the cheapest first."""
+        results = []
+        arguments = self.tracer, self.tracer.scene.camera, self.planes, self.pixels
         for lattice in LATTICES:
-            pictures, seconds = least_clocked(partial(pictures_by_depth, *of, lattice))
-            made.append((seconds, self.worst_db(pictures), lattice))
-        return sorted(made, key=lambda each: each[0])
+            pictures, seconds = least_clocked(partial(pictures_by_depth, *arguments, lattice))
+            results.append((seconds, self.worst_db(pictures), lattice))
+        return sorted(results, key=lambda result: result[0])
 
 
 def least_clocked(run: Callable) -> tuple:
-    """What it returns, and the least core seconds of two runs."""
+    """Run twice; return the result, and the lesser core seconds."""
     runs = [clocked(run, clock=time.process_time) for _ in range(2)]
     return runs[-1][0], min(seconds for _, seconds in runs)
 
@@ -81,7 +90,7 @@ def least_clocked(run: Callable) -> tuple:
 def true_picture(
     tracer: Tracer, plane: SensorPlane, pixels: int, lattice: Lattice = TRUTH
 ) -> np.ndarray:
-    """(M, M, 3) float32, linear light, traced at the plane's focus."""
+    """Return (M, M, 3) float32 linear light, traced at the plane's focus."""
     slab = Slab.of(focused_camera(tracer.scene.camera, plane), lattice, pixels)
     views, side = views_of(slab, displaced=True), round(lattice.subpixels)
     share = lens_cells(slab, plane.lens_aperture(slab)).share
@@ -94,7 +103,7 @@ def true_picture(
 
 
 def cases(name: str, pixels: int) -> Iterator[Case]:
-    """The cases of a scene."""
+    """Yield the cases of a scene."""
     scene = lfcore.load_scene(SCENES / name if (SCENES / name).exists() else Path(name))
     tracer, focus = open_tracer(scene), scene.focus_distances_m
     planes = [
@@ -102,28 +111,29 @@ def cases(name: str, pixels: int) -> Iterator[Case]:
         for distance in (focus[0], focus[len(focus) // 2], focus[-1])
     ]
     truths = np.stack([true_picture(tracer, plane, pixels) for plane in planes])
-    for index, which in enumerate(("near", "middle", "far")):
-        yield Case(tracer, which, planes[index : index + 1], truths[index : index + 1])
+    for index, plane_name in enumerate(("near", "middle", "far")):
+        yield Case(tracer, plane_name, planes[index : index + 1], truths[index : index + 1])
     yield Case(tracer, "all three", planes, truths)
 
 
-Made = tuple[float, np.ndarray, Lattice, float]
+Result = tuple[float, np.ndarray, Lattice, float]
 """The expected dB, the pictures, the rays, and the core seconds."""
 
 
-def rendered(case: Case, target: float) -> Made:
-    given = case.tracer, case.tracer.scene.camera, case.planes, case.pixels, Quality(target)
-    made, seconds = least_clocked(lambda: QualitySearch(*given).pictures())
-    return float(made.expected_db.min()), made.pictures, made.lattice, seconds
+def rendered(case: Case, target: float) -> Result:
+    """Render pictures to a quality."""
+    arguments = case.tracer, case.tracer.scene.camera, case.planes, case.pixels, Quality(target)
+    rendering, seconds = least_clocked(lambda: QualitySearch(*arguments).pictures())
+    return float(rendering.expected_db.min()), rendering.pictures, rendering.lattice, seconds
 
 
-def stored(case: Case, target: float) -> Made:
-    """From a light field that is recorded for the quality."""
+def stored(case: Case, target: float) -> Result:
+    """Form pictures from a light field that is recorded to a quality."""
     focus = [plane.focus_m for plane in case.planes]
     quality = Quality(target, focus_range_m=(min(focus), max(focus)))
     with tempfile.TemporaryDirectory() as folder:
-        given = case.tracer.scene, Path(folder) / "a.mkv"
-        record = partial(lfcore.record, *given, pixels=case.pixels, quality=quality)
+        arguments = case.tracer.scene, Path(folder) / "a.mkv"
+        record = partial(lfcore.record, *arguments, pixels=case.pixels, quality=quality)
         field, seconds = clocked(record, clock=time.process_time)
         with field:
             slab, expected = field.require_slab(), field.content["expected"]["db"]
@@ -132,9 +142,9 @@ def stored(case: Case, target: float) -> Made:
 
 
 def rows_of(
-    case: Case, name: str, make: Callable[[float], Made], fixed: list[tuple]
+    case: Case, name: str, make: Callable[[float], Result], fixed: list[tuple]
 ) -> Iterator[dict]:
-    """A row per quality, beside the cheapest of the ``fixed`` lattices that reaches it."""
+    """Yield a row per quality, with the cheapest of the ``fixed`` lattices that reaches it."""
     for target in TARGETS_DB:
         row: dict = {"planes": name, "asked dB": f"{target:g}"}
         try:
@@ -155,23 +165,23 @@ def rows_of(
 
 
 def summary(rows: pd.DataFrame) -> str:
-    """The shares of cases that were reached, by not too much, and in not too long."""
-    said, kinds = [], [rows["planes"] == "stored", ~rows["scene"].isin(FITTED)]
-    for (stored, unseen), of in rows[rows["dB"].notna()].groupby(kinds):
-        over = of["dB"].astype(float) - of["asked dB"].astype(float)
+    """Describe the shares of cases that reach the quality, closely, and in little time."""
+    sentences, kinds = [], [rows["planes"] == "stored", ~rows["scene"].isin(FITTED)]
+    for (stored, unseen), part in rows[rows["dB"].notna()].groupby(kinds):
+        over = part["dB"].astype(float) - part["asked dB"].astype(float)
         words = f"{'Stored' if stored else 'Rendered'}, {'others' if unseen else 'fitted'}: "
-        words += f"{(over >= 0).mean():.0%} of {len(of)} cases reached, "
+        words += f"{(over >= 0).mean():.0%} of {len(part)} cases reached, "
         words += f"{(over <= MOST_OVER_DB).mean():.0%} at most {MOST_OVER_DB} dB over"
         if not stored:
-            times = pd.to_numeric(of["times"]).dropna()
+            times = pd.to_numeric(part["times"]).dropna()
             words += f"; {times.median():.2f} times the cheapest lattice's seconds in the median, "
             words += f"at most {MOST_TIMES} times in {(times <= MOST_TIMES).mean():.0%}"
-        said.append(words + ".")
-    return " ".join(said)
+        sentences.append(words + ".")
+    return " ".join(sentences)
 
 
 def shown(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows that are published: all three planes, two qualities."""
+    """Return the published rows: all three planes, two qualities."""
     rows = rows[(rows["planes"] == "all three") & rows["asked dB"].isin(["40", "50"])]
     return rows.drop(columns=["planes", "its dB", "times"])
 
@@ -179,18 +189,18 @@ def shown(rows: pd.DataFrame) -> pd.DataFrame:
 def main() -> None:
     parser = parser_of(__doc__, scenes=FITTED, pixels=128)
     parser.add_argument("--stored", action="store_true", help="record light fields, too")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     rows: list[dict] = []
-    for name in asked.scenes:
-        for case in cases(name, asked.pixels):
-            found = [*rows_of(case, case.name, partial(rendered, case), case.fixed())]
-            if asked.stored and case.name == "all three":
-                found += rows_of(case, "stored", partial(stored, case), [])
-            for row in found:
+    for name in options.scenes:
+        for case in cases(name, options.pixels):
+            case_rows = [*rows_of(case, case.name, partial(rendered, case), case.fixed())]
+            if options.stored and case.name == "all three":
+                case_rows += rows_of(case, "stored", partial(stored, case), [])
+            for row in case_rows:
                 rows.append({"scene": Path(name).stem} | row)
                 say(" ".join(map(str, rows[-1].values())))
     table = pd.DataFrame(rows)
-    report(asked.out, "python -m benchmarks.quality", table, summary(table), {"": shown(table)})
+    report(options.out, "python -m benchmarks.quality", table, summary(table), {"": shown(table)})
 
 
 if __name__ == "__main__":

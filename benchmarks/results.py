@@ -1,8 +1,8 @@
-"""Result files: rows as CSV below lines ``# key: value`` of their run, and tables as Markdown.
+"""Result files: rows as CSV below lines ``# key: value`` on their run, and tables as Markdown.
 
     python -m benchmarks.results --command "make tables" results/tables docs/results table_7_1 ...
 
-keeps tables of a run of the workflow: the CSV with what is known of the run, and the Markdown.
+copies tables of a run of the workflow, as CSV and Markdown, with the facts of the run.
 """
 
 import argparse
@@ -23,17 +23,17 @@ from lfcore.timing import machine
 
 ROOT = Path(__file__).resolve().parents[1]
 OF_RUN = ("command", "commit", "processor", "date")
-"""What is known of every run."""
+"""The facts of every run."""
 
 
 class ResultError(LfcoreError):
-    """A result file without what is known of its run."""
+    """A result file without the facts of its run."""
 
 
 def parser_of(
     doc: str, *, scenes: Sequence[str] = ("bike", "cabin", "bedroom"), pixels: int | list[int]
 ) -> argparse.ArgumentParser:
-    """The options of all benchmarks, with these defaults; ``pixels`` may be a list."""
+    """Return a parser with the options of all benchmarks; ``pixels`` may be a list."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--scenes", nargs="+", default=list(scenes))
     several = "+" if isinstance(pixels, list) else None
@@ -43,7 +43,7 @@ def parser_of(
 
 
 def say(text: str) -> None:
-    """Print progress on standard error; tables go to standard output."""
+    """Print progress on standard error; tables are printed on standard output."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -56,7 +56,7 @@ def report(
 ) -> None:
     """Write a run's rows as CSV, its tables as Markdown beside it, and print the rows.
 
-    ``shown`` maps suffixes of the Markdown files' names to tables; by default one with all rows.
+    ``shown`` maps suffixes of the Markdown files' names to tables; default: one with all rows.
     """
     table = pd.DataFrame(rows).fillna("")
     run = of_this_run(f"{program} {shlex.join(sys.argv[1:])}") | ({"note": note} if note else {})
@@ -66,7 +66,7 @@ def report(
 
 
 def write_tables(path: Path, shown: Mapping[str, pd.DataFrame]) -> None:
-    """Tables of the result file ``path``, in Markdown files beside it whose names have suffixes."""
+    """Write tables of the result file ``path`` as Markdown, under its name with suffixes."""
     run, _ = read_result(path)
     for suffix, table in shown.items():
         body = table.to_markdown(index=False, disable_numparse=True)
@@ -74,12 +74,12 @@ def write_tables(path: Path, shown: Mapping[str, pd.DataFrame]) -> None:
 
 
 def head(run: Mapping[str, str]) -> str:
-    """The lines above the rows of a run."""
+    """Return the lines above the rows of a run."""
     return "".join(f"# {key}: {value}\n" for key, value in run.items())
 
 
 def source(run: Mapping[str, str]) -> str:
-    """A paragraph with what made a result, where and when."""
+    """Return a paragraph with the command, place and date of a run."""
     more = "".join(f" {value}" for key, value in run.items() if key not in OF_RUN)
     where = "commit {commit}, {date}, {processor}".format(**run)
     text = f"Made by `{run['command']}`: {where}.{more}"
@@ -87,9 +87,9 @@ def source(run: Mapping[str, str]) -> str:
 
 
 def read_result(path: Path) -> tuple[dict[str, str], pd.DataFrame]:
-    """What is known of the run of a result file, and its rows, as texts.
+    """Read the facts of a result file's run, and its rows, as texts.
 
-    Raises :class:`ResultError` where some of it is missing.
+    Raises :class:`ResultError` if a fact is missing.
     """
     text = path.read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.startswith("# ")]
@@ -101,14 +101,14 @@ def read_result(path: Path) -> tuple[dict[str, str], pd.DataFrame]:
 
 
 def of_this_run(command: str) -> dict[str, str]:
-    """What is known of a run on this machine, at this commit."""
+    """Return the facts of a run on this machine, at this commit."""
 
     def git(*words: str) -> str:
         return subprocess.run(
             ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
         ).stdout.strip()
 
-    # Edits of results and documents change nothing that is measured.
+    # Edits of results and documents do not change measurements.
     edited = git("status", "--porcelain", "--", ".", ":!benchmarks/published", ":!docs")
     commit = git("rev-parse", "--short", "HEAD") + ("+" if edited else "")
     here = machine()
@@ -117,21 +117,21 @@ def of_this_run(command: str) -> dict[str, str]:
     return dict(zip(OF_RUN, (command, commit, processor, today), strict=True))
 
 
-def with_kept(found: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
-    """Rows of a run that made some of a result, and those kept of others; each with its commit.
+def with_kept(rows: pd.DataFrame, file: Path, *keys: str) -> pd.DataFrame:
+    """Add to the rows of a run the other rows of a result file; each has its commit.
 
     ``keys`` are the columns, of texts, that identify a row.
     """
-    found = found.assign(commit=of_this_run("")["commit"])
+    rows = rows.assign(commit=of_this_run("")["commit"])
     if file.exists():
         old = read_result(file)[1].set_index(list(keys))
-        kept = old[~old.index.isin(found.set_index(list(keys)).index)]
-        found = pd.concat([found, kept.reset_index()])
-    return found.fillna("")
+        kept = old[~old.index.isin(rows.set_index(list(keys)).index)]
+        rows = pd.concat([rows, kept.reset_index()])
+    return rows.fillna("")
 
 
 def keep(tables: Path, folder: Path, names: Sequence[str], command: str) -> None:
-    """Copy tables that the workflow wrote, with what is known of the run."""
+    """Copy the workflow's tables, with the facts of the run."""
     run = of_this_run(command)
     for name in names:
         rows, text = ((tables / f"{name}.{end}").read_text("utf-8") for end in ("csv", "md"))

@@ -1,9 +1,9 @@
-"""The rays that every method traces: a fair, deterministic sample of a light slab.
+"""The rays that every method traces: a deterministic, stratified sample of a light slab.
 
-The picture is divided into CELLS x CELLS equal cells.  In each, a square of pixels at a place drawn
-from a fixed seed is traced with all N x N rays per pixel.  The squares grow as N falls, so that
-every N has about as many rays; squares of four pixels or more begin at multiples of four, as tiles
-do.
+The picture is divided into CELLS x CELLS equal cells.  In each, a square of pixels at a random
+position (with a fixed seed) is traced with all N x N rays per pixel.  The squares grow as N falls,
+so that every N has about as many rays; squares of four pixels or more begin at multiples of four,
+as tiles do.
 """
 
 from dataclasses import dataclass, field
@@ -15,6 +15,7 @@ from lfcore.optics.slab import Slab
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 CELLS = 8
+"""The cells per side of the picture."""
 SEED = 2024
 
 
@@ -28,7 +29,7 @@ class Sample:
 
     @property
     def pixels(self) -> np.ndarray:
-        """(P, 2) int32 (u, v), square after square, rows within a square."""
+        """The pixels (u, v), (P, 2) int32, square after square, row after row."""
         v, u = np.divmod(np.arange(self.side**2, dtype=np.int32), np.int32(self.side))
         return (self.corners[:, None] + np.stack([u, v], axis=1)).reshape(-1, 2)
 
@@ -38,7 +39,7 @@ class Sample:
 
 
 def sample_slab(slab: Slab, mrays: float = 24.0) -> Sample:
-    """About ``mrays`` million rays of ``slab``, but at least one pixel in each cell."""
+    """Sample about ``mrays`` million rays of ``slab``, but at least one pixel in each cell."""
     cells = min(CELLS, slab.pixels)
     cell = slab.pixels // cells
     wanted = np.sqrt(mrays * 1e6 / cells**2) / slab.views

@@ -1,10 +1,10 @@
-"""The tracer against Embree, in one run on one machine.
+"""Compares the tracer with Embree, in one run on one machine.
 
     python -m benchmarks.tracer --out tracer.csv
     python -m benchmarks.tracer --scenes bike --views 512 --out bike.csv
 
-Visibility, the closest triangle and depth of every ray, is ours and Embree's in turn on the same
-sampled rays.  See benchmarks/README.md for the columns and the rules.
+Both find the closest triangle and depth of every ray, in turn on the same sampled rays.  See
+benchmarks/README.md for the columns and the rules.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,8 +32,7 @@ HITS = "hits, Mrays per core-second"
 
 
 def visibility(tracer: Tracer, sample: Sample) -> Method:
-    """Closest triangle and depth of every ray, left in the device's memory: ``Tracer.slab_hits``
-    without the copy to numpy arrays."""
+    """Return our method: ``Tracer.slab_hits`` without the copy to numpy arrays."""
     device, bundles = tracer.device, macropixels(sample.slab, sample.pixels)
     job = tracer.job("HITS", probe(sample.slab))
     memory = [device.empty(4 * sample.rays) for _ in range(2)]
@@ -53,7 +52,7 @@ def visibility(tracer: Tracer, sample: Sample) -> Method:
 
 
 def check_hits(tracer: Tracer, sample: Sample) -> tuple[float, float]:
-    """(share of rays that hit, their mean depth), from ``slab_hits``."""
+    """Return (share of rays that hit, their mean depth), from ``slab_hits``."""
     triangle, depth = tracer.slab_hits(sample.slab, sample.pixels)
     hit = triangle >= 0
     return float(hit.mean()), float(depth[hit].mean(dtype=np.float64))
@@ -78,7 +77,7 @@ def all_rows(options) -> list[dict]:
 
 
 def embree(tracer: Tracer) -> AbstractContextManager[EmbreePackets | None]:
-    """Embree with the scene; None, aloud, where it cannot run."""
+    """Open Embree with the scene; print a message and yield None if it cannot run."""
     try:
         return closing(EmbreePackets(tracer.scene, tracer.device.threads))
     except SkippedError as error:
@@ -87,7 +86,7 @@ def embree(tracer: Tracer) -> AbstractContextManager[EmbreePackets | None]:
 
 
 def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
-    """A row per method; the methods take turns, after a round unseen."""
+    """Yield a row per method; the methods take turns, after a warm-up round."""
     rounds = [[method.run() for method in methods] for _ in range(repeats + 1)]
     for method, seconds in zip(methods, np.median(rounds[1:], axis=0).tolist(), strict=True):
         hits, depth = method.check()
@@ -99,7 +98,7 @@ def measured(methods: Sequence[Method], repeats: int) -> Iterator[dict]:
 
 
 def beside_embree(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rates by scene and N: ours, the better of Embree's two kinds of packet, and their ratio."""
+    """Return rates by scene and N: ours, the better of Embree's two kinds of packet, the ratio."""
     rows = rows.set_index(["scene", "N"])
 
     def fastest(method: str) -> pd.Series:

@@ -1,1 +1,1 @@
-"""Other tracers with the same triangles: each is a :class:`Method`, or says why it cannot run."""
+"""Other tracers and renderers of the same scenes; each reports why it cannot run."""

@@ -1,9 +1,9 @@
-"""Blender's Cycles through a thin lens, with its own denoiser: the package ``bpy``.
+"""Blender's Cycles (the package ``bpy``) through a thin lens, with its own denoiser.
 
 The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel; ambient light is
-emission of the surfaces, seen by the camera alone.  Different: highlights are left out (the scene
-is made matt for both), and values are not cut to [0, 1] per ray; so each is judged by its own
-converged picture.  With bounces, the sky and what glows light all surfaces.
+emission of the surfaces, seen by the camera alone.  Different: highlights are left out (both
+renderers get a matt scene), and values are not clipped to [0, 1] per ray; so each is compared with
+its own converged picture.  With bounces, the sky and emitters light all surfaces.
 """
 
 import math
@@ -29,15 +29,15 @@ _here: dict[str, Any] = {}
 
 
 def matt(scene: Scene) -> Scene:
-    """The scene without highlights and metal."""
+    """Return the scene without highlights and metal."""
     plain = [replace(m, specular=(0.0, 0.0, 0.0), metallic=-1.0) for m in scene.every_material]
     return replace(scene, materials=plain)
 
 
 def cycles_lens(scene: Scene, threads: int, bounces: int = 0) -> Renderer:
-    """Cycles with a matt scene.
+    """Open Cycles with a matt scene.
 
-    Raises :class:`SkippedError` for a missing package, or a scene that is not described for it.
+    Raises :class:`SkippedError` for a missing package, or a scene that we do not translate.
     """
     check_installed("bpy")
     check_plain(scene, may_bounce=bounces > 0)
@@ -71,7 +71,7 @@ def _open(scene: Scene, threads: int, bounces: int) -> None:
 
 
 def _world(bpy, blender, scene: Scene) -> None:
-    """The background is seen and gives no light; a sky does."""
+    """Add the background, which emits no light, or the sky, which does."""
     world = blender.world = bpy.data.worlds.new("world")
     world.use_nodes = True
     colour = world.node_tree.nodes["Background"].inputs[0]
@@ -109,8 +109,8 @@ def _mesh(bpy, blender, scene: Scene, lights: bool) -> None:
 
 
 def _material(bpy, scene: Scene, index: int, lights: bool):
-    """Diffuse, plus emission of ambient light times the same colour, for the camera's rays alone,
-    and of its own, which ``lights`` other surfaces or not."""
+    """Create a material: diffuse; emission of ambient light times its colour, for camera rays; and
+    its own emission, for all rays if it ``lights``."""
     ours = scene.every_material[index]
     material = bpy.data.materials.new(f"material {index}")
     material.use_nodes = True
@@ -138,15 +138,15 @@ def _material(bpy, scene: Scene, index: int, lights: bool):
     shader = surface.outputs[0]
     to_camera = nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"]
     ambient = (0.0, 0.0, 0.0) if len(scene.sky) else scene.ambient
-    for colour, all_round in ((product(diffuse, ambient), False),
-                              (product((1, 1, 1), ours.emission), lights)):  # fmt: skip
-        glow, both = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
-        link(colour, glow.inputs["Color"])
-        if not all_round:
-            link(to_camera, glow.inputs["Strength"])
-        link(shader, both.inputs[0])
-        link(glow.outputs[0], both.inputs[1])
-        shader = both.outputs[0]
+    for colour, for_all in ((product(diffuse, ambient), False),
+                            (product((1, 1, 1), ours.emission), lights)):  # fmt: skip
+        emission, total = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeAddShader")
+        link(colour, emission.inputs["Color"])
+        if not for_all:
+            link(to_camera, emission.inputs["Strength"])
+        link(shader, total.inputs[0])
+        link(emission.outputs[0], total.inputs[1])
+        shader = total.outputs[0]
     link(shader, output.inputs["Surface"])
     material.cycles.emission_sampling = "FRONT_BACK" if lights and any(ours.emission) else "NONE"
     return material
@@ -166,19 +166,19 @@ def _image(bpy, scene: Scene, number: int):
 
 def _light(bpy, blender, light) -> None:
     point, strength = light.kind == POINT, max(light.colour)
-    made = bpy.data.lights.new("light", "POINT" if point else "SUN")
-    made.color = [c / strength for c in light.colour] if strength else (0, 0, 0)
-    made.use_shadow = light.casts_shadows
-    lamp = bpy.data.objects.new("light", made)
+    lamp_data = bpy.data.lights.new("light", "POINT" if point else "SUN")
+    lamp_data.color = [c / strength for c in light.colour] if strength else (0, 0, 0)
+    lamp_data.use_shadow = light.casts_shadows
+    lamp = bpy.data.objects.new("light", lamp_data)
     blender.collection.objects.link(lamp)
     x, y, z = light.vector[0], -light.vector[1], -light.vector[2]
     if point:
-        made.energy = POWER * strength * (light.reference_distance_m or 1.0) ** 2
-        made.shadow_soft_size, lamp.location = 0, (x, y, z)
+        lamp_data.energy = POWER * strength * (light.reference_distance_m or 1.0) ** 2
+        lamp_data.shadow_soft_size, lamp.location = 0, (x, y, z)
     else:
         from mathutils import Vector  # comes with bpy
 
-        made.energy, made.angle = math.pi * strength, 0
+        lamp_data.energy, lamp_data.angle = math.pi * strength, 0
         lamp.rotation_mode = "QUATERNION"
         lamp.rotation_quaternion = Vector((x, y, z)).to_track_quat("Z", "Y")
 

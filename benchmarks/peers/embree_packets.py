@@ -1,4 +1,4 @@
-"""Embree's 16-wide coherent packets, through a driver compiled when it is first needed."""
+"""Embree's 16-wide coherent packets, through a driver that is compiled on first use."""
 
 import shutil
 import subprocess
@@ -16,7 +16,7 @@ WAYS = {"lens": "4 x 4 lens samples", "pixels": "4 x 4 pixels"}
 
 
 class EmbreePackets:
-    """The driver with one scene: a process that traces on request and reports its seconds."""
+    """A process of the driver with one scene, which traces on request and reports its seconds."""
 
     def __init__(self, scene: Scene, threads: int):
         self._files, self._threads = 0, threads
@@ -32,16 +32,16 @@ class EmbreePackets:
         pipe = subprocess.PIPE
         self._process = subprocess.Popen([program, path], stdin=pipe, stdout=pipe, text=True)
         assert self._process.stdin and self._process.stdout
-        self._told, self._said = self._process.stdin, self._process.stdout
+        self._requests, self._answers = self._process.stdin, self._process.stdout
         version, native, _seconds = self._answer()
         number = int(version)
         self.version = f"{number // 10000}.{number // 100 % 100}.{number % 100}"
         self.native16 = bool(int(native))
 
     def methods(self, sample) -> list[Method]:
-        """Visibility of ``sample`` with this scene, by packets of either kind.
+        """Return the methods that trace ``sample``, by packets of either kind.
 
-        Packets of pixels want squares of four pixels or more, which a sample of large N has not.
+        Packets of pixels need squares of four pixels or more, which samples with large N lack.
         """
         path = self._write_rays(sample)
         ways = WAYS if sample.side % 4 == 0 else ["lens"]
@@ -49,7 +49,7 @@ class EmbreePackets:
 
     def _method(self, sample, path: Path, way: str) -> Method:
         def trace() -> tuple[float, float, float]:
-            print(f"rays {path} {self._threads} {way}\nrun", file=self._told, flush=True)
+            print(f"rays {path} {self._threads} {way}\nrun", file=self._requests, flush=True)
             _, seconds, hits, depth = (float(word) for word in self._answer())
             return seconds, hits / sample.rays, depth / max(hits, 1)
 
@@ -60,9 +60,9 @@ class EmbreePackets:
         return Method(name, sample.rays, run, note, check)
 
     def close(self) -> None:
-        self._told.close()
+        self._requests.close()
         self._process.wait(timeout=60)
-        self._said.close()
+        self._answers.close()
         self._folder.cleanup()
 
     def _write_rays(self, sample) -> Path:
@@ -76,14 +76,14 @@ class EmbreePackets:
         return path
 
     def _answer(self) -> list[str]:
-        line = self._said.readline()
+        line = self._answers.readline()
         if not line:
             raise SkippedError("the Embree driver ended early; its message is above")
         return line.split()
 
 
 def compile_driver(folder: Path) -> Path:
-    """Build the driver in ``folder``; raise SkippedError where compiler or headers are missing."""
+    """Build the driver in ``folder``; raise SkippedError if compiler or headers are missing."""
     compiler = next(filter(None, map(shutil.which, ("g++", "clang++", "c++"))), None)
     if compiler is None:
         raise SkippedError("no C++ compiler is installed")

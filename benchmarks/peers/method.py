@@ -1,4 +1,4 @@
-"""A measured method, and renderers in processes of their own."""
+"""Measured methods, and renderers in other processes."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from lfcore.timing import clocked
 
 
 class SkippedError(Exception):
-    """This method cannot run here; the message says what is missing."""
+    """This method cannot run here; the message names what is missing."""
 
 
 def check_installed(*packages: str) -> None:
@@ -25,10 +25,18 @@ def check_installed(*packages: str) -> None:
 
 @dataclass
 class Method:
-    """A way to find the first hits of so many ``rays``, again and again.
+    """A way to find the first hits of rays.
 
-    ``run`` does so once and returns its core seconds.  ``note`` has threads and instruction set.
-    ``check`` returns (share of rays that hit, their mean depth).
+    Attributes
+    ----------
+    name, note : str
+        Its name; its threads and instruction set.
+    rays : int
+        The number of rays.
+    run : callable
+        Traces them once, and returns core seconds.
+    check : callable
+        Returns (share of rays that hit, their mean depth).
     """
 
     name: str
@@ -39,15 +47,15 @@ class Method:
 
 
 def core_seconds(work: Callable[[], object]) -> float:
-    """Of one run of ``work``, by all threads of this process."""
+    """Return the core seconds of one run of ``work``, by all threads of this process."""
     return clocked(work, clock=time.process_time)[1]
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A renderer's settings: samples per pixel, Mitsuba's sampler, and the denoiser's input if any.
+    """A renderer's settings: samples per pixel, Mitsuba's sampler, and the denoiser's input.
 
-    ``denoise`` is ``""``, ``"picture"``, or ``"auxiliary"`` with albedo and normals.
+    ``denoise`` is ``""`` for none, ``"picture"``, or ``"auxiliary"`` with albedo and normals, too.
     """
 
     per_pixel: int
@@ -56,10 +64,10 @@ class Samples:
 
 
 class Renderer:
-    """A scene in another renderer, in a process of its own, that ``prepare(*arguments)`` loads.
+    """Another renderer in its own process, into which ``prepare(*arguments)`` loads a scene.
 
-    A compiler that fails ends only that: :class:`SkippedError`, with what the renderer ``needs``.
-    ``render(camera, pixels, samples, seed)`` makes a picture there.
+    ``render(camera, pixels, samples, seed)`` renders a picture there.  If its compiler fails, the
+    caller gets :class:`SkippedError` with what the renderer ``needs``.
     """
 
     def __init__(self, prepare: Callable, arguments: tuple, render: Callable, needs: str):
@@ -68,16 +76,16 @@ class Renderer:
         self.ask(int)
 
     def ask(self, work: Callable, *arguments: object) -> Any:
-        """What ``work(*arguments)`` returns there."""
+        """Run ``work(*arguments)`` there, and return the result."""
         try:
             return self._pool.submit(work, *arguments).result()
         except (RuntimeError, ImportError) as error:
             self.close()
-            why = f"does not run, see above ({error}); it needs {self._needs}"
-            raise SkippedError(why) from None
+            problem = f"does not run, see above ({error}); it needs {self._needs}"
+            raise SkippedError(problem) from None
 
     def picture(self, camera: Camera, pixels: int, samples: Samples, seed: int = 0):
-        """((pixels, pixels, 3) float32 linear light, core seconds)."""
+        """Return ((pixels, pixels, 3) float32 linear light, core seconds)."""
         return self.ask(self._render, camera, pixels, samples, seed)
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
-"""Mitsuba 3 through a thin lens with our shading, and Intel's denoiser (OIDN) behind it.
+"""Mitsuba 3 through a thin lens with our shading, and Intel's denoiser (OIDN).
 
 The same: triangles, normals, textures, materials, light, lens, focus, box filter of a pixel, values
-cut to [0, 1] per ray.  Different: rays are random samples of pixel and lens, and textures are not
-filtered by a footprint.  Shading is that of `lfcore.oracle.shading`, as a small integrator.
+clipped to [0, 1] per ray.  Different: rays are random samples of pixel and lens, and textures are
+not filtered by a footprint.  A small integrator shades as `lfcore.oracle.shading`.
 """
 
 from typing import Any
@@ -22,7 +22,7 @@ _here: dict[str, Any] = {}
 
 
 def mitsuba_lens(scene: Scene, threads: int) -> Renderer:
-    """Mitsuba with a scene.
+    """Open Mitsuba with a scene.
 
     Raises :class:`SkippedError` for a missing package, or a scene that the integrator cannot shade.
     """
@@ -43,9 +43,9 @@ def check_plain(scene: Scene, *, may_bounce: bool = False) -> None:
         "area lights and spots": any(x.is_of_emitter or x.is_spot for x in scene.lights),
         "a sky or bounces": not may_bounce and (len(scene.sky) > 0 or scene.bake is not None),
     }
-    for what, present in left_out.items():
+    for feature, present in left_out.items():
         if present:
-            raise SkippedError(f"{scene.name} has {what}, which are not in the integrator")
+            raise SkippedError(f"{scene.name} has {feature}, which the integrator lacks")
 
 
 def _open(scene: Scene, threads: int, llvm: str | None) -> None:
@@ -68,7 +68,7 @@ def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
 
 
 def _integrator(scene: Scene):
-    """The class of the integrator, with the scene's tables on Mitsuba's device."""
+    """Return the class of the integrator, with the scene's tables on Mitsuba's device."""
     import drjit as dr
     import mitsuba as mi
 
@@ -92,16 +92,16 @@ def _integrator(scene: Scene):
     has_metal = any(material.is_metallic for material in scene.every_material)
 
     def texture_colour(material, uv, active):
-        """Bilinear, wrapping; v runs up from the bottom."""
-        start, width, height = (dr.gather(mi.UInt32, each, material, active) for each in place)
+        """Interpolate bilinearly, with wrapping; v increases from bottom to top."""
+        start, width, height = (dr.gather(mi.UInt32, column, material, active) for column in place)
         x = uv.x * mi.Float(width) - 0.5
         y = (1 - uv.y) * mi.Float(height) - 0.5
         left, top = dr.floor(x), dr.floor(y)
         share_x, share_y = x - left, y - top
 
-        def wrapped(place, size):
-            size = mi.Int32(dr.maximum(size, 1))  # 0 in lanes that are not active
-            rest = mi.Int32(place) % size
+        def wrapped(index, size):
+            size = mi.Int32(dr.maximum(size, 1))  # 0 in inactive lanes
+            rest = mi.Int32(index) % size
             return mi.UInt32(dr.select(rest < 0, rest + size, rest))
 
         colour = mi.Color3f(0)
@@ -113,7 +113,7 @@ def _integrator(scene: Scene):
         return colour
 
     def microfacets(base, metal, roughness, normal, towards, view):
-        """pi times the BRDF of glTF 2.0's appendix B, times the cosine."""
+        """Return pi times the BRDF of glTF 2.0's appendix B, times the cosine."""
         half = dr.normalize(towards + view)
         f0 = dr.lerp(mi.Color3f(0.04), base, metal)
         fresnel = f0 + (1 - f0) * (1 - dr.dot(view, half)) ** 5
@@ -126,7 +126,7 @@ def _integrator(scene: Scene):
         return ((1 - fresnel) * (1 - metal) * base + fresnel * peak) * light
 
     class Shading(mi.SamplingIntegrator):
-        """Blinn-Phong with ambient light and shadows, as `lfcore.oracle.shading`."""
+        """Blinn-Phong shading with ambient light and shadows, as `lfcore.oracle.shading`."""
 
         def __init__(self, properties):
             super().__init__(properties)

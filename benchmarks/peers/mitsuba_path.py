@@ -1,8 +1,8 @@
-"""Mitsuba 3's `path` integrator: a matt scene's sky, suns, lamps and bounces, denoised if asked.
+"""Mitsuba 3's `path` integrator: a matt scene with sky, suns, lamps and bounces.
 
-The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel.  The sky is the
-whole panorama, whose suns are no lights of their own: their shadows are as soft as they are wide.
-What glows does so on both sides: open meshes have a second sheet behind them.
+The same: triangles, normals, textures, lights, lens, focus, box filter of a pixel.  Suns are a part
+of the sky's panorama, not separate lights: their shadows have the penumbra of their size.  Emitters
+emit on both sides: open meshes get a second sheet behind them.
 """
 
 from dataclasses import replace
@@ -19,21 +19,22 @@ from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance, suns
 
 SKY_HEIGHT = 512
+"""The rows of the panorama."""
 BEHIND = 1e-5
-"""The distance of a second sheet, as a share of the scene's size."""
+"""The distance of a second sheet, relative to the scene's size."""
 ROULETTE = 8
-"""The length from which on paths end at random, with weights that keep the mean."""
+"""The depth at which Russian roulette begins."""
 _here: dict[str, Any] = {}
 
 
 def mitsuba_path(scene: Scene, bounces: int | str, threads: int) -> Renderer:
-    """Mitsuba with a scene.  Raises :class:`SkippedError` for a missing package."""
+    """Open Mitsuba with a scene.  Raises :class:`SkippedError` for a missing package."""
     check_installed("mitsuba", "mitsuba_oidn")
     return Renderer(_open, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
 
 
 class Lit(Description):
-    """A scene with its sky and what glows."""
+    """The description of a scene with its sky and emitters."""
 
     def __init__(self, mitsuba, scene: Scene):
         super().__init__(mitsuba, _with_backs(without_suns(scene)), leave_out_ambient=True)
@@ -43,21 +44,21 @@ class Lit(Description):
         return {"type": "rgb", "value": list(emission)} if any(emission) else None
 
     def sky(self) -> dict:
-        """Mitsuba's panorama begins at -z and turns to +x."""
+        """Describe the sky; Mitsuba's panorama begins at -z and turns to +x."""
         light = panorama(self._scene.sky, np.array([[0, 0, -1], [1, 0, 0], [0, 1, 0]]))
         return {"type": "envmap", "bitmap": self.mitsuba.Bitmap(light)}
 
 
 def without_suns(scene: Scene) -> Scene:
-    """The scene without lights that its sky has, too."""
+    """Return the scene without lights that are also in its sky."""
     towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
     return replace(scene, lights=[x for x in scene.lights if x.vector not in towards])
 
 
 def panorama(sky: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """(SKY_HEIGHT, 2 SKY_HEIGHT, 3) float32 radiance, from above down.
+    """Return (SKY_HEIGHT, 2 SKY_HEIGHT, 3) float32 radiance, from top to bottom.
 
-    ``axes`` (3, 3) are where it begins, where a quarter turn leads, and what is above.
+    ``axes`` (3, 3) are the directions of its beginning, of a quarter turn, and of the top.
     """
     across, down = (np.arange(4 * n) + 0.5 for n in (2 * SKY_HEIGHT, SKY_HEIGHT))
     turn, polar = np.meshgrid(across / len(across) * 2 * np.pi, down / len(down) * np.pi)

@@ -1,4 +1,4 @@
-"""Mitsuba 3 in a process: its compiler, and pictures in passes."""
+"""Mitsuba 3 in a process: its compiler, and rendering in passes."""
 
 import os
 import time
@@ -12,24 +12,24 @@ from benchmarks.peers.method import Samples
 LLVM = "DRJIT_LIBLLVM_PATH"
 NEEDS = "mitsuba-oidn and LLVM 16 or later"
 PASS_RAYS = 1 << 24
-"""The most rays of a pass, 64 of each of 512 x 512 pixels; more take Mitsuba tens of bytes each."""
+"""The most rays of a pass, 64 per pixel of 512 x 512; each needs tens of bytes in Mitsuba."""
 
 
 def chosen_llvm() -> str | None:
-    """The library of LLVM that is asked for, or the system's newest: 15 cannot select some 16-wide
-    instructions."""
+    """Return the environment's library of LLVM, or the system's newest: LLVM 15 cannot select some
+    16-wide instructions."""
     if LLVM in os.environ:
         return os.environ[LLVM]
-    found = {}
+    versions = {}
     for path in Path("/usr/lib").glob("*/libLLVM*.so*"):
         digits = [part for part in path.name.replace("-", ".").split(".") if part.isdigit()]
         if digits:
-            found[int(digits[0])] = str(path)
-    return found[max(found)] if found else None
+            versions[int(digits[0])] = str(path)
+    return versions[max(versions)] if versions else None
 
 
 def start(threads: int, llvm: str | None) -> ModuleType:
-    """Mitsuba in this process."""
+    """Import Mitsuba in this process."""
     if llvm:
         os.environ[LLVM] = llvm
     import mitsuba
@@ -42,17 +42,17 @@ def start(threads: int, llvm: str | None) -> ModuleType:
 
 
 def render(
-    mitsuba: ModuleType, scene: object, pixels: int, samples: Samples, seed: int, **how: object
+    mitsuba: ModuleType, scene: object, pixels: int, samples: Samples, seed: int, **options: object
 ) -> tuple[np.ndarray, float]:
-    """((pixels, pixels, 3) float32 linear light, core seconds): in passes, denoised if asked.
+    """Render in passes; return ((pixels, pixels, 3) float32 linear light, core seconds).
 
-    Channels after the first three are albedo and normals.
+    Channels after the first three are albedo and normals, for the denoiser.
     """
     begun = time.process_time()
     passes = max(1, pixels**2 * samples.per_pixel // PASS_RAYS)
     spp = samples.per_pixel // passes
     picture = np.mean([
-        np.array(mitsuba.render(scene, spp=spp, seed=passes * seed + number, **how))
+        np.array(mitsuba.render(scene, spp=spp, seed=passes * seed + number, **options))
         for number in range(passes)
     ], axis=0)  # fmt: skip
     parts = [np.ascontiguousarray(picture[..., k : k + 3], np.float32) for k in (0, 3, 6)]
@@ -63,7 +63,7 @@ def render(
 
 
 def denoised(picture: np.ndarray, **more: np.ndarray) -> np.ndarray:
-    """A picture of linear light, by Intel's denoiser."""
+    """Denoise a picture of linear light, by Intel's denoiser."""
     import mitsuba_oidn
 
     return np.asarray(mitsuba_oidn.denoise(picture, **more, hdr=True))
