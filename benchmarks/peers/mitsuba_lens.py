@@ -36,7 +36,7 @@ def check_plain(scene: Scene, *, may_bounce: bool = False) -> None:
     maps = ("metal_texture", "normal_texture", "emission_texture")
     left_out = {
         "colours at corners": len(scene.colours) > 0,
-        "cut-outs": any(scene.is_cut_out(m) for m in scene.every_material),
+        "cut-outs": any(scene.has_alpha_test(m) for m in scene.every_material),
         "maps of metal, normals or emission": any(
             getattr(m, name) >= 0 for m in scene.every_material for name in maps
         ),

@@ -59,7 +59,7 @@ def bake_light(
     """
     _check_albedo(scene)
     unlit = replace(scene, bake=None, light=None, sky=NO_SKY)
-    if not Needs.of(unlit).cut_outs:  # otherwise hits depend on texels
+    if not Needs.of(unlit).alpha_tests:  # otherwise hits depend on texels
         unlit = replace(unlit, uvs=unlit.uvs[:0])
     around = Surroundings(scene, Tracer(unlit, bvh, device))
     faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)

@@ -1,8 +1,8 @@
-"""The program without the features that a scene lacks, against the program with them.
+"""Programs without the features that a scene lacks, against programs with them.
 
-Both run on the same rays in turn; ``identical`` is whether frames and plane sums agree to the last
+Both trace the same rays in turn; ``identical`` is whether frames and plane sums agree to the last
 bit.  The *full* program has the feature compiled in and its buffers filled with neutral data: white
-vertex colours, a light of no strength, black highlights.
+vertex colours, a light of strength 0, black highlights.
 """
 
 import itertools
@@ -31,15 +31,15 @@ from lfcore.tracing.surfaces import pack_surfaces
 from lfcore.tracing.tracer import Tracer
 
 IDLE = Light(DIRECTIONAL, (0.0, -1.0, 0.0), (1e-30,) * 3)
-"""An additional light: not black, and adds nothing."""
+"""An additional light, so weak that it adds nothing, but not black."""
 
 
 @dataclass(frozen=True)
 class Feature:
     """A feature that a scene may lack, a ``field`` of :class:`Needs`.
 
-    ``defines`` are macros of the kernels; ``what`` is the code and data left out.  ``fill`` adds
-    neutral data of the feature, for the full program; ``part`` is the part of the scene that both
+    ``defines`` are macros of the kernels; ``what`` describes the omitted code and data.  ``fill``
+    adds neutral data for the full program; ``part`` is the part of the scene that both
     programs trace.
     """
 
@@ -50,12 +50,12 @@ class Feature:
     part: Callable[[Scene], Scene] = lambda scene: scene
 
     def missing(self, needs: Needs) -> bool:
-        """Whether a scene of these needs lacks it."""
+        """Whether a scene with these needs lacks the feature."""
         return not getattr(needs, self.field)
 
 
 def _black_light(scene: Scene) -> Scene:
-    """A sky needs baked light, too."""
+    """Add black baked light, which a sky needs."""
     if scene.light:
         return scene
     grids = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
@@ -81,7 +81,7 @@ def _in_the_dark(scene: Scene) -> Scene:
 FEATURES = (
     Feature("textures", ("TEXTURES",), "texture coordinates, texels, and their lookup",
             _unused_texture),
-    Feature("cut_outs", ("TEXTURES",), "holes, looked up where rays meet triangles"),
+    Feature("alpha_tests", ("TEXTURES",), "holes, looked up at hits"),
     Feature("physical", ("TEXTURES",), "metal, roughness, and textures that bend and vary them"),
     Feature("smooth_normals", ("SMOOTH",), "corner normals and their interpolation",
             _flat_normals),
@@ -98,14 +98,14 @@ FEATURES = (
     Feature("sky", ("SKY",), "the sky and baked light (without background and ambient light)",
             lambda scene: replace(_black_light(scene), sky=np.zeros((8, 8, 3), np.float32)),
             _in_the_dark),
-    # So dim that it needs no more than white.
+    # So dim that no ray is brighter than white.
     Feature("stops", (), "sums of light above white (ambient light)",
             part=lambda scene: replace(scene, lights=[], clip=False)),
 )  # fmt: skip
 
 
 def full_needs(filled: Scene, field: str) -> Needs:
-    """Needs of the scene filled with a feature, the feature switched on whatever it finds."""
+    """The needs of a filled scene, with the feature switched on."""
     needs = Needs.of(filled)
     value = getattr(needs, field)
     return replace(needs, **{field: value or type(value)(True)})
@@ -117,7 +117,7 @@ class LeftOutError(LfcoreError):
 
 @dataclass(frozen=True)
 class Program:
-    """A tracer that makes planes, frames or both of all rays of a slab."""
+    """A tracer that makes planes, frames or both from all rays of a slab."""
 
     tracer: Tracer
     slab: Slab
@@ -133,7 +133,7 @@ class Program:
         return trace_tile(self.tracer, self.slab, self.tile(), self.planes, frames=self.frames)
 
     def run(self) -> TileTracing:
-        """Everything once; the tracing has ended."""
+        """Trace everything once, to the end."""
         return self.tracing().finished()
 
     @cached_property
@@ -141,12 +141,12 @@ class Program:
         """Frames and plane sums."""
         tracing = self.tracing()
         frames = np.concatenate([chunk.frames.copy() for chunk in tracing] or [np.empty(0)])
-        assert tracing.plane_sums is not None  # of a tracing that has ended
+        assert tracing.plane_sums is not None  # the tracing has ended
         return frames, tracing.plane_sums.sums
 
     @cached_property
     def bytes(self) -> int:
-        """The memory of the scene's buffers on the device, but for the tree, and of all workers."""
+        """The bytes of the scene's buffers on the device, without the tree, and of all workers."""
         s = pack_surfaces(self.tracer.scene, self.tracer.needs)
         arrays = (s.corners, s.attributes, s.material_ids, s.materials, s.lights, s.levels)
         job = self.tracer.job("IMAGE", probe(self.slab))
@@ -157,8 +157,8 @@ class Program:
 class Comparison:
     """Two programs; ``lean`` lacks the feature that ``what`` describes.
 
-    ``saved`` are the bytes saved; default is the difference of ``bytes``.  ``identical`` is whether
-    they agree; default compares the frames and the planes that both make.
+    ``saved`` are the bytes saved; default is the difference of ``bytes``.  ``identical``:
+    the results agree; default compares the frames and planes of both.
     """
 
     feature: str
@@ -209,9 +209,9 @@ def left_out(
     repeats: int = 5,
     features: str | Sequence[str] = "all",
 ) -> list[dict]:
-    """A row for everything that is left out for ``scene``.
+    """A row per omitted feature of ``scene``.
 
-    ``features`` are fields of :class:`Needs`, ``all`` of which are compared unless some are named.
+    ``features`` are fields of :class:`Needs`; default ``all``.
     """
     slab, camera = Slab(scene.camera, views, pixels), scene.camera
     recorded = SensorPlane(camera.focus_m, camera.f_number)
@@ -225,7 +225,7 @@ def left_out(
         return Program(Tracer(scene, bvh, device, needs), slab, planes, frames)
 
     comparisons = itertools.chain(lacking(scene, program, features), unwanted(program))
-    return [{"scene": scene.name, **one.row(repeats)} for one in comparisons]
+    return [{"scene": scene.name, **comparison.row(repeats)} for comparison in comparisons]
 
 
 def lacking(
@@ -244,20 +244,20 @@ def lacking(
 
 
 def unwanted(program: Callable[..., Program]) -> Iterator[Comparison]:
-    """Frames that are not stored, planes that are not wanted, lens blocks outside the aperture."""
+    """Omitted frames, omitted planes, and lens blocks outside the aperture."""
     only_frames = program(planes=[])
     slab, tile, camera = only_frames.slab, only_frames.tile(), only_frames.slab.camera
     whole = SensorPlane(camera.focus_m, camera.f_number, aperture="square")
     stopped = SensorPlane(camera.focus_m, 4 * camera.f_number)
-    both, alone = program(planes=[whole]), program(planes=[whole], frames=False)
-    what = "video frames, where the light field is not stored"
+    frames_and_planes, planes_alone = program(planes=[whole]), program(planes=[whole], frames=False)
+    text = "video frames, if the light field is not stored"
     saved = tile.frame_count * tile.layout.frame_bytes
-    yield Comparison("frames", what, both, alone, saved)
-    what = "sensor planes and their tables, where only the light field is wanted"
-    saved = 32 * slab.pixels**2 * both.tracer.device.threads
-    yield Comparison("planes", what, both, only_frames, saved)
-    what = "lens blocks outside every aperture (a plane at f/4 of the lens; full: a square plane)"
+    yield Comparison("frames", text, frames_and_planes, planes_alone, saved)
+    text = "sensor planes and their tables, for a light field alone"
+    saved = 32 * slab.pixels**2 * frames_and_planes.tracer.device.threads
+    yield Comparison("planes", text, frames_and_planes, only_frames, saved)
+    text = "lens blocks outside every aperture (a plane at f/4 of the lens; full: a square plane)"
     narrow = program(planes=[stopped], frames=False)
     beside = program(planes=[whole, stopped], frames=False)
     agree = np.array_equal(beside.made[1][1], narrow.made[1][0])
-    yield Comparison("lens_blocks", what, alone, narrow, 0, agree)
+    yield Comparison("lens_blocks", text, planes_alone, narrow, 0, agree)

@@ -410,7 +410,7 @@ class Scene:
             normalise=normalise, keep_magnification=keep_magnification,
         )  # fmt: skip
 
-    def is_cut_out(self, material: Material) -> bool:
+    def has_alpha_test(self, material: Material) -> bool:
         """Whether the alpha of its texture cuts holes into the material's surfaces."""
         if material.alpha_cutoff <= 0 or material.texture < 0 or not len(self.uvs):
             return False

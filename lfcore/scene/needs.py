@@ -81,7 +81,7 @@ class Needs:
 
     Attributes
     ----------
-    textures, cut_outs, smooth_normals, vertex_colours, shadows, baked, sky : bool
+    textures, alpha_tests, smooth_normals, vertex_colours, shadows, baked, sky : bool
         Whether the scene has them.
     physical : bool
         Whether a material has metal and roughness, or textures beside its colour's.
@@ -92,7 +92,7 @@ class Needs:
     """
 
     textures: bool
-    cut_outs: bool
+    alpha_tests: bool
     physical: bool
     smooth_normals: bool
     curved: bool
@@ -109,7 +109,7 @@ class Needs:
         casting = any(light.casts_shadows and any(light.colour) for light in scene.lights)
         return cls(
             textures=any(material.textures for material in used) and len(scene.uvs) > 0,
-            cut_outs=any(scene.is_cut_out(material) for material in used),
+            alpha_tests=any(scene.has_alpha_test(material) for material in used),
             physical=any(material.is_metallic or material.has_maps for material in used),
             smooth_normals=len(scene.normals) > 0,
             curved=casting and _has_curves(scene),
@@ -136,7 +136,7 @@ def check_exportable(scene: Scene, program: str) -> None:
     for has_feature, subject in (
         (len(scene.colours), "colours at corners are"),
         (scene.motions, "motion is"),
-        (needs.cut_outs or needs.physical, "holes, metal and bent normals are"),
+        (needs.alpha_tests or needs.physical, "holes, metal and bent normals are"),
         (
             any(light.is_of_emitter or light.is_spot for light in scene.lights),
             "spots and points of area lights are",

@@ -1,1 +1,1 @@
-"""What each ray meets: bounding volume hierarchy, kernels, host side."""
+"""The tracer: bounding volume hierarchy, kernels, host side."""

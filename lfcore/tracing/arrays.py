@@ -1,6 +1,6 @@
-"""Rays into arrays of the host: hits, radiance, and the hits of given rays.
+"""Trace rays into arrays of the host: hits, radiance, and the hits of single rays.
 
-What comes from outside is checked here, before a kernel sees it.
+Arguments are checked here, before a kernel reads them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM, record
 from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24
-"""Rays whose results a device with memory of its own holds at a time."""
+"""The rays whose results a device with its own memory holds at a time."""
 STREAM_BYTES = 32 << 20
-"""Images larger than this go past the caches, which would not hold them until they are read."""
+"""The size of images, bytes, above which kernels write past the caches, which cannot hold them."""
 
 
 def fill_arrays(
@@ -30,14 +30,14 @@ def fill_arrays(
     across: int = 1,
     **inputs: Any,
 ) -> None:
-    """Trace bundles into arrays of the host, whose parts follow each other as elements do.
+    """Trace bundles into arrays of the host, in the order of elements.
 
     Parameters
     ----------
-    sets : bundles of as many elements and equal inner grids; their radiance is added up.
-    coordinates : of the elements, as for :meth:`lfcore.tracing.tracer.Tracer.bundle_hits`.
-    arrays : the sink's arguments that are written.
-    across : of an image: element e is at row e // across, column e % across.
+    sets : bundles with equal numbers of elements and equal inner grids; their radiance is added.
+    coordinates : the elements' coordinates, as for
+    :meth:`lfcore.tracing.tracer.Tracer.bundle_hits`. arrays : the sink's output arguments.
+    across : elements in a row of an image: element e is at row e // across, column e % across.
     inputs : the sink's other arguments.
 
     Raises
@@ -47,7 +47,7 @@ def fill_arrays(
     check_sets(sets, across)
     first, device = sets[0], job.scene.device
     count, rays = len(first.elements), first.columns * first.traced_rows
-    # A CPU writes the host's own memory: nothing is copied, so nothing need be cut.
+    # A CPU writes the host's memory without copies, so one chunk suffices.
     step = count if device.is_cpu else max(1, CHUNK_RAYS // (across * rays)) * across
     for start in range(0, count, max(1, step)):
         stop = min(start + step, count)
@@ -59,9 +59,9 @@ def fill_arrays(
             name: device.target_buffer(piece) for name, piece in pieces.items()
         }
         stream = "radiance" in pieces and pieces["radiance"].nbytes > STREAM_BYTES
-        some = [replace(one, elements=one.elements[start:stop]) for one in sets]
+        parts = [replace(whole, elements=whole.elements[start:stop]) for whole in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
-        for order, bundles in enumerate(some):
+        for order, bundles in enumerate(parts):
             if job.sink == "IMAGE":
                 mode = (ADD if order else 0) | (STREAM if stream else 0)
                 inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
@@ -91,20 +91,20 @@ def _groups(shape: PacketShape, bundles: Bundles, places: np.ndarray | None) -> 
 
 def check_sets(sets: Sequence[Bundles], across: int = 1) -> None:
     """Raise :class:`OpticsError` for bundles that cannot be traced into one array."""
-    for one in sets:
-        for name, shape in (("elements", (len(one.elements), 4)), ("step", (4,))):
-            array = getattr(one, name)
+    for bundles in sets:
+        for name, shape in (("elements", (len(bundles.elements), 4)), ("step", (4,))):
+            array = getattr(bundles, name)
             if array.shape != shape or array.dtype != np.float32:
                 raise OpticsError(
                     f"must be float32 of the shape {shape}, not {array.dtype} {array.shape}",
                     key=name,
                 )
-    inner = {(len(one.elements), one.rows, one.columns) for one in sets}
+    inner = {(len(bundles.elements), bundles.rows, bundles.columns) for bundles in sets}
     if len(inner) != 1 or min(sets[0].rows, sets[0].columns) < 1:
         raise OpticsError(f"differ in elements or inner grids, or have none: {inner}", key="sets")
     count = len(sets[0].elements)
     if across < 1 or count % across:
         raise OpticsError(
-            f"{count} elements are no whole rows of {across}",
+            f"{count} elements do not fill rows of {across}",
             key="across", remedy="Give a divisor of the number of elements",
         )  # fmt: skip

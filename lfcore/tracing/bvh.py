@@ -1,7 +1,7 @@
 """Bounding volume hierarchy of 16-wide nodes over triangles in camera space.
 
-All rays of a light field look along +z and come in bundles, so a bundle meets a node with one
-pass over 16 boxes and a leaf with one pass over 16 triangles; children lie front to back.
+All rays of a light field look along +z, in bundles.  A bundle tests a node by one pass over 16
+boxes and a leaf by one pass over 16 triangles; children are ordered front to back.
 
 Building is a binned surface area heuristic, 256 bins in each of three dimensions over the
 centroid bounds, breadth-first; nodes of at most 256 triangles take the exact sweep over their
@@ -26,7 +26,7 @@ from lfcore.tracing.bvh_wide import LARGEST, UNUSED, WIDTH, collapse
 ROWS = {"boxes": (6, 16), "children": (16,), "leaves": (9, 16), "leaf_ids": (16,)}
 ROWS["leaf_boxes"] = (6,)
 MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
-"""Odd numbers that make one of three."""
+"""Odd multipliers that hash three numbers into one."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Bvh:
     children : (K, 16) int32: a wide node if >= 0, leaf ``-1 - child`` if negative, 0x7fffffff
         if unused; by lo.z ascending, unused last.
     leaves : (L, 9, 16) float32: rows p.x p.y p.z q.x q.y q.z r.x r.y r.z of up to 16
-        triangles, of :func:`in_one_order`; padding is all zero, a triangle that nothing can hit.
+        triangles, of :func:`in_one_order`; padding is all zero, a triangle without hits.
     leaf_ids : (L, 16) int32: the triangles' numbers, ascending; -1 for padding.
     leaf_boxes : (L, 6) float32: lo and hi of each leaf.
     """
@@ -79,9 +79,9 @@ def build_bvh(triangles: np.ndarray) -> Bvh:
     position = np.minimum(start[:, None] + lane, len(tree.order) - 1)
     ids = np.sort(np.where(lane < count[:, None], tree.order[position], np.int32(UNUSED)), axis=1)
     ids[ids == UNUSED] = -1
-    used = ids >= 0
+    is_triangle = ids >= 0
     corners = np.zeros((len(ids), LEAF_SIZE, 9), np.float32)
-    corners[used] = in_one_order(triangles).reshape(-1, 9)[ids[used]]
+    corners[is_triangle] = in_one_order(triangles).reshape(-1, 9)[ids[is_triangle]]
     return Bvh(
         boxes=wide.boxes,
         children=wide.children,
@@ -95,7 +95,7 @@ def _checked(triangles: np.ndarray) -> np.ndarray:
     triangles = np.ascontiguousarray(triangles, np.float32)
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3):
         raise SceneError(f"triangles must be of shape (T, 3, 3), not {triangles.shape}")
-    # NaN compares false, so it is caught by the same test.
+    # NaN compares false, so the same test rejects it.
     bad = np.flatnonzero(~(np.abs(triangles).max(axis=(1, 2), initial=0) < LARGEST))
     if len(bad):
         raise SceneError(
@@ -126,12 +126,12 @@ def save_bvh(path: str | Path, bvh: Bvh) -> None:
 
 
 def load_bvh(path: str | Path) -> Bvh:
-    """Read what :func:`save_bvh` wrote.
+    """Read a file of :func:`save_bvh`.
 
     Raises
     ------
     SceneError
-        if the file is missing, damaged or holds something else.
+        The file is missing, damaged or of another kind.
     """
 
     def read(data: Any) -> Bvh:
@@ -144,7 +144,7 @@ def load_bvh(path: str | Path) -> Bvh:
 
 
 def shape_problem(bvh: Bvh) -> str | None:
-    """What is wrong with shapes, dtypes and references; None if nothing."""
+    """The first error in shapes, dtypes and references; None without errors."""
     for name, row in ROWS.items():
         array = getattr(bvh, name)
         dtype = np.int32 if name in ("children", "leaf_ids") else np.float32
@@ -165,23 +165,24 @@ def shape_problem(bvh: Bvh) -> str | None:
 
 
 def in_one_order(triangles: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) float32 with copies of a triangle, rewound or flipped, in the order of the first.
+    """Give copies of a triangle, rewound or flipped, the corner order of the first: (T, 3, 3)
+    float32.
 
     Depths of copies are then equal to the last bit in every kernel, and the lowest number wins.
     """
-    # A number for each triangle that does not depend on the order of corners.
+    # A number per triangle, independent of the order of corners.
     bits = (triangles + 0.0).view(np.uint32)
     keys = (bits[:, 0].astype(np.uint64) + bits[:, 1] + bits[:, 2]) @ MIXING
     ordered = np.sort(keys)
     repeated = ordered[1:][ordered[1:] == ordered[:-1]]
     if not len(repeated):
         return triangles
-    some = np.flatnonzero(np.isin(keys, repeated))
-    corners = np.unique(triangles[some].reshape(-1, 3), axis=0, return_inverse=True)[1]
+    candidates = np.flatnonzero(np.isin(keys, repeated))
+    corners = np.unique(triangles[candidates].reshape(-1, 3), axis=0, return_inverse=True)[1]
     corners = np.sort(corners.reshape(-1, 3), axis=1)
-    _, first, which = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    _, first, copy_of = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     triangles = triangles.copy()
-    triangles[some] = triangles[some[first[which.ravel()]]]
+    triangles[candidates] = triangles[candidates[first[copy_of.ravel()]]]
     return triangles
 
 
@@ -191,7 +192,7 @@ def depths(bvh: Bvh) -> list[np.ndarray]:
     nodes = np.array([0])
     while len(nodes):
         if sum(map(len, levels)) > len(bvh.children):
-            raise SceneError("the nodes of the BVH form a circle")
+            raise SceneError("the nodes of the BVH form a cycle")
         levels.append(nodes)
         child = bvh.children[nodes]
         nodes = child[(child >= 0) & (child != UNUSED)]

@@ -11,12 +11,12 @@ import numpy as np
 
 from lfcore.tracing.bvh_split import LEAF_SIZE, Cuts, Sorted, best_cuts, ranges
 
-# Of a binary node, in leaf tests, when a leaf is cut further.  The collapse joins again what
-# does not pay, so this only bounds how much it has to choose from: 0 gains 2% of SAH cost over
-# 0.25 and needs half as many leaves again, 0.5 loses 1%.
 NODE_COST = 0.25
-# Below this depth nodes are cut by count, so that no geometry makes a chain of a tree.
+"""The cost of a binary node, in leaf tests, when a leaf is cut further.  The collapse joins leaves
+that do not pay, so this only bounds its choices: 0 gains 2% of SAH cost over 0.25 and needs 1.5
+times the leaves; 0.5 loses 1%."""
 SAH_DEPTH = 64
+"""The depth below which nodes are cut by count, so that no geometry makes a chain of nodes."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class BinaryTree:
 
     ``left`` (n,) int64: index of the left child, the right one follows it; -1 for a leaf.
     ``start``, ``count`` (n,) int64: the node's range of ``order``.
-    ``levels``: offsets of the levels, one more than there are.
+    ``levels``: the first node of each level, and the number of nodes.
     ``order`` (T,) int32: triangles; ``lo``, ``hi`` (n, 3) float32: exact bounds.
     """
 
@@ -67,10 +67,10 @@ def build_binary(triangles: np.ndarray) -> BinaryTree:
 
 
 def _prepare(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Boxes (6, T + 1) with negated hi, centroids (3, T), and the triangles they are of.
+    """Boxes (6, T + 1) with negated hi, centroids (3, T), and the triangles' numbers.
 
-    Triangles are put in Morton order first, so that those of a small node lie near each other
-    in memory whatever the order of the file was.
+    Triangles are put in Morton order first, so that the triangles of a small node are
+    neighbours in memory, whatever the file's order.
     """
     p, q, r = np.ascontiguousarray(triangles.transpose(1, 2, 0))
     lo, hi = np.minimum(np.minimum(p, q), r), np.maximum(np.maximum(p, q), r)
@@ -100,15 +100,15 @@ def _morton(centroids: np.ndarray) -> np.ndarray:
 def _decide(
     triangles: Sorted, start: np.ndarray, count: np.ndarray, depth: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which nodes to cut (indices), and how (axis, k): the rest become leaves."""
+    """The indices of the nodes to cut, with axis and k of their cuts; other nodes become leaves."""
     several = np.flatnonzero(count > 1)
     start, count = start[several], count[several]
     if depth < SAH_DEPTH:
         cuts = best_cuts(triangles, start, count)
     else:
         cuts = Cuts.empty(len(several))
-    # No two centroids differ, the node is a point or a segment along an axis, or the tree is
-    # too deep: areas say nothing, halve the count, in whole leaves.
+    # If all centroids are equal, the node is a point or a segment along an axis, or the tree is
+    # too deep, areas do not help: halve the count, in whole leaves.
     blind = ~np.isfinite(cuts.cost) | (cuts.area == 0)
     halves = LEAF_SIZE * -(-count // (2 * LEAF_SIZE))
     axis = np.where(blind, _widest(triangles, start, count), cuts.axis)
@@ -136,7 +136,7 @@ def _partition(
 ) -> None:
     """Move the first ``k`` of ``order[axis]`` of each node to its front in all three orders.
 
-    Stable, so that both halves stay sorted.  ``goes_right`` is scratch, one entry a triangle.
+    Stable, so that both halves stay sorted.  ``goes_right`` is scratch, one entry per triangle.
     """
     total = order.shape[1]
     edges = np.r_[0, np.flatnonzero(np.diff(np.cumsum(count) >> 18)) + 1, len(count)]

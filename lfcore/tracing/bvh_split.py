@@ -1,4 +1,4 @@
-"""Where to cut a node: the surface area heuristic, for many nodes at once.
+"""Cuts of nodes by the surface area heuristic, for many nodes at once.
 
 A node is a range ``[start, start + count)`` of positions.  ``order[axis]`` lists the triangles
 so that each node's range holds its own triangles sorted by centroid along that axis.  Sorted
@@ -22,17 +22,19 @@ from itertools import pairwise
 import numpy as np
 
 LEAF_SIZE = 16
-"""The triangles that one leaf test takes."""
+"""The triangles per leaf test."""
 BINS = 256
-CHUNK = 1 << 18  # entries of one padded table: long rows for numpy, yet tens of MB at most
-# Cuts of equal cost are told apart by balance, or a heap of identical triangles would be cut
-# into a chain.
+"""The bins per axis."""
+CHUNK = 1 << 18
+"""The entries of a padded table: long rows for numpy, in at most tens of MB."""
 BALANCE = 1e-6
+"""The relative cost of imbalance, which decides between cuts of equal cost: without it, identical
+triangles would be cut into a chain."""
 
 
 @dataclass(frozen=True)
 class Sorted:
-    """Triangles to be cut.
+    """Triangles with their boxes and orders.
 
     ``boxes`` (6, T + 1) float32: lo and negated hi; column T is the empty box.
     ``centroids`` (3, T) float32; ``order`` (3, T) integers, see the module.

@@ -10,13 +10,13 @@ from lfcore.opencl.device import Device
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
+from lfcore.tracing.alpha_test import pack_alpha_tests
 from lfcore.tracing.bvh import Bvh, depths
-from lfcore.tracing.cut_outs import pack_cut_outs
 from lfcore.tracing.layouts import MOST_LEVELS, record
 from lfcore.tracing.surfaces import pack_surfaces
 
 MOST_NUMBERS = 2**31 - 1
-"""The largest array that the kernels' indices, 32-bit integers, reach the end of."""
+"""The most numbers per array: kernels index by 32-bit integers."""
 
 
 def check_indices(arrays: Iterable[np.ndarray]) -> None:
@@ -35,9 +35,9 @@ class DeviceScene:
     Attributes
     ----------
     arguments : of kernels, by name: TREE and SURFACES of :mod:`lfcore.tracing.layouts`.
-    defines : what programs are built with.
-    kernels : those that jobs built so far, by sink and defines.
-    shadow_lights : how many lights cast shadows.
+    defines : the macros of programs.
+    kernels : the built kernels, by sink and defines.
+    shadow_lights : the number of lights that cast shadows.
 
     Raises
     ------
@@ -48,12 +48,12 @@ class DeviceScene:
         if len(depths(bvh)) > MOST_LEVELS:
             raise SceneError(
                 f"its hierarchy has more than {MOST_LEVELS} levels",
-                remedy="Remove triangles that lie in each other",
+                remedy="Remove overlapping triangles",
             )
         self.device = device
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
-        arrays = {**vars(bvh), **pack_cut_outs(scene, needs), **vars(s)}
+        arrays = {**vars(bvh), **pack_alpha_tests(scene, needs), **vars(s)}
         numbers = record(
             layouts.SCENE_ARGUMENTS, ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,

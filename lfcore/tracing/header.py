@@ -26,7 +26,7 @@ def header(**records: np.dtype) -> str:
 def _member(layout: np.dtype, name: str) -> str:
     """The C declaration of a field."""
     plain = {FLOAT: "float", INT: "int", UINT: "uint", np.uint16: "ushort"}
-    types: dict[np.dtype, str] = {np.dtype(known): name for known, name in plain.items()}
-    types |= {known: name for name, known in RECORDS.items()}
+    types: dict[np.dtype, str] = {np.dtype(dtype): name for dtype, name in plain.items()}
+    types |= {dtype: name for name, dtype in RECORDS.items()}
     size = "".join(f"[{length}]" for length in layout.shape)
     return f"{types[layout.base]} {name}{size}"

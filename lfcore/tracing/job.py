@@ -9,7 +9,7 @@ from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.header import header
-from lfcore.tracing.layouts import CUT_OUTS, PARAMETERS, RAY_ARGUMENTS, SINKS, record, unused
+from lfcore.tracing.layouts import ALPHA_TESTS, PARAMETERS, RAY_ARGUMENTS, SINKS, record, unused
 from lfcore.tracing.packets import Groups, PacketShape
 
 KERNEL = "tracing/kernels/entry/trace.cl"
@@ -33,22 +33,24 @@ class EntryKernel:
         self.scratch_bytes = 4 * int(words[0]) * self.device.threads
 
     def __call__(self, workers: int, **arguments: Any) -> None:
-        """Launch so many workers; every parameter of the sink gets its argument by name."""
-        others = {name for sink in SINKS.values() for name in sink} - SINKS[self.sink].keys()
-        wanted = PARAMETERS.keys() - others
-        if arguments.keys() != wanted:
-            raise TypeError(f"arguments {sorted(arguments.keys() ^ wanted)}")
-        arguments |= {name: unused(name) for name in others}
+        """Launch workers; every parameter of the sink gets its argument by name."""
+        unused_names = {name for sink in SINKS.values() for name in sink} - SINKS[self.sink].keys()
+        names = PARAMETERS.keys() - unused_names
+        if arguments.keys() != names:
+            raise TypeError(f"arguments {sorted(arguments.keys() ^ names)}")
+        arguments |= {name: unused(name) for name in unused_names}
         ordered = [arguments[name] for name in PARAMETERS]
         self._kernel(self.device.queue, (workers,), (1,), *ordered)
 
 
 def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> EntryKernel:
     """The scene's kernel for a sink, which is built once."""
-    of_scene = scene.defines
-    if sink in ("HITS", "GIVEN"):  # these know no surfaces, but whether triangles have holes
-        of_scene = dict.fromkeys(of_scene, 0) | {"TEXTURES": of_scene["TEXTURES"] & CUT_OUTS}
-    values = {**of_scene, **values}
+    scene_defines = scene.defines
+    if sink in ("HITS", "GIVEN"):  # without surfaces, but with alpha tests
+        scene_defines = dict.fromkeys(scene_defines, 0) | {
+            "TEXTURES": scene_defines["TEXTURES"] & ALPHA_TESTS
+        }
+    values = {**scene_defines, **values}
     key = (sink, *sorted(values.items()))
     if key not in scene.kernels:
         scene.kernels[key] = EntryKernel(scene, sink, values)

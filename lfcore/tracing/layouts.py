@@ -13,12 +13,12 @@ from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
 from lfcore.scene.limits import MOST_ATTENUATION
 from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
-from lfcore.tracing.cut_outs import CUT_OUT
+from lfcore.tracing.alpha_test import ALPHA_TEST
 
 FLOAT, INT, UINT = np.float32, np.int32, np.uint32
 BLOCK = 16
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
-TEXTURED, CUT_OUTS, PHYSICAL = 1, 2, 4
+TEXTURED, ALPHA_TESTS, PHYSICAL = 1, 2, 4
 ADD, STREAM = 1, 2
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
@@ -35,7 +35,7 @@ CONSTANTS: dict[str, int | float] = {
     "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
     "SPARE_STOPS": SPARE_STOPS,
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
-    "CUT_OUTS_BIT": CUT_OUTS,  # triangles with holes
+    "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
     "ADD": ADD,  # of a radiance image's mode: add to the image
     "STREAM": STREAM,  # write past the caches
@@ -97,7 +97,7 @@ IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
 """Elements in a row of a radiance image, and ADD and STREAM."""
 
 RECORDS = {
-    "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "CutOut": CUT_OUT, "Level": LEVEL,
+    "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "AlphaTest": ALPHA_TEST, "Level": LEVEL,
     "Boxes": BOXES, "Leaf": LEAF,
     "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
     "ImageArguments": IMAGE_ARGUMENTS,
@@ -115,7 +115,7 @@ def _write(**types: str) -> dict[str, str]:
 
 TREE = _read(
     boxes="Boxes", children="int", leaves="Leaf", leaf_ids="int",
-    cut_out_of="int", cut_outs="CutOut", alpha="uchar",
+    alpha_test_of="int", alpha_tests="AlphaTest", alpha="uchar",
 )  # fmt: skip
 SURFACES = _read(
     corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
@@ -132,7 +132,7 @@ SINKS = {
     "GIVEN": _read(origins="float", directions="float")
     | _write(triangle="int", depth="float", weights="float"),
 }  # fmt: skip
-"""What becomes of rays, with the parameters of each, name -> type; entry/trace.cl says more."""
+"""The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
 PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
 """The parameters of the kernel: those of all sinks."""
 
@@ -144,14 +144,14 @@ def unused(name: str) -> np.ndarray | None:
 
 
 def record(layout: np.dtype, **values: Any) -> np.ndarray:
-    """One record, of a value for every field.
+    """Make a record from a value per field.
 
     Raises :class:`TypeError` for a field without a value, or a value without a field.
     """
     assert layout.names is not None
     if values.keys() != set(layout.names):
         raise TypeError(f"fields {sorted(values.keys() ^ set(layout.names))}")
-    made = np.zeros((), layout)
+    row = np.zeros((), layout)
     for name, value in values.items():
-        made[name] = value
-    return made
+        row[name] = value
+    return row

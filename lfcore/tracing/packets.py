@@ -1,4 +1,4 @@
-"""How rays are cut into packets, which workers take one by one."""
+"""Packets of rays, which workers trace one by one."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PacketShape:
 
     @property
     def defines(self) -> dict[str, int]:
-        """What kernels are built with; they are told the rest when they are launched."""
+        """The macros that kernels are built with; other values are arguments."""
         return {"OUTER": self.outer, "SINGLE_RAYS": int(self.single_rays)}
 
     def packets_per_group(self, columns: int, rows: int) -> int:
@@ -73,8 +73,8 @@ class Groups:
     def of(cls, shape: PacketShape, bundles: Bundles, coordinates: np.ndarray | None) -> Groups:
         """Put ``bundles`` at distinct ``coordinates`` (E, 2) into groups of ``shape.group_side``².
 
-        Groups begin at multiples of their side: which elements are there does not change where a
-        block's rays are.
+        Groups begin at multiples of their side, so that a block's rays do not depend on which
+        elements exist.
         """
         side = shape.group_side
         if coordinates is None or side == 1:
@@ -87,7 +87,7 @@ class Groups:
         if shape.outer == 1:
             return cls(members, bundles.elements)
         assert bundles.lattice is not None  # without one no block spans elements
-        some = members.max(axis=1)  # an element of each group
+        some = members.max(axis=1)  # an element per group
         places = np.stack([column[some], row[some]], 1) * side
         return cls(members, bundles.lattice.centre_rays(places + (side - 1) / 2))
 

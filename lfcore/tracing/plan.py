@@ -1,4 +1,4 @@
-"""How the rays of a scene are cut into packets, from the leaves and triangles that sample blocks
+"""The choice of packets for a scene's rays, from the leaves and triangles that sample blocks
 hit."""
 
 from collections.abc import Callable
@@ -13,12 +13,13 @@ from lfcore.tracing.layouts import BLOCK
 from lfcore.tracing.packets import PacketShape
 
 PROBED_BLOCKS = 16
+"""The most sampled elements, and the sampled blocks of :func:`mean_leaves_per_ray`."""
 OUTER = (1, 2, 4)
 """The numbers of elements along each axis that a block can span."""
 
 
 def probed_elements(bundles: Bundles) -> np.ndarray:
-    """(up to PROBED_BLOCKS, 4) float32: the elements, spread evenly, whose blocks stand for all."""
+    """(up to PROBED_BLOCKS, 4) float32: the sampled elements, spread evenly."""
     last = len(bundles.elements) - 1
     return bundles.elements[np.unique(np.linspace(0, last, PROBED_BLOCKS).astype(int))]
 
@@ -58,6 +59,7 @@ SPANNING_COST = 6.5
 """The additional cost of a block that spans several elements, in triangles hit: measured for N = 16
 to 64, M = 128 and 512 on three scenes."""
 BLOCKS_EACH = 4
+"""The sampled blocks per sampled element."""
 
 
 def probed_blocks(bundles: Bundles, outer: int) -> tuple[np.ndarray, np.ndarray]:
@@ -90,10 +92,10 @@ def best_outer(
     closest_hit: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
     bundles: Bundles,
 ) -> int:
-    """Elements along each axis that a block best spans.
+    """The best number of elements along each axis of a block.
 
-    The number of triangles that the rays of some blocks hit, from ``closest_hit``, decides: it does
-    not depend on the hierarchy.
+    The criterion is the number of triangles that the rays of some blocks hit, from
+    ``closest_hit``: it does not depend on the hierarchy.
     """
     least, best = np.inf, 1
     for outer in OUTER:
@@ -124,23 +126,23 @@ def probe(slab: Slab, macro: bool = True) -> Bundles:
 
 
 SINGLE_RAY_LEAVES = 2.5
-"""The leaves per ray that a block overlaps, above which single rays are faster: measured."""
+"""The leaves per ray of a block above which single rays are faster: measured."""
 
 
-def _seen(bundles: Bundles) -> tuple:
-    """Everything about the bundles that a decision depends on: equal bundles have equal plans."""
+def _plan_key(bundles: Bundles) -> tuple:
+    """The bundles' properties that decisions depend on: equal bundles have equal plans."""
     grid = bundles.columns, bundles.rows, bundles.lattice, bundles.step.tobytes()
     return *grid, probed_elements(bundles).tobytes()
 
 
 class Plan:
-    """How the rays of one scene are cut into packets.
+    """The choice of packets for the rays of a scene.
 
     Parameters
     ----------
     leaf_boxes : (L, 6) of the scene's hierarchy.
     closest_hit : the first hits of rays (R, 3), :meth:`Tracer.closest_hit`.
-    outer, single_rays : fixed answers; default what is faster.
+    outer, single_rays : fixed choices; default: the faster ones.
 
     Raises
     ------
@@ -159,10 +161,10 @@ class Plan:
             raise OpticsError(f"must be one of {OUTER}, not {outer!r}", key="outer")
         self._leaf_boxes, self._closest_hit = leaf_boxes, closest_hit
         self._forced_outer, self._forced_single = outer, single_rays
-        self._known: dict[tuple, int] = {}
+        self._cache: dict[tuple, int] = {}
 
     def shape(self, bundles: Bundles, *, grouped: bool = True) -> PacketShape:
-        """How these rays are cut into packets.
+        """The shape of these rays' packets.
 
         ``grouped``: whether the elements' coordinates are known.  Elements can then share packets,
         and on a lattice blocks.
@@ -179,24 +181,24 @@ class Plan:
             return 1
         if self._forced_outer is not None:
             return self._forced_outer
-        key = _seen(bundles)
-        if key not in self._known:
-            self._known[key] = best_outer(self._closest_hit, bundles)
-        return self._known[key]
+        key = _plan_key(bundles)
+        if key not in self._cache:
+            self._cache[key] = best_outer(self._closest_hit, bundles)
+        return self._cache[key]
 
     def single_rays(self, bundles: Bundles, outer: int = 1) -> bool:
         """Whether blocks of these rays overlap so many leaves that single rays are faster.
 
-        Never for elements of one ray: such rays come from anywhere, and none must change how
-        its neighbours are traced.
+        Never for elements of one ray: such rays may be anywhere, and must not change how their
+        neighbours are traced.
         """
         if self._forced_single is not None:
             return self._forced_single
         if bundles.columns * bundles.rows == 1:
             return False
-        key = outer, *_seen(bundles)
-        if key not in self._known:
-            self._known[key] = (
+        key = outer, *_plan_key(bundles)
+        if key not in self._cache:
+            self._cache[key] = (
                 mean_leaves_per_ray(self._leaf_boxes, bundles, outer) > SINGLE_RAY_LEAVES
             )
-        return bool(self._known[key])
+        return bool(self._cache[key])

@@ -14,7 +14,7 @@ from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.scene.sky_gloss import sky_gloss
 from lfcore.tracing.layouts import (
-    CUT_OUTS,
+    ALPHA_TESTS,
     LEVEL,
     LIGHT,
     MATERIAL,
@@ -24,17 +24,17 @@ from lfcore.tracing.layouts import (
 )
 
 LEAST_HIGHLIGHT = 2.0**-24
-"""A highlight below this share of its peak is left out: it would change no float near 1."""
+"""The share of its peak below which a highlight is omitted: it would change no float near 1."""
 UNEVEN = 0.08
-"""Baked light that differs by such a share from the middle of two opposite neighbours has no
-coarser levels."""
+"""The relative difference of baked light to the mean of opposite neighbours above which there are
+no coarser levels."""
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Arrays of the records in :mod:`lfcore.tracing.layouts`, and the defines that go with them.
+    """Arrays of the records in :mod:`lfcore.tracing.layouts`, and the matching defines.
 
-    ``lights`` are those without shadows, then the ``shadow_lights`` with.
+    ``lights`` has the lights without shadows, then the ``shadow_lights`` with shadows.
     """
 
     corners: np.ndarray
@@ -52,7 +52,7 @@ class Surfaces:
 
 
 def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfaces:
-    """Pack what ``needs`` says is used; everything else is an empty array.
+    """Pack the features in ``needs``; arrays of other features are empty.
 
     Without ``mipmaps`` every texture has its finest level only.
 
@@ -67,8 +67,8 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         parts.append(scene.uvs.reshape(count, 6))
     if needs.vertex_colours:
         parts.append(scene.colours.reshape(count, 9))
-    used = [light for light in scene.lights if any(light.colour)]
-    lights = sorted(used, key=lambda light: light.casts_shadows)
+    shining = [light for light in scene.lights if any(light.colour)]
+    lights = sorted(shining, key=lambda light: light.casts_shadows)
     data = {number for material in scene.every_material for number in material.data_textures}
     levels, texels = pack_textures(
         scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
@@ -76,7 +76,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     shadows = sum(light.casts_shadows for light in lights)
     defines = {
         "SMOOTH": int(needs.smooth_normals),
-        "TEXTURES": needs.textures | CUT_OUTS * needs.cut_outs | PHYSICAL * needs.physical,
+        "TEXTURES": needs.textures | ALPHA_TESTS * needs.alpha_tests | PHYSICAL * needs.physical,
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(shadows > 0),
         "CURVED": int(needs.curved and needs.smooth_normals),
@@ -104,39 +104,44 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
 
 
 def with_levels(light: BakedLight) -> tuple[np.ndarray, np.ndarray]:
-    """The grids and their points.  Coarser levels of a grid follow it, each of half the
-    cells, until the number of cells is odd."""
+    """The grids and their points.
+
+    The coarser levels of a grid follow it, each with half the cells, until their number is odd.
+    """
     grids, values, end = light.grids.copy(), [], 0
     for side in np.unique(grids[:, 2]).tolist():
         rows = np.flatnonzero(light.grids[:, 2] == side)
-        first, which = np.unique(light.grids[rows, :2], return_inverse=True)
+        first, grid_of = np.unique(light.grids[rows, :2], return_inverse=True)
         levels = [light.values[first[:, None] + np.arange((side + 1) * (side + 2) // 2)]]
         while side % 2 == 0:
             levels.append(_halved(levels[-1], side))
             side //= 2
         points = np.concatenate(levels, 1)
-        grids[rows, :2] = end + points.shape[1] * which.reshape(-1, 2)
+        grids[rows, :2] = end + points.shape[1] * grid_of.reshape(-1, 2)
         values.append(points.reshape(-1, 3))
         end += len(values[-1])
     return grids, np.concatenate(values)
 
 
 def _halved(points: np.ndarray, side: int) -> np.ndarray:
-    """Grids (G, P, 3) of half the cells.  A point is the mean of itself and of the middles of
-    those pairs of opposite neighbours that are in the triangle, so edges are of their points;
-    infinite where one of these middles is far from it, as at the edge of a shadow."""
+    """Grids (G, P, 3) of half the cells.
+
+    A point becomes the mean of itself and of the means of opposite neighbours in the triangle, so
+    that edges depend only on their points.  It is infinite if one of these means differs much, as
+    at the edge of a shadow.
+    """
     i, j = np.array([(i, j) for j in range(0, side + 1, 2) for i in range(0, side + 1 - j, 2)]).T
-    own = points[:, j * (2 * side + 3 - j) // 2 + i]
-    total, weight, even = 2 * own, np.full((len(i), 1), 2.0), np.ones(own.shape, bool)
+    centres = points[:, j * (2 * side + 3 - j) // 2 + i]
+    total, weight, even = 2 * centres, np.full((len(i), 1), 2.0), np.ones(centres.shape, bool)
     for di, dj in ((1, 0), (0, 1), (1, -1)):
         inside = (i >= di) & (j >= abs(dj)) & (i + j + (di + dj) <= side)
-        pair = np.zeros_like(own[:, inside])
+        pair = np.zeros_like(centres[:, inside])
         for sign in (-1, 1):
             a, b = (i + sign * di)[inside], (j + sign * dj)[inside]
             near = points[:, b * (2 * side + 3 - b) // 2 + a]
             pair += near / 2
-        even[:, inside] &= pair <= (1 + UNEVEN) * own[:, inside]
-        even[:, inside] &= (1 - UNEVEN) * own[:, inside] <= pair
+        even[:, inside] &= pair <= (1 + UNEVEN) * centres[:, inside]
+        even[:, inside] &= (1 - UNEVEN) * centres[:, inside] <= pair
         total[:, inside] += 2 * pair
         weight[inside] += 2
     return np.where(even.all(-1, keepdims=True), total / weight, np.inf).astype(np.float32)
@@ -185,7 +190,7 @@ def pack_textures(
 
     Returns the ``levels`` (textures, MIP_LEVELS) LEVEL and the ``texels`` uint32, the square roots
     of linear RGB in TEXEL_BITS each.  Levels are box-filtered
-    in linear light.  Codes of those numbered in ``data`` are linear.
+    in linear light.  Codes of the textures numbered in ``data`` are linear.
     """
     levels = np.zeros((len(textures), MIP_LEVELS), LEVEL)
     chunks, offset = [], 0

@@ -20,7 +20,8 @@ from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.plan import Plan, probe
 
 SMALLEST_SCENE = 1e-12
-"""Metres.  Products of three coordinates below it underflow float32: rays would miss silently."""
+"""The least coordinate of a scene, metres: products of three smaller ones underflow float32, and
+rays would miss silently."""
 
 
 class Tracer:
@@ -30,10 +31,10 @@ class Tracer:
     ----------
     scene, bvh : a scene, and its hierarchy.
     device : an open device; default :func:`lfcore.opencl.device.open_device`.
-    needs : features to compile in; default those that the scene uses.
+    needs : features to compile in; default the scene's.
     mipmaps : whether textures are filtered over a pixel's footprint, or read at full size.
-    outer : elements along each axis that blocks span, 1, 2 or 4; default what is best.
-    single_rays : whether rays are followed one by one; default where that is best.
+    outer : elements along each axis that blocks span, 1, 2 or 4; default the best.
+    single_rays : whether rays are followed one by one; default if that is faster.
 
     Raises
     ------
@@ -119,10 +120,10 @@ class Tracer:
         return radiance
 
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
-        """Both of every ray, of one pass: as :meth:`bundle_radiance` and :meth:`bundle_hits`.
+        """Radiance and depth of every ray in one pass: see :meth:`bundle_radiance`.
 
-        (E, rows, columns, 3) and (E, rows, columns) float32, of the rows that are traced; depth is
-        infinity for a miss.
+        (E, rows, columns, 3) and (E, rows, columns) float32, for the traced rows; depth is infinity
+        for a miss.
         """
         shape = len(bundles.elements), bundles.traced_rows, bundles.columns
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
@@ -135,11 +136,11 @@ class Tracer:
         coordinates: np.ndarray | None,
         across: int,
     ) -> np.ndarray:
-        """Sum of the radiance of all ``sets``, one image with a mosaic of the elements' pictures.
+        """The sum of the radiance of all ``sets`` as a mosaic of the elements' pictures.
 
         Parameters
         ----------
-        sets : bundles of as many elements and equal inner grids.
+        sets : bundles with equal numbers of elements and equal inner grids.
         coordinates : as for :meth:`bundle_hits`.
         across : elements in a row, a divisor of their number; element e is at row e // across,
             column e % across.
@@ -157,7 +158,7 @@ class Tracer:
     def closest_hit(
         self, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What arbitrary rays meet first.
+        """The first hits of arbitrary rays.
 
         Parameters
         ----------
@@ -165,12 +166,13 @@ class Tracer:
 
         Returns
         -------
-        triangle : (R,) int32, -1 for a miss; of several at one distance the lowest.  Rays that
+        triangle : (R,) int32, -1 for a miss; at equal distance the lowest number.  Rays that
             are not finite, or have no direction, miss.
         distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
             infinity for a miss.
-        barycentric : (R, 3) float32, weights of the corners p, q, r, of a copy at the place of a
-            lower triangle those of the latter; NaN for a miss.
+        barycentric : (R, 3) float32, weights of the corners p, q, r, in the corner order of the
+        first
+            of equal triangles; NaN for a miss.
         """
         origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
         directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
@@ -182,9 +184,9 @@ class Tracer:
         if count:
             zeros = np.zeros((2, 4), np.float32)
             row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
-            given = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
+            job = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
             fill_arrays(
-                given, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
+                job, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
                 origins=self.device.shown(origins), directions=self.device.shown(directions),
             )  # fmt: skip
         return triangle, depth, weights

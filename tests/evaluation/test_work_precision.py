@@ -224,7 +224,7 @@ def test_a_quality_is_recorded_and_compared_with_the_recipe(tmp_path, chart, ref
 
 
 def test_a_quality_beyond_the_budget_names_its_key(tmp_path, chart, reference):
-    with pytest.raises(SettingsError, match=r"qualities_db: chart: 75 dB takes over .* Ask for"):
+    with pytest.raises(SettingsError, match=r"qualities_db: chart: 75 dB needs over .* Ask for"):
         chosen_row(tmp_path / "75.mkv", chart.scene, chart.device, reference, 75.0)
     assert not list(tmp_path.iterdir())
 

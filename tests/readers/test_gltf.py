@@ -260,7 +260,7 @@ def test_a_texture_cuts_holes_by_its_alpha(write, made, mode, factor, cutoff):
     assert part.surface.texture.shape == (4, 4, 4) and part.surface.texture[2, 1, 3] == 40
     assert [note.split(":")[0] for note in notes] == ["approximated"] * (mode == "BLEND")
     scene = load_scene(write(baseColorTexture=image, **alpha), bare=True)
-    assert Needs.of(scene).cut_outs and scene.is_cut_out(scene.materials[0])
+    assert Needs.of(scene).alpha_tests and scene.has_alpha_test(scene.materials[0])
 
 
 GLOSSY_CASES = [

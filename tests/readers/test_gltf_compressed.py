@@ -202,7 +202,7 @@ def features(tmp_path_factory):
 
 def test_everything_is_found_and_what_is_dropped_is_said(features):
     needs = Needs.of(features)
-    assert needs.cut_outs and needs.physical and needs.vertex_colours
+    assert needs.alpha_tests and needs.physical and needs.vertex_colours
     assert sorted(light.kind for light in features.lights) == [POINT, POINT, DIRECTIONAL]
     assert sum(light.is_spot for light in features.lights) == 1
     assert {f"{note.kind}: {note.what}" for note in features.notes} == SAID

@@ -221,7 +221,7 @@ def test_a_hole_shows_what_lies_behind(device):
     np.testing.assert_array_equal(distance, [2.5, 2.5, 2.5, 1, 1, 1])
     assert (found[:3] >= 2).all() and (found[3:] < 2).all()
     solid = dataclasses.replace(world, materials=[Material("solid", texture=0), materials[1]])
-    assert Needs.of(world).cut_outs and not Needs.of(solid).cut_outs
+    assert Needs.of(world).alpha_tests and not Needs.of(solid).alpha_tests
     assert (tracer_of(solid, device).closest_hit(origins, directions)[1] == 1).all()
 
 

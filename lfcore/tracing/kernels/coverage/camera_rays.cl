@@ -1,12 +1,11 @@
-// Camera rays followed one by one: those of blocks whose rays have little in common, and rays that
-// are no bundle.
+// Camera rays traced one by one: blocks with incoherent rays, and single rays.
 #pragma once
 #include "depth_buffer.cl"
 
 typedef struct { float t; int id; float3 weights; } Hit;
 
-// Take the nearest of the triangles `bits` of a leaf into `hit` if it is nearer; of equal ones the
-// lowest number.
+// Replace `hit` by the nearest of the triangles `bits` of a leaf if it is nearer; at equal distance
+// the lowest number wins.
 inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, Hit *hit)
 {
     for (; bits; bits &= bits - 1) {
@@ -16,14 +15,14 @@ inline void take_nearest(const Tree *tree, const Ray *r, int leaf, uint bits, Hi
         if (!hits_triangle(r, tree->leaves + leaf, at, &time, &weights) || time > hit->t) continue;
         const int id = triangle_ids(tree, leaf, at)[0];
         if (time == hit->t && id >= hit->id) continue;
-        if (!is_solid(&tree->cut_outs, id, r->origin + time * r->direction)) continue;
+        if (!is_solid(&tree->alpha_tests, id, r->origin + time * r->direction)) continue;
         *hit = (Hit){time, id, weights};
     }
 }
 
 #define MISS ((Hit){INFINITY, -1, (float3)(NAN)})
 
-// The first triangle that a ray hits; `t` is the parameter of the ray as given.
+// The first triangle that a ray hits; `t` is the parameter of the given ray.
 inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
 {
     int exponent;
@@ -40,8 +39,8 @@ inline Hit closest_hit(const Tree *tree, float3 origin, float3 direction)
     return hit.id < 0 ? MISS : hit;
 }
 
-// Follow the rays of a packet one by one: where the rays of a block have little in common, setting
-// up triangles for the block costs more.
+// Trace the rays of a packet one by one: for incoherent rays, setting up triangles per block costs
+// more.
 inline void follow_packet(const Tree *tree, const Packet *p, Coverage *blocks)
 {
     for (int block = 0; block < p->rays->blocks; ++block) {

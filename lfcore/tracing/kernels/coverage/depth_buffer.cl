@@ -1,6 +1,6 @@
 // The depth buffer of a block: the nearest triangle and its depth per ray.
 #pragma once
-#include "cut_outs.cl"
+#include "alpha_test.cl"
 #include "triangles.cl"
 
 // Depths and triangles; infinity and -1 where no triangle is hit.
@@ -21,7 +21,7 @@ inline void clear_coverage(global DepthBuffer *memory, Coverage *c)
     }
 }
 
-// Whether depth `z` of triangle `id` is nearer than what is there; of equal depths the lower number
+// Whether depth `z` of triangle `id` is nearer than the old depth; at equal depth the lower number
 // wins.  The unsigned comparison of float bits rejects negative depths and NaN, too.
 inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
 {
@@ -29,8 +29,8 @@ inline vi is_nearer(vf z, int id, vf old_z, vi old_id)
     return LT(new, old) | (EQ(new, old) & LT((vi)(id), old_id));
 }
 
-// Mask of a row of rays that hit a triangle, and its depth; `e` are its affine functions.  Those of
-// a triangle seen edge-on get their signs and errors here.
+// Mask of a row of rays that hit a triangle, and its depth; `e` are its affine functions.  For a
+// triangle seen edge-on, signs and error bounds are applied here.
 inline vi hit_rays(const Triangles *t, uint lane, vf *e, vf *depth)
 {
     *depth = e[NUMERATOR] * reciprocal(e[DENOMINATOR]);
@@ -55,11 +55,11 @@ inline void make_rows(const Triangles *t, uint lane, float half_extent, Triangle
         const Row at = row_at(first, half_extent);
         for (int k = 0; k < FUNCTIONS; ++k) {
             const Affine g = affine_of(t->functions + k, lane);
-            const vf base = AT_OFFSETS(at.x, at.u, g.of[ONE], g.of[Y], g.of[V]);
-            vf inner = g.of[X], outer = g.of[U];
+            const vf base = AT_OFFSETS(at.x, at.u, g.term[ONE], g.term[Y], g.term[V]);
+            vf inner = g.term[X], outer = g.term[U];
             if (OUTER > 1 && k < NUMERATOR) {
-                inner = fma(-at.u, (vf)(g.of[BILINEAR]), inner);
-                outer = fma(at.x, (vf)(g.of[BILINEAR]), outer);
+                inner = fma(-at.u, (vf)(g.term[BILINEAR]), inner);
+                outer = fma(at.x, (vf)(g.term[BILINEAR]), outer);
             }
             VSTORE(base, f->base[k] + first);
             VSTORE(inner, f->inner[k] + first);
@@ -70,9 +70,9 @@ inline void make_rows(const Triangles *t, uint lane, float half_extent, Triangle
 
 // Merge one of LANES triangles into the depth buffer; returns whether anything changed.
 inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *bundle,
-                        const CutOuts *cut_outs, const Coverage *to)
+                        const AlphaTests *alpha_tests, const Coverage *to)
 {
-    const int holes = has_holes(cut_outs, id);
+    const int holes = has_holes(alpha_tests, id);
     TriangleRows f;
     make_rows(t, lane, bundle->half_extent, &f);
     int changed = 0;
@@ -92,7 +92,7 @@ inline int hit_triangle(const Triangles *t, uint lane, int id, const Bundle *bun
             mask &= is_nearer(depth, id, old_z, old_id);
             if (holes) {
                 const uint bits = row_bits(mask);
-                mask = mask_of_bits(stopped_rays(cut_outs, id, bundle, at, depth, bits));
+                mask = mask_of_bits(stopped_rays(alpha_tests, id, bundle, at, depth, bits));
             }
             if (!row_any(mask)) continue;
             VSTORE(pick(old_z, depth, mask), z);

@@ -11,9 +11,9 @@
 #pragma once
 #include "packet.cl"
 
-// The edge equation, for coverage, interpolation and shadows: twice P x Q = (P + Q) x (Q - P) / 2,
-// whose error scales with the edge, not with the distance to the origin.  Swapping P and Q negates
-// it to the last bit.
+// The edge equation for coverage, interpolation and shadows: 2 P x Q = (P + Q) x (Q - P).  Its
+// error scales with the edge, not with the distance to the origin.  Swapping P and Q negates it to
+// the last bit.
 inline Vec edge_normals(Vec p, Vec q) { return cross3(plus3(p, q), minus3(q, p)); }
 
 // Corners of LANES triangles of a leaf, from `lane` on, relative to `origin`.
@@ -26,7 +26,7 @@ inline void load_corners(global const Leaf *leaf, int lane, float3 origin, Vec *
     }
 }
 
-// To the frame of the block's centre ray.
+// Shear corners to the frame of the block's centre ray.
 inline void shear_corners(const Bundle *r, Vec *v)
 {
     for (int k = 0; k < 3; ++k) {
@@ -52,14 +52,14 @@ inline Axis make_axis(const Bundle *r, const Vec *v, int down)
     const float directions = fabs(d) + r->half_extent * fabs(t) + OUTER_HALF * fabs(r->b);
     Triple at, z;
     for (int k = 0; k < 3; ++k) {
-        at.of[k] = down ? v[k].y : v[k].x;
-        z.of[k] = v[k].z;
+        at.corner[k] = down ? v[k].y : v[k].x;
+        z.corner[k] = v[k].z;
     }
     const vf most = largest3(at) + fma(largest3(z), (vf)(directions), (vf)(origins));
     return (Axis){s, t, r->a, r->b, r->half_extent, at, z, CORNER_ERROR * most};
 }
 
-// Mask of triangles wholly beside the rays, whichever way they face.  The half width of the rays is
+// Mask of triangles wholly beside the rays, front and back faces.  The half width of the rays is
 // convex in z, so its larger end bounds it.
 inline vi beside_rays(const Axis *a)
 {
@@ -71,24 +71,25 @@ inline vi beside_rays(const Axis *a)
     return GT(least3(a->at), limit) | LT(most3(a->at), -limit);
 }
 
-// Between which columns (rows, along y) of an element triangles lie, counted from its first
-// ray.  The map from a triangle to the grid is projective: where s + z t keeps its
-// sign over the triangle, which the mask says, the first and last column belong to corners.
+// The first and last column (row, along y) of an element that triangles reach, from its first ray
+// on.  The map from a triangle to the grid is projective: if s + z t keeps its sign over the
+// triangle (the returned mask), the first and last column belong to corners.
 inline vi find_span(const Axis *a, int element, vf *lo, vf *hi)
 {
     Triple step, inverse, column;
     for (int k = 0; k < 3; ++k) {
-        step.of[k] = fma(a->z.of[k], (vf)(a->t), (vf)(a->s));
-        inverse.of[k] = reciprocal(step.of[k]);
-        const vf apart = fma(a->z.of[k], (vf)(a->b), (vf)(a->a));
-        vf at = a->at.of[k];
+        step.corner[k] = fma(a->z.corner[k], (vf)(a->t), (vf)(a->s));
+        inverse.corner[k] = reciprocal(step.corner[k]);
+        const vf apart = fma(a->z.corner[k], (vf)(a->b), (vf)(a->a));
+        vf at = a->at.corner[k];
         if (OUTER > 1) at = fma((vf)(OUTER_HALF - element), apart, at);
-        column.of[k] = at * inverse.of[k];
+        column.corner[k] = at * inverse.corner[k];
     }
     const vf beyond = a->error * largest3(inverse);
     *lo = least3(column) - beyond + a->half_extent;
     *hi = most3(column) + beyond + a->half_extent;
-    return GT(step.of[0] * step.of[1], (vf)(0.0f)) & GT(step.of[1] * step.of[2], (vf)(0.0f));
+    return GT(step.corner[0] * step.corner[1], (vf)(0.0f)) &
+           GT(step.corner[1] * step.corner[2], (vf)(0.0f));
 }
 
 // The block's 16 columns that triangles can reach, a bit each.
@@ -110,13 +111,13 @@ inline WideAffine edge_function(const Bundle *r, Vec p, Vec q)
 {
     const Vec d = minus3(q, p), c = edge_normals(p, q);
     WideAffine e;
-    e.of[ONE] = c.z;
-    e.of[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
-    e.of[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
+    e.term[ONE] = c.z;
+    e.term[X] = fma(c.x, (vf)(r->tx), -2.0f * d.y * r->sx);
+    e.term[Y] = fma(c.y, (vf)(r->ty), 2.0f * d.x * r->sy);
     if (OUTER > 1) {
-        e.of[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
-        e.of[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
-        e.of[BILINEAR] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
+        e.term[U] = fma(c.x, (vf)(r->b), -2.0f * d.y * r->a);
+        e.term[V] = fma(c.y, (vf)(r->b), 2.0f * d.x * r->a);
+        e.term[BILINEAR] = d.z * (-2.0f * (r->sx * r->b - r->a * r->tx));
     }
     return e;
 }
@@ -144,18 +145,18 @@ inline WideAffine edge_functions(const Bundle *r, const Vec *v, WideAffine *edge
     for (int k = 0; k < 3; ++k) edge[k] = edge_function(r, v[(k + 1) % 3], v[(k + 2) % 3]);
     WideAffine sum;
     for (int k = 0; k < AFFINE_TERMS; ++k)
-        sum.of[k] = edge[0].of[k] + edge[1].of[k] + edge[2].of[k];
-    if (OUTER > 1) sum.of[BILINEAR] = 0.0f;  // the three differences of depth cancel
+        sum.term[k] = edge[0].term[k] + edge[1].term[k] + edge[2].term[k];
+    if (OUTER > 1) sum.term[BILINEAR] = 0.0f;  // the three differences of depth cancel
     return sum;
 }
 
 // A bound of an affine function's change from the centre of a block of that half_extent.
 inline vf affine_spread(WideAffine e, float half_extent)
 {
-    vf spread = half_extent * (fabs(e.of[X]) + fabs(e.of[Y]));
+    vf spread = half_extent * (fabs(e.term[X]) + fabs(e.term[Y]));
     if (OUTER > 1)
-        spread += OUTER_HALF * (fabs(e.of[U]) + fabs(e.of[V])) +
-                  2.0f * half_extent * OUTER_HALF * fabs(e.of[BILINEAR]);
+        spread += OUTER_HALF * (fabs(e.term[U]) + fabs(e.term[V])) +
+                  2.0f * half_extent * OUTER_HALF * fabs(e.term[BILINEAR]);
     return spread;
 }
 
@@ -166,12 +167,12 @@ enum { NUMERATOR = 3, DENOMINATOR, FUNCTIONS };
 typedef struct {
     Vec v[3];                         // corners, sheared
     Axis x, y;
-    vi flip;                          // sign bit of those that are seen from behind
+    vi flip;                          // sign bit if seen from behind
     uint keep;                        // lanes that may be hit
-    uint edge_on;                     // lanes that some ray sees edge-on: n . D changes its sign
-    float near[LANES], far[LANES];    // where each begins and ends
-    float slack[LANES];               // edge functions' error of those that are edge-on
-    int rows[LANES];                  // rows that each can touch, a bit each
+    uint edge_on;                     // lanes edge-on to some ray: n . D changes its sign
+    float near[LANES], far[LANES];    // least and greatest depth of each
+    float slack[LANES];               // error bound of the edge functions if edge-on
+    int rows[LANES];                  // a bit per row that each can reach
     int columns[LANES];               // and columns
     WideAffine functions[FUNCTIONS];  // signed so that n . D > 0 unless edge-on
 } Triangles;
@@ -182,16 +183,16 @@ inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
 {
     WideAffine *e = out->functions;
     const WideAffine sum = edge_functions(r, out->v, e);
-    const vf centre = sum.of[ONE], change = affine_spread(sum, r->half_extent);
+    const vf centre = sum.term[ONE], change = affine_spread(sum, r->half_extent);
     const vi flat = EQ(centre, (vf)(0.0f)) & EQ(change, (vf)(0.0f));
     const vi edge_on = LE(fabs(centre), change * BOUND_SLACK);
     vi outside = 0;
     out->flip = LT(centre, (vf)(0.0f)) & ~edge_on & (vi)(0x80000000);
     for (int k = 0; k < 3; ++k) {
         for (int term = 0; term < AFFINE_TERMS; ++term)
-            e[k].of[term] = flip_sign(e[k].of[term], out->flip);
-        e[k].of[ONE] += pick((vf)(0.0f), error[k], ~edge_on);
-        const vf c = e[k].of[ONE], spread = affine_spread(e[k], r->half_extent) * BOUND_SLACK;
+            e[k].term[term] = flip_sign(e[k].term[term], out->flip);
+        e[k].term[ONE] += pick((vf)(0.0f), error[k], ~edge_on);
+        const vf c = e[k].term[ONE], spread = affine_spread(e[k], r->half_extent) * BOUND_SLACK;
         outside |= LT(c + spread, (vf)(-NOTHING_LEFT));
     }
     VSTORE(pick((vf)(0.0f), max(error[0], max(error[1], error[2])), edge_on), out->slack);
@@ -199,17 +200,17 @@ inline vi set_up_edges(const Bundle *r, const vf *error, Triangles *out)
     return ~(flat | (outside & ~edge_on));
 }
 
-// The affine function one + x * step_x * column + y * step_y * row, and likewise over elements.
+// The affine function one + x * step_x * column + y * step_y * row; over elements with `outer`.
 inline WideAffine stepped_affine(vf one, vf x, vf y, float step_x, float step_y, float outer)
 {
     WideAffine f;
-    f.of[ONE] = one;
-    f.of[X] = x * step_x;
-    f.of[Y] = y * step_y;
+    f.term[ONE] = one;
+    f.term[X] = x * step_x;
+    f.term[Y] = y * step_y;
     if (OUTER > 1) {
-        f.of[U] = x * outer;
-        f.of[V] = y * outer;
-        f.of[BILINEAR] = 0.0f;
+        f.term[U] = x * outer;
+        f.term[V] = y * outer;
+        f.term[BILINEAR] = 0.0f;
     }
     return f;
 }
@@ -226,12 +227,12 @@ inline void depth_functions(const Bundle *r, const Vec *v, vi flip, WideAffine *
 // The function of one of LANES triangles.
 inline Affine affine_of(const WideAffine *f, uint lane)
 {
-    Affine one;
-    for (int k = 0; k < AFFINE_TERMS; ++k) one.of[k] = ((const float *)(f->of + k))[lane];
-    return one;
+    Affine g;
+    for (int k = 0; k < AFFINE_TERMS; ++k) g.term[k] = ((const float *)(f->term + k))[lane];
+    return g;
 }
 
-// Mask of triangles whose bounding boxes overlap the block, be it between its rays.
+// Mask of triangles whose bounding boxes overlap the block, even if only between its rays.
 inline vi set_up_axes(const Bundle *r, global const Leaf *leaf, int lane, float z_far,
                       Triangles *out)
 {

@@ -1,7 +1,7 @@
 // The first triangle that each ray of a packet hits.
 //
-// The packet walks the hierarchy as one, front to back, to the farthest visible depth, and lists
-// candidates; every block culls these by its own frustum, and triangles by their edge functions.
+// A packet walks the hierarchy once, front to back, to the farthest visible depth, and lists
+// candidates.  Every block culls candidates by its frustum, and triangles by their edge functions.
 #pragma once
 #include "camera_rays.cl"
 
@@ -24,7 +24,7 @@ inline void visit_leaf(const Tree *tree, const Bundle *bundle, int leaf, Coverag
         for (uint keep = t.keep; keep; keep &= keep - 1) {
             const uint k = lowest(keep);
             if (t.near[k] > c->z_far) continue;
-            changed |= hit_triangle(&t, k, ids[k], bundle, &tree->cut_outs, c);
+            changed |= hit_triangle(&t, k, ids[k], bundle, &tree->alpha_tests, c);
         }
     }
     if (!changed) return;
@@ -39,13 +39,13 @@ inline void visit_block(const Tree *tree, const Bundle *bundle, const LeafList *
     for (int base = 0; base < list->count; base += LANES) {
         const int left = list->count - base;
         const uint listed = left < LANES ? (1u << left) - 1u : ~0u;
-        global const Boxes *boxes = list->of->boxes + base / NODE_WIDTH;
+        global const Boxes *boxes = list->leaves->boxes + base / NODE_WIDTH;
         const int lane = base % NODE_WIDTH;
         const vi overlaps = frustum_overlaps(&frustum, boxes, lane, c->z_far);
         for (uint bits = row_bits(overlaps) & listed; bits; bits &= bits - 1) {
             const int k = lowest(bits);
             if (boxes->low[2][lane + k] > c->z_far) continue;
-            visit_leaf(tree, bundle, list->of->leaf[base + k], c);
+            visit_leaf(tree, bundle, list->leaves->leaf[base + k], c);
         }
     }
 }
@@ -64,7 +64,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     Stack stack;
     start_walk(&stack);
     while (stack.size) {
-        float z_far = 0.0f;  // beyond which no block can hit anything
+        float z_far = 0.0f;  // the farthest depth of a possible hit
         for (int block = 0; block < blocks; ++block)
             if (has_block(p, block)) z_far = max(z_far, v->block[block].z_far);
         LeafList list = {&v->memory->candidates, 0};
@@ -77,17 +77,17 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     }
 }
 
-// A region: the rays of a block that hit one triangle.  Later stages know blocks by regions alone.
+// A region: the rays of a block that hit one triangle.  Later stages use only regions.
 typedef struct {
     int triangle;
     int rows[BLOCK];  // a bit for each ray of a row
-    int columns;      // a bit for each column that holds any
-    int top, bottom;  // first and last row that hold any
+    int columns;      // a bit per column with rays
+    int top, bottom;  // first and last row with rays
 } Region;
 
 #define RAY_ROWS (BLOCK_RAYS / LANES)
 typedef struct {
-    global Region *of;  // (BLOCK_RAYS,) in the order of their first rays
+    global Region *region;  // (BLOCK_RAYS,) in the order of their first rays
     int count;
     uchar row_count[RAY_ROWS], row_regions[RAY_ROWS][LANES];  // those in each row of LANES rays
 } Regions;
@@ -103,7 +103,7 @@ inline int row_inside(int row, int2 inside) { return row % INNER < inside.y; }
 
 inline global Region *add_region(Regions *regions, int triangle)
 {
-    global Region *r = regions->of + regions->count++;
+    global Region *r = regions->region + regions->count++;
     *r = (Region){triangle, .top = BLOCK};
     return r;
 }
@@ -116,20 +116,20 @@ inline void add_rays(global Region *r, int row, int rays)
     r->bottom = row;
 }
 
-// The region of a triangle, by a table of twice as many as there can be.
+// Find or add the region of a triangle, by a hash table of twice the largest number of regions.
 #define TABLE (2 * BLOCK_RAYS)
 inline int find_region(private int *table, int triangle, Regions *regions)
 {
-    int slot = triangle % TABLE;
-    for (int tried = 0; tried < TABLE && table[slot] >= 0; ++tried, slot = (slot + 1) % TABLE)
-        if (regions->of[table[slot]].triangle == triangle) return table[slot];
-    table[slot] = regions->count;
+    int entry = triangle % TABLE;
+    for (int tried = 0; tried < TABLE && table[entry] >= 0; ++tried, entry = (entry + 1) % TABLE)
+        if (regions->region[table[entry]].triangle == triangle) return table[entry];
+    table[entry] = regions->count;
     add_region(regions, triangle);
-    return table[slot];
+    return table[entry];
 }
 
-// The regions of a block, whose `inside` columns and rows alone lie in the inner grid: a depth
-// buffer's rays, sorted by their triangles.
+// The regions of a block: the depth buffer's rays, grouped by triangle.  Only the `inside` columns
+// and rows are in the inner grid.
 inline void find_regions(const Coverage *c, int2 inside, Regions *out)
 {
     const int columns = columns_inside(inside);
@@ -147,7 +147,7 @@ inline void find_regions(const Coverage *c, int2 inside, Regions *out)
             const uint rays = row_bits(EQ(triangles, (vi)(triangle))) & left;
             left &= ~rays;
             if (triangle != last) k = find_region(table, last = triangle, out);
-            add_rays(out->of + k, row, rays << column);
+            add_rays(out->region + k, row, rays << column);
             out->row_regions[at / LANES][out->row_count[at / LANES]++] = k;
         }
     }

@@ -1,12 +1,12 @@
-// The kernel: one packet after the other, from rays to a sink.
+// The kernel: traces one packet after the other into a sink.
 //
-// A program has one SINK: HITS, triangles and depths; IMAGE, radiance and, if asked for, depths;
-// GIVEN, the hits of rays that are no bundle.
+// A program has one SINK: HITS writes triangles and depths; IMAGE radiance and optionally depths;
+// GIVEN the hits of single rays.
 #include "shade.cl"
 #include "shadows.cl"
 #include "arrays.cl"
 
-// A worker's own memory; a Block's `lit` comes after it.
+// A worker's memory; its Block's `lit` follows.
 typedef struct {
     float colours[COLOURS];
     VisibilityMemory visibility;
@@ -35,7 +35,7 @@ inline void colour_block(const Packet *packet, int number, Pipeline *p, global f
     b->bundle = block_bundle(packet, number);
     find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
     sample_block(p->scene, p->pixel_pitch, b);
-    if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.lifted);
+    if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.origins);
     shade_background(p->scene, b, colours);
     private int keys[BLOCK_RAYS];
     for (int left = list_keys(b, keys); left; --left)
@@ -52,9 +52,12 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Array
 // `centre_rays` and `members`: see Rays.  `next_packet` counts from 0.
 KERNEL void trace_packets(PARAMETERS)
 {
-    const Tree tree = {boxes, children, leaves, leaf_ids, {cut_out_of, cut_outs, alpha}};
-    const Scene scene = {corners, attributes, material_ids, materials, lights, levels, texels,
-                         grids, light, sky, &scene_numbers};
+    const Tree tree = {.boxes = boxes, .children = children, .leaves = leaves,
+                       .leaf_ids = leaf_ids, .alpha_tests = {alpha_test_of, alpha_tests, alpha}};
+    const Scene scene = {.corners = corners, .attributes = attributes,
+                         .material_ids = material_ids, .materials = materials, .lights = lights,
+                         .levels = levels, .texels = texels, .grids = grids, .light = light,
+                         .sky = sky, .numbers = &scene_numbers};
     const Rays rays = make_rays(centre_rays, members, &ray_numbers);
     const ulong worker = get_global_id(0);
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
@@ -65,7 +68,7 @@ KERNEL void trace_packets(PARAMETERS)
         .visibility = {.memory = &memory->visibility},
         .block = {.regions = {memory->regions}, .equations = memory->equations,
                   .samples = &memory->samples, .lit = (global int *)(memory + 1)},
-        .shadows = {&tree, &scene, shadows->active, shadows->seen}};
+        .shadows = {&tree, &scene, shadows->active, shadows->projected}};
     const Arrays arrays = {triangle, depth, &image, radiance};
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Packet packet = make_packet(&rays, number);

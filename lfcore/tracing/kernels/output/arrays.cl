@@ -1,9 +1,10 @@
-// Results in arrays: triangles, depths and linear radiance, of which nothing is clamped, of blocks,
-// and hits of rays that are no bundle.
+// Results in arrays: blocks' triangles, depths and linear radiance, not clamped, and the hits of
+// single rays.
 #pragma once
 #include "visibility.cl"
 
-// Where a row of an element is in the results, which have the traced rows of one after the other.
+// The number of an element's row in the results, which have the traced rows of all elements in
+// turn.
 inline ulong result_row(const Rays *rays, int element, int row)
 {
     return (ulong)element * (rays->end_row - rays->first_row) + row - rays->first_row;
@@ -12,7 +13,7 @@ inline ulong result_row(const Rays *rays, int element, int row)
 // The first ray of part `part` of a block's OUTER x OUTER elements.
 inline int first_ray(int part) { return (part / OUTER * BLOCK + part % OUTER) * INNER; }
 
-// Write a number of each of a block's rays, which has `from` row by row: element after element.
+// Write a number per ray of a block, from rows of the block `from` to the elements' rows in `to`.
 inline void write_rays(const Packet *p, int block, global const uint *from, global uint *to)
 {
     const Rays *rays = p->rays;
@@ -30,9 +31,9 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
     }
 }
 
-#define LINE 64   // bytes of a row of a block, and what stores past the caches must be aligned to
+#define LINE 64  // bytes of a block's row; stores past the caches must be aligned to it
 
-// A row of a block, of which all is inside the inner grid, as 16 times r g b.
+// Write a whole row of a block as 16 times r g b.
 inline void write_row(global const float *c, int mode, global float *to)
 {
     const float16 r = vload16(0, c), g = vload16(0, c + BLOCK_RAYS);
@@ -53,7 +54,7 @@ inline void write_row(global const float *c, int mode, global float *to)
     }
 }
 
-// Write a block's colours, as far as the block lies in the inner grid, to `radiance` (E / across *
+// Write the block's colours inside the inner grid to `radiance` (E / across *
 // rows, across * columns, 3), a mosaic of the elements' pictures: element e is in row e / across,
 // column e % across.
 inline void write_radiance(const Packet *packet, int block, global const float *colours,
@@ -91,17 +92,17 @@ typedef struct {
     global float *radiance;
 } Arrays;
 
-inline void write_arrays(const Packet *packet, int block, const Coverage *seen,
+inline void write_arrays(const Packet *packet, int block, const Coverage *coverage,
                          global const float *colours, const Arrays *to)
 {
     if (SINK == IMAGE) write_radiance(packet, block, colours, to->image, to->radiance);
-    if (to->depth) write_rays(packet, block, (global uint *)seen->z, (global uint *)to->depth);
+    if (to->depth) write_rays(packet, block, (global uint *)coverage->z, (global uint *)to->depth);
     if (SINK == HITS)
-        write_rays(packet, block, (global uint *)seen->ids, (global uint *)to->triangle);
+        write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);
 }
 
-// Follow the rays of a packet that is no bundle: the columns of one element are their numbers.
-// `origins`, `directions`, `weights`: (R, 3).  Depth is the parameter of the ray as given.
+// Trace single rays, whose numbers are the columns of one element.  `origins`, `directions` and
+// `weights` are (R, 3).  Depth is the parameter of the given ray.
 inline void hit_given_rays(const Tree *tree, const Packet *p, global const float *origins,
                            global const float *directions, global int *triangle,
                            global float *depth, global float *weights)
@@ -109,8 +110,8 @@ inline void hit_given_rays(const Tree *tree, const Packet *p, global const float
     const int end = min(p->at.x + p->rays->packet_side, p->rays->columns);
     for (int ray = p->at.x; ray < end; ++ray) {
         const float3 o = vload3(ray, origins), d = vload3(ray, directions);
-        const int has_way = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
-        const Hit hit = has_way ? closest_hit(tree, o, d) : MISS;
+        const int is_valid = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
+        const Hit hit = is_valid ? closest_hit(tree, o, d) : MISS;
         triangle[ray] = hit.id;
         depth[ray] = hit.t;
         vstore3(hit.weights, ray, weights);

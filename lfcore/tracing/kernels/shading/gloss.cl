@@ -1,5 +1,5 @@
-// Highlights of Blinn-Phong materials; surfaces of metal and roughness: microfacets (GGX), and the
-// textures that vary them and their normals.
+// Highlights of Blinn-Phong materials; metallic-roughness materials: microfacets (GGX), and their
+// textures and normal maps.
 //
 // Source: J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
 // 1977; Khronos, "glTF 2.0 Specification", appendix B; B. Walter et al., "Microfacet Models for
@@ -14,20 +14,20 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
 {
     const Vec h = plus3(towards, s->to_viewer);
     const vf halfway = dot3(s->normal, h) * inverse_sqrt(max(dot3(h, h), (vf)(NOTHING_LEFT)));
-    const vi glossy = facing & GE(halfway, (vf)(s->material->of.specular_cutoff));
+    const vi glossy = facing & GE(halfway, (vf)(s->material->record.specular_cutoff));
     if (!row_any(glossy)) return 0.0f;
     const vf cosine = max(halfway, (vf)(NOTHING_LEFT));
-    const vf power = exp2_fast(s->material->of.shininess * log2_fast(cosine));
+    const vf power = exp2_fast(s->material->record.shininess * log2_fast(cosine));
     return pick((vf)(0.0f), power, glossy);
 }
 
-inline int is_metallic(const Material *m) { return m->of.metallic >= 0.0f; }
+inline int is_metallic(const Material *m) { return m->record.metallic >= 0.0f; }
 
 inline Vec map_row(const Scene *scene, const Material *m, int map, global const Samples *samples,
                    int at)
 {
-    const vf u = VLOAD(samples->of[COORDINATES] + at);
-    const vf v = VLOAD(samples->of[COORDINATES + 1] + at);
+    const vf u = VLOAD(samples->value[COORDINATES] + at);
+    const vf v = VLOAD(samples->value[COORDINATES + 1] + at);
     return sample_texture(scene->texels, m->maps[map], u, v);
 }
 
@@ -37,14 +37,14 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
                         int at, Vec n)
 {
     const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
-    const Vec along = load3(samples->of[TANGENT], at);
-    const vf handedness = VLOAD(samples->of[TANGENT + 3] + at);
+    const Vec along = load3(samples->value[TANGENT], at);
+    const vf handedness = VLOAD(samples->value[TANGENT + 3] + at);
     Vec t = fma3(-dot3(along, n), n, along);
     const vf square = dot3(t, t);
     t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
     const Vec b = scale3(cross3(n, t), handedness);
     const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
-    const float scale = m->of.normal_scale;
+    const float scale = m->record.normal_scale;
     Vec turned = fma3(d.x * scale, t, fma3(d.y * scale, b, scale3(n, d.z)));
     turned = scale3(turned, inverse_sqrt(max(dot3(turned, turned), (vf)(LEAST_LENGTH))));
     // Without texture coordinates there is no tangent, and normals stay.
@@ -55,15 +55,16 @@ inline Vec map_normals(const Scene *scene, const Material *m, global const Sampl
 inline void read_row_maps(const Scene *scene, global const Samples *samples, int at, Surface *s)
 {
     const Material *m = s->material;
-    vf roughness = m->of.roughness;
-    s->emission = spread3(vload3(0, m->of.emission));
-    s->metallic = m->of.metallic;
-    s->normal = s->geometric = load3(samples->of[NORMAL], at);
-    if (m->maps[MAP_NORMAL].height) s->normal = map_normals(scene, m, samples, at, s->geometric);
+    vf roughness = m->record.roughness;
+    s->emission = spread3(vload3(0, m->record.emission));
+    s->metallic = m->record.metallic;
+    s->normal = s->geometric_normal = load3(samples->value[NORMAL], at);
+    if (m->maps[MAP_NORMAL].height)
+        s->normal = map_normals(scene, m, samples, at, s->geometric_normal);
     if (m->maps[MAP_METAL].height) {
         const Vec c = map_row(scene, m, MAP_METAL, samples, at);
-        s->metallic = c.z * m->of.metallic;
-        roughness = c.y * m->of.roughness;
+        s->metallic = c.z * m->record.metallic;
+        roughness = c.y * m->record.roughness;
     }
     if (m->maps[MAP_EMISSION].height)
         s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));
@@ -91,7 +92,7 @@ inline vf microfacets(const Surface *s, Vec h, vf cosine, vf viewed)
     return s->alpha2 / (d * d * light * view);
 }
 
-// Light from one side, over that which arrives: diffuse (1 - F) and specular F, F by Schlick.
+// The reflected share of a light: diffuse (1 - F) and specular F, F by Schlick.
 inline vf reflected(const Surface *s, vf albedo, vf grazing, vf specular)
 {
     const vf base = f0(s, albedo), fresnel = fma(1.0f - base, grazing, base);
@@ -107,12 +108,12 @@ inline Vec reflect_light(const Surface *s, Vec towards, vf cosine, vf attenuatio
     const Vec c = {reflected(s, s->albedo.x, grazing, specular),
                    reflected(s, s->albedo.y, grazing, specular),
                    reflected(s, s->albedo.z, grazing, specular)};
-    // Light from behind, whose terms may be infinite.
+    // The terms of light from behind may be infinite.
     const vi facing = GT(attenuation, (vf)(0.0f));
     return pick3(spread3((float3)(0.0f)), scale3(c, cosine * attenuation), facing);
 }
 
-// The share of ambient light that is reflected: diffuse, and specular as at normal incidence.
+// The reflected share of ambient light: diffuse, and specular at normal incidence.
 inline Vec ambient_reflectance(const Surface *s)
 {
     const Vec a = s->albedo;

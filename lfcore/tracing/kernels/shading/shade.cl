@@ -1,9 +1,9 @@
-// Colours of a block's rays, row by row: ambient, emission, and what each visible light adds.
+// Colours of a block's rays, row by row: ambient light, emission, and the visible lights.
 #pragma once
 #include "sky_gloss.cl"
 
-// The unit vector to a light, zero at the light itself.  `attenuation` receives the share of the light that distance, the
-// cosine at the emitter and a spot's cone leave.
+// The unit vector to a light, zero at the light itself.  `attenuation` receives the factor of
+// distance, cosine at the emitter and a spot's cone.
 inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenuation)
 {
     *attenuation = 1.0f;
@@ -28,46 +28,46 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
     return l;
 }
 
-inline int is_glossy(const Material *m) { return any(vload3(0, m->of.specular) > 0.0f); }
+inline int is_glossy(const Material *m) { return any(vload3(0, m->record.specular) > 0.0f); }
 
-// Add what rays that see a light reflect of it.
+// Add the reflection of a light on the rays `seeing` it.
 inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
 {
     vf attenuation;
     const Vec towards = towards_light(light, s->point, &attenuation);
     const vf cosine = dot3(s->normal, towards);
     vi facing = seeing & GT(cosine, (vf)(0.0f));
-    if (PHYSICAL) facing &= GT(dot3(s->geometric, towards), (vf)(0.0f));
+    if (PHYSICAL) facing &= GT(dot3(s->geometric_normal, towards), (vf)(0.0f));
     Vec c = scale3(s->albedo, pick((vf)(0.0f), cosine * attenuation, facing));
     if (PHYSICAL && is_metallic(s->material))
         c = reflect_light(s, towards, cosine, pick((vf)(0.0f), attenuation, facing));
     else if (is_glossy(s->material))
         c = fma3(highlight(s, towards, facing) * attenuation,
-                 spread3(vload3(0, s->material->of.specular)), c);
+                 spread3(vload3(0, s->material->record.specular)), c);
     *sum = plus3(*sum, times3(c, spread3(vload3(0, light->colour))));
 }
 
-// Ambient light, or what was baked in its place, and emission.
+// Ambient or baked light, and emission.
 inline Vec ambient_and_emission(const Scene *scene, const Surface *s)
 {
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
-    const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->of.emission));
+    const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->record.emission));
     const int metallic = PHYSICAL && is_metallic(s->material);
     if (SKY && metallic) return plus3(reflect_sky(scene, s), emission);
     return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
 }
 
-// The material's own colour, times that of texture and corners.
+// The material's colour times the texture's and the corners'.
 inline Vec albedo_row(const Scene *scene, const Material *m, global const Samples *samples, int at)
 {
-    Vec c = spread3(vload3(0, m->of.diffuse));
+    Vec c = spread3(vload3(0, m->record.diffuse));
     if (TEXTURED && m->maps[MAP_BASE].height)
         c = times3(c, map_row(scene, m, MAP_BASE, samples, at));
-    if (VERTEX_COLOURS) c = times3(c, load3(samples->of[TINT], at));
+    if (VERTEX_COLOURS) c = times3(c, load3(samples->value[TINT], at));
     return c;
 }
 
-// Light of a row of rays of one material: that of lights without shadows, then of those with.
+// The radiance of a row of rays of one material: lights without shadows, then lights with shadows.
 inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int at)
 {
     const SceneArguments *n = scene->numbers;
@@ -93,7 +93,7 @@ inline void shade_background(const Scene *scene, const Block *b, global float *c
     }
 }
 
-// The shading keys of a block, each once; returns how many.
+// List the distinct shading keys of a block; returns their number.
 inline int list_keys(const Block *b, private int *keys)
 {
     int count = 0;
@@ -117,12 +117,12 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
         const vi mine = EQ(VLOAD(b->samples->key + at), (vi)(key));
         if (!row_any(mine)) continue;
         s.point = load3(b->samples->point, at);
-        s.normal = load3(b->samples->of[NORMAL], at);
+        s.normal = load3(b->samples->value[NORMAL], at);
         if (PHYSICAL || is_glossy(&material)) {
             const Vec d = direction_row(&b->bundle, row_at(at, b->bundle.half_extent));
             s.to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
         }
-        if (BAKED) s.light = load3(b->samples->of[BAKED_LIGHT], at);
+        if (BAKED) s.light = load3(b->samples->value[BAKED_LIGHT], at);
         s.albedo = albedo_row(scene, &material, b->samples, at);
         if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
         if (PHYSICAL && BAKED && SKY && material.maps[MAP_NORMAL].height) map_light(scene, &s);

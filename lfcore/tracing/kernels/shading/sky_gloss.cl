@@ -1,17 +1,17 @@
-// What surfaces of metal and roughness reflect of the sky: see lfcore/scene/sky_gloss.py.
+// Reflection of the sky by metallic-roughness materials: see lfcore/scene/sky_gloss.py.
 #pragma once
 #include "gloss.cl"
 
 // A map of the sky's gloss in a direction.
 inline float4 gloss_between(global const float *gloss, int map, float3 d)
 {
-    d /= max(fabs(d.x) + fabs(d.y) + fabs(d.z), LEAST_LENGTH);  // opposite normals leave none between
+    d /= max(fabs(d.x) + fabs(d.y) + fabs(d.z), LEAST_LENGTH);  // the sum of opposite normals is 0
     const float2 folded = {copysign(1.0f - fabs(d.y), d.x), copysign(1.0f - fabs(d.x), d.y)};
     const float2 at = ((d.z < 0.0f ? folded : d.xy) + 1.0f) * (0.5f * (GLOSS_SIDE - 1));
     return map_between(gloss + 4 * map * GLOSS_SIDE * GLOSS_SIDE, GLOSS_SIDE, at.x, at.y);
 }
 
-// The light of the sky over the lobe about a mirrored direction, and of all of it on a surface.
+// The sky's mean over the lobe about a mirrored direction.
 inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughness)
 {
     const float level = roughness * (GLOSS_LEVELS - 1);
@@ -20,24 +20,25 @@ inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughnes
     return sharp + (level - k) * (gloss_between(gloss, k + 1, mirrored) - sharp);
 }
 
-// The most that a normal map brightens baked light: seams of normals cannot become lamps.
+// The largest factor of a normal map on baked light: seams of normals must not look like emitters.
 #define MOST_BRIGHTENED 4.0f
 
-// Scale a row's baked light, which is that on the surface without its normal map, by what the open
-// sky gives the mapped normal over what it gives the surface's own.
+// Scale a row's baked light, which ignores the normal map, by the ratio of the open sky's
+// irradiance at the mapped normal to that at the geometric normal.
 inline void map_light(const Scene *scene, Surface *s)
 {
     const int side = scene->numbers->sky_side;
     global const float *gloss = scene->sky + 4 * side * side;
     for (int k = 0; k < LANES; ++k) {
-        const float3 own = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->geometric, k)).xyz;
+        const float3 n = ray_vector(&s->geometric_normal, k);
+        const float3 unmapped = gloss_between(gloss, GLOSS_LEVELS, n).xyz;
         const float3 mapped = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
-        const float3 share = min(mapped / max(own, 1e-20f), MOST_BRIGHTENED);
+        const float3 share = min(mapped / max(unmapped, 1e-20f), MOST_BRIGHTENED);
         set_ray_vector(&s->light, k, ray_vector(&s->light, k) * share);
     }
 }
 
-// Baked light that a surface reflects, and the sky as far as it is not hidden.
+// Reflected baked light, and the reflected sky as far as it is not occluded.
 inline Vec reflect_sky(const Scene *scene, const Surface *s)
 {
     const int side = scene->numbers->sky_side;
@@ -45,14 +46,14 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     global const float *shares = gloss + 4 * (GLOSS_LEVELS + 1) * GLOSS_SIDE * GLOSS_SIDE;
     const vf cosine = clamp(dot3(s->normal, s->to_viewer), (vf)(0.0f), (vf)(1.0f));
     const Vec mirrored = fma3(2.0f * cosine, s->normal, scale3(s->to_viewer, (vf)(-1.0f)));
-    private float seen[LANES], rough[LANES], share[2][LANES];
+    private float cosines[LANES], rough[LANES], share[2][LANES];
     Vec sky;
-    VSTORE(cosine, seen);
+    VSTORE(cosine, cosines);
     VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
     for (int k = 0; k < LANES; ++k) {
         const float3 whole = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
         const float3 unhidden = clamp(ray_vector(&s->light, k) / max(whole, 1e-20f), 0.0f, 1.0f);
-        const float4 ab = map_between(shares, GLOSS_SHARES, seen[k] * (GLOSS_SHARES - 1),
+        const float4 ab = map_between(shares, GLOSS_SHARES, cosines[k] * (GLOSS_SHARES - 1),
                                       rough[k] * (GLOSS_SHARES - 1));
         set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&mirrored, k), rough[k]).xyz * unhidden);
         share[0][k] = ab.x;

@@ -1,9 +1,9 @@
 // Shadows of a block of many triangles, in coordinates of a picture taken from the light.
 //
-// Which side of an edge plane a hit point is on depends only on the direction that the light sees
-// it in, so the edges of occluders are affine functions of two coordinates: those of a picture
-// taken from the light, or along its direction.  A surface that the light grazes has a large box in
-// space and a small one there.
+// The side of an edge plane on which a hit point is depends only on its direction from the light.
+// So occluders' edges are affine functions of two coordinates: those of a picture taken from the
+// light, or along its direction.  A surface at grazing incidence has a large box in space and a
+// small one in the picture.
 #pragma once
 #include "occluders.cl"
 
@@ -16,14 +16,15 @@ typedef struct {
     float centre[3], half_extent[3];  // of the hit points' box
 } LightSpace;
 
-// A point light nearer than this share of half the hit points' box has no picture of them:
-// coordinates there, positions over the distance, are thirty thousand at the most.
+// The least distance of a point light in half extents of the hit points' box.  Nearer lights have
+// no picture: coordinates, positions over the distance, are bounded by thirty thousand.
 #define NEAREST_SHARE 1.0e-4f
 
-// The most, then the least, of u, v and d of each stripe, STRIPE rays; without rays crossed.
+// Upper, then lower bounds of u, v and d of each stripe of STRIPE rays; a stripe without rays has
+// lower bounds above upper ones.
 #define STRIPE (LANES > 8 ? LANES : 8)
 #define STRIPES (BLOCK_RAYS / STRIPE)
-typedef struct { float of[2][3][STRIPES]; } StripeBoxes;
+typedef struct { float bound[2][3][STRIPES]; } StripeBoxes;
 
 // A set of shadow rays in light space.  Neighbours in the light's picture follow each other, so
 // that the boxes of stripes are small.
@@ -31,12 +32,12 @@ typedef struct {
     ShadowRays rays;
     LightSpace space;
     StripeBoxes stripes;
-    uint lit;                        // stripes that have any active rays, a bit each
+    uint lit;                        // a bit per stripe with active rays
     int count;                       // of rays
     int ray[BLOCK_RAYS];             // their numbers in the block
     int triangle[BLOCK_RAYS];        // on which they start
     int active[BLOCK_RAYS];          // masks
-    global float *seen;              // u, v, d of their hit points: (3, BLOCK_RAYS)
+    global float *projected;              // u, v, d of hit points: (3, BLOCK_RAYS)
     global const Samples *samples;   // of the block
 } LightSpaceRays;
 
@@ -75,10 +76,10 @@ inline void set_range(const Box *hits, LightSpace *space)
     }
 }
 
-// An occluder in the light's picture: a u + b v + c of each edge, and of its plane, with g d
-// besides; and c with a bound of the function's rounding errors added.
+// An occluder in the light's picture: a u + b v + c per edge, and a u + b v + g d + c for its
+// plane; MOST_C is c plus a bound of the function's rounding errors.
 enum { TERM_A, TERM_B, TERM_G, TERM_C, MOST_C, PICTURE_TERMS };
-typedef struct { float of[4][PICTURE_TERMS][LANES]; } PictureEdges;
+typedef struct { float edge[4][PICTURE_TERMS][LANES]; } PictureEdges;
 
 // A bound of the rounding errors of a u + b v + g d + c, of two or three `terms` and c, at hit
 // points.
@@ -90,7 +91,7 @@ inline vf picture_error(const LightSpace *space, const vf *f, int terms)
     return LIGHT_SPACE_ERROR * most;
 }
 
-// The most of it over the hit points' box.
+// The largest value of the function over the hit points' box.
 inline vf most_in_picture(const LightSpace *space, const vf *f, int terms)
 {
     vf most = f[MOST_C];
@@ -99,40 +100,41 @@ inline vf most_in_picture(const LightSpace *space, const vf *f, int terms)
     return most;
 }
 
-// The cell along u or v of SORT_CELLS x SORT_CELLS over the hit points, its bits apart.
-#define SORT_CELLS 16
-inline vi cell_bits(vf x, float lo, float hi)
+// The bin along u or v, of SORT_BINS x SORT_BINS over the hit points, with its bits spread apart.
+#define SORT_BINS 16
+inline vi bin_bits(vf x, float lo, float hi)
 {
-    const float scale = SORT_CELLS / max(hi - lo, LEAST_LENGTH);
-    vi cell = clamp(TO_VI((x - lo) * scale), (vi)(0), (vi)(SORT_CELLS - 1));
-    cell = (cell | cell << 2) & 0x33;
-    return (cell | cell << 1) & 0x55;
+    const float scale = SORT_BINS / max(hi - lo, LEAST_LENGTH);
+    vi bin = clamp(TO_VI((x - lo) * scale), (vi)(0), (vi)(SORT_BINS - 1));
+    bin = (bin | bin << 2) & 0x33;
+    return (bin | bin << 1) & 0x55;
 }
 
-// Sort the rays in s->active along a Z-curve through these cells.
-inline void sort_hits(const Shadows *s, global const float *seen, const Box *hits,
+// Sort the rays in s->active along a Z-curve through these bins.
+inline void sort_hits(const Shadows *s, global const float *projected, const Box *hits,
                       LightSpaceRays *l)
 {
-    private int cell[BLOCK_RAYS], end[SORT_CELLS * SORT_CELLS] = {0};
+    private int bin[BLOCK_RAYS], end[SORT_BINS * SORT_BINS] = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi u = cell_bits(VLOAD(seen + at), hits->lo[0], hits->hi[0]);
-        const vi v = cell_bits(VLOAD(seen + BLOCK_RAYS + at), hits->lo[1], hits->hi[1]);
-        VSTORE(u | v << 1, cell + at);
+        const vi u = bin_bits(VLOAD(projected + at), hits->lo[0], hits->hi[0]);
+        const vi v = bin_bits(VLOAD(projected + BLOCK_RAYS + at), hits->lo[1], hits->hi[1]);
+        VSTORE(u | v << 1, bin + at);
     }
     for (int ray = 0; ray < BLOCK_RAYS; ++ray)
-        if (s->active[ray]) ++end[cell[ray]];
+        if (s->active[ray]) ++end[bin[ray]];
     l->count = 0;
-    for (int k = 0; k < SORT_CELLS * SORT_CELLS; ++k) {
+    for (int k = 0; k < SORT_BINS * SORT_BINS; ++k) {
         const int count = end[k];
         end[k] = l->count;
         l->count += count;
     }
     for (int ray = 0; ray < BLOCK_RAYS; ++ray) {
         if (!s->active[ray]) continue;
-        const int at = end[cell[ray]]++;
+        const int at = end[bin[ray]]++;
         l->ray[at] = ray;
         l->triangle[at] = l->samples->triangle[ray];
-        for (int k = 0; k < 3; ++k) l->seen[k * BLOCK_RAYS + at] = seen[k * BLOCK_RAYS + ray];
+        for (int k = 0; k < 3; ++k)
+            l->projected[k * BLOCK_RAYS + at] = projected[k * BLOCK_RAYS + ray];
     }
 }
 
@@ -145,34 +147,34 @@ inline void bound_stripes(LightSpaceRays *l)
         for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
             const vi within = LT(TO_VI(IOTA) + at, (vi)(l->count));
             VSTORE(within, l->active + at);
-            add_to_ranges(&ranges, load3(l->seen, at), within);
+            add_to_ranges(&ranges, load3(l->projected, at), within);
         }
         const Box box = box_of(&ranges);
         for (int k = 0; k < 3; ++k) {
-            l->stripes.of[0][k][stripe] = box.hi[k];
-            l->stripes.of[1][k][stripe] = box.lo[k];
+            l->stripes.bound[0][k][stripe] = box.hi[k];
+            l->stripes.bound[1][k][stripe] = box.lo[k];
         }
         l->lit |= (uint)(stripe * STRIPE < l->count) << stripe;
     }
 }
 
-// Take the rays in s->active into light space.  False if some lie beside the light or behind it,
-// where it has no picture of them.
+// Project the rays in s->active into light space.  False if some are beside or behind the light,
+// where there is no picture.
 inline int project_hits(const Shadows *s, LightSpaceRays *l)
 {
     Ranges ranges;
     clear_ranges(&ranges);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         const Vec row = project_row(&l->rays, &l->space, s->origins, at);
-        store3(row, s->seen, at);
+        store3(row, s->projected, at);
         add_to_ranges(&ranges, row, VLOAD(s->active + at));
     }
     const Box hits = box_of(&ranges);
     set_range(&hits, &l->space);
     const float nearest = NEAREST_SHARE * largest_component(l->rays.half_extent);
     if (l->rays.is_point && !(hits.lo[2] > 0.0f && hits.hi[2] * nearest < 1.0f)) return 0;
-    l->seen = s->seen + 3 * BLOCK_RAYS;
-    sort_hits(s, s->seen, &hits, l);
+    l->projected = s->projected + 3 * BLOCK_RAYS;
+    sort_hits(s, s->projected, &hits, l);
     bound_stripes(l);
     return 1;
 }
@@ -196,14 +198,13 @@ inline uint set_up_picture(const ShadowRays *r, const LightSpace *space, global 
         vf f[PICTURE_TERMS] = {a, b, 0.0f, r->is_point ? n * space->sign : plane.c};
         if (k == 3) f[TERM_G] = r->is_point ? plane.c : along;
         f[MOST_C] = f[TERM_C] + picture_error(space, f, terms);
-        for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(f[term], out->of[k][term]);
+        for (int term = 0; term < PICTURE_TERMS; ++term) VSTORE(f[term], out->edge[k][term]);
         may &= GE(most_in_picture(space, f, terms), (vf)(0.0f));
     }
     return row_bits(may);
 }
 
-// Which of the occluders `keep` may reach each stripe, a bit each; only stripes that are `lit`
-// count.
+// Find the occluders among `keep` that may reach each of the `lit` stripes, a bit per occluder.
 inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uint keep, uint lit,
                           private int *reaching)
 {
@@ -211,34 +212,35 @@ inline void reach_stripes(const StripeBoxes *stripes, const PictureEdges *f, uin
         if (!(lit >> first & ((1u << LANES) - 1u))) continue;
         vf most[3], least[3];
         for (int axis = 0; axis < 3; ++axis) {
-            most[axis] = VLOAD(stripes->of[0][axis] + first);
-            least[axis] = VLOAD(stripes->of[1][axis] + first);
+            most[axis] = VLOAD(stripes->bound[0][axis] + first);
+            least[axis] = VLOAD(stripes->bound[1][axis] + first);
         }
-        vi found = 0;
+        vi reached = 0;
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
             vi may = -1;
 #pragma unroll
             for (int k = 0; k < 4; ++k) {
-                private const float (*function)[LANES] = f->of[k];
+                private const float (*function)[LANES] = f->edge[k];
                 vf largest = function[MOST_C][lane];
                 for (int axis = 0; axis < (k == 3 ? 3 : 2); ++axis) {
-                    // Its sign selects, as no branch could foresee; 16 lanes do so in memory.
+                    // The sign selects, because a branch is unpredictable; 16 lanes select in
+                    // memory.
                     const vf x = function[axis][lane];
                     const uint side = as_uint(function[axis][lane]) >> 31;
-                    const vf bound = LANES > 8 ? VLOAD(stripes->of[side][axis] + first)
+                    const vf bound = LANES > 8 ? VLOAD(stripes->bound[side][axis] + first)
                                                : select(most[axis], least[axis], AS_VI(x) >> 31);
                     largest = fma(x, bound, largest);
                 }
                 may &= GE(largest, (vf)(0.0f));
             }
-            found |= may & (vi)(1 << lane);
+            reached |= may & (vi)(1 << lane);
         }
-        VSTORE(found, reaching + first);
+        VSTORE(reached, reaching + first);
     }
 }
 
-// Of a row of hit points, `bits` of which lie behind an occluder, those that its holes leave dark.
+// The hit points among `bits` of a row, all behind an occluder, that its holes leave dark.
 inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder, int at, uint bits)
 {
     const float3 p = corner(s->scene, occluder, 0);
@@ -251,38 +253,38 @@ inline uint behind_holes(const Shadows *s, const LightSpaceRays *l, int occluder
         const float3 from = (float3)(point[0], point[BLOCK_RAYS], point[2 * BLOCK_RAYS]);
         const float3 to = l->rays.towards - (l->rays.is_point ? from : 0.0f);
         const float way = inner_product(n, p - from) / inner_product(n, to);
-        dark |= (uint)is_solid(&s->tree->cut_outs, occluder, from + way * to) << k;
+        dark |= (uint)is_solid(&s->tree->alpha_tests, occluder, from + way * to) << k;
     }
     return dark;
 }
 
-// Of a row of rays, those behind occluder `lane`, triangle `id`, and not on it.
-inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec seen, vi triangle)
+// Mask of the rays of a row behind occluder `lane`, triangle `id`, that do not start on it.
+inline vi behind_occluder(const PictureEdges *f, uint lane, int id, Vec projected, vi triangle)
 {
     vf function[4];
     for (int k = 0; k < 4; ++k) {
-        private const float (*term)[LANES] = f->of[k];
-        function[k] = fma(seen.x, (vf)(term[TERM_A][lane]),
-                      fma(seen.y, (vf)(term[TERM_B][lane]), (vf)(term[TERM_C][lane])));
+        private const float (*term)[LANES] = f->edge[k];
+        function[k] = fma(projected.x, (vf)(term[TERM_A][lane]),
+                      fma(projected.y, (vf)(term[TERM_B][lane]), (vf)(term[TERM_C][lane])));
     }
-    const vf beyond = fma(seen.z, (vf)(f->of[3][TERM_G][lane]), function[3]);
+    const vf beyond = fma(projected.z, (vf)(f->edge[3][TERM_G][lane]), function[3]);
     const vi inside = GE(min(function[0], min(function[1], function[2])), (vf)(0.0f));
     return inside & GT(beyond, (vf)(0.0f)) & ~EQ(triangle, (vi)(id));
 }
 
-// Take from l->active the rays of a stripe behind the occluders `keep`, of triangles `ids`.
+// Remove from l->active the rays of a stripe behind the occluders `keep`, with triangles `ids`.
 inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, global const int *ids,
                        int stripe, LightSpaceRays *l)
 {
     vi lit = 0;
     for (int at = stripe * STRIPE; at < (stripe + 1) * STRIPE; at += LANES) {
         vi active = VLOAD(l->active + at);
-        const Vec seen = load3(l->seen, at);
+        const Vec projected = load3(l->projected, at);
         const vi triangle = VLOAD(l->triangle + at);
         for (uint left = keep; left; left &= left - 1) {
             const uint lane = lowest(left);
-            vi dark = active & behind_occluder(f, lane, ids[lane], seen, triangle);
-            if (has_holes(&s->tree->cut_outs, ids[lane]))
+            vi dark = active & behind_occluder(f, lane, ids[lane], projected, triangle);
+            if (has_holes(&s->tree->alpha_tests, ids[lane]))
                 dark = mask_of_bits(behind_holes(s, l, ids[lane], at, row_bits(dark)));
             active &= ~dark;
         }
@@ -292,7 +294,7 @@ inline void cast_stripe(const Shadows *s, const PictureEdges *f, uint keep, glob
     if (!row_any(lit)) l->lit ^= 1u << stripe;
 }
 
-// Take from l->active the rays behind LANES triangles of a leaf.
+// Remove from l->active the rays behind LANES triangles of a leaf.
 inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 {
     global const Leaf *corners = s->tree->leaves + leaf;
@@ -310,8 +312,7 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     }
 }
 
-// Take from s->active the rays that something hides from the light; false if the light has no
-// picture of them.
+// Remove from s->active the rays that are occluded; false if the light has no picture of them.
 inline int cast_light_space(const Shadows *s, const Block *b, const ShadowRays *rays)
 {
     LightSpaceRays l;

@@ -1,8 +1,8 @@
 // Occluders: triangles as four affine functions of a hit point, set up LANES at a time.
 //
-// All shadow rays of a set share the light as apex (or a direction).  Within a triangle's three
-// edge planes, which hold the light, and beyond its own plane is shadow.  The affine functions are
-// relative to the apex; hit points never leave that frame.
+// All shadow rays of a set share the light as apex (or a direction).  A point is in shadow if it is
+// within the triangle's three edge planes, which contain the light, and beyond the triangle's
+// plane.  Affine functions and hit points are relative to the apex.
 #pragma once
 #include "shadow_rays.cl"
 
@@ -20,17 +20,17 @@ inline vf shadow_margin(Vec n, Vec v, float3 size)
     return SHADOW_MARGIN * dot3(absolute3(n), plus3(absolute3(v), spread3(size)));
 }
 
-inline Vec face_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
+inline Vec geometric_normal(const Vec *v) { return cross3(minus3(v[1], v[0]), minus3(v[2], v[0])); }
 
 // LANES triangles: corners relative to the apex, and the sign that turns affine functions to the
 // side of the light.
 typedef struct { Vec v[3]; vi flip; } Occluders;
 
-// Beyond the triangles' own planes this function is positive.  `may` loses those that the light
-// sees edge-on, which cast no shadow.
+// This function is positive beyond the triangle's plane.  `may` loses triangles that are edge-on to
+// the light, which cast no shadow.
 inline HalfSpace face_plane(const ShadowRays *r, Occluders *o, vi *may)
 {
-    const Vec n = face_normal(o->v);
+    const Vec n = geometric_normal(o->v);
     const vf offset = dot3(n, o->v[0]);
     const vf side = r->is_point ? offset : dot3(n, spread3(r->towards));
     o->flip = AS_VI(side) & (vi)(0x80000000);
@@ -41,7 +41,7 @@ inline HalfSpace face_plane(const ShadowRays *r, Occluders *o, vi *may)
     return beyond;
 }
 
-// Within edge `k` this function is not negative.
+// This function is not negative within edge `k`.
 inline HalfSpace edge_plane(const ShadowRays *r, const Occluders *o, int k)
 {
     const Vec q = o->v[(k + 1) % 3], w = o->v[(k + 2) % 3], along = minus3(w, q);

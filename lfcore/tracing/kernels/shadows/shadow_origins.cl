@@ -1,14 +1,14 @@
-// Where shadow rays start.
+// Offsets of shadow rays' origins.
 //
-// Smooth normals describe a curved surface, and triangles a polyhedron in its place, which shadows
-// itself in jagged steps where light grazes it.  On curved materials a hit point therefore moves
-// outwards to the tangent planes of its triangle's corners, to each by the corner's weight.
+// Smooth normals describe a curved surface, but the triangles are a polyhedron, which casts jagged
+// shadows on itself at grazing light.  On curved materials the origin is therefore offset outwards,
+// towards the tangent planes at the triangle's corners, by the corners' weights.
 //
 // Source: J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4, 2021.
 #pragma once
 #include "samples.cl"
 
-// A triangle with the gradients of its barycentric weights; that of the first corner is not used.
+// A triangle with the gradients of its barycentric weights; the first corner's is not used.
 typedef struct { float3 corner[3], normal[3], gradient[3]; } CurvedTriangle;
 
 // False for a flat triangle: its material is not curved, or its normals are equal.
@@ -33,37 +33,37 @@ inline int read_curved(const Scene *s, int triangle, CurvedTriangle *c)
     return 1;
 }
 
-// A row of hit points, moved to the side of `normal`.
-inline Vec lifted_row(const CurvedTriangle *c, Vec point, Vec normal)
+// The origins for a row of hit points, offset to the side of `normal`.
+inline Vec offset_row(const CurvedTriangle *c, Vec point, Vec normal)
 {
     const vi side = sign_of(dot3(normal, spread3(c->normal[0] + c->normal[1] + c->normal[2])));
     const Vec from = minus3(point, spread3(c->corner[0]));
     vf weight[3];
     for (int k = 1; k < 3; ++k) weight[k] = max(dot3(from, spread3(c->gradient[k])), (vf)(0.0f));
     weight[0] = max(1.0f - weight[1] - weight[2], (vf)(0.0f));
-    Vec lifted = point;
+    Vec offset = point;
     for (int k = 0; k < 3; ++k) {
         const Vec n = turn_vectors(spread3(c->normal[k]), side);
         const vf height = dot3(minus3(point, spread3(c->corner[k])), n);
-        lifted = fma3(-weight[k] * min(height, (vf)(0.0f)), n, lifted);
+        offset = fma3(-weight[k] * min(height, (vf)(0.0f)), n, offset);
     }
-    return lifted;
+    return offset;
 }
 
-// Write to `lifted` where a block's shadow rays start; false if that is at the hit points.
-inline int lift_origins(const Scene *scene, const Block *b, global float *lifted)
+// Write the origins of a block's shadow rays to `origins`; false if they are the hit points.
+inline int offset_origins(const Scene *scene, const Block *b, global float *origins)
 {
     global const Samples *samples = b->samples;
     int any_curved = 0;
     for (int k = 0; k < b->regions.count; ++k) {
-        global const Region *r = b->regions.of + k;
+        global const Region *r = b->regions.region + k;
         CurvedTriangle c;
         if (!read_curved(scene, r->triangle, &c)) continue;
         for (int at = 0; at < BLOCK_RAYS; at += LANES) {
             const Vec point = load3(samples->point, at);
-            const Vec old = any_curved ? load3(lifted, at) : point;
-            const Vec new = lifted_row(&c, point, load3(samples->of[NORMAL], at));
-            store3(pick3(old, new, region_row(r, at)), lifted, at);
+            const Vec old = any_curved ? load3(origins, at) : point;
+            const Vec new = offset_row(&c, point, load3(samples->value[NORMAL], at));
+            store3(pick3(old, new, region_row(r, at)), origins, at);
         }
         any_curved = 1;
     }

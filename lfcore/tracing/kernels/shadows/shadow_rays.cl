@@ -8,7 +8,7 @@ typedef struct {
     const Tree *tree;
     const Scene *scene;
     global int *active;                     // scratch: (2, BLOCK_RAYS)
-    global float *seen;                     // scratch: (2, 3, BLOCK_RAYS)
+    global float *projected;                  // scratch: (2, 3, BLOCK_RAYS)
     global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
 } Shadows;
 
@@ -17,14 +17,14 @@ inline global const LightRecord *shadow_light(const Scene *s, int number)
     return s->lights + s->numbers->unshadowed_lights + number;
 }
 
-// Mask of the rays, in the row that begins with ray `at`, whose hit point faces the light and is on
-// the side to which the light emits.
+// Mask of the rays, in the row from ray `at` on, whose hit point faces the light and is on the side
+// to which the light emits.
 inline vi facing_row(global const Samples *s, global const LightRecord *light, int at)
 {
     const vi hit = GE(VLOAD(s->key + at), (vi)(0));
     Vec towards = spread3(vload3(0, light->vector));
     if (light->is_point) towards = minus3(towards, load3(s->point, at));
-    const vi facing = hit & GT(dot3(load3(s->of[NORMAL], at), towards), (vf)(0.0f));
+    const vi facing = hit & GT(dot3(load3(s->value[NORMAL], at), towards), (vf)(0.0f));
     const float3 forward = vload3(0, light->normal);
     if (!any(forward != 0.0f)) return facing;
     return facing & LT(dot3(spread3(forward), towards), (vf)(0.0f));
@@ -46,10 +46,10 @@ typedef struct {
     float3 apex;                 // the light, or the centre of the hit points' box
     float3 towards;              // direction to a directional light
     float3 centre, half_extent;  // box of the hit points relative to the apex
-    float3 size;                 // largest magnitudes that entered, for the margin
+    float3 size;                 // bounds of all magnitudes, for the margin
     int2 light_triangles;        // first, end: they never shadow the light
-    Sweep shaft;                 // around all of the rays
-    float end;                   // when it reaches the light
+    Sweep shaft;                 // around all rays
+    float end;                   // the time at which the shaft reaches the light
 } ShadowRays;
 
 inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *box)
@@ -68,7 +68,7 @@ inline ShadowRays make_shadow_rays(global const LightRecord *light, const Box *b
     return r;
 }
 
-// The next leaf that may hide the light from some ray; -1 once none is left.
+// The next leaf that may occlude a ray; -1 at the end.
 inline int next_hiding(const Tree *tree, const ShadowRays *r, Stack *stack)
 {
     const Volume volume = {0, &r->shaft, 0};

@@ -1,13 +1,13 @@
-// Shadows: which rays of a block see each light that casts them.
+// Shadows: find the rays of a block that see each light.
 #pragma once
 #include "light_space.cl"
 #include "single_rays.cl"
 
-// Hit points are taken by spans of depth, each to this multiple of where it begins.
+// The ratio of the last to the first depth of a span: hit points are processed by spans of depth.
 #define SPAN 1.1f
-// Move the wanted rays whose hit points lie within a span of depths from `wanted` to s->active, and
-// bound them.  A block that sees a near thing before a far one would otherwise span all that lies
-// between.  A span starts at the nearest wanted hit point.  Returns false when no ray is wanted.
+// Move the rays of the next span of depths from `wanted` to s->active, and bound their hit points.
+// Without spans, the box of a near and a far surface would contain everything between them.  A span
+// starts at the nearest wanted hit point.  Returns false if no ray is wanted.
 inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
 {
     const Bundle *r = &b->bundle;
@@ -19,7 +19,8 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
     if (from >= FAR) return 0;
     const float step = max(fabs(fma(from, r->tx, r->sx)), fabs(fma(from, r->ty, r->sy)));
     const float footprint = INNER * step + (OUTER - 1) * fabs(fma(from, r->b, r->a));
-    // Lifted origins may lie behind the lens.  Every span takes the nearest, so at most BLOCK_RAYS end.
+    // Offset origins may be behind the lens.  Every span has the nearest, so there are at most
+    // BLOCK_RAYS spans.
     const float most = fma(from, from < 0.0f ? 1.0f / SPAN : SPAN, 2.0f * footprint);
     const float until = most > from ? most : from;
     Ranges ranges;
@@ -53,15 +54,15 @@ inline void light_block(const Shadows *s, const Block *b, global const LightReco
 // A worker's memory: see Shadows.
 typedef struct {
     int active[2 * BLOCK_RAYS];
-    float seen[6 * BLOCK_RAYS];
-    float lifted[CURVED ? 3 * BLOCK_RAYS : 1];
+    float projected[6 * BLOCK_RAYS];
+    float origins[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
 // Find which of a block's rays see each light.
-inline void find_lit(Shadows *s, const Block *b, global float *lifted)
+inline void find_lit(Shadows *s, const Block *b, global float *origins)
 {
-    const int curved = CURVED && lift_origins(s->scene, b, lifted);
-    s->origins = curved ? lifted : b->samples->point;
+    const int curved = CURVED && offset_origins(s->scene, b, origins);
+    s->origins = curved ? origins : b->samples->point;
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k)
         light_block(s, b, shadow_light(s->scene, k), b->lit + k * BLOCK);
 }

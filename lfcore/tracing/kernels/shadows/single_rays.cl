@@ -1,4 +1,4 @@
-// Shadow rays of a block followed one by one, where so many triangles are seen that they share
+// Shadow rays of a block, traced one by one: for blocks with so many triangles that rays share
 // little.
 #pragma once
 #include "occluders.cl"
@@ -14,7 +14,7 @@ inline int occludes(const Tree *tree, const Ray *r, int leaf, float far, int rec
         const vi own = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids);
         Vec v[3];
         load_corners(tree->leaves + leaf, lane, 0.0f, v);
-        const Vec n = face_normal(v);
+        const Vec n = geometric_normal(v);
         const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
         const vi is_off = GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
         take_nearest(tree, r, leaf, bits & row_bits(is_off & ~own) << lane, &hit);
@@ -34,7 +34,7 @@ inline int occluding_leaf(const Tree *tree, const Ray *r, float far, int receive
     return leaf;
 }
 
-// Take from s->active the rays of a block that cannot see a light.
+// Remove from s->active the rays of a block that are occluded from a light.
 inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
 {
     global const float *point = s->origins;

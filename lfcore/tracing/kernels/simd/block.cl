@@ -1,4 +1,4 @@
-// Blocks: 16 x 16 rays that a few numbers describe, and functions that are affine over them.
+// Blocks: 16 x 16 rays described by a few numbers, and affine functions over a block.
 //
 // Ray (i, j) of a bundle, counted from its centre, is at depth z
 //     x(z) = (ox + i sx) + z (dx + i tx)        y(z) = (oy + j sy) + z (dy + j ty)
@@ -34,13 +34,13 @@ typedef struct {
     float sx, sy;          // step of the origin per column, per row
     float tx, ty;          // step of the direction per column, per row
     float a, b;            // step of origin and direction per element, along either axis
-    float half_extent;     // inner rays lie within so many steps of the centre
+    float half_extent;     // half the number of inner steps, from first to last ray
 } Bundle;
 
 // Offsets of a row of LANES rays: x = i and y = j on the inner grid, u and v among the elements.
 typedef struct { vf x; float y; vf u; float v; } Row;
 
-// The row that begins with ray `at`, a multiple of LANES, of a bundle of that half_extent.
+// The row that begins with ray `at`, a multiple of LANES, of a bundle of `half_extent`.
 inline Row row_at(int at, float half_extent)
 {
     const vi column = TO_VI(IOTA) + at % BLOCK;
@@ -68,19 +68,19 @@ inline Vec direction_row(const Bundle *r, Row row)
 }
 
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and, of edge
-// functions alone, y u - x v.  U, V and BILINEAR of one element are never read.
+// functions alone, y u - x v.  Blocks of one element never read U, V and BILINEAR.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
-typedef struct { float of[AFFINE_TERMS]; } Affine;
+typedef struct { float term[AFFINE_TERMS]; } Affine;
 
 // One function for each of LANES triangles.
-typedef struct { vf of[AFFINE_TERMS]; } WideAffine;
+typedef struct { vf term[AFFINE_TERMS]; } WideAffine;
 
 // Values of an affine function without BILINEAR at a row of rays.
 inline vf affine_row(Affine f, Row at)
 {
-    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    return AT_OFFSETS(at.x, at.u, base, f.of[X], f.of[U]);
+    const float base = AT_OFFSETS(at.y, at.v, f.term[ONE], f.term[Y], f.term[V]);
+    return AT_OFFSETS(at.x, at.u, base, f.term[X], f.term[U]);
 }
 
 // Rays between two columns and two rows of a block of one element, as a centre and half extents.
@@ -91,7 +91,7 @@ inline float4 corner_values(Affine f, Rectangle r)
 {
     const float4 x = (float4)(-r.half_width, r.half_width, -r.half_width, r.half_width) + r.x;
     const float4 y = (float4)(-r.half_height, -r.half_height, r.half_height, r.half_height) + r.y;
-    return fma(x, f.of[X], fma(y, f.of[Y], f.of[ONE]));
+    return fma(x, f.term[X], fma(y, f.term[Y], f.term[ONE]));
 }
 inline float least_of(float4 a) { return min(min(a.x, a.y), min(a.z, a.w)); }
 inline float most_of(float4 a) { return max(max(a.x, a.y), max(a.z, a.w)); }

@@ -1,9 +1,9 @@
 // Lane types: every kernel is written once over a row of LANES values (16, 8, 4 or 1).  Comparisons
 // give masks of -1 / 0 in an integer row; OpenCL's own give 1 / 0 where a row is one value wide.
 //
-// Every width and every processor gives the same bits: no operation is used whose rounding OpenCL
-// leaves open (native_*, half_*, mad, pow and their kin).  Contraction is off: triangles that share
-// an edge must have edge functions that are each other's negative to the last bit.
+// Every width and every processor gives the same bits: operations whose rounding OpenCL leaves open
+// are not used (native_*, half_*, mad, pow and similar ones).  Contraction is off: triangles that
+// share an edge must have edge functions that are each other's negative to the last bit.
 #pragma once
 #pragma OPENCL FP_CONTRACT OFF
 #include "kernel.cl"
@@ -120,9 +120,9 @@ inline Vec pick3(Vec a, Vec b, vi mask)
     return (Vec){pick(a.x, b.x, mask), pick(a.y, b.y, mask), pick(a.z, b.z, mask)};
 }
 
-// Coordinates of corners p, q and r of LANES triangles along one axis.
-typedef struct { vf of[3]; } Triple;
+// A value per corner p, q and r of LANES triangles, such as coordinates along one axis.
+typedef struct { vf corner[3]; } Triple;
 
-inline vf least3(Triple a) { return min(a.of[0], min(a.of[1], a.of[2])); }
-inline vf most3(Triple a) { return max(a.of[0], max(a.of[1], a.of[2])); }
+inline vf least3(Triple a) { return min(a.corner[0], min(a.corner[1], a.corner[2])); }
+inline vf most3(Triple a) { return max(a.corner[0], max(a.corner[1], a.corner[2])); }
 inline vf largest3(Triple a) { return max(fabs(least3(a)), fabs(most3(a))); }

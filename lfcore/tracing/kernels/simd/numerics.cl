@@ -1,4 +1,4 @@
-// Bounds of rounding errors, as counts of roundings: docs/numerics.md counts or measures them.
+// Bounds of rounding errors, as numbers of roundings, which docs/numerics.md counts or measures.
 //
 // A number that passes n roundings has a relative error of at most GAMMA(n).  Source: N. J. Higham,
 // "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1; M. Pharr, W. Jakob, G.
@@ -10,14 +10,14 @@
 
 // Below this a function or a square counts as zero: its terms may be denormal, and inexact.
 #define NOTHING_LEFT 1.0e-30f
-#define LEAST_LENGTH 1.0e-37f  // that is a divisor: above the least normal float, 1.2e-38
+#define LEAST_LENGTH 1.0e-37f  // the least divisor, above the least normal float, 1.2e-38
 
 #define EDGE_ERROR (OUTER > 1 ? GAMMA(9.0f) : GAMMA(7.0f))  // of an edge function at a ray
 #define CORNER_ERROR GAMMA(4.0f)           // of corners in a packet and in its blocks
 #define BOUND_SLACK (1.0f + GAMMA(6.0f))   // of half extents and spreads, of five magnitudes
-#define SWEEP_SLACK (1.0f + GAMMA(9.0f))   // of when a ray or a shaft enters a box
+#define SWEEP_SLACK (1.0f + GAMMA(9.0f))   // of the time at which a ray or a shaft enters a box
 #define FRUSTUM_SLACK GAMMA(7.0f)          // of frusta against boxes
 #define SIDE_SLACK GAMMA(6.0f)             // of the least of an affine function over rays
 #define LIGHT_SPACE_ERROR GAMMA(7.0f)      // of functions of occluders in light space
-// Hit points nearer to a triangle's plane than this share of the terms are not shadowed by it.
+// The relative distance to a triangle's plane below which the triangle does not shadow a point.
 #define SHADOW_MARGIN 1.0e-6f

@@ -1,4 +1,4 @@
-// Vectors of one ray, boxes of rays, and rows of rays taken apart.
+// Vectors of one ray, boxes of rays, and single rays of a row.
 #pragma once
 #include "lanes.cl"
 
@@ -54,7 +54,7 @@ inline void add_to_ranges(Ranges *r, Vec a, vi mask)
     }
 }
 
-// The box around all that was added; lows are above highs if nothing was.
+// The box around all added points; without points, lo is above hi.
 inline Box box_of(const Ranges *r)
 {
     Box box;

@@ -2,13 +2,13 @@
 #pragma once
 #include "lanes.cl"
 
-// Logarithm and exponential to base 2 in line: a call of the library's would spill every vector
-// register.  Polynomials fitted to the least largest error; log2 of positive, normal numbers to
+// Inline logarithm and exponential to base 2: a library call would spill every vector register.
+// Minimax polynomials: log2 of positive, normal numbers to
 // 2.5e-7 relative to log2's own size near 1, exp2 to 1e-7 relative, and 0 below the least normal
 // number.
 inline vf log2_fast(vf x)
 {
-    const vi bits = AS_VI(x) - 0x3f3504f3;  // of the square root of one half
+    const vi bits = AS_VI(x) - 0x3f3504f3;  // the bits of the square root of one half
     const vf t = AS_VF(AS_VI(x) - (bits & (vi)(0xff800000))) - 1.0f;
     vf p = -1.497330850e-01f;
     p = fma(p, t, (vf)(2.357095654e-01f));
@@ -40,7 +40,7 @@ inline vf exp2_fast(vf x)
 #define PQ_C2 (2413.0f / 128.0f)
 #define PQ_C3 (2392.0f / 128.0f)
 
-// Codes in [0, 1] of light times `scale`; less than a millionth of a millionth is black.
+// Codes in [0, 1] of light times `scale`; less than 1e-12 is black.
 inline vf encode_pq(vf light, float scale)
 {
     const vf share = clamp(light * scale, (vf)(1.0e-12f), (vf)(1.0f));

@@ -1,4 +1,4 @@
-// Baked light: what surfaces get from the sky and from one another, over pi; and the sky itself.
+// Baked light: the irradiance of surfaces by the sky and by other surfaces, over pi; and the sky.
 //
 // Each side of a triangle has a grid of R cells along an edge, the points (i, j) with i + j <= R,
 // row by row of j; i / R and j / R are the weights of its second and third corner.  Between points
@@ -24,45 +24,48 @@ inline Vec baked_row(const Scene *s, vf x, vf y, vi first, vi side)
     // NaN outside a mask must not become an address.
     const vi i = clamp(TO_VI(x), (vi)(0), side - 1), j = clamp(TO_VI(y), (vi)(0), side - 1 - i);
     const vf f = x - TO_VF(i), g = y - TO_VF(j);
-    const vi far = GT(f + g, (vf)(1.0f)) & LT(i + j, side - 1);
+    const vi upper = GT(f + g, (vf)(1.0f)) & LT(i + j, side - 1);
     const vi along = first + j * (2 * side + 3 - j) / 2 + i, up = along + side + 1 - j;
     Vec sum = {0.0f, 0.0f, 0.0f};
-    sum = add_point(sum, fetch(s->light, pick_int(along, up + 1, far)),
-                    pick(1.0f - f - g, f + g - 1.0f, far));
-    sum = add_point(sum, fetch(s->light, along + 1), pick(f, 1.0f - g, far));
-    return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, far));
+    sum = add_point(sum, fetch(s->light, pick_int(along, up + 1, upper)),
+                    pick(1.0f - f - g, f + g - 1.0f, upper));
+    sum = add_point(sum, fetch(s->light, along + 1), pick(f, 1.0f - g, upper));
+    return add_point(sum, fetch(s->light, up), pick(g, 1.0f - f, upper));
 }
 
 // Look up a row's baked light, which replaces the weights that locate it on grids.
 inline void look_up_light(const Scene *s, SampleRow *row)
 {
-    const vf *at = row->of + WEIGHT;
+    const vf *at = row->value + WEIGHT;
     *vectors_at(row, BAKED_LIGHT) = baked_row(s, at[0], at[1], row->first, row->side);
 }
 
-// Light that differs from an affine function by less than such a share is one.
+// Light is taken for an affine function if it differs by less than this share.
 #define AFFINE_SHARE (1.0f / 64.0f)
-// Much less than what coarser levels hold where light is uneven.
+// Far below the infinite values of coarser levels where light is uneven.
 #define UNEVEN_LIGHT 1024.0f
-// Rays spread over a region, whose light says whether it is affine: 4 x 4 offsets from -1 to 1.
+// The rays that sample a region to test whether its light is affine: 4 x 4 offsets from -1 to 1.
 #define OFFSETS -1.0f, -1.0f / 3.0f, 1.0f / 3.0f, 1.0f
 #define COLUMNS ((float16)(OFFSETS, OFFSETS, OFFSETS, OFFSETS))
 #define ROWS COLUMNS.s048c159d26ae37bf
 
-// Find their light, colour by colour, at a level where they are at most one cell apart; false if
-// there is none.  A level of fewer cells than this is too coarse for the inside of a triangle.
+// The least cells per edge of a level: fewer are too coarse for the inside of a triangle.
 #define LEAST_CELLS 8
+// Find the light of these rays, colour by colour, at a level where they are at most one cell apart;
+// false if there is no such level.
 inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rectangle r,
                             private float light[3][16])
 {
-    const Affine of[3] = {p->weights, p->slot[SLOTS - 2], p->slot[SLOTS - 1]};
-    const float2 u = quotient_range(of[1], of[0], r), v = quotient_range(of[2], of[0], r);
+    const Affine weight[3] = {p->weights, p->slot[SLOTS - 2], p->slot[SLOTS - 1]};
+    const float2 u = quotient_range(weight[1], weight[0], r);
+    const float2 v = quotient_range(weight[2], weight[0], r);
     const int finest = p->grid[2];
-    const float seen = max(u.y - u.x, v.y - v.x) * finest / 3.0f;
-    const int level = clamp((as_int(seen) >> 23) - 126, 0, 15), side = finest >> level;
+    const float cells = max(u.y - u.x, v.y - v.x) * finest / 3.0f;
+    const int level = clamp((as_int(cells) >> 23) - 126, 0, 15), side = finest >> level;
     if (level && (side < LEAST_CELLS || side << level != finest)) return 0;
     // The corners turn to the viewer where the weights are negative.
-    const int first = p->grid[of[0].of[ONE] > 0.0f] + 2 * (finest * finest - side * side) / 3 +
+    const int back = weight[0].term[ONE] > 0.0f;
+    const int first = p->grid[back] + 2 * (finest * finest - side * side) / 3 +
         3 * (finest - side) + level;
     private float x[16], y[16];
     vstore16(fma(COLUMNS, r.half_width, r.x), 0, x);
@@ -70,27 +73,27 @@ inline int light_of_lattice(const Scene *s, global const PlaneEquations *p, Rect
     for (int k = 0; k < 16; k += LANES) {
         vf at[3];
         for (int i = 0; i < 3; ++i)
-            at[i] = fma(VLOAD(y + k), (vf)(of[i].of[Y]),
-                        fma(VLOAD(x + k), (vf)(of[i].of[X]), (vf)(of[i].of[ONE])));
+            at[i] = fma(VLOAD(y + k), (vf)(weight[i].term[Y]),
+                        fma(VLOAD(x + k), (vf)(weight[i].term[X]), (vf)(weight[i].term[ONE])));
         const vf scale = (float)side * reciprocal(at[0]);
-        const Vec found = baked_row(s, at[1] * scale, at[2] * scale, (vi)(first), (vi)(side));
-        VSTORE(found.x, light[0] + k);
-        VSTORE(found.y, light[1] + k);
-        VSTORE(found.z, light[2] + k);
+        const Vec c = baked_row(s, at[1] * scale, at[2] * scale, (vi)(first), (vi)(side));
+        VSTORE(c.x, light[0] + k);
+        VSTORE(c.y, light[1] + k);
+        VSTORE(c.z, light[2] + k);
     }
     return 1;
 }
 
-// Find the light of a region as an affine function of its rays, by least squares; whether it is
-// one.
+// Fit the light of a region by an affine function of its rays, by least squares; false if the light
+// is not affine.
 inline int fit_light(const Scene *s, Rectangle r, global const PlaneEquations *p, Affine *light)
 {
-    private float found[3][16];
-    if (!(least_over(p->denominator, r) > 0.0f) || !light_of_lattice(s, p, r, found)) return 0;
+    private float samples[3][16];
+    if (!(least_over(p->denominator, r) > 0.0f) || !light_of_lattice(s, p, r, samples)) return 0;
     float16 off = 0.0f;
     float sum = 0.0f, largest = 0.0f;
     for (int k = 0; k < 3; ++k) {
-        const float16 all = vload16(0, found[k]);
+        const float16 all = vload16(0, samples[k]);
         const float4 c = all.s0123 + all.s4567 + all.s89ab + all.scdef;
         const float4 d = all.s048c + all.s159d + all.s26ae + all.s37bf;
         const float mean = (c.x + c.y + c.z + c.w) / 16.0f;
@@ -107,7 +110,7 @@ inline int fit_light(const Scene *s, Rectangle r, global const PlaneEquations *p
     return most_of(max(most.lo, most.hi)) <= AFFINE_SHARE / 3.0f * sum && largest < UNEVEN_LIGHT;
 }
 
-// A map (side, side, 4) between texels.
+// Bilinear interpolation of a map (side, side, 4).
 inline float4 map_between(global const float *map, int side, float x, float y)
 {
     const int i = clamp((int)x, 0, side - 2), j = clamp((int)y, 0, side - 2);
@@ -118,8 +121,8 @@ inline float4 map_between(global const float *map, int side, float x, float y)
     return top + g * (end - top);
 }
 
-// The sky that a row of rays sees.  Its map is an octahedron's, in which a direction d of the
-// camera's space, forward, is at d.xy over the sum of its components' sizes.
+// The sky's radiance along a row of rays.  Its map is octahedral: a forward direction d in camera
+// space is at d.xy / (|d.x| + |d.y| + |d.z|).
 inline Vec sky_row(const Scene *s, const Bundle *r, Row row)
 {
     const int side = s->numbers->sky_side;

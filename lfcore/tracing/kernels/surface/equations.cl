@@ -1,5 +1,5 @@
-// A scene's surfaces and lights, and plane equations: what a triangle interpolates over a block, as
-// quotients of affine functions.
+// A scene's surfaces and lights, and plane equations: the quantities that a triangle interpolates
+// over a block, as quotients of affine functions.
 #pragma once
 #include "visibility.cl"
 
@@ -21,7 +21,7 @@ typedef struct {
     const SceneArguments *numbers;
 } Scene;
 
-// The slots of what a triangle interpolates.  Flat triangles have one normal, towards the viewer;
+// The slots of the interpolated quantities.  Flat triangles have one normal, towards the viewer;
 // colours are differences from the first corner's, so that equal corners give exactly theirs.
 enum {
     NORMAL = 0,
@@ -42,33 +42,34 @@ typedef struct {
     int grid[3];  // of baked light: first point in front and behind, and cells along an edge
 } PlaneEquations;
 
-// The quantities of a hit: slots, of which baked light replaces WEIGHT, and tangent with sign.
+// The quantities of a hit: the slots, with baked light in place of WEIGHT, and the tangent with its
+// sign.
 enum { BAKED_LIGHT = WEIGHT, TANGENT = SLOTS + BAKED, QUANTITIES = TANGENT + 4 * PHYSICAL };
 
 // A row of rays that hit one triangle.
 typedef struct {
-    vf depth, of[QUANTITIES];
+    vf depth, value[QUANTITIES];
     vi key, triangle;
     vi first, side;  // of the grid of baked light
 } SampleRow;
 
-// PlaneEquations up to `first`, in the same order, of LANES triangles.
+// The members of PlaneEquations up to `first`, in the same order, for LANES triangles.
 typedef struct { WideAffine weights, numerator, denominator, slot[SLOTS]; vf first[3]; }
     WideEquations;
 
-// Up to LANES triangles; those beyond `count` repeat one.
-typedef struct { int count, of[LANES]; } TriangleRow;
+// Up to LANES triangles; lanes beyond `count` repeat a triangle.
+typedef struct { int count, ids[LANES]; } TriangleRow;
 
-// A number of each of the triangles, which have `pitch` each.
+// Read a number per triangle, from an array with `pitch` numbers per triangle.
 inline vf read_lanes(global const float *from, const TriangleRow *triangles, int pitch)
 {
-    if (triangles->count == 1) return from[(long)triangles->of[0] * pitch];
-    private float found[LANES];
-    for (int k = 0; k < LANES; ++k) found[k] = from[(long)triangles->of[k] * pitch];
-    return VLOAD(found);
+    if (triangles->count == 1) return from[(long)triangles->ids[0] * pitch];
+    private float values[LANES];
+    for (int k = 0; k < LANES; ++k) values[k] = from[(long)triangles->ids[k] * pitch];
+    return VLOAD(values);
 }
 
-// Unit vectors along a, whose squares may overflow or underflow; 0 along 0.
+// Unit vectors along a; 0 for 0.  The squares of a may overflow or underflow.
 inline Vec directions_of(Vec a)
 {
     const Vec size = absolute3(a);
@@ -78,7 +79,7 @@ inline Vec directions_of(Vec a)
     return (Vec){a.x / length, a.y / length, a.z / length};
 }
 
-// Set up all but attributes; `e` receives the weights of the corners.
+// Set up everything except attributes; `e` receives the corners' weights.
 inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
                          WideAffine *e, WideEquations *out)
 {
@@ -90,12 +91,12 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
     shear_corners(r, v);
     out->weights = edge_functions(r, v, e);
     // The sum of the weights is negative when the corners turn towards the viewer.
-    const vi flip = LT(out->weights.of[ONE], (vf)(0.0f)) & (vi)(0x80000000);
+    const vi flip = LT(out->weights.term[ONE], (vf)(0.0f)) & (vi)(0x80000000);
     depth_functions(r, v, flip, &out->numerator, &out->denominator);
     if (!SMOOTH) {
         Vec n = directions_of(cross3(minus3(at[1], at[0]), minus3(at[2], at[0])));
         n = turn_vectors(n, ~flip & (vi)(0x80000000));
-        const vf of[3] = {n.x, n.y, n.z};
-        for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{of[k]}};
+        const vf component[3] = {n.x, n.y, n.z};
+        for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{component[k]}};
     }
 }

@@ -1,8 +1,8 @@
-// What a region of a block of one element has within the rectangle around its rays.
+// Rectangles around the rays of a region, in blocks of one element.
 #pragma once
 #include "equations.cl"
 
-// Around the region's rays, in a block of that half_extent.
+// The rectangle around the region's rays, in a block of `half_extent`.
 inline Rectangle region_rectangle(global const Region *r, float half_extent)
 {
     const float left = lowest((uint)r->columns), right = 31 - clz((uint)r->columns);
@@ -14,8 +14,8 @@ inline Rectangle region_rectangle(global const Region *r, float half_extent)
 // A lower bound of an affine function at all rays in a rectangle.
 inline float least_over(Affine f, Rectangle at)
 {
-    const float x = at.x * f.of[X], y = at.y * f.of[Y], one = f.of[ONE];
+    const float x = at.x * f.term[X], y = at.y * f.term[Y], one = f.term[ONE];
     const float error = SIDE_SLACK * (fabs(one) + fabs(x) + fabs(y));
-    const float spread = at.half_width * fabs(f.of[X]) + at.half_height * fabs(f.of[Y]);
+    const float spread = at.half_width * fabs(f.term[X]) + at.half_height * fabs(f.term[Y]);
     return one + x + y - (error + BOUND_SLACK * spread);
 }

@@ -2,13 +2,12 @@
 // a pixel's footprint, the direction in which coordinates grow, and colours: bilinear, wrapping, in
 // linear light, from one buffer of packed texels.
 //
-// A texel holds the square roots of its three linear values in 10 bits each: one load, one multiply
-// a channel to decode, and steps no coarser than those of 8-bit sRGB.
+// A texel holds the square roots of its three linear values in 10 bits each.  Decoding takes one
+// load and one multiplication per channel, and steps are no coarser than those of 8-bit sRGB.
 #pragma once
 #include "equations.cl"
 
-// Attributes of a triangle's corners: normals, texture coordinates, colours, as far as a scene has
-// them.
+// The numbers per triangle: corners' normals, texture coordinates and colours, if a scene has them.
 #define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
 
 inline float3 corner(const Scene *s, int triangle, int k)
@@ -20,7 +19,7 @@ inline global const float *attributes_of(const Scene *s, int triangle)
     return s->attributes + (long)triangle * ATTRIBUTES;
 }
 
-// A slot as a function over the block, of the weights `e` of the corners.
+// A slot as an affine function over the block, from the corners' weights `e`.
 inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
                               const WideAffine *e)
 {
@@ -33,17 +32,17 @@ inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int 
     for (int k = 2; k >= 0 && slot >= TINT; --k) at[k] -= at[0];
     WideAffine f;
     for (int k = 0; k < AFFINE_TERMS; ++k)
-        f.of[k] = at[0] * e[0].of[k] + at[1] * e[1].of[k] + at[2] * e[2].of[k];
+        f.term[k] = at[0] * e[0].term[k] + at[1] * e[1].term[k] + at[2] * e[2].term[k];
     return f;
 }
 
-// Values of any affine function at a row of rays.
+// Values of an affine function with BILINEAR at a row of rays.
 inline vf bilinear_row(Affine f, Row at)
 {
     if (OUTER == 1) return affine_row(f, at);
-    const float base = AT_OFFSETS(at.y, at.v, f.of[ONE], f.of[Y], f.of[V]);
-    const float along = fma(-at.v, f.of[BILINEAR], f.of[X]);
-    const float across = fma(at.y, f.of[BILINEAR], f.of[U]);
+    const float base = AT_OFFSETS(at.y, at.v, f.term[ONE], f.term[Y], f.term[V]);
+    const float along = fma(-at.v, f.term[BILINEAR], f.term[X]);
+    const float across = fma(at.y, f.term[BILINEAR], f.term[U]);
     return AT_OFFSETS(at.x, at.u, base, along, across);
 }
 
@@ -63,26 +62,28 @@ inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, cons
 inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, SampleRow *s)
 {
     const vf weights = affine_row(p->weights, at);
-    for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->of[k] = bilinear_row(p->slot[k], at);
-    // Seen from behind, a flat triangle's tangent turns as its normal does; smooth ones turn later.
+    for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->value[k] = bilinear_row(p->slot[k], at);
+    // Seen from behind, a flat triangle's tangent is negated with its normal; smooth ones follow
+    // later.
     const vi behind = sign_of(SMOOTH ? weights : -weights);
     for (int k = 0; k < 4 && PHYSICAL; ++k)
-        s->of[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
+        s->value[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
     if (SLOTS == COORDINATES) return;
     const vf inverse = reciprocal(weights);
-    for (int k = COORDINATES; k < TINT; ++k) s->of[k] *= inverse;
-    for (int k = TINT; k < WEIGHT; ++k) s->of[k] = fma(inverse, s->of[k], (vf)(p->first[k - TINT]));
+    for (int k = COORDINATES; k < TINT; ++k) s->value[k] *= inverse;
+    for (int k = TINT; k < WEIGHT; ++k)
+        s->value[k] = fma(inverse, s->value[k], (vf)(p->first[k - TINT]));
     for (int k = WEIGHT; k < SLOTS; ++k)
-        s->of[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
+        s->value[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
     // The corners turn to the viewer where the weights are negative.
     s->first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
     s->side = p->grid[2];
 }
 
 // Three quantities, from `first` on.
-inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->of + first); }
+inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->value + first); }
 
-// Give interpolated normals unit length, and turn them to the viewer, and tangents with them.
+// Normalise interpolated normals, and turn normals and tangents to the viewer.
 inline void turn_to_viewer(Vec direction, SampleRow *s)
 {
     Vec *n = vectors_at(s, NORMAL), *tangent = vectors_at(s, TANGENT);
@@ -92,7 +93,7 @@ inline void turn_to_viewer(Vec direction, SampleRow *s)
     if (PHYSICAL) *tangent = turn_vectors(*tangent, away);
 }
 
-// One of a material's textures, -1 without it.
+// A material's texture for a map; -1: none.
 inline int map_of(global const MaterialRecord *material, int map)
 {
     return TEXTURED ? material->maps[map] : -1;
@@ -110,7 +111,8 @@ inline int leading_map(global const MaterialRecord *material)
     return texture;
 }
 
-// A material's textures at levels whose texels are about as large as the leading one's at `level`.
+// A material's textures, at the levels with texels about as large as the leading texture's at
+// `level`.
 inline void read_maps(const Scene *s, global const MaterialRecord *material, int level, Level *maps)
 {
     const int levels = level_of(s, leading_map(material), 0).levels;
@@ -120,7 +122,7 @@ inline void read_maps(const Scene *s, global const MaterialRecord *material, int
     }
 }
 
-// What u and v gain along a triangle's edges from its first corner: of one, then of the other.
+// The differences of u and v along a triangle's two edges from its first corner.
 inline float4 coordinate_edges(const Scene *s, int triangle)
 {
     global const float *uv = attributes_of(s, triangle) + 9 * SMOOTH;
@@ -129,7 +131,7 @@ inline float4 coordinate_edges(const Scene *s, int triangle)
 
 // The mip level whose texels are about as large as a pixel's footprint at the block's centre.  The
 // footprint covers z^2 pixel^2 |D| / cos of the surface, and the sum of the weights is four times
-// the triangle's area times that cosine times |D|: area and cosine need not be known apart.
+// the triangle's area times that cosine times |D|: their product suffices.
 inline int mip_level(const Scene *s, int triangle, float weights, float footprint)
 {
     const int texture = leading_map(s->materials + s->material_ids[triangle]);
@@ -139,8 +141,8 @@ inline int mip_level(const Scene *s, int triangle, float weights, float footprin
     const float twice = fabs(edges.x * edges.w - edges.z * edges.y);
     const float area = twice * finest.width * finest.height * footprint * footprint;
     const float texels = 2.0f * area / max(fabs(weights), NOTHING_LEFT);
-    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would spill
-    // every vector register.
+    // Half the logarithm to base 2, rounded, from the exponent: a call of a logarithm would
+    // spill every vector register.
     const int level = texels > 2.0f ? ((as_int(2.0f * texels) >> 23) - 127) >> 1 : 0;
     return min(level, finest.levels - 1);
 }
@@ -159,18 +161,18 @@ inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
 }
 
-// What textures add to a triangle's plane equations: mip level and, for PHYSICAL, the tangent.
+// Add mip level and, for PHYSICAL, the tangent to a triangle's plane equations.
 inline void set_up_texture(const Scene *s, int triangle, float pixel_pitch,
                            global PlaneEquations *p)
 {
     const float3 at = corner(s, triangle, 0);
     const float3 a = corner(s, triangle, 1) - at, b = corner(s, triangle, 2) - at;
     if (PHYSICAL) {
-        const float3 n = cross_product(a, b), towards = p->weights.of[ONE] < 0.0f ? n : -n;
+        const float3 n = cross_product(a, b), towards = p->weights.term[ONE] < 0.0f ? n : -n;
         vstore4(find_tangent(s, triangle, a, b, towards), 0, p->tangent);
     }
-    const float depth = p->numerator.of[ONE] / p->denominator.of[ONE];
-    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.of[ONE], depth * pixel_pitch);
+    const float depth = p->numerator.term[ONE] / p->denominator.term[ONE];
+    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.term[ONE], depth * pixel_pitch);
 }
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)

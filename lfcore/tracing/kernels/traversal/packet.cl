@@ -1,8 +1,8 @@
 // Packets of blocks: the unit of work that one worker takes at a time.
 //
 // A packet is a square of neighbouring elements (pixels, lens samples, data cameras) times a square
-// of blocks of the inner grid.  Blocks of one element are sorted by element; a block that spans
-// several spans all of the packet.
+// of blocks of the inner grid.  Blocks of one element are sorted by element; a block of several
+// elements has all of the packet's.
 #pragma once
 #include "walk.cl"
 
@@ -13,11 +13,11 @@ typedef struct { int element; int2 at; } BlockOffset;
 
 // The rays of a job: the outer elements, and the inner grid that all of them share.
 typedef struct {
-    global const float4 *centre_rays;  // (E,) ox, oy, dx, dy; where blocks span elements, (B,)
+    global const float4 *centre_rays;  // (E,) ox, oy, dx, dy; (B,) if blocks span elements
     global const int *members;      // (B, group_side^2) the groups' elements, or -1
     float4 step;                    // sx, sy, tx, ty: per column and row of the inner grid
     float2 outer;                   // a, b: per element of a block
-    int columns, rows, first_row, end_row;  // size of the inner grid, rows that are traced
+    int columns, rows, first_row, end_row;  // size of the inner grid, traced rows
     float half_extent;              // of a block, as in Bundle
     float element_half_extent;      // of one element's part of a packet
     int group_side;                 // elements along a side of a packet
@@ -56,13 +56,13 @@ typedef struct {
     int group;                  // number of its group of elements
     global const int *members;  // (group_side^2,) elements or -1
     int2 at;                    // first column and row of the inner grid
-    uint blocks;                // a bit for each block with rays that are wanted
+    uint blocks;                // a bit per block with rays to trace
 } Packet;
 
 // First column and row of a block in the inner grid.
 inline int2 block_position(const Packet *p, int block) { return p->at + p->rays->block[block].at; }
 
-// Columns and rows of a block that lie in the inner grid and are traced.
+// The numbers of a block's columns and rows that are in the inner grid and traced.
 inline int2 block_inside(const Packet *p, int block)
 {
     const int2 grid = (int2)(p->rays->columns, p->rays->end_row);
@@ -83,7 +83,7 @@ inline float4 centre_ray_of(const Packet *p, int block)
     return p->rays->centre_rays[OUTER > 1 ? p->group : block_element(p, block, 0)];
 }
 
-// The inner rays from column and row `at` on, within that half_extent of their centre.
+// The inner rays from column and row `at` on, within `half_extent` of their centre.
 inline Bundle bundle_at(const Rays *rays, float4 centre_ray, int2 at, float half_extent)
 {
     const float2 grid = (float2)(rays->columns - 1, rays->rows - 1);

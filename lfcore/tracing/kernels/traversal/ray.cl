@@ -1,9 +1,9 @@
 // One ray against LANES triangles at once.
 //
 // The triangle test is that of S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle
-// Intersection", JCGT 2(1), 2013.  Corners are sheared onto the ray in float32; where the device
-// has doubles, the edge functions are formed in them, and a difference of two products of floats is
-// then rounded once, so that its sign is exact and nothing leaks, at edges or at vertices.
+// Intersection", JCGT 2(1), 2013.  Corners are sheared onto the ray in float32.  If the device has
+// doubles, edge functions use them: a difference of two products of floats is then rounded once, so
+// that its sign is exact and no ray leaks at edges or vertices.
 #pragma once
 #include "sweep.cl"
 
@@ -16,7 +16,7 @@
 
 typedef struct {
     float3 origin, direction;  // direction scaled to a largest component in [1, 2)
-    Sweep path;                // of its origin
+    Sweep path;                // the moving box of its origin
     int kx, ky, kz;            // axes, the last along the largest component of the direction
     float ox, oy, oz;          // the origin along these
     float sx, sy, sz;          // shear onto the last
@@ -29,7 +29,7 @@ inline float3 times_power(float3 a, int power)
     return a * as_float((127 + part) << 23) * as_float((127 + power - part) << 23);
 }
 
-// A ray of any length; its parameter is 2^exponent times that of the direction as given.
+// A ray of any length; its parameter is 2^exponent times that of the given direction.
 inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
 {
     Ray r;
@@ -52,34 +52,34 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
-// Bits of the triangles of a leaf that a ray may hit before `far`, in float32.  A triangle is missed
-// where two of its edge functions have opposite signs and exceed their rounding errors.
+// Bits of the triangles of a leaf that a ray may hit before `far`, in float32.  A triangle is
+// missed if two of its edge functions have opposite signs and exceed their rounding errors.
 inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
 {
-    vi found = 0;
+    vi hits = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         Triple x, y, time, part, e;
         for (int k = 0; k < 3; ++k) {
             const vf z = VLOAD(leaf->corner[k][r->kz] + lane) - r->oz;
-            x.of[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx] + lane) - r->ox);
-            y.of[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky] + lane) - r->oy);
-            time.of[k] = z * r->sz;
+            x.corner[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx] + lane) - r->ox);
+            y.corner[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky] + lane) - r->oy);
+            time.corner[k] = z * r->sz;
         }
         for (int k = 0; k < 3; ++k) {
             const int a = (k + 1) % 3, b = (k + 2) % 3;
-            part.of[k] = y.of[a] * x.of[b];
-            e.of[k] = fma(x.of[a], y.of[b], -part.of[k]);
+            part.corner[k] = y.corner[a] * x.corner[b];
+            e.corner[k] = fma(x.corner[a], y.corner[b], -part.corner[k]);
         }
         const vf error = fma(largest3(part), (vf)(GAMMA(3.0f)), (vf)(NOTHING_LEFT));
         const vi beside = LT(least3(e), -error) & GT(most3(e), error);
         const vi may = LE(least3(x), (vf)(0.0f)) & GE(most3(x), (vf)(0.0f)) & ~beside &
                        GE(most3(time), (vf)(0.0f)) & LE(least3(time), (vf)(far));
-        found |= may & (LANE_BITS << lane);
+        hits |= may & (LANE_BITS << lane);
     }
-    return row_any(found) ? (uint)row_or(found) : 0;
+    return row_any(hits) ? (uint)row_or(hits) : 0;
 }
 
-// Whether a ray hits one of them, when, and at which weights of its corners.
+// Whether a ray hits a triangle of a leaf; its parameter there, and the corners' weights.
 inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *time,
                          float3 *weights)
 {
@@ -97,7 +97,7 @@ inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *t
     const WIDE_TYPE sum = e[0] + e[1] + e[2];
     const int beside = min(e[0], min(e[1], e[2])) < 0 && max(e[0], max(e[1], e[2])) > 0;
     if (beside || sum == 0) return 0;
-    // Without doubles edge functions of a triangle that is seen edge-on are noise.
+    // Without doubles, the edge functions of a triangle that is seen edge-on are rounding errors.
     if (sizeof(sum) == 4 && (min(y[0], min(y[1], y[2])) > 0 || max(y[0], max(y[1], y[2])) < 0))
         return 0;
     *time = (float)((e[0] * z[0] + e[1] * z[1] + e[2] * z[2]) / sum) * r->sz;

@@ -1,6 +1,5 @@
-// Boxes that move: a ray is the box of its origin, and the shaft between hit points and a light is
-// what the box of the hit points passes as it moves along the light's direction, or shrinks to the
-// light.
+// Moving boxes: a ray is the moving box of its origin; the shaft between hit points and a light is
+// the volume that their box passes on its way along the light's direction, or into the point light.
 //
 // Source of shafts: E. A. Haines, J. R. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity",
 // 1991.
@@ -20,8 +19,8 @@ inline Sweep make_sweep(float3 lo, float3 hi, float3 rate_lo, float3 rate_hi)
     return (Sweep){lo, hi, inverse_rate(rate_lo), inverse_rate(rate_hi)};
 }
 
-// `light` is a point, reached at time 1, or the direction towards it.  The box has a margin, lest
-// an occluder be left out that rounding puts before a hit point.
+// `light` is a point, reached at time 1, or the direction towards it.  The box has a margin,
+// because rounding may move an occluder in front of a hit point.
 inline Sweep make_shaft(float3 light, int is_point, const Box *box)
 {
     const float3 lo = vload3(0, box->lo), hi = vload3(0, box->hi);
@@ -31,11 +30,12 @@ inline Sweep make_shaft(float3 light, int is_point, const Box *box)
                       light - (is_point ? hi : 0.0f));
 }
 
-// Mask of LANES ranges that the box overlaps before `until`; `near` receives when it begins to.
+// Mask of LANES ranges that the box overlaps before `until`; `near` receives the
+// time at which the overlap begins.
 inline vi sweep_overlaps_ranges(const Sweep *s, const Ranges *ranges, float until, vf *near)
 {
     vf from = 0.0f, to = until;
-    vi miss = GT(ranges->low[0], ranges->high[0]);  // of an empty child of a node
+    vi miss = GT(ranges->low[0], ranges->high[0]);  // an empty child of a node
     for (int k = 0; k < 3; ++k) {
         const float rise = axis(s->inverse_hi, k), leave = axis(s->inverse_lo, k);
         const vf above = ranges->low[k] - axis(s->hi, k);

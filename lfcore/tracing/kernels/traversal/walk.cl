@@ -6,7 +6,7 @@
 // Level Ray Tracing Algorithm", SIGGRAPH 2005; of packets: I. Wald et al., "Interactive Rendering
 // with Coherent Ray Tracing", Eurographics 2001.
 #pragma once
-#include "cut_outs.cl"
+#include "alpha_test.cl"
 #include "ray.cl"
 
 typedef struct {
@@ -14,7 +14,7 @@ typedef struct {
     global const int *children;  // (K, 16) a node, or -1 - a leaf
     global const Leaf *leaves;   // (L,)
     global const int *leaf_ids;  // (L, 16) triangles
-    CutOuts cut_outs;            // of the triangles that have holes
+    AlphaTests alpha_tests;      // of triangles with holes
 } Tree;
 
 // The numbers of a leaf's triangles from `lane` on.
@@ -26,9 +26,9 @@ inline global const int *triangle_ids(const Tree *tree, int leaf, int lane)
 // Candidates: leaves with their boxes.
 #define LIST 64
 typedef struct { Boxes boxes[LIST / NODE_WIDTH]; int leaf[LIST]; } ListedLeaves;
-typedef struct { global ListedLeaves *of; int count; } LeafList;
+typedef struct { global ListedLeaves *leaves; int count; } LeafList;
 
-// A frustum is, along x and along y, the interval that a set of rays reaches at depth z,
+// A frustum: the intervals of x and of y, at depth z, that a set of rays reaches,
 //     [o_lo + z d_lo - |h + z g| - |hu + z gu|, o_hi + z d_hi + |h + z g| + |hu + z gu|]
 // of centre rays o + z d and half extents h + z g (inner grid), hu + z gu (a block's elements).
 // The upper bound is convex in z, the lower one concave: the ends of a box's depth range suffice.
@@ -56,7 +56,7 @@ inline Frustum make_frustum(const Bundle *lo, const Bundle *hi)
     return (Frustum){widened(x, hu, gu), widened(y, hu, gu), hu, gu};
 }
 
-// Half of what an axis spans at depth z.
+// Half the extent along an axis at depth z.
 inline vf half_span(vf z, float h, float g, float hu, float gu)
 {
     const vf inner = fabs(fma(z, (vf)(g), (vf)(h)));
@@ -83,27 +83,29 @@ inline vi frustum_overlaps(const Frustum *f, global const Boxes *boxes, int lane
              LE(z1, (vf)(0.0f)) | GT(z_lo, (vf)(z_far)));
 }
 
-// The volume that a walk is for is a frustum or a sweep; only single rays need leaves `sorted`:
-// 2 if they are parallel to no side of a box.
+// The volume of a walk, a frustum or a sweep.  Only single rays need `sorted` leaves: 1, or 2 if
+// they are parallel to no side of a box.
 typedef struct { const Frustum *frustum; const Sweep *sweep; int sorted; } Volume;
 
-// Children still to visit: where each begins, bits that compare as floats do unless both are
-// negative, above its index in the tree's arrays.  A level leaves at most all but one of a node's.
+// The children to visit.  An entry has the depth at which a child begins in its upper half (the
+// bits of a float, which compare as floats unless both are negative) and the child's index in the
+// lower.  Each level adds at most NODE_WIDTH - 1 entries.
 #define STACK ((NODE_WIDTH - 1) * MOST_LEVELS + 1)
 #define ROOT -1
-typedef struct { long of[STACK]; int size; } Stack;
+typedef struct { long entry[STACK]; int size; } Stack;
 
 inline void start_walk(Stack *stack)
 {
-    stack->of[0] = (uint)ROOT;
+    stack->entry[0] = (uint)ROOT;
     stack->size = 1;
 }
 
-// Bits of the children of a node that the volume overlaps before `far`, and where each begins.
+// Bits of a node's children that the volume overlaps before `far`, and the depths at which they
+// begin.
 inline uint overlapping_children(const Tree *tree, const Volume *volume, int node, float far,
                           private float *near)
 {
-    vi found = 0;
+    vi overlapped = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
         global const Boxes *boxes = tree->boxes + node;
         vf begin = VLOAD(boxes->low[2] + lane);
@@ -112,9 +114,9 @@ inline uint overlapping_children(const Tree *tree, const Volume *volume, int nod
             : volume->sweep ? sweep_overlaps(volume->sweep, boxes, lane, far, &begin)
                             : frustum_overlaps(volume->frustum, boxes, lane, far);
         VSTORE(begin, near + lane);
-        found |= overlaps & (LANE_BITS << lane);
+        overlapped |= overlaps & (LANE_BITS << lane);
     }
-    return row_or(found);
+    return row_or(overlapped);
 }
 
 // Put children on the stack, the nearest on top.
@@ -127,9 +129,9 @@ inline void push_children(const Volume *volume, int node, uint bits, private con
         bits ^= 1u << lane;
         const long child = upsample(as_int(near[lane]), (uint)(node * NODE_WIDTH + lane));
         int at = stack->size++;
-        for (; volume->sorted && at > base && stack->of[at - 1] < child; --at)
-            stack->of[at] = stack->of[at - 1];
-        stack->of[at] = child;
+        for (; volume->sorted && at > base && stack->entry[at - 1] < child; --at)
+            stack->entry[at] = stack->entry[at - 1];
+        stack->entry[at] = child;
     }
 }
 
@@ -138,7 +140,7 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
 {
     private float near[NODE_WIDTH];
     while (stack->size) {
-        const long top = stack->of[--stack->size];
+        const long top = stack->entry[--stack->size];
         if ((int)(top >> 32) > as_int(far)) continue;
         const int child = (int)top, node = child == ROOT ? 0 : tree->children[child];
         if (node < 0) return -1 - node;
@@ -153,13 +155,13 @@ inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Sta
                           LeafList *list)
 {
     for (int leaf; list->count < LIST && (leaf = next_leaf(tree, volume, far, stack)) >= 0;) {
-        const int at = list->count++, child = (int)stack->of[stack->size];
+        const int at = list->count++, child = (int)stack->entry[stack->size];
         global const Boxes *from = tree->boxes + child / NODE_WIDTH;
-        global Boxes *to = list->of->boxes + at / NODE_WIDTH;
+        global Boxes *to = list->leaves->boxes + at / NODE_WIDTH;
         for (int k = 0; k < 3; ++k) {
             to->low[k][at % NODE_WIDTH] = from->low[k][child % NODE_WIDTH];
             to->high[k][at % NODE_WIDTH] = from->high[k][child % NODE_WIDTH];
         }
-        list->of->leaf[at] = leaf;
+        list->leaves->leaf[at] = leaf;
     }
 }

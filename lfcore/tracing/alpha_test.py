@@ -1,4 +1,4 @@
-"""Triangles with holes, packed for the kernels: where the alpha of a texture cuts them out."""
+"""The alpha test of triangles with holes, packed for the kernels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from lfcore.scene.model import Scene
     from lfcore.scene.needs import Needs
 
-CUT_OUT = np.dtype([
+ALPHA_TEST = np.dtype([
     ("u", np.float32, 4),  # of a point P on the triangle u = n . P + c: n, c
     ("v", np.float32, 4),
     ("offset", np.int32),  # of the picture in the alphas
@@ -20,32 +20,36 @@ CUT_OUT = np.dtype([
 ])  # fmt: skip
 """The record of a triangle with holes."""
 SLACK = 0.01
-"""Of an alpha's code: what interpolation between equal texels rounds is far less."""
+"""The tolerance of the test, in codes: far above the rounding errors of interpolation."""
 
 
-def pack_cut_outs(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
-    """Arrays for ``traversal/cut_outs.cl``; all empty without cut-outs.
+def pack_alpha_tests(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
+    """Arrays for ``traversal/alpha_test.cl``; all empty without alpha tests.
 
-    ``cut_out_of`` (T,) int32 is the record of a triangle, -1 without holes; ``cut_outs`` (C,)
-    CUT_OUT; ``alpha`` (A,) uint8, the pictures one after the other.
+    ``alpha_test_of`` (T,) int32 is the record of a triangle, -1 without holes; ``alpha_tests`` (C,)
+    ALPHA_TEST; ``alpha`` (A,) uint8, the pictures one after the other.
     """
-    if not needs.cut_outs:
-        empty: dict[str, Any] = {"cut_out_of": np.int32, "cut_outs": CUT_OUT, "alpha": np.uint8}
+    if not needs.alpha_tests:
+        empty: dict[str, Any] = {
+            "alpha_test_of": np.int32,
+            "alpha_tests": ALPHA_TEST,
+            "alpha": np.uint8,
+        }
         return {name: np.zeros(0, dtype) for name, dtype in empty.items()}
-    cut = np.array([scene.is_cut_out(material) for material in scene.every_material])
-    numbers = np.flatnonzero(cut[scene.material_ids])
-    of = np.full(scene.triangle_count, -1, np.int32)
-    of[numbers] = np.arange(len(numbers))
+    is_tested = np.array([scene.has_alpha_test(material) for material in scene.every_material])
+    numbers = np.flatnonzero(is_tested[scene.material_ids])
+    record_of = np.full(scene.triangle_count, -1, np.int32)
+    record_of[numbers] = np.arange(len(numbers))
     offsets, pictures, at = {}, [], 0
     for material in scene.every_material:
-        if scene.is_cut_out(material) and material.texture not in offsets:
+        if scene.has_alpha_test(material) and material.texture not in offsets:
             picture = scene.textures[material.texture][..., 3]
             offsets[material.texture] = at
             pictures.append(picture.ravel())
             at += picture.size
-    materials = np.zeros(len(scene.every_material), CUT_OUT)
+    materials = np.zeros(len(scene.every_material), ALPHA_TEST)
     for record, material in zip(materials, scene.every_material, strict=True):
-        if scene.is_cut_out(material):
+        if scene.has_alpha_test(material):
             record["offset"] = offsets[material.texture]
             record["height"], record["width"] = scene.textures[material.texture].shape[:2]
             record["least"] = 255 * material.alpha_cutoff - SLACK
@@ -53,7 +57,7 @@ def pack_cut_outs(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
     u, v = _coordinates(scene.triangles[numbers], scene.uvs[numbers])
     records["u"], records["v"] = u, v
     alpha = np.concatenate([np.zeros(0, np.uint8), *pictures])
-    return {"cut_out_of": of, "cut_outs": records, "alpha": alpha}
+    return {"alpha_test_of": record_of, "alpha_tests": records, "alpha": alpha}
 
 
 def _coordinates(triangles: np.ndarray, uvs: np.ndarray) -> list[np.ndarray]:
@@ -66,12 +70,12 @@ def _coordinates(triangles: np.ndarray, uvs: np.ndarray) -> list[np.ndarray]:
     n = np.cross(a, b)
     along_a, along_b = np.cross(b, n), np.cross(n, a)
     area = (n**2).sum(1, keepdims=True)
-    found, most = [], np.finfo(np.float32).max
+    functions, most = [], np.finfo(np.float32).max
     for k in (0, 1):
         corner = uvs[..., k].astype(np.float64)
         rise = corner[:, 1:] - corner[:, :1]
         gradient = (rise[:, :1] * along_a + rise[:, 1:] * along_b) / area
         constant = corner[:, 0] - np.floor(corner[:, 0]) - (gradient * p).sum(1)
         affine = np.concatenate([gradient, constant[:, None]], 1)
-        found.append(np.clip(affine, -most, most).astype(np.float32))
-    return found
+        functions.append(np.clip(affine, -most, most).astype(np.float32))
+    return functions
