@@ -1,4 +1,4 @@
-"""Which rays to choose: a quality in dB, and the rays, seconds and bytes that it takes.
+"""The choice of rays: qualities in dB, and the rays, seconds and bytes that they cost.
 
 Each quality is recorded by :func:`lfcore.record`, which chooses the rays, and compared with
 the thesis's recipe: one ray per pixel of each of N x N views.
@@ -29,10 +29,10 @@ COLUMNS = (
     "read_seconds", "expected_db", "psnr_traced_db", "psnr_true_db", "worst_plane_m",
     "truth_known_db", "rays_share", "seconds_share", "size_share",
 )  # fmt: skip
-"""The last three are fractions of the scene's first row, the thesis's recipe."""
+"""The columns; the last three are fractions of the scene's first row, the thesis's recipe."""
 SHARES = {"rays_share": "rays", "seconds_share": "seconds", "size_share": "bytes"}
 MOST_RAYS = 65536
-"""The budget in rays per pixel: hard scenes take long instead of failing."""
+"""The budget in rays per pixel: large, so that hard scenes take long instead of failing."""
 
 
 def thesis_row(
@@ -70,24 +70,24 @@ def chosen_row(
         problem = f"{scene.name}: {error.problem}"
         raise SettingsError(problem, key=key, remedy=error.remedy) from None
     with lfcore.LightField.open(path) as field:
-        read = partial(field.refocus_many, planes, device=device)
-        retrieved, read_seconds = clocked_warm(read, programs_made, clock=core_clock(device))
+        read_planes = partial(field.refocus_many, planes, device=device)
+        retrieved, read_seconds = clocked_warm(read_planes, programs_made, clock=core_clock(device))
         slab, content = field.require_slab(), field.metadata.content
     lattice = Lattice(slab.views, slab.pixels / size.longer)
     tracer = open_tracer(scene, device)
     traced = pictures_by_depth(tracer, scene.camera, planes, size, lattice)
-    made = point(
+    measured = point(
         reference, retrieved, rays=slab.rays, method=BY_DEPTH, setting=str(lattice),
         expected_db=content["expected"]["db"], record_seconds=seconds, seconds=read_seconds,
         bytes=Path(path).stat().st_size,
     )  # fmt: skip
-    return _row(scene.name, reference, traced, made) | {"quality_db": quality_db}
+    return _row(scene.name, reference, traced, measured) | {"quality_db": quality_db}
 
 
-def _row(scene: str, reference: Reference, traced: np.ndarray, made: Mapping) -> dict:
-    """The row of a point of error against run time: its time is that of recording."""
-    row = {**made, "scene": scene, "M": reference.size.as_given, "lattice": made["setting"]}
-    row |= {"seconds": made["record_seconds"], "read_seconds": made["seconds"]}
+def _row(scene: str, reference: Reference, traced: np.ndarray, measured: Mapping) -> dict:
+    """The row of a point of error against run time, with the seconds of recording."""
+    row = {**measured, "scene": scene, "M": reference.size.as_given, "lattice": measured["setting"]}
+    row |= {"seconds": measured["record_seconds"], "read_seconds": measured["seconds"]}
     row["psnr_traced_db"] = min(reference.psnr(traced))
     return {name: row.get(name) for name in COLUMNS}
 

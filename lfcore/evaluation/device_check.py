@@ -2,7 +2,7 @@
 
     python -m lfcore.evaluation.device_check "part of a device's name"
 
-prints what is wrong, or nothing.  A driver that compiles wrongly may end the process.
+prints the first error, or nothing.  A faulty driver may end the process.
 """
 
 import subprocess
@@ -23,39 +23,41 @@ from lfcore.scene.model import Scene
 from lfcore.scene.surface_mesh import Surface
 
 LONGEST_S = 600
+"""The time limit of a check, seconds."""
 ROUNDINGS = 16
-"""The error of a depth, and the distance to an edge at which a hit is decided, both as in
-docs/stability.md, in units of 2^-24."""
+"""The error bound of depths, and the distance to edges within which hits are ambiguous, in units of
+2^-24, as in docs/stability.md."""
 UNLIKE = 0.01
+"""The least difference of wrong colours, of 1."""
 AT_SHADOWS = 2e-3
-"""The share of rays that pass a shadow's edge too closely to be decided."""
+"""The largest share of rays near a shadow's edge, where colours are ambiguous."""
 
 
 def check_apart(name: str) -> str:
-    """What is wrong with the device of that name, and the remedy; empty if nothing is."""
+    """The first error of the device of that name, and the remedy; empty without errors."""
     problem = _problem(name)
     return problem and f"{problem}. {UPDATE}"
 
 
 def _problem(name: str) -> str:
     try:
-        found = subprocess.run(command(name), capture_output=True, text=True, timeout=LONGEST_S)
+        result = subprocess.run(command(name), capture_output=True, text=True, timeout=LONGEST_S)
     except subprocess.TimeoutExpired:
-        return f"does not end within {LONGEST_S} s"
-    if found.returncode < 0:
-        return f"ends the process by signal {-found.returncode}"
-    if found.returncode:
-        return (found.stderr.strip().splitlines() or ["ends the process"])[-1]
-    return found.stdout.strip()
+        return f"does not finish within {LONGEST_S} s"
+    if result.returncode < 0:
+        return f"ends the process by signal {-result.returncode}"
+    if result.returncode:
+        return (result.stderr.strip().splitlines() or ["ends the process"])[-1]
+    return result.stdout.strip()
 
 
 def command(name: str) -> list[str]:
-    """What checks the device of that name in a process of its own."""
+    """The command that checks the device of that name in a separate process."""
     return [sys.executable, "-m", __name__, name]
 
 
 def check(device: Device) -> str:
-    """What is wrong with an open device; empty if nothing is."""
+    """The first error of an open device; empty without errors."""
     scene = _scene()
     slab, tracer = Slab(scene.camera, 16, 12), open_tracer(scene, device)
     pixels = all_pixels(slab)
@@ -63,21 +65,21 @@ def check(device: Device) -> str:
     triangle, depth = (part.reshape(-1) for part in tracer.slab_hits(slab, pixels))
     clear, hit = truth.clear(ROUNDINGS), truth.triangle >= 0
     wrong = clear & (triangle != truth.triangle)
-    off = np.abs(depth[hit] / truth.t[hit] - 1)
-    wrong[hit] |= clear[hit] & ~(off < ROUNDINGS * 2.0**-24 * truth.grazing[hit])
+    depth_error = np.abs(depth[hit] / truth.t[hit] - 1)
+    wrong[hit] |= clear[hit] & ~(depth_error < ROUNDINGS * 2.0**-24 * truth.grazing[hit])
     if wrong.any():
         return f"{wrong.sum()} of {len(wrong)} hits are wrong"
     rays = bundles.macropixels(slab, pixels)
     expected = shade(scene, rays.rays()[1].reshape(-1, 3), truth)
-    found = np.clip(tracer.bundle_radiance(rays, pixels).reshape(-1, 3), 0, 1)
-    unlike = clear & ~(np.abs(found - expected).max(1) < UNLIKE)
+    colours = np.clip(tracer.bundle_radiance(rays, pixels).reshape(-1, 3), 0, 1)
+    unlike = clear & ~(np.abs(colours - expected).max(1) < UNLIKE)
     if unlike.sum() > AT_SHADOWS * len(unlike):
         return f"{unlike.sum()} of {len(unlike)} colours are wrong"
     return ""
 
 
 def _scene() -> Scene:
-    """Random triangles before a wall, in the light of a lamp."""
+    """Random triangles before a wall, lit by a point light."""
     rng = np.random.default_rng(3)
     middle = rng.uniform([-0.7, -0.7, 0.8], [0.7, 0.7, 3.0], (40, 1, 3))
     wall = [[[-9, -9, 4], [9, -9, 4], [9, 9, 4]], [[-9, -9, 4], [9, 9, 4], [-9, 9, 4]]]

@@ -87,10 +87,10 @@ THESIS_PIXELS = 512
 
 @dataclass(frozen=True)
 class Panel:
-    """A column of one of the thesis's tables over N: ours, and the thesis's.
+    """A column of a table over N: this program's values and the thesis's.
 
-    ``per_ray`` is None, or the factor of the value divided by the rays N^2 M^2: only such values
-    are comparable across M.  ``of_thesis`` is whether the thesis has the column.
+    ``per_ray`` is None, or a factor of the value divided by the rays N^2 M^2: only such values are
+    comparable across M.  ``of_thesis``: the thesis has the column.
     """
 
     label: str
@@ -122,8 +122,8 @@ PANELS = {
 def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     """Columns of a table over N, one curve per scene, the thesis's dashed.
 
-    Values that are not per ray depend on M: where M is not the thesis's 512, its curves have axes
-    of their own.  ``table`` has ``scene``, ``N``, ``M`` and the panels' columns; missing and
+    Values that are not per ray depend on M: where M is not the thesis's 512, its curves have
+    separate axes.  ``table`` has ``scene``, ``N``, ``M`` and the panels' columns; missing and
     infinite points are left out.
     """
     (pixels,) = table.M.unique().tolist()
@@ -138,20 +138,20 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     axes = np.atleast_1d(figure.subplots(1, len(drawn)))
     titles = {"ours": f"M = {pixels}", "thesis": f"the thesis, M = {THESIS_PIXELS}"}
     titles["both"] = f"M = {pixels}; dashed: the thesis, M = {THESIS_PIXELS}"
-    for axis, (panel, whose) in zip(axes, drawn, strict=True):
+    for axis, (panel, source) in zip(axes, drawn, strict=True):
         for index, (scene, rows) in enumerate(table.groupby("scene", sort=False)):
-            if whose != "thesis":
+            if source != "thesis":
                 ours = panel.values(rows, panel.column, pixels)
                 _curve(axis, rows.N, ours, "o-", f"C{index}", str(scene))
-            if whose != "ours":
+            if source != "ours":
                 thesis = panel.values(rows, f"thesis_{panel.column}", THESIS_PIXELS)
-                label = str(scene) if whose == "thesis" else None
+                label = str(scene) if source == "thesis" else None
                 _curve(axis, rows.N, thesis, "x--", f"C{index}", label)
         if panel.per_ray is not None:
             axis.set_yscale("log")
         views_axis(axis, table.N)
         axis.set_ylabel(panel.label)
-        axis.set_title(titles[whose], fontsize=9)
+        axis.set_title(titles[source], fontsize=9)
     axes[0].legend()
     return figure
 

@@ -1,6 +1,6 @@
 """One page over all tables and figures, self-contained: it opens from disk and can be mailed.
 
-The page knows no section by name.  Captions are reStructuredText with Jinja expressions, as in
+The page has no built-in sections.  Captions are reStructuredText with Jinja expressions, as in
 Snakemake's reports.
 """
 
@@ -21,7 +21,7 @@ from lfcore.files import write_text
 
 HERE = Path(__file__).parent
 MOST_ROWS = 20
-"""The rows of a table that is not folded: the thesis's have 18."""
+"""The most rows of an unfolded table: the thesis's have 18."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def write_page(
     cannot be read.
     """
     folder, viewers = Path(path).parent, list(viewers)
-    if left := _left_over(Path(path), sections, viewers):
-        facts = {**facts, "of earlier runs, not shown": ", ".join(left)}
+    if left_over := _left_over(Path(path), sections, viewers):
+        facts = {**facts, "of earlier runs, not shown": ", ".join(left_over)}
     template = jinja2.Template(
         (HERE / "page.html").read_text(encoding="utf-8"), autoescape=True,
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -76,30 +76,30 @@ def write_page(
 
 
 def _left_over(page: Path, sections: Sequence[Section], viewers: Sequence[Path]) -> list[str]:
-    """The tables, figures and pages in the page's folder that another configuration has made."""
+    """The tables, figures and pages of other configurations in the page's folder."""
     tables = [section.table for section in sections if section.table]
     figures = [file for section in sections for file in section.figures.values()]
     names = {page.name, *(file.name for file in (*tables, *figures, *viewers))}
-    # A table has one in Markdown, and may have one of its cases.
+    # A table also has a Markdown file, and may have a table of its cases.
     names |= {f"{file.stem}{end}" for file in tables for end in (".md", "_cases.csv")}
-    found = (file for end in ("csv", "md", "png", "html") for file in page.parent.rglob(f"*.{end}"))
-    return sorted(file.relative_to(page.parent).as_posix() for file in found
+    files = (file for end in ("csv", "md", "png", "html") for file in page.parent.rglob(f"*.{end}"))
+    return sorted(file.relative_to(page.parent).as_posix() for file in files
                   if file.name not in names)  # fmt: skip
 
 
 def write_markdown_tables(
     paths: Iterable[str | Path], sections: Iterable[Section], config: Mapping[str, object]
 ) -> None:
-    """Write the table of each section that has one to the next of ``paths``, with its caption.
+    """Write each section's table to the next of ``paths``, with its caption.
 
     Raises :class:`ValueError` unless there is a path for every table; otherwise as
     :func:`write_page`.
     """
-    tables = [(one, one.table) for one in sections if one.table is not None]
-    for path, (section, table) in zip(paths, tables, strict=True):
-        found = pd.read_csv(table)
-        caption = fill(section.caption, config, found)
-        write_markdown(path, found, title=section.title, caption=caption)
+    with_table = [section for section in sections if section.table is not None]
+    for path, section in zip(paths, with_table, strict=True):
+        values = pd.read_csv(section.table)
+        caption = fill(section.caption, config, values)
+        write_markdown(path, values, title=section.title, caption=caption)
 
 
 def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _shown(section: Section, folder: Path, config: Mapping[str, object]) -> dict
             (name, "number" * (name.removesuffix(" (thesis)") in numbers)) for name in text.columns
         ],
         "rows": text.to_numpy().tolist(),
-        "files": [one.name for one in files if one.parent == folder and one.exists()],
+        "files": [file.name for file in files if file.parent == folder and file.exists()],
     }
 
 
@@ -130,8 +130,8 @@ def _varied(text: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
         for name in text.columns[1:]
         if len(text) > 1 and text[name].nunique() == 1
     }
-    known = {name: value for name, value in same.items() if value != UNKNOWN}
-    return text.drop(columns=list(same)), known
+    shared = {name: value for name, value in same.items() if value != UNKNOWN}
+    return text.drop(columns=list(same)), shared
 
 
 def _data_url(picture: Path) -> str:
@@ -150,7 +150,7 @@ def fill(text: str, config: Mapping[str, object], table: pd.DataFrame | None = N
 def to_html(text: str, config: Mapping[str, object], table: pd.DataFrame | None = None) -> str:
     """HTML of a filled-in caption, without raw HTML or included files.
 
-    Raises :class:`docutils.utils.SystemMessage` for reStructuredText with a mistake.
+    Raises :class:`docutils.utils.SystemMessage` for invalid reStructuredText.
     """
     parts = docutils.core.publish_parts(
         fill(text, config, table),

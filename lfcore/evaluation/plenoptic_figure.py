@@ -15,7 +15,7 @@ from lfcore.tracing.tracer import Tracer
 
 PANEL_PX = 384
 LENSES_SHOWN = 24
-"""Microlenses per side of the detail, in which each is visible."""
+"""The microlenses per side of the detail, in which each is visible."""
 INSET = 2
 """The distance of the two views from the left and right end of the lens, in samples."""
 
@@ -28,8 +28,10 @@ def take(
 
     Raises :class:`OpticsError` for counts that make no camera, or a focus inside the focal length.
     """
-    own = tracer.scene.camera
-    camera = PlenopticCamera(focused_camera(own, SensorPlane.of(own, focus_m)), lenses, samples)
+    scene_camera = tracer.scene.camera
+    camera = PlenopticCamera(
+        focused_camera(scene_camera, SensorPlane.of(scene_camera, focus_m)), lenses, samples
+    )
     return camera, photograph(tracer, camera)
 
 
@@ -61,6 +63,6 @@ def panels(
 
 
 def plenoptic_sheet(path: str | Path, rows: Sequence[list[Cell]]) -> None:
-    """A row per photograph, as :func:`panels` gives them; all panels of one size."""
+    """A row per photograph, of :func:`panels`; all panels have one size."""
     cells = [(shrunk(picture, PANEL_PX), label) for row in rows for picture, label in row]
     contact_sheet(path, cells, len(rows[0]), panel_px=PANEL_PX)

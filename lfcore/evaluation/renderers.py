@@ -1,9 +1,8 @@
 """The same picture by other ray tracers: POV-Ray and Mitsuba 3 (thesis figure 4.5).
 
 Each renders the exported scene through the same lens with the same number of rays per pixel, on
-one thread; lfcore also with more rays, spread over the pixels.  Errors are against a reference of
-lfcore with far more rays, spread over pixel and lens.  A renderer that is not installed has a row
-with the reason.
+one thread; lfcore also with more rays, spread over the pixels.  The reference is lfcore's, with
+far more rays, spread over pixel and lens.  A missing renderer has a row with the reason.
 """
 
 import functools
@@ -31,18 +30,20 @@ from lfcore.scene.povray import FILE, write_mesh, write_view
 from lfcore.timing import clocked_warm
 from lfcore.tracing.tracer import Tracer
 
-REFERENCE_VIEWS, REFERENCE_PLACES = 20, 4
-"""The reference's lens samples, and places per pixel, per side: 6400 rays."""
+REFERENCE_VIEWS = 20
+"""The reference's lens samples per side."""
+REFERENCE_PLACES = 4
+"""The reference's places per pixel side: with 20 x 20 lens samples, 6400 rays per pixel."""
 PLACES = 3
 TIMEOUT_S = 600
 ZOOM = 4
-"""The detail is a square of 1/4 of the picture's side."""
+"""The enlargement of the detail, a square of 1/4 of the picture's side."""
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A picture (M, M, 3), linear light, its rays per pixel and the seconds of rendering; or, where
-    ``picture`` is None, the reason."""
+    """A picture (M, M, 3), linear light, its rays per pixel and the seconds of rendering; if
+    ``picture`` is None, ``note`` has the reason."""
 
     method: str
     picture: np.ndarray | None
@@ -61,7 +62,7 @@ def compare(
     """Rows of the table, and all pictures of each focus distance.
 
     ``views`` squared is the number of rays per pixel.  ``tracer`` should have one thread, as the
-    others have.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
+    other renderers.  PSNR and SSIM are of sRGB codes that are not rounded, peak 255.
     """
     rows, all_rendered = [], []
     scene = tracer.scene
@@ -74,17 +75,17 @@ def compare(
         truth = spread_picture(tracer, plane, pixels, REFERENCE_VIEWS, REFERENCE_PLACES)
         rendered = [method(plane, pixels, views) for method in methods]
         facts = {"scene": scene.name, "M": pixels, "focus_m": focus}
-        rows += [facts | _row(one, truth) for one in rendered]
+        rows += [facts | _row(result, truth) for result in rendered]
         all_rendered.append(rendered)
     return rows, all_rendered
 
 
-def _row(one: Rendered, truth: np.ndarray) -> dict:
-    found: dict = dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
-    if one.picture is not None:
-        found |= picture_quality([one.picture], [truth]) | {"seconds": one.seconds}
-        found["mrays_per_second"] = truth.shape[0] ** 2 * one.rays / one.seconds / 1e6
-    return {"method": one.method, "rays_per_pixel": one.rays, **found, "note": one.note}
+def _row(result: Rendered, truth: np.ndarray) -> dict:
+    measured: dict = dict.fromkeys(("psnr_db", "ssim", "seconds", "mrays_per_second"))
+    if result.picture is not None:
+        measured |= picture_quality([result.picture], [truth]) | {"seconds": result.seconds}
+        measured["mrays_per_second"] = truth.shape[0] ** 2 * result.rays / result.seconds / 1e6
+    return {"method": result.method, "rays_per_pixel": result.rays, **measured, "note": result.note}
 
 
 def spread_picture(
@@ -110,52 +111,52 @@ def _ours(tracer: Tracer, places: int, plane: SensorPlane, pixels: int, views: i
     return _timed(work, method, (places * views) ** 2, note)
 
 
-def or_left_out(name: str, render: Callable[..., Rendered], *given: object) -> Rendered:
-    """The picture of a renderer, or why it is not installed, or cannot show the scene."""
+def or_left_out(name: str, render: Callable[..., Rendered], *arguments: object) -> Rendered:
+    """The picture of a renderer, or a row with the reason why there is none."""
     try:
-        return render(*given)
+        return render(*arguments)
     except (NotRenderedError, SceneError) as error:
         return Rendered(name, None, note=f"left out: {error}")
 
 
 @functools.lru_cache(1)  # pictures of one scene follow each other
 def _mesh_folder(scene: Scene) -> tempfile.TemporaryDirectory:
-    """Where POV-Ray finds the scene's mesh."""
+    """The folder of the scene's mesh for POV-Ray."""
     folder = tempfile.TemporaryDirectory(prefix="povray-")
     write_mesh(folder.name, scene)
     return folder
 
 
 def povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
-    """POV-Ray's picture.  Seconds are its own, without parsing."""
+    """POV-Ray's picture.  Seconds are its measurement, without parsing."""
     program = shutil.which("povray")
     if program is None:
         raise NotRenderedError("povray is not installed")
     folder = Path(_mesh_folder(scene).name)
     rays = views**2
     write_view(folder, scene, focused_camera(scene.camera, plane), samples=rays)
-    made = folder / "out.png"
-    made.unlink(missing_ok=True)
+    output = folder / "out.png"
+    output.unlink(missing_ok=True)
     # 16-bit PNG without a gamma curve: linear light.
     command = [
         program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
-        f"+O{made.name}", "-D", "-A",
+        f"+O{output.name}", "-D", "-A",
     ]  # fmt: skip
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, errors="replace",
             check=False, timeout=TIMEOUT_S,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NotRenderedError(f"povray does not run here: {error}") from None
-    found = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", done.stderr)
-    if done.returncode or not found:
-        raise NotRenderedError(f"povray failed: {' '.join(done.stderr.split())[-200:]}")
-    codes = read_picture(made)
-    version = re.search(r"POV-Ray ([\d.]+)", done.stderr)
+    seconds = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", process.stderr)
+    if process.returncode or not seconds:
+        raise NotRenderedError(f"povray failed: {' '.join(process.stderr.split())[-200:]}")
+    codes = read_picture(output)
+    version = re.search(r"POV-Ray ([\d.]+)", process.stderr)
     picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
     note = f"POV-Ray {version[1].rstrip('.') if version else ''}, its own lens points"
-    return Rendered("POV-Ray", picture, rays, float(found[1]), note)
+    return Rendered("POV-Ray", picture, rays, float(seconds[1]), note)
 
 
 def mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
@@ -184,9 +185,9 @@ def renderers_sheet(
 
     cells: list[Cell] = []
     for focus, row in zip(focus_m, rendered, strict=True):
-        made = [(one.method, one.picture) for one in row if one.picture is not None]
-        cells += [(picture, f"{method}, {focus:.3g} m") for method, picture in made]
-        for _, picture in made:
+        pictures = [(result.method, result.picture) for result in row if result.picture is not None]
+        cells += [(picture, f"{method}, {focus:.3g} m") for method, picture in pictures]
+        for _, picture in pictures:
             part = len(picture) // ZOOM
             detail = enlarged(picture, (len(picture) - part) // 2, part, len(picture))
             cells.append((detail, "detail"))

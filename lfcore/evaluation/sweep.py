@@ -57,7 +57,7 @@ def sweep_rows(
             for case, end in ends.items():  # the last frames are encoded
                 with watch.part(case):
                     end.close()
-        assert tracing.plane_sums is not None  # of a tracing that has ended
+        assert tracing.plane_sums is not None  # the tracing has ended
         return tracing.plane_sums
 
     with draft_folder(folder / "sweep") as work:
@@ -84,15 +84,15 @@ def _retrieved(
     tracer: Tracer, file: Path, planes: Sequence[SensorPlane], pictures: np.ndarray, rays: int
 ) -> dict[str, float]:
     """Columns of a light field file of so many rays, whose planes should be ``pictures``."""
-    read = form_planes(LightFieldFile.open(file), planes, threads=1, device=tracer.device.name)
-    quality = picture_quality(read.sums.pictures(), pictures)
+    formed = form_planes(LightFieldFile.open(file), planes, threads=1, device=tracer.device.name)
+    quality = picture_quality(formed.sums.pictures(), pictures)
     size = file.stat().st_size
-    found = sizes(rays=rays, video_bytes=size)
+    ratios = sizes(rays=rays, video_bytes=size)
     return {
-        "retrieve_seconds": round(read.seconds, 3),
+        "retrieve_seconds": round(formed.seconds, 3),
         "video_bytes": size,
         "bits_per_ray": round(8 * size / rays, 5),
-        "ratio_float32": round(found["ratio_float32"], 2),
+        "ratio_float32": round(ratios["ratio_float32"], 2),
         "psnr_db": round(quality["psnr_db"], 3),
         "ssim": round(quality["ssim"], 5),
     }

@@ -45,7 +45,7 @@ def _rounded(value: object) -> object:
 
 
 def write_rows(path: str | Path, rows: Iterable[Mapping]) -> None:
-    """Rows as JSON, which knows no infinity (written as text) and no missing number (null)."""
+    """Write rows as JSON; infinities are text, missing numbers null."""
     rows = [{key: _for_json(value) for key, value in row.items()} for row in rows]
     write_json(path, {"rows": rows})
 
@@ -75,19 +75,19 @@ def write_markdown(path: str | Path, table: pd.DataFrame, *, title: str, caption
 
 def readable(table: pd.DataFrame) -> pd.DataFrame:
     """The table as text for people: sizes in KiB, MiB, GiB, unknown cells as a dash, and the
-    thesis's values in brackets behind ours, next to the keys."""
+    thesis's values in brackets after this program's, next to the keys."""
     text = pd.DataFrame(index=table.index)
     for column in table.columns:
         in_bytes = "bytes" in column
         text[readable_name(column)] = [
             _cell(value, in_bytes=in_bytes) for value in table[column].tolist()
         ]
-    both = [name for name in text if f"thesis {name}" in text]
-    if not both:
+    compared = [name for name in text if f"thesis {name}" in text]
+    if not compared:
         return text
-    keys = list(text.columns)[: text.columns.get_loc(both[0])]
+    keys = list(text.columns)[: text.columns.get_loc(compared[0])]
     renamed = {}
-    for name in both:
+    for name in compared:
         thesis = text.pop(f"thesis {name}")
         if (thesis != UNKNOWN).any():
             renamed[name] = f"{name} (thesis)"
@@ -95,8 +95,8 @@ def readable(table: pd.DataFrame) -> pd.DataFrame:
                 ours if value == UNKNOWN else f"{ours} ({value})"
                 for ours, value in zip(text[name], thesis, strict=True)
             ]
-    others = [name for name in text if name not in (*keys, *both)]
-    return text[[*keys, *both, *others]].rename(columns=renamed)
+    rest = [name for name in text if name not in (*keys, *compared)]
+    return text[[*keys, *compared, *rest]].rename(columns=renamed)
 
 
 def readable_name(column: str) -> str:

@@ -80,8 +80,8 @@ def sizes(*, rays: int, video_bytes: int) -> dict[str, float]:
 
     The thesis's "expected size" counts float32 RGB; its chapter 5 counts 8-bit RGB.
     """
-    found = 12 * rays, 3 * rays, video_bytes, 12 * rays / video_bytes, 3 * rays / video_bytes
-    return dict(zip(SIZES, found, strict=True))
+    values = 12 * rays, 3 * rays, video_bytes, 12 * rays / video_bytes, 3 * rays / video_bytes
+    return dict(zip(SIZES, values, strict=True))
 
 
 def scene_records(
@@ -90,7 +90,7 @@ def scene_records(
     """Rows of tables 7.1, 7.2 and 7.3, each with the name of its ``table``.
 
     ``files`` are, by N: pictures formed on the fly (.npz), measurements of tracing (.json) and,
-    where the light field is stored, pictures from the video, measurements of storing and of
+    if the light field is stored, pictures from the video, measurements of storing and of
     retrieving.  The last N is the thesis's own reference of table 7.1; ``truth`` is a file of true
     pictures of the same planes.
     """
@@ -99,18 +99,18 @@ def scene_records(
     for views, (on_the_fly, trace, *of_video) in files.items():
         traced, pictures = read_json(trace), load_stack(on_the_fly)[0]
         context = {"scene": scene, "N": views, "M": pixels, "triangles": traced["triangles"]}
-        made = context | {key: traced[key] for key in ("device", "threads", "seconds")}
-        rows.append({"table": "table_7_1"} | made | _quality(on_the_fly, best, true))
+        facts = context | {key: traced[key] for key in ("device", "threads", "seconds")}
+        rows.append({"table": "table_7_1"} | facts | _quality(on_the_fly, best, true))
         if not of_video:
             continue
         from_video, *records = of_video
         stored, retrieved = map(read_json, records)
-        made = context | {key: stored[key] for key in ("device", "threads")}
-        made["seconds"] = stored["encode_seconds"] + stored["join_seconds"]
+        facts = context | {key: stored[key] for key in ("device", "threads")}
+        facts["seconds"] = stored["encode_seconds"] + stored["join_seconds"]
         size = sizes(rays=traced["rays"], video_bytes=stored["video_bytes"])
-        rows.append({"table": "table_7_2"} | made | size)
-        made = context | {key: retrieved[key] for key in ("device", "threads", "seconds")}
-        rows.append({"table": "table_7_3"} | made | _quality(from_video, pictures, true))
+        rows.append({"table": "table_7_2"} | facts | size)
+        facts = context | {key: retrieved[key] for key in ("device", "threads", "seconds")}
+        rows.append({"table": "table_7_3"} | facts | _quality(from_video, pictures, true))
     return rows
 
 

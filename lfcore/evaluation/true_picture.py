@@ -1,4 +1,4 @@
-"""The true picture of a plane: averaged over its pixels and the lens, and how well it is known."""
+"""The true picture of a plane, averaged over pixels and lens, and its error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ from lfcore.rendering.first_look import BORDER
 from lfcore.tracing.tracer import Tracer
 
 BELOW_DB = 10.0
-"""How far a reference's own error must be below an error that it judges.  Independent mean squares
-add up, so the measured error is then right to 0.5 dB."""
+"""The least distance, dB, of a reference's error below the errors that it measures.  Independent
+mean squares add up, so measured errors are then right to 0.5 dB."""
 
 
 @dataclass(frozen=True)
 class Reference:
     """True pictures of ``planes``: (P, H, W, 3) float32, linear light, and their own error.
 
-    ``known_db`` is (P,): the PSNR to which the mean of two unlike lattices is known, estimated by
-    their difference; right to 1.5 dB where it was checked (docs/decisions.md).
+    ``known_db`` (P,) is the PSNR of the mean of two different lattices, estimated from their
+    difference; right to 1.5 dB in checks (docs/decisions.md).
     """
 
     planes: list[SensorPlane]
@@ -47,11 +47,11 @@ class Reference:
 
 
 def inner_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
-    """dB of sRGB pictures (H, W, 3) without the border that not all of the lens sees."""
+    """dB of sRGB pictures (H, W, 3) without the border that parts of the lens do not see."""
     border = int(np.ceil(BORDER * max(truth.shape[:2])))
     rows, columns = (slice(border, side - border) for side in truth.shape[:2])
-    one, two = (display_values(each[rows, columns]) for each in (picture, truth))
-    return psnr(one, two, peak=255)
+    values, true_values = (display_values(image[rows, columns]) for image in (picture, truth))
+    return psnr(values, true_values, peak=255)
 
 
 def true_pictures(
@@ -59,27 +59,27 @@ def true_pictures(
 ) -> Reference:
     """Trace all planes from the same rays, by each of two lattices.
 
-    Raises :class:`OpticsError` for lattices too alike to tell each other's error: views and
-    sub-pixels must both differ.
+    Raises :class:`OpticsError` if the lattices' views or sub-pixels are equal: their difference
+    would not show their errors.
     """
-    one, two = lattices
-    if one.views == two.views or one.subpixels == two.subpixels:
+    first, second = lattices
+    if first.views == second.views or first.subpixels == second.subpixels:
         raise OpticsError(
-            f"{one} and {two} are too alike to tell each other's error",
+            f"{first} and {second} are too similar to estimate their errors",
             key="truth",
-            remedy="Give lattices of unlike lens samples and unlike rays per pixel",
+            remedy="Give lattices with different lens samples and different rays per pixel",
         )
     camera, weights = tracer.scene.camera, [lattice.rays_per_pixel for lattice in lattices]
-    pair = [pictures_by_depth(tracer, camera, planes, pixels, each) for each in lattices]
+    pair = [pictures_by_depth(tracer, camera, planes, pixels, lattice) for lattice in lattices]
     pictures = np.average(pair, axis=0, weights=weights).astype(np.float32)
     # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
-    # Errors that both have alike do not differ; they were found to be as large again.
-    known = [inner_psnr(*both) + 10 * np.log10(2) for both in zip(*pair, strict=True)]
-    return Reference(list(planes), pictures, np.array(known))
+    # Common errors do not show in the difference; measured, they are as large again.
+    known_db = [inner_psnr(*images) + 10 * np.log10(2) for images in zip(*pair, strict=True)]
+    return Reference(list(planes), pictures, np.array(known_db))
 
 
 def save_reference(path: str | Path, reference: Reference) -> None:
-    """Write it as npz: a stack of planes, and its error."""
+    """Write the reference as npz: a stack of planes, and its error."""
     save_stack(path, reference.pictures, reference.planes, known_db=reference.known_db)
 
 

@@ -74,7 +74,7 @@ def test_few_rays_by_depth_beat_many_that_miss_the_pixel(chart, reference):
 
 def test_a_wanted_quality_is_reached(chart, reference):
     *rows, beyond = study.quality_rows(chart, reference, [30, 34, 80])
-    assert beyond["seconds"] is None and beyond["note"].startswith("refused: 80 dB takes")
+    assert beyond["seconds"] is None and beyond["note"].startswith("refused: 80 dB needs")
     for row, wanted in zip(rows, (30, 34), strict=True):
         assert row["expected_db"] > wanted - 1e-3 and row["psnr_true_db"] > wanted - 2
     assert rows[1]["rays"] > rows[0]["rays"]

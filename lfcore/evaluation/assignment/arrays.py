@@ -31,11 +31,11 @@ DECIMALS = {"seconds": 4, "mrays_per_second": 3, "rmse": 6, "psnr_db": 3}
 def array_of(
     scene: Scene, grid: Mapping | None, cameras_per_dim: int, tile_px: int | None
 ) -> CameraArray:
-    """The camera array of a scene: its own ``camera.lightfield``, else the ``grid`` that is given.
+    """The camera array of a scene: its own ``camera.lightfield``, else the given ``grid``.
 
     ``grid`` has ``bounds_m`` and ``fov_deg``, and ``cameras_per_dim`` cameras per side; ``tile_px``
-    are the pixels per side of each, None for the film's, or 64.  Raises :class:`SceneError` where
-    there is neither.
+    are the pixels per side of each, None for the film's, or 64.  Raises :class:`SceneError` without
+    either.
     """
     if scene.view is not None and scene.view.kind == LIGHTFIELD:
         array = scene.view.array
@@ -53,7 +53,7 @@ def array_of(
 
 def trace_to_exr(tracer: Tracer, array: CameraArray, samples_per_pixel: int, path: Path) -> dict:
     """Trace an array into one tiled EXR; returns its row of the ``camera_array`` table."""
-    # Kernels are built for the size of a tile: one camera of it, unseen by the clock.
+    # Kernels are built per tile size: one camera is traced before the clock starts.
     trace_array(tracer, CameraArray.single(array.fov_deg, array.tile))
     image, seconds = clocked(lambda: trace_array(tracer, array, samples_per_pixel))
     name = tracer.scene.name
@@ -63,9 +63,9 @@ def trace_to_exr(tracer: Tracer, array: CameraArray, samples_per_pixel: int, pat
 
 def read_field(device: Device, path: str | Path) -> DeviceField:
     """The array of a tiled EXR that :func:`trace_to_exr` has written, ready for synthesis."""
-    found = read_array(path)
-    assert found.array is not None
-    return DeviceField(device, found.image, found.array)
+    stored = read_array(path)
+    assert stored.array is not None
+    return DeviceField(device, stored.image, stored.array)
 
 
 def square_field(

@@ -35,8 +35,8 @@ from lfcore.timing import clocked, clocked_warm
 from lfcore.tracing.tracer import Tracer
 
 FILTERS = (1.0, 2.0)
-"""Isaksen's filter over the lens radius.  The cone of twice the radius spreads about as the disk of
-the lens does; that of one radius has its support."""
+"""The radii of Isaksen's filter in lens radii: 1 has the lens's support; 2 blurs about as much as
+the lens's disk."""
 LENS_POINTS = 8
 """Points per side of the quadrature's lens rule; 2 x 2 points on the film."""
 FINE_LENS, LIMIT_LENS, FINE_FILM = 24, 16, 8
@@ -62,16 +62,16 @@ def reconstruction(
     convergence_samples: Sequence[int],
     reference_samples: int,
 ) -> tuple[list[Figure], dict]:
-    """``rows`` of the table, ``arrays`` that were traced for it, ``convergence`` by sampler.
+    """``rows`` of the table, the traced ``arrays``, and ``convergence`` by sampler.
 
-    ``reference_samples`` are the rays per pixel of the picture that is traced directly.
+    ``reference_samples`` are the rays per pixel of the directly traced picture.
     """
     camera = measured_camera(picture_px)
     reference = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, reference_samples)
-    # A reference with half the rays estimates the reference's own error.
+    # A reference with half the rays estimates the reference's error.
     half = direct_thin_lens(tracer, camera, BOOK_FOCUS_M, max(1, reference_samples // 2))
     rows, arrays = [], []
-    # Kernels are built for the size of a tile: unseen by the clock.
+    # Kernels are built per tile size, before the clock starts.
     square_field(tracer, grid, 2, tile_px, 1)
     for cameras in sorted(camera_counts):
         tracing = partial(square_field, tracer, grid, cameras, tile_px, SAMPLES)
@@ -79,8 +79,8 @@ def reconstruction(
         size = exr_bytes(field)
         arrays.append(array_record(tracer.scene.name, field.array, SAMPLES, seconds, size))
         samples = sorted(monte_carlo_samples)
-        found = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
-        rows += [{"scene": tracer.scene.name, **row} for row in found]
+        by_method = reconstructions(field, camera, BOOK_FOCUS_M, reference, samples)
+        rows += [{"scene": tracer.scene.name, **row} for row in by_method]
         del field
     field = square_field(tracer, grid, CONVERGENCE_CAMERAS, tile_px, SAMPLES)
     small = measured_camera(CONVERGENCE_PX)
@@ -101,18 +101,18 @@ def reconstructions(
 
     ``samples`` are Monte Carlo's rays per pixel (Halton).
     """
-    given = field, camera, parallel(focus_z)
+    view = field, camera, parallel(focus_z)
     radii = [factor * camera.lens_radius_m for factor in FILTERS]
-    ways = [
-        *(("isaksen", f"{radius:g} m", partial(isaksen, *given, radius)) for radius in radii),
-        *(("monte_carlo", str(n), partial(monte_carlo, *given, n)) for n in samples),
-        ("quadrature", str(4 * LENS_POINTS**2), partial(quadrature, *given, LENS_POINTS)),
+    methods = [
+        *(("isaksen", f"{radius:g} m", partial(isaksen, *view, radius)) for radius in radii),
+        *(("monte_carlo", str(n), partial(monte_carlo, *view, n)) for n in samples),
+        ("quadrature", str(4 * LENS_POINTS**2), partial(quadrature, *view, LENS_POINTS)),
     ]
     rows = []
-    for method, label, way in ways:
-        made, seconds = clocked_warm(way, programs_made)
+    for method, label, work in methods:
+        result, seconds = clocked_warm(work, programs_made)
         row = {"cameras_per_dim": field.array.cameras[0], "method": method}
-        row |= {"filter_or_samples": label, **errors(made.image, reference), "seconds": seconds}
+        row |= {"filter_or_samples": label, **errors(result.image, reference), "seconds": seconds}
         rows.append(row)
     return rows
 
@@ -126,14 +126,14 @@ def convergence(
     of 16 x 16 cameras it differs from 32^2 lens points by an RMSE of 6e-5; with 4^2 film points it
     would differ by 9e-4, as much as Monte Carlo at 256 rays.
     """
-    given = field, camera, parallel(focus_z)
-    limit = quadrature(*given, LIMIT_LENS, FINE_FILM).image
-    made = {}
+    view = field, camera, parallel(focus_z)
+    limit = quadrature(*view, LIMIT_LENS, FINE_FILM).image
+    by_sampler = {}
     for sampler in SAMPLERS:
-        pictures = (monte_carlo(*given, count, sampler=sampler).image for count in counts)
+        pictures = (monte_carlo(*view, count, sampler=sampler).image for count in counts)
         rmse = [math.sqrt(mse(picture, limit)) for picture in pictures]
-        made[sampler] = {"counts": list(counts), "rmse": rmse, "slope": slope(counts, rmse)}
-    return made
+        by_sampler[sampler] = {"counts": list(counts), "rmse": rmse, "slope": slope(counts, rmse)}
+    return by_sampler
 
 
 def slope(counts: Sequence[float], values: Sequence[float]) -> float:
@@ -142,20 +142,20 @@ def slope(counts: Sequence[float], values: Sequence[float]) -> float:
 
 
 def reconstruction_figure(rows: Sequence[Mapping], slopes: Mapping[str, Mapping]) -> Figure:
-    """Error over run time, one curve a method; error over samples, one curve a sampler."""
+    """Error over run time, one curve per method; error over samples, one curve per sampler."""
     figure = Figure(figsize=(11, 4.4))
     left, right = figure.subplots(1, 2)
-    for index, (cameras, some) in enumerate(pd.DataFrame(rows).groupby("cameras_per_dim")):
+    for index, (cameras, group) in enumerate(pd.DataFrame(rows).groupby("cameras_per_dim")):
         for method, (_, style) in STYLES.items():
-            part = some[some.method == method]
+            part = group[group.method == method]
             left.plot(part.seconds, part.rmse, style, color=f"C{index}", markersize=5)
         left.plot([], [], "-", color=f"C{index}", label=f"{cameras} cameras per side")
     for name, style in STYLES.values():
         left.plot([], [], style[0], color="0.4", label=name)
     left.set(xlabel="seconds", ylabel="RMSE against the traced thin lens")
-    for sampler, found in slopes.items():
-        label = f"{sampler}, slope {found['slope']:.2f}"
-        right.plot(found["counts"], found["rmse"], "o-", label=label)
+    for sampler, curve in slopes.items():
+        label = f"{sampler}, slope {curve['slope']:.2f}"
+        right.plot(curve["counts"], curve["rmse"], "o-", label=label)
     right.set(xlabel="rays per pixel", ylabel="RMSE against the fine quadrature")
     for axis in (left, right):
         axis.set(xscale="log", yscale="log")
@@ -190,20 +190,20 @@ def see_through(
     (_, focus, lens), near = named[0], named[1:]
 
     def camera(radius: float) -> VirtualCamera:
-        """At the middle of the grid, in the array's own direction."""
+        """A camera at the middle of the grid, in the array's direction."""
         return VirtualCamera(np.zeros(3), np.eye(3), FOV_DEG, 2 * (picture_px,), radius)
 
     def from_field(focus_m: float, radius: float) -> tuple[Synthesis, float]:
-        given = field, camera(radius), parallel(focus_m), FINE_LENS, 2
-        return clocked_warm(lambda: quadrature(*given), programs_made)
+        view = field, camera(radius), parallel(focus_m), FINE_LENS, 2
+        return clocked_warm(lambda: quadrature(*view), programs_made)
 
     direct, direct_seconds = clocked(
         lambda: direct_thin_lens(tracer, camera(lens), focus, reference_samples)
     )
-    (pinhole, _), (seen, seconds) = from_field(focus, 0.0), from_field(focus, lens)
+    (pinhole, _), (through, seconds) = from_field(focus, 0.0), from_field(focus, lens)
     cells = [
         (pinhole.image, "light field, pinhole"),
-        (seen.image, f"light field, focus {focus:g} m"),
+        (through.image, f"light field, focus {focus:g} m"),
         (direct, f"traced directly, focus {focus:g} m"),
     ]
     for name, focus_m, radius in near:
@@ -211,7 +211,7 @@ def see_through(
     columns = field.array.columns_m
     spacing = columns[1] - columns[0]
     measured = {
-        **errors(seen.image, direct),
+        **errors(through.image, direct),
         "pinhole_psnr_db": errors(pinhole.image, direct)["psnr_db"],
         "seconds": seconds,
         "direct_seconds": direct_seconds,
@@ -237,7 +237,7 @@ def sampling(
 ) -> tuple[list[Sheet], dict]:
     """Step 6: few cameras of ``tile_px``; many that share ``storage_px`` pixels per side.
 
-    The picture traced directly, with ``reference_samples`` rays per pixel, is last on each sheet.
+    The directly traced picture, with ``reference_samples`` rays per pixel, is last on each sheet.
     """
     camera = measured_camera(picture_px)
     reference = direct_thin_lens(tracer, camera, AUTHORS_FOCUS_M, reference_samples)
@@ -261,11 +261,11 @@ def _compared(
         if tile < SMALLEST_TILE:
             continue
         field = square_field(tracer, grid, cameras, tile, SAMPLES)
-        made = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), FINE_LENS, 2).image
-        found = errors(made, reference)
-        label = f"{cameras} x {cameras} of {tile} x {tile}: {found['psnr_db']:.1f} dB"
-        cells.append((made, label))
-        records.append({"cameras_per_dim": cameras, "tile_px": tile, **found})
+        picture = quadrature(field, camera, parallel(AUTHORS_FOCUS_M), FINE_LENS, 2).image
+        quality = errors(picture, reference)
+        label = f"{cameras} x {cameras} of {tile} x {tile}: {quality['psnr_db']:.1f} dB"
+        cells.append((picture, label))
+        records.append({"cameras_per_dim": cameras, "tile_px": tile, **quality})
     columns = len(cells) // 2 + 1
     return Sheet([*cells, (reference, "traced directly")], columns), records
 
@@ -285,15 +285,19 @@ def time(
     counts = [1, *(n for n in (2, 4, 8, 16, 32, 64) if n < instants), instants]
     pictures, seconds = [], []
     for count in counts:
-        image, taken = clocked(partial(trace_shutter, scene, array, count, device=device))
-        seconds.append(taken)
+        image, spent = clocked(partial(trace_shutter, scene, array, count, device=device))
+        seconds.append(spent)
         field = DeviceField(device, image, array)
         pictures.append(quadrature(field, camera, parallel(SHUTTER_FOCUS_M), 16, 2).image)
-    found = [errors(picture, pictures[-1]) for picture in pictures[:-1]]
+    differences = [errors(picture, pictures[-1]) for picture in pictures[:-1]]
     labels = [
         f"{count} instant{'s' * (count > 1)}: {error['psnr_db']:.1f} dB"
-        for count, error in zip(counts, found, strict=False)
+        for count, error in zip(counts, differences, strict=False)
     ]
     labels.append(f"{counts[-1]} instants")
-    record = {"counts": counts, "seconds": seconds, "rmse": [error["rmse"] for error in found]}
+    record = {
+        "counts": counts,
+        "seconds": seconds,
+        "rmse": [error["rmse"] for error in differences],
+    }
     return [Sheet(list(zip(pictures, labels, strict=True)), 3)], record

@@ -1,1 +1,1 @@
-"""Stiff and extreme cases: a sweep of a stiffness parameter each, against float64 oracles."""
+"""Stiff and extreme cases: sweeps of a stiffness parameter, against float64 oracles."""

@@ -1,10 +1,10 @@
 """Cases 5 and 6, shadows, and baked light.
 
 Cases 5 and 6 are surfaces that shade themselves, and occluders that nearly touch.  Error: share of
-the pixels that are dark and should be lit or the other way round; bound 0.
+wrongly dark or wrongly lit pixels; bound 0.
 
-Baked light has stiff skies, rooms, colours and sizes, against closed forms.  Error: root mean
-square over the picture, a share of the right light.
+Baked light: stiff skies, rooms, colours and sizes, against closed forms.  Error: root mean square
+over the picture, as a share of the true light.
 """
 
 import math
@@ -32,7 +32,7 @@ WHITE = [Material("white", diffuse=(1.0, 1.0, 1.0))]
 
 @sweep("5", "scale", [10.0**exponent for exponent in range(-4, 5)])
 def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
-    """A sphere, lit from beside the camera, of ever other size: convex, so no part is shaded."""
+    """Spheres of many sizes, lit from beside the camera: convex, so no part is shadowed."""
     mesh = single(sphere(12, 24, 0.5, (0, 0, 2.0)) * scale)
     light = Light(POINT, (-1.0 * scale, -1.5 * scale, 0.0), (1.0, 1.0, 1.0))
     return _shaded("self-shadow", CONVEX, tracer, mesh, light, 0.6, 1e-4, stop=max(1, 1 / scale))
@@ -40,7 +40,8 @@ def self_shadow(tracer: TracerUnderTest, scale: float) -> Measurement:
 
 @sweep("5", "D m", (1e1, 1e2, 1e3, 1e4))
 def far_self_shadow(tracer: TracerUnderTest, distance: float) -> Measurement:
-    """A sphere of 1 m ever farther from the camera, whose hit points are rounded ever more."""
+    """A sphere of 1 m ever farther from the camera, with ever larger rounding errors of hit
+    points."""
     mesh = single(sphere(12, 24, 0.5, (0, 0, distance)))
     light = Light(POINT, (-1.0, -1.5, distance - 2.0), (1.0, 1.0, 1.0))
     return _shaded("self-shadow, far", CONVEX, tracer, mesh, light, 1.2 / distance, 1e-4, stop=1e4)
@@ -104,8 +105,8 @@ def _shaded(
     expected = trace(scene, slab, pixels)[:, 0, 0, 0]
     clear &= (expected > 0.05 * expected.max()) | (expected == 0)
 
-    def wrong(found: np.ndarray) -> float:
-        return ((found > 0.5 * expected) != (expected > 0))[clear].mean()
+    def wrong(values: np.ndarray) -> float:
+        return ((values > 0.5 * expected) != (expected > 0))[clear].mean()
 
     def by_naive() -> float:
         rays = one_by_one(slab_rays(slab, pixels))
@@ -139,19 +140,22 @@ def _naive_picture(mesh: np.ndarray, light: Light, rays: Rays, offset: np.float3
 
 
 PIXELS, HALF, DEPTH, BACK = 16, 1.5, 2.0, 1.0
-"""Of pictures; half of a room's width, its depth before and behind the camera, metres."""
+"""The side of pictures; half a room's width, and its depths before and behind the camera,
+metres."""
 RAYS = 64
 """The naive method's random rays per point."""
 MOST_RAYS = 1024
 WANTED = BakeOptions(bounces=0, error=0.05, cells=8)
-ASKED = Bound(WANTED.error, "share of the light", "what was asked for")
-LEVEL = 0.5  # of even skies: light above white, be it by noise, takes a program of its own
+REQUESTED = Bound(WANTED.error, "share of the light", "the requested error")
+LEVEL = 0.5
+"""The radiance of uniform skies: below white even with noise, because light above white needs
+another program."""
 BRIGHT = np.full((2, 2, 3), LEVEL, np.float32)
 
 
 @sweep("21", "bright texel / sky", (1e1, 1e3, 1e5))
 def bright_texel(tracer: TracerUnderTest, contrast: float) -> Measurement:
-    """A wall under a sky of which one texel of 4096 is ever brighter."""
+    """A wall under a sky with one ever brighter texel of 4096."""
     sky = np.full((64, 64, 3), 1 / contrast, np.float32)
     sky[4, 12] = 1.0  # behind the camera, up and to the left
     fine = 512
@@ -159,12 +163,12 @@ def bright_texel(tracer: TracerUnderTest, contrast: float) -> Measurement:
     cosine = np.maximum(-towards[:, 2], 0) * solid_angles(fine).ravel() / math.pi
     right = float(radiance(sky, towards)[:, 0].astype(np.float64) @ cosine)
     wall = grid(1, 1, [-HALF, -HALF, DEPTH], [2 * HALF, 0, 0], [0, 2 * HALF, 0])
-    return _compared("bright texel", ASKED, tracer, _scene(single(wall), sky), right)
+    return _compared("bright texel", REQUESTED, tracer, _scene(single(wall), sky), right)
 
 
 @sweep("22", "turn deg", (0.0, 10.0, 33.0))
 def closed_room(tracer: TracerUnderTest, turn: float) -> Measurement:
-    """A closed room in a bright sky is black; its walls are turned about an axis askew."""
+    """A closed room in a bright sky is black; its walls are rotated about an oblique axis."""
     bound = Bound(0.0, "share of the sky's light", "a closed room is dark")
     axis = np.array([1.0, 2.0, 2.0]) / 3
     mesh = single(_room(0.0) @ Rotation.from_rotvec(turn * axis, degrees=True).as_matrix())
@@ -173,11 +177,11 @@ def closed_room(tracer: TracerUnderTest, turn: float) -> Measurement:
 
 @sweep("23", "albedo", (0.5, 0.9, 0.99, 1.0))
 def albedo(tracer: TracerUnderTest, share: float) -> Measurement:
-    """A ball before a wall, which glow with as much of an even sky's light as they absorb."""
+    """A ball and a wall that emit as much of a uniform sky's light as they absorb."""
     ball = sphere(8, 16, 0.3, (0, 0, DEPTH - 0.5))
     wall = grid(1, 1, [-HALF, -HALF, DEPTH], [2 * HALF, 0, 0], [0, 2 * HALF, 0])
     scene = _scene(single(np.concatenate([ball, wall])), BRIGHT, share, bounces=8)
-    return _compared("albedo", ASKED, tracer, scene, LEVEL)
+    return _compared("albedo", REQUESTED, tracer, scene, LEVEL)
 
 
 @sweep("24", "slit m", (1.0, 0.1))
@@ -188,7 +192,7 @@ def slit(tracer: TracerUnderTest, width: float) -> Measurement:
 
 @sweep("24", "scale", (1e-3, 1.0, 1e4))
 def scaled_light(tracer: TracerUnderTest, scale: float) -> Measurement:
-    """The room with a slit of 1 m, of ever other size."""
+    """The room with a slit of 1 m, in many sizes."""
     return _lit_room("scaled light", tracer, 1.0, scale)
 
 
@@ -198,7 +202,7 @@ def _lit_room(case: str, tracer: TracerUnderTest, width: float, scale: float) ->
     hits = float(share.mean()) * MOST_RAYS
     bound = Bound(
         math.hypot(WANTED.error, 1 / math.sqrt(hits)), "share of the light",
-        f"what was asked for, or what {MOST_RAYS} random rays leave",
+        f"the requested error, or that of {MOST_RAYS} random rays",
     )  # fmt: skip
     return _compared(case, bound, tracer, scene, LEVEL * share)
 
@@ -216,7 +220,7 @@ def _through_slit(width: float, field: float) -> np.ndarray:
 
 
 def _room(width: float) -> np.ndarray:
-    """(T, 3, 3) walls around the camera, with a slit along y in that behind it."""
+    """(T, 3, 3) walls around the camera, with a slit along y in the wall behind it."""
     side, long = 2 * HALF, DEPTH + BACK
     parts = [
         grid(1, 1, [-HALF, -HALF, DEPTH], [side, 0, 0], [0, side, 0]),
@@ -244,12 +248,12 @@ def _scene(
 def _compared(
     case: str, bound: Bound, tracer: TracerUnderTest, scene: Scene, right: float | np.ndarray
 ) -> Measurement:
-    """Of the picture; naive: random rays that see the sky or nothing."""
+    """The error of the picture; naive: random rays to the sky."""
     slab = Slab(scene.camera, 1, PIXELS)
     whole = float(np.mean(right)) or 1.0
 
-    def error(found: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((found - right) ** 2))) / whole
+    def error(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((values - right) ** 2))) / whole
 
     def ours() -> float:
         plane = SensorPlane(scene.camera.focus_m, scene.camera.f_number)
@@ -259,7 +263,7 @@ def _compared(
 
 
 def _by_chance(scene: Scene) -> np.ndarray:
-    """(PIXELS, PIXELS) light of random rays from what a pinhole sees."""
+    """(PIXELS, PIXELS) light by random rays from a pinhole's hits."""
     mesh, material = scene.triangles, scene.materials[0]
     ticks = scene.camera.field_width * ((np.arange(PIXELS) + 0.5) / PIXELS - 0.5)
     x, y = np.meshgrid(ticks, ticks)
@@ -271,9 +275,9 @@ def _by_chance(scene: Scene) -> np.ndarray:
     draws = np.random.default_rng(21).normal(size=(RAYS, len(eyes), 3))
     draws /= np.linalg.norm(draws, axis=-1, keepdims=True)
     light = np.zeros(len(eyes))
-    for draw in draws:  # on a sphere that touches the surface: as dense as the cosine
+    for draw in draws:  # on a sphere tangent to the surface: density proportional to the cosine
         towards = (normals + draw).astype(np.float32)
         free = naive.moeller_trumbore(mesh, eyes * depth[:, None], towards, epsilon=1e-6)[0] < 0
-        sent = radiance(scene.sky, towards)[:, 0]
-        light += np.where(free, sent, 0) / RAYS
+        received = radiance(scene.sky, towards)[:, 0]
+        light += np.where(free, received, 0) / RAYS
     return (material.emission[0] + material.diffuse[0] * light).reshape(PIXELS, PIXELS)

@@ -21,7 +21,7 @@ from lfcore.oracle.intersect import Hits, closest_hits
 COLUMNS = ["case", "parameter", "value", "naive_error", "error", "bound", "verdict", "limit"]
 """The columns that are published."""
 LIMITS = {"coordinates": "out of range", "small triangles": "too small"}
-"""The documented limits (``docs/stability.md``), and the program's words beyond each."""
+"""The documented limits (``docs/stability.md``), and words of the error beyond each."""
 NO_ANSWER = math.inf
 """The error of a method that gives no number."""
 
@@ -54,10 +54,10 @@ class Measurement:
     """``error`` of lfcore, and ``naive_error`` of a textbook float32 method.
 
     ``bound`` has a ``unit`` and an origin, ``bound_from``.  ``limit`` is the name in :data:`LIMITS`
-    of the documented limit that the value exceeds, or empty.  ``said`` is the program's refusal;
+    of the documented limit that the value exceeds, or empty.  ``said`` is the text of the refusal;
     ``error`` is then NaN.  ``condition`` is the largest condition number of the problem at this
-    value, the relative change of the answer over that of the input; NaN where the answer is a
-    choice.  ``number`` is that of the case.
+    value, the relative change of the answer over that of the input; NaN for a choice.
+    ``number`` is the case's.
     """
 
     case: str
@@ -75,9 +75,10 @@ class Measurement:
 
     @property
     def verdict(self) -> str:
-        """``refused``: beyond a limit, and the program named that limit.
+        """``pass``, ``refused`` or ``fail``.
 
-        To refuse within all limits, to name another limit, and to compute beyond one is to fail.
+        ``refused``: the value is beyond a limit, and the error named it.  A refusal within all
+        limits, an error that names another limit, and a result beyond a limit fail.
         """
         if self.limit:
             return "refused" if LIMITS[self.limit] in self.said else "fail"
@@ -86,18 +87,17 @@ class Measurement:
         return "pass" if math.isfinite(self.error) and self.error <= self.bound else "fail"
 
     def __str__(self) -> str:
-        found = f"said {self.said!r}" if self.said else f"error {self.error:g}"
+        result = f"said {self.said!r}" if self.said else f"error {self.error:g}"
         beyond = f", beyond the limit of {self.limit}" if self.limit else ""
-        return (
-            f"{self.case}, {self.parameter} = {self.value:g}{beyond}: {found}, bound {self.bound:g}"
-        )
+        step = f"{self.case}, {self.parameter} = {self.value:g}{beyond}"
+        return f"{step}: {result}, bound {self.bound:g}"
 
 
 Case = Callable[[TracerUnderTest], Iterator[Measurement]]
 
 
 def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Callable], Case]:
-    """Make a case of ``measure(tracer, value)``, which makes one or several measurements.
+    """Make a case from ``measure(tracer, value)``, which returns one or several measurements.
 
     ``parameter`` is the name of the values, with their unit; ``number`` counts among the twenty
     cases of the specification.
@@ -107,9 +107,13 @@ def sweep(number: str, parameter: str, values: Iterable[float]) -> Callable[[Cal
         @functools.wraps(measure)
         def case(tracer: TracerUnderTest) -> Iterator[Measurement]:
             for value in values:
-                found = measure(tracer, value)
-                for one in [found] if isinstance(found, Measurement) else found:
-                    yield replace(one, number=number, parameter=parameter, value=float(value))
+                measurements = measure(tracer, value)
+                for measurement in (
+                    [measurements] if isinstance(measurements, Measurement) else measurements
+                ):
+                    yield replace(
+                        measurement, number=number, parameter=parameter, value=float(value)
+                    )
 
         return case
 
@@ -130,15 +134,15 @@ def measured(
     Other exceptions, such as a device's or a file's, pass through.
     """
     with np.errstate(all="ignore"):
-        naive_error, error, said = float(by_naive()), math.nan, ""
+        naive_error, error, refusal_text = float(by_naive()), math.nan, ""
         try:
             error = float(ours())
         except SceneError as refusal:
-            said = str(refusal)
+            refusal_text = str(refusal)
     largest, unit, reason = bound
     return Measurement(
-        case, "", math.nan, naive_error, error, float(largest), limit, said, float(condition),
-        unit, reason,
+        case, "", math.nan, naive_error, error, float(largest), limit, refusal_text,
+        float(condition), unit, reason,
     )  # fmt: skip
 
 
@@ -149,14 +153,14 @@ def leaks(found: Found, hits: Hits) -> float:
 
 
 def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
-    """Share of the rays that name another triangle, of those ``ulp`` from any edge or tie."""
+    """The share of wrong triangles among rays at least ``ulp`` from any edge or tie."""
     ids = found[0].ravel()
     clear = hits.clear(ulp)
     return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
 
 
 def depth_error(found: Found, hits: Hits) -> float:
-    """Largest error of t where the triangle is right: units of 2^-24 t, over the condition
+    """The largest error of t for right triangles: units of 2^-24 t, over the condition
     number 1 / sin of the incidence.  Infinite if any such t is not finite."""
     ids, t = (part.ravel() for part in found)
     same = (ids == hits.triangle) & (ids >= 0)
@@ -189,27 +193,27 @@ def choice_and_depth(
     naive_found = naive.moeller_trumbore(mesh, *rays, epsilon=epsilon)
 
     @functools.cache
-    def found() -> Found:
+    def tested() -> Found:
         check_kept(mesh)
         return closest(mesh, *rays)
 
-    def of(what: str, bound: Bound, error: Callable[[Found, Hits], float]) -> Measurement:
+    def measurement(part: str, bound: Bound, error: Callable[[Found, Hits], float]) -> Measurement:
         return measured(
-            f"{case} ({what})",
+            f"{case} ({part})",
             bound,
             lambda: error(naive_found, hits),
-            lambda: error(found(), hits),
+            lambda: error(tested(), hits),
             limit=limit,
             condition=condition_of_depth(hits),
         )
 
-    yield of("triangle", RIGHT, mismatches)
-    yield of("depth", DEPTH, depth_error)
+    yield measurement("triangle", RIGHT, mismatches)
+    yield measurement("depth", DEPTH, depth_error)
 
 
 def check_passed(measurements: Iterable[Measurement]) -> None:
     """Raises :class:`StabilityError` that names the measurements that fail."""
-    failed = [str(one) for one in measurements if one.verdict == "fail"]
+    failed = [str(measurement) for measurement in measurements if measurement.verdict == "fail"]
     if failed:
         raise StabilityError(
             f"{len(failed)} rows of the stability sweeps fail: {'; '.join(failed[:20])}",

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 F = np.float32
 Vectors = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""By coordinate."""
+"""Vectors by coordinate."""
 
 
 def moeller_trumbore(
@@ -17,7 +17,7 @@ def moeller_trumbore(
     of a determinant of at most ``epsilon`` are culled, as in the paper.
     """
     p, q, r = (np.asarray(triangles, F)[:, k].T for k in range(3))  # (3, T) each
-    one, two = q - p, r - p
+    edge_1, edge_2 = q - p, r - p
     best = np.full(len(origins), np.inf, F)
     number = np.full(len(origins), -1)
     step = max(1, (1 << 18) // max(1, p.shape[1]))
@@ -26,14 +26,14 @@ def moeller_trumbore(
             part = slice(first, first + step)
             origin = np.asarray(origins[part], F).T[:, :, None]
             direction = np.asarray(directions[part], F).T[:, :, None]
-            across = _cross(direction, two[:, None])
-            determinant = _dot(one[:, None], across)
+            across = _cross(direction, edge_2[:, None])
+            determinant = _dot(edge_1[:, None], across)
             inverse = F(1) / determinant
             offset = origin - p[:, None]
             u = _dot(offset, across) * inverse
-            other = _cross(offset, one[:, None])
-            v = _dot(direction, other) * inverse
-            t = _dot(two[:, None], other) * inverse
+            normal = _cross(offset, edge_1[:, None])
+            v = _dot(direction, normal) * inverse
+            t = _dot(edge_2[:, None], normal) * inverse
             hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
             hit &= np.abs(determinant) > epsilon
             t = np.where(hit, t, F(np.inf))
@@ -54,7 +54,7 @@ def _dot(a: Vectors | np.ndarray, b: Vectors | np.ndarray) -> np.ndarray:
 def slab_test(
     lo: np.ndarray, hi: np.ndarray, origins: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
-    """(R,) bool: whether rays meet the boxes (R, 3), by reciprocals and without any margin.
+    """(R,) bool: whether rays hit the boxes (R, 3), by reciprocals and without a margin.
 
     T. L. Kay, J. T. Kajiya, "Ray tracing complex scenes", 1986.
     """

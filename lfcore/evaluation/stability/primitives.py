@@ -1,7 +1,7 @@
 """Cases 1 to 4, 7 to 13, 15 and 16: triangles, boxes and scenes that are hard for single rays.
 
 Edges and vertices of closed meshes, needles, grazing rays, axes, flat boxes, coplanar triangles;
-then place and size of a scene, by single rays and by blocks.
+then position and size of a scene, by single rays and by blocks.
 
 Error, by default: share of rays that name another triangle than the oracle
 outside 16 ulp of an edge or tie (bound 0), or the error of the depth in ulp over the condition
@@ -57,9 +57,9 @@ def edge_rays(tracer: TracerUnderTest, columns: int) -> Measurement:
 
 @sweep("2", "valence", (4, 8, 64, 200))
 def vertex_rays(tracer: TracerUnderTest, valence: int) -> Measurement:
-    """The pole of a sphere seen from within, of ever more triangles."""
+    """The pole of a sphere seen from within, with ever more triangles."""
     mesh = single(shapes.sphere(8, valence, 2.0))
-    count = max(50, 2 * tracer.rays // valence)  # the oracle settles each of these by integers
+    count = max(50, 2 * tracer.rays // valence)  # the oracle decides each of these by integers
     lens = np.random.default_rng(valence).uniform(-0.1, 0.1, (count, 2))
     rays = shapes.rays_at(np.tile([0.0, 0.0, 2.0], (count, 1)), lens)
     return _leaks("vertex rays", NO_GAPS, tracer.closest, mesh, rays)
@@ -81,7 +81,7 @@ def _leaks(
     case: str, bound: Bound, closest: ClosestHit, mesh: np.ndarray, rays: Rays
 ) -> Measurement:
     hits = closest_hits(mesh, *rays)
-    # The mesh is closed and holds the rays' origins: the oracle itself may not leak.
+    # The mesh is closed around the rays' origins, so the oracle must not leak.
     if (hits.triangle < 0).any():
         raise AssertionError(f"the oracle leaks in {case}")
     return measured(
@@ -168,7 +168,7 @@ def _cube() -> np.ndarray:
 def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
     """Rays at the corners of lone triangles whose boxes have 0, 1 or 2 flat dimensions.
 
-    One triangle is one leaf box; the ray to its corner must not be lost by the box test.
+    A triangle is a leaf box; the box test must not lose the ray to its corner.
     """
     rng = np.random.default_rng(11)
     lost, lost_by_naive = [], []
@@ -182,7 +182,7 @@ def flat_boxes(tracer: TracerUnderTest, flat: int) -> Measurement:
         rays = shapes.rays_at(corners, rng.uniform(-0.3, 0.3, (300, 2)))
         hits = closest_hits(triangle, *rays)
         lost_by_naive.append(_lost_by_the_box(triangle, rays, hits))
-        # Outside 16 ulp of the free edges: a ray at a lone corner may go either way.
+        # Rays at a lone corner are ambiguous within 16 ulp of the free edges.
         missed = tracer.closest(triangle, *rays)[0] < 0
         lost.append((missed & (hits.triangle >= 0) & hits.clear()).mean())
     bound = Bound(0, "share of rays lost", "a box holds its corners")
@@ -196,10 +196,10 @@ def _corner(depth: float) -> np.ndarray:
 
 @sweep("15", "separation ulp", (0, 1, 2, 4, 8, 16, 32, 64))
 def nearly_coplanar(tracer: TracerUnderTest, ulp: int) -> Measurement:
-    """Two triangles that part by some ulp of their depth: the nearer must win from 16 on.
+    """Two triangles some ulp of their depth apart: from 16 ulp on the nearer must win.
 
-    Error: share of the rays that name the other one, of those that the bound on depth, 16 ulp over
-    the condition number, leaves no choice; below that, of rays whose answer is neither.
+    Error: the share of rays with the farther triangle, where the bound of depth, 16 ulp over the
+    condition number, decides; below it, the share of rays with neither triangle.
     """
     points = np.random.default_rng(16).uniform(0.05, 0.3, (500, 2))
     rays = shapes.rays_at(shapes.at_depth(points, 2.0), (0.01, 0.0))
@@ -226,10 +226,10 @@ BLOCK_PIXELS = 24
 
 @sweep("3", "|c| m", (0.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7))
 def far_from_the_origin(tracer: TracerUnderTest, distance: float) -> Measurement:
-    """Scene and camera moved by |c| together; error of depth in units of 2^-24 of it.
+    """Scene and camera moved by |c| together; error in units of 2^-24 of the depth.
 
-    Ours is read from a scene file with a mesh and a camera in world coordinates, as every scene
-    is; the naive method rounds world coordinates.
+    lfcore reads a scene file with a mesh and a camera in world coordinates; the naive method rounds
+    world coordinates.
     """
     local = shapes.soup(600)
     origins, directions = shapes.random_rays(tracer.rays)
@@ -312,8 +312,8 @@ SCALES = (20, 15, 13, 12, 9, 6, 3, -3, -6, -9, -10, -12, -15, -20, -30, -40)
 def scaled_scene(tracer: TracerUnderTest, scale: float) -> Iterator[Measurement]:
     """Scene and lens scaled so that the largest coordinate is ``scale`` metres.
 
-    The float32 range ends at 1e38 and 1e-38, and the product of three lengths, which is how depth
-    is made, at their third root.
+    float32 ranges from 1e-38 to 1e38.  Depth is computed from products of three lengths, whose
+    range ends at the third roots.
     """
     origins, directions = shapes.random_rays(tracer.rays)
     base = shapes.soup(600)
@@ -352,11 +352,11 @@ def far_sphere(tracer: TracerUnderTest, distance: float) -> Measurement:
 
 @sweep("8", "m", (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7))
 def triangle_sizes(tracer: TracerUnderTest, size: float) -> Iterator[Measurement]:
-    """Triangles of ever smaller size at 1 to 3 m, each met by rays of some pixel; N = 16.
+    """Triangles of ever smaller size at 1 to 3 m, each hit by rays of some pixel; N = 16.
 
-    In blocks of a slab's rays, an arithmetic that the lone rays of others do not use: a triangle is
-    set up once for 16 x 16 rays, relative to their middle ray; its errors must still grow with the
-    triangle's size, and not with the block's.
+    Blocks of a slab's rays use other arithmetic than single rays: a triangle is set up once for
+    16 x 16 rays, relative to their middle ray.  Errors must grow with the triangle's size, not with
+    the block's.
     """
     rng, slab = np.random.default_rng(21), Slab(CAMERA, 16, 64)
     pixels = np.unique(rng.integers(0, slab.pixels, (BLOCK_PIXELS, 2)), axis=0)

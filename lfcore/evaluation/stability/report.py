@@ -1,4 +1,4 @@
-"""All cases in the order of the report, a table of them, their bounds, a heat map, error growth."""
+"""All cases in the report's order: table, bounds, heat map and error growth."""
 
 import math
 from collections.abc import Iterable
@@ -39,17 +39,19 @@ def chosen(names: str | Iterable[str]) -> tuple[Case, ...]:
 
     Raises :class:`StabilityError` for a name that no case has.
     """
-    known = {case.__name__: case for case in CASES}
+    by_name = {case.__name__: case for case in CASES}
     if names == "all":
         return CASES
     for name in names:
-        check_known(StabilityError, "analysis.stability_cases", name, known, "stability sweep")
-    return tuple(known[name] for name in names)
+        check_known(StabilityError, "analysis.stability_cases", name, by_name, "stability sweep")
+    return tuple(by_name[name] for name in names)
 
 
 def stability_table(measurements: Iterable[Measurement]) -> pd.DataFrame:
     """Rows of all fields and the verdict, in the order of running."""
-    return pd.DataFrame([{**vars(one), "verdict": one.verdict} for one in measurements])
+    return pd.DataFrame(
+        [{**vars(measurement), "verdict": measurement.verdict} for measurement in measurements]
+    )
 
 
 def cases_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -74,20 +76,20 @@ def cases_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def summary(table: pd.DataFrame) -> str:
-    """A sentence: how many rows have which verdict."""
+    """A sentence with the number of rows per verdict."""
     counts = table.verdict.value_counts()
     return ", ".join(f"{counts[name]} {name}" for name in counts.index)
 
 
 def _excess(error: pd.Series, bound: pd.Series) -> np.ndarray:
-    """The error over its bound in decades, saturated; a bound of 0 admits no error."""
+    """The error over its bound in decades, saturated; a bound of 0 allows no error."""
     with np.errstate(divide="ignore", invalid="ignore"):
         decades = np.log10(error.to_numpy(float) / bound.to_numpy(float))
     return np.where(error == 0, -DECADES, np.clip(decades, -DECADES, DECADES))
 
 
 def heat_map(path: str | Path, table: pd.DataFrame) -> None:
-    """Every row as a cell, cases down and the sweep across, naive float32 beside ours."""
+    """Every row as a cell, cases down and the sweep across, naive float32 beside lfcore."""
     lines, cases = pd.factorize(table.case)
     steps = table.groupby("case").cumcount().to_numpy()
     width = steps.max() + 1
@@ -117,15 +119,15 @@ def heat_map(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def error_growth(path: str | Path, table: pd.DataFrame) -> None:
-    """Error over the stiffness parameter of some cases, ours and naive, with the bound."""
-    wanted = _growing(table)
-    columns = min(4, len(wanted))
-    lines = math.ceil(len(wanted) / columns)
+    """Error over the stiffness parameter of some cases, lfcore and naive, with the bound."""
+    cases = _growing(table)
+    columns = min(4, len(cases))
+    lines = math.ceil(len(cases) / columns)
     figure = Figure(figsize=(3.5 * columns, 2.9 * lines))
     axes = np.atleast_1d(figure.subplots(lines, columns)).ravel()
-    for axis, case in zip(axes, wanted, strict=False):
+    for axis, case in zip(axes, cases, strict=False):
         _growth(axis, table[table.case == case], case)
-    for axis in axes[len(wanted) :]:
+    for axis in axes[len(cases) :]:
         axis.set_visible(False)
     axes[0].legend(fontsize=8)
     save_figure(path, figure)
@@ -133,13 +135,13 @@ def error_growth(path: str | Path, table: pd.DataFrame) -> None:
 
 def _growing(table: pd.DataFrame) -> list[str]:
     """Cases with a sweep of at least four values over decades whose naive error grows most."""
-    found: dict[str, float] = {}
+    growth: dict[str, float] = {}
     for case, rows in table.groupby("case", sort=False):
         naive = rows.naive_error[np.isfinite(rows.naive_error) & (rows.naive_error > 0)]
         values = rows.value[rows.value > 0]
         if len(naive) >= 3 and values.nunique() >= 4 and values.max() > 10 * values.min():
-            found[str(case)] = math.log10(naive.max() / naive.min())
-    return sorted(found, key=found.__getitem__, reverse=True)[:8]
+            growth[str(case)] = math.log10(naive.max() / naive.min())
+    return sorted(growth, key=growth.__getitem__, reverse=True)[:8]
 
 
 def _growth(axis: Axes, rows: pd.DataFrame, case: str) -> None:

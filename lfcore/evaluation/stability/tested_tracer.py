@@ -1,4 +1,4 @@
-"""The tracer under test: lfcore's, or any other, behind four methods."""
+"""The tracer under test, behind four methods: lfcore's, or another."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ def bare_scene(triangles: ArrayLike, **changes: Any) -> Scene:
 
 
 def check_kept(triangles: np.ndarray) -> None:
-    """Raises :class:`SceneError` where a scene's loader leaves triangles out for their size."""
+    """Raise :class:`SceneError` if a scene's loader drops triangles for their size."""
     _, dropped = sound(np.asarray(triangles, np.float64))
     for reason in ("out of range", "too small"):
         if reason in dropped:
@@ -60,9 +60,9 @@ def kept(triangles: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TracerUnderTest:
-    """The OpenCL tracer, as the cases ask for it; another tracer is a class with other methods.
+    """The OpenCL tracer behind the cases' interface; another tracer is a class with these methods.
 
-    ``rays`` is how many of them a step of a sweep has, where a case draws them at random.
+    ``rays`` is the number of random rays per step of a sweep.
     """
 
     device: Device = field(default_factory=open_device)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lfcore.colour import display_values, srgb_decode
-from lfcore.evaluation.equivalence import Made
+from lfcore.evaluation.equivalence import Result
 from lfcore.evaluation.figures import Cell, contact_sheet, log_ticks, save_figure, views_axis
 
 MARKERS = {"raster": "s", "serpentine": "o", "hilbert": "^"}
@@ -21,7 +21,7 @@ CODECS = {"x264": "libx264", "x265": "libx265", "AV1": "libsvtav1"}
 COLOURS = matplotlib.colormaps["tab20"]
 Colour = str | tuple[float, float, float, float]
 ERROR_GAIN = 8
-"""The brightness of error maps: 255 / 8 codes are white."""
+"""The gain of error maps: errors of 255 / 8 codes are white."""
 
 
 def layouts_figure(path: str | Path, table: pd.DataFrame) -> None:
@@ -68,9 +68,9 @@ def rate_distortion_figure(path: str | Path, points: pd.DataFrame, deltas: pd.Da
     curves = [name for name in points[points.codec != "ffv1"].curve.unique() if name != "default"]
     colours = {name: COLOURS(k % COLOURS.N) for k, name in enumerate(curves)}
     for line, n in zip(axes, views, strict=True):
-        for axis, what in zip(line, ("frames", "pictures"), strict=False):
-            _rates(axis, points[points.N == n], f"psnr_{what}_db", colours)
-            axis.set(xlabel="bits per ray", ylabel=f"PSNR of {what} (dB)")
+        for axis, quality in zip(line, ("frames", "pictures"), strict=False):
+            _rates(axis, points[points.N == n], f"psnr_{quality}_db", colours)
+            axis.set(xlabel="bits per ray", ylabel=f"PSNR of {quality} (dB)")
             axis.set_title(f"N = {n}", fontsize=10)
         _speeds(line[2], deltas[deltas.N == n], colours)
     _legend(figure, axes[0, 0])
@@ -122,9 +122,9 @@ def retrieval_figure(path: str | Path, table: pd.DataFrame) -> None:
     axes = figure.subplots(1, len(scenes), squeeze=False, sharey=True)[0]
     for axis, scene in zip(axes, scenes, strict=True):
         of_scene = table[table.scene == scene]
-        for k, (what, rows) in enumerate(of_scene.groupby("what", sort=False)):
+        for k, (work, rows) in enumerate(of_scene.groupby("what", sort=False)):
             colour = "black" if k == 0 else f"C{k - 1}"
-            axis.plot(rows.N, rows.seconds, "o-", color=colour, label=what, markersize=4)
+            axis.plot(rows.N, rows.seconds, "o-", color=colour, label=work, markersize=4)
         axis.set_yscale("log")
         views_axis(axis, table.N)
         axis.set_title(scene, fontsize=10)
@@ -138,24 +138,26 @@ def _legend(figure: Figure, axis: Axes) -> None:
     figure.legend(handles, labels, loc="outside right upper", fontsize=9)
 
 
-def equivalence_sheet(path: str | Path, made: Sequence[Made], focus_m: Sequence[float]) -> None:
+def equivalence_sheet(
+    path: str | Path, results: Sequence[Result], focus_m: Sequence[float]
+) -> None:
     """Pictures by each method, above their error maps; a block of two rows per focus distance.
 
     The first column is the reference; its map is empty.  A map is the root mean square over
     channels, in codes.
     """
     sheet: list[Cell] = []
-    reference, *others = made
+    reference, *methods = results
     for k, focus in enumerate(focus_m):
         truth = reference.pictures[k]
         sheet.append((truth, f"{reference.method}, {focus:.3g} m"))
-        for one in others:
-            method = one.method.replace("the plenoptic photograph", "photograph")
-            sheet.append((one.pictures[k], f"{method}, {one.filter}"))
+        for result in methods:
+            method = result.method.replace("the plenoptic photograph", "photograph")
+            sheet.append((result.pictures[k], f"{method}, {result.filter}"))
         sheet.append((np.ones_like(truth), f"errors x {ERROR_GAIN}:"))
-        for one in others:
-            squares = np.square(display_values(one.pictures[k]) - display_values(truth)).mean(-1)
+        for result in methods:
+            squares = np.square(display_values(result.pictures[k]) - display_values(truth)).mean(-1)
             shown = srgb_decode(np.clip(np.sqrt(squares) * ERROR_GAIN / 255, 0, 1))
             label = f"{np.sqrt(squares.mean()):.2f} codes rms"
             sheet.append((np.repeat(shown[..., None], 3, axis=-1), label))
-    contact_sheet(path, sheet, len(made))
+    contact_sheet(path, sheet, len(results))

@@ -3,12 +3,12 @@
 The sample has all N x N lens samples of a square window in the middle of the picture.  It is
 stored and read like any light field, as one segment.
 
-The storage table compares macropixels and views, their orders, several macropixels a frame.
+The storage table compares macropixels and views, their orders, and macropixels per frame.
 
 Rate and distortion: bits per ray against the error of frames and of refocused pictures.  A curve is
 one encoder setting at several constant rate factors.  Curves are compared by the Bjontegaard delta
-rate (G. Bjontegaard, VCEG-M33, 2001): how many more or fewer bits a curve needs than the anchor at
-equal PSNR, on average over the PSNR that both reach.
+rate (G. Bjontegaard, VCEG-M33, 2001): the mean relative difference of bits at equal
+PSNR to the anchor, over the PSNR that both reach.
 """
 
 import math
@@ -60,11 +60,11 @@ LEAST_WINDOW = 16
 
 @dataclass(frozen=True)
 class Sample:
-    """Rays of a window and the pictures that they give.
+    """Rays of a window, and the pictures formed from them.
 
     ``rgb`` is (w, w, N, N, 3) float32, sRGB-encoded in [0, 1], indexed [v, u, j, i]; not rounded.
-    ``pictures`` (P, w, w, 3) float32, linear light, are the sensor planes that they form, each
-    clipped to [0, 1] as frames clip them.
+    ``pictures`` (P, w, w, 3) float32, linear light, are the sensor planes formed from them,
+    with light clipped to [0, 1] as in frames.
     """
 
     scene: str
@@ -80,7 +80,7 @@ def window_camera(camera: Camera, pixels: int, window: int) -> Camera:
 
 
 def own_planes(scene: Scene) -> list[SensorPlane]:
-    """A plane for each of the scene's own focus distances, through the whole lens."""
+    """A plane per focus distance of the scene, through the whole lens."""
     return [SensorPlane(focus, scene.camera.f_number) for focus in scene.focus_distances_m]
 
 
@@ -105,18 +105,18 @@ def trace_sample(
     light = tracer.bundle_radiance(bundles.macropixels(slab, elements), elements)
     light = light.reshape(window, window, views, views, 3)
     rgb = srgb_encode(light)
-    # As slicing, to the last bit, by a program that serves every scene and N.
-    each = light.transpose(2, 3, 0, 1, 4)
-    pictures = shift_sum_views(slab, each, planes, device=tracer.device)
+    # Equal to slicing to the last bit, by a program for all scenes and N.
+    by_view = light.transpose(2, 3, 0, 1, 4)
+    pictures = shift_sum_views(slab, by_view, planes, device=tracer.device)
     return Sample(tracer.scene.name, slab, rgb, list(planes), pictures)
 
 
 class Frames:
     """A sample in the frames of one layout, for encoders and for comparison.
 
-    ``rgb`` (F, height, width, 3) float32 is sRGB-encoded, and black beside the rays; of every
-    frame the pixels ``used`` (height, width), bool, are rays.  ``codes`` (F, frame_bytes) uint8 are
-    the same in the layout's pixel format.
+    ``rgb`` (F, height, width, 3) float32 is sRGB-encoded, and black outside the rays; the
+    pixels ``used`` (height, width), bool, of every frame are rays.  ``codes`` (F, frame_bytes)
+    uint8 are the same in the layout's pixel format.
     """
 
     def __init__(self, sample: Sample, layout: FrameLayout):
@@ -138,7 +138,7 @@ class Frames:
 def store(frames: Frames, spec: Encoding, device: Device) -> dict:
     """Encode, join, open and decode a sample, and compare: columns of the tables.
 
-    Sizes leave out the file's metadata, which are as long in a large file.  Seconds are CPU
+    Sizes exclude the file's metadata, which are as long in a large file.  Seconds are CPU
     seconds of this process with one encoder thread.  PSNR (dB, peak 255, sRGB codes that are not
     rounded) and SSIM are of the frames, and means over the refocused pictures.
 
@@ -183,14 +183,14 @@ def frame_quality(frames: Frames, decoded: np.ndarray) -> dict[str, float]:
     """The quality of decoded frames (F, frame_bytes)."""
     squares, similar, size = 0.0, [], (frames.layout.frame_width, frames.layout.frame_height)
     every = max(1, len(decoded) * math.prod(size) // SSIM_PX)
-    few = max(1, (1 << 16) // math.prod(size))  # compared at a time
-    for first in range(0, len(decoded), few):
-        own, coded = (each[first : first + few] for each in (frames.rgb, decoded))
-        found = rgb_from_frames(coded, frames.layout.pixel_format, *size)
-        apart = (found - own) * frames.used[..., None]
+    batch = max(1, (1 << 16) // math.prod(size))  # frames compared at a time
+    for first in range(0, len(decoded), batch):
+        original, coded = (values[first : first + batch] for values in (frames.rgb, decoded))
+        decoded_rgb = rgb_from_frames(coded, frames.layout.pixel_format, *size)
+        apart = (decoded_rgb - original) * frames.used[..., None]
         squares += float(np.vdot(apart, apart))
-        for number in range(-first % every, len(own), every):
-            similar.append(ssim(PEAK * found[number], PEAK * own[number], peak=PEAK))
+        for number in range(-first % every, len(original), every):
+            similar.append(ssim(PEAK * decoded_rgb[number], PEAK * original[number], peak=PEAK))
     error = squares / (3 * len(decoded) * frames.used.sum())
     return {"psnr_frames_db": decibels(error, peak=1), "ssim_frames": float(np.mean(similar))}
 
@@ -234,17 +234,17 @@ def layout_rows(
     for n in views:
         sample = trace_sample(tracer, planes, views=n, pixels=size.shorter, most_rays=rays)
         for layout in layouts(n, sample.slab.pixels, packs):
-            known = store(Frames(sample, layout), chosen_encoding(n), tracer.device)
-            known |= {"scene": sample.scene, "N": n, "M": size.as_given}
-            known |= {"window": layout.pixels, "frame_px": layout.frame_width}
-            known |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
-            known["is_default"] = is_default(layout, size.longer)
-            rows.append({column: known[column] for column in LAYOUT_COLUMNS})
+            measured = store(Frames(sample, layout), chosen_encoding(n), tracer.device)
+            measured |= {"scene": sample.scene, "N": n, "M": size.as_given}
+            measured |= {"window": layout.pixels, "frame_px": layout.frame_width}
+            measured |= {"layout": layout.kind, "order": layout.order, "pack": layout.pack}
+            measured["is_default"] = is_default(layout, size.longer)
+            rows.append({column: measured[column] for column in LAYOUT_COLUMNS})
     return rows
 
 
 def is_default(layout: FrameLayout, pixels: int) -> bool:
-    """Whether a light field of M = ``pixels`` is stored so unless another layout is asked for."""
+    """Whether the layout is the default for a light field of M = ``pixels``."""
     best = default_kind(layout.views, pixels), ORDER, default_pack(layout.views, pixels)
     return (layout.kind, layout.order, layout.pack) == best
 
@@ -277,7 +277,7 @@ CURVES: Mapping[str, dict] = {
     "FFV1 4:4:4, lossless": FFV1 | {"pixel_format": "yuv444p"},
     "FFV1 RGB, lossless": FFV1 | {"pixel_format": "gbrp"},
 }
-"""The name of each curve, and how it differs from :data:`PLAIN`."""
+"""The curves' names, and their differences to :data:`PLAIN`."""
 
 
 def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, Encoding]]:
@@ -285,13 +285,13 @@ def specs(crfs: Sequence[float], curves: Mapping[str, dict]) -> list[tuple[str, 
 
     Raises :class:`StorageError` for settings that no encoder takes.
     """
-    found = []
+    settings = []
     for name, changes in curves.items():
         spec = Encoding(**(PLAIN | changes))
         scale = CRF_SCALE.get(spec.codec, 1.0)
         points = crfs[:1] if spec.lossless else crfs
-        found += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in points]
-    return found
+        settings += [(name, replace(spec, crf=min(63.0, scale * crf))) for crf in points]
+    return settings
 
 
 def rate_rows(
@@ -305,7 +305,7 @@ def rate_rows(
 ) -> list[dict]:
     """Points of one scene (columns :data:`COLUMNS`), in the default layout of each N.
 
-    What is stored by default at each N is among them, as the curve "default".  Samples are as in
+    The default settings of each N are the curve "default".  Samples are as in
     :func:`layout_rows`; ``crfs`` are on H.264's scale.
     """
     size = Size.of(pixels)
@@ -320,19 +320,19 @@ def rate_rows(
             if form not in fed:
                 layout = FrameLayout(kind, n, window, "serpentine", pack, form)
                 fed = {form: Frames(sample, layout)}
-            known = store(fed[form], spec, tracer.device)
-            known |= {"scene": sample.scene, "N": n, "M": size.as_given, "window": window}
-            known |= {"curve": name, "crf": None if spec.lossless else spec.crf}
-            known |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
-            rows.append({column: known[column] for column in COLUMNS})
+            measured = store(fed[form], spec, tracer.device)
+            measured |= {"scene": sample.scene, "N": n, "M": size.as_given, "window": window}
+            measured |= {"curve": name, "crf": None if spec.lossless else spec.crf}
+            measured |= {key: getattr(spec, key) for key in ("codec", "preset", "pixel_format")}
+            rows.append({column: measured[column] for column in COLUMNS})
     return rows
 
 
 def bd_rows(points: pd.DataFrame) -> list[dict]:
-    """One row a curve of several points, against the anchor; ``points`` has the columns
+    """One row per curve of several points, against the anchor; ``points`` has the columns
     :data:`COLUMNS`.
 
-    Delta rates are percent, negative for fewer bits; None where curves overlap in less than half of
+    Delta rates are percent, negative for fewer bits; None if curves overlap in less than half of
     the anchor's range of PSNR.  Rates of encoding and decoding are means over the points, by CPU
     seconds.
     """
@@ -343,9 +343,9 @@ def bd_rows(points: pd.DataFrame) -> list[dict]:
             if len(curve) < 2:
                 continue
             row = {"scene": scene, "N": views, "curve": name}
-            for what in ("frames", "pictures"):
-                percent, overlap = delta_rate(anchor, curve, f"psnr_{what}_db")
-                row |= {f"bd_rate_{what}_percent": percent, f"overlap_{what}": overlap}
+            for quality in ("frames", "pictures"):
+                percent, overlap = delta_rate(anchor, curve, f"psnr_{quality}_db")
+                row |= {f"bd_rate_{quality}_percent": percent, f"overlap_{quality}": overlap}
             mrays = (curve.window * curve.N) ** 2 / 1e6
             row["encode_mrays_per_second"] = float((mrays / curve.encode_seconds).mean())
             row["decode_mrays_per_second"] = float((mrays / curve.decode_seconds).mean())
@@ -361,7 +361,7 @@ def delta_rate(
     Points that do not gain quality with bits are left out, since the interpolation (Akima's) is
     of bits over quality.  None where fewer than three points remain or the overlap is too small.
     """
-    (rate_a, dist_a), (rate_b, dist_b) = (_rising(one, quality) for one in (anchor, curve))
+    (rate_a, dist_a), (rate_b, dist_b) = (_rising(points, quality) for points in (anchor, curve))
     if min(len(dist_a), len(dist_b)) < 3:
         return None, 0.0
     low, high = max(dist_a[0], dist_b[0]), min(dist_a[-1], dist_b[-1])

@@ -27,8 +27,11 @@ DECODING = "decoding alone"
 
 
 class Measurement(NamedTuple):
-    """``work`` returns the frames that it decoded over those in reach.  It is of a ``share`` of the
-    file's rays: its seconds are scaled to the whole."""
+    """A timed piece of work.
+
+    ``work`` returns the decoded frames over the frames in reach.  It covers a ``share`` of the
+    file's rays, and its seconds are scaled to the whole.
+    """
 
     what: str
     share: float
@@ -47,7 +50,7 @@ def retrieval_rows(
 ) -> list[dict]:
     """Rows of one file.
 
-    Planes, so many of ``planes`` at a time, are spread evenly in dioptres between ``focus_m``, and
+    Planes, in the numbers of ``planes``, are spread evenly in dioptres between ``focus_m``, and
     formed from at most ``rays`` by ``device``, of one thread: seconds are CPU seconds of this
     process, medians of ``repeats`` rounds.  Raises :class:`StorageError` for a damaged file,
     :class:`OpticsError` for a distance that was not recorded.
@@ -130,15 +133,15 @@ def _planes(
     for count in counts:
         planes = focal_planes(field, focus_m, count)
         formed(planes, 1)  # the program is built
-        what = f"{count} plane{'s' * (count > 1)}"
-        yield Measurement(what, share, partial(formed, planes, frames))
+        label = f"{count} plane{'s' * (count > 1)}"
+        yield Measurement(label, share, partial(formed, planes, frames))
 
 
 def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
-    """One view, one macropixel and one rectangle, each by a file opened anew.
+    """Read a view, a macropixel and a rectangle, opening the file anew for each.
 
-    Of the layout's elements (macropixels, or views) those in the middle of segment 0 are read.
-    What needs all segments is read from segment 0, and its seconds are scaled.
+    The elements of the layout (macropixels, or views) in the middle of segment 0 are read.  Pieces
+    that need all segments are read from segment 0, and their seconds are scaled.
     """
     layout, tile = field.layout, field.segments[0].tile
     size = min(RECTANGLE, layout.pixels, tile.columns, tile.rows)
@@ -159,14 +162,14 @@ def _pieces(field: LightFieldFile) -> Iterator[Measurement]:
 
 
 def _piece(
-    field: LightFieldFile, what: str, read: Callable[[LightFieldFile], object], in_all: bool
+    field: LightFieldFile, what: str, read_piece: Callable[[LightFieldFile], object], in_all: bool
 ) -> Measurement:
     def read_anew() -> float:
         reach = LightFieldFile.open(field.path)
         if in_all:  # only the first is in reach; the others read as black
             video = reach.video
             video.metadata = replace(video.metadata, segments=video.metadata.segments[:1])
-        read(reach)
+        read_piece(reach)
         return reach.video.decoded_frames / sum(part.frames for part in reach.video.segments)
 
     share = field.segments[0].tile.rays / field.layout.rays if in_all else 1.0

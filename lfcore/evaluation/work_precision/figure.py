@@ -26,7 +26,7 @@ BESIDE: dict[str, Any] = {
 
 
 def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
-    """(K,) bool: points that no other beats in both; failed ones (NaN) never are."""
+    """(K,) bool: points that no other point beats in both; never for failed points (NaN)."""
     error = np.asarray(error, float)
     order, better = np.lexsort((error, np.asarray(cost, float))), np.zeros(len(error), bool)
     best = np.fmin.accumulate(np.append(np.inf, error[order]))
@@ -35,7 +35,8 @@ def pareto(error: ArrayLike, cost: ArrayLike) -> np.ndarray:
 
 
 GUIDE_DB = 10.0
-"""The slope of independent samples: ten times the time has a tenth of the squared error."""
+"""The slope of independent samples, dB per decade: ten times the time, a tenth of the squared
+error."""
 GUIDE: dict[str, Any] = {"color": "0.6", "linestyle": "--", "linewidth": 1, "zorder": 0}
 COLUMN_INCHES, ROW_INCHES = 4.9, 4.6
 
@@ -70,11 +71,11 @@ def stored(path: str | Path, points: pd.DataFrame, *, machine: str) -> None:
         Diagram(files, "seconds", "all planes from the file"),
         Diagram(memory, "seconds", "all planes from memory"),
     ]
-    _draw(path, machine, [one for one in diagrams if len(one.points)])
+    _draw(path, machine, [diagram for diagram in diagrams if len(diagram.points)])
 
 
 def _draw(path: str | Path, machine: str, diagrams: Sequence[Diagram]) -> None:
-    scenes = pd.concat([one.points for one in diagrams]).scene.unique()
+    scenes = pd.concat([row.points for row in diagrams]).scene.unique()
     size = (COLUMN_INCHES * max(2, len(scenes)), ROW_INCHES * len(diagrams) + 0.5)
     figure = Figure(figsize=size)
     axes = figure.subplots(len(diagrams), len(scenes), squeeze=False)
@@ -106,14 +107,14 @@ def _panel(axis: Axes, rows: pd.DataFrame, time: str, methods: list[str]) -> Non
     axis.tick_params(labelsize=8)
     front = rows[pareto(-rows.shown_db, rows.x)].sort_values("x")
     axis.plot(front.x, front.shown_db, **FRONT)
-    for point in front.itertuples():  # no point is to the upper left of one on the front
+    for point in front.itertuples():  # no other point is to the upper left
         setting = re.sub("N = |CRF ", "", point.setting)
         axis.annotate(setting, (point.x, point.shown_db), **BESIDE)
     for method, curve in rows.groupby("method", sort=False):
         _curve(axis, curve, str(method), methods.index(str(method)), time)
-    known = rows.truth_known_db.astype(float).min() - BELOW_DB
-    if known < rows.shown_db.max() + 5:
-        axis.axhline(known, color="0.4", linestyle=":", linewidth=1)
+    limit_db = rows.truth_known_db.astype(float).min() - BELOW_DB
+    if limit_db < rows.shown_db.max() + 5:
+        axis.axhline(limit_db, color="0.4", linestyle=":", linewidth=1)
     axis.margins(x=0.1, y=0.12)
     _guide(axis, rows)
     axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)

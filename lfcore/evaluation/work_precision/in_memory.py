@@ -25,12 +25,13 @@ from lfcore.rendering.plenoptic import refocus_photograph
 from lfcore.tracing.tracer import Tracer
 
 TOLERANCES_PX = (0.5, 0.1)
-ROWS = 16  # of pixels, traced at a time
+ROWS = 16
+"""The rows of pixels traced at a time."""
 Planes = Sequence[SensorPlane]
 
 
 class Views:
-    """A light field of a square slab in memory, as the methods take it.
+    """A light field of a square slab in memory, in the forms that methods need.
 
     ``light`` is that of :func:`trace_views`; ``field`` has a camera at the middle of each view's
     lens sample; ``photograph`` is a plenoptic camera's.
@@ -46,30 +47,31 @@ class Views:
 def memory_rows(
     tracer: Tracer, reference: Reference, views: Sequence[int], monte_carlo_samples: Sequence[int]
 ) -> Iterator[dict]:
-    """Rows of every method by N, and of two by a setting of their own at the largest N.
+    """Rows of every method by N, and of two methods by their setting at the largest N.
 
-    Tracing the views is not counted.  Methods make squares, and wide pictures are a part of these.
+    Seconds exclude tracing.  Methods make square pictures; wide ones are cut out.
     """
     for n in sorted(views):
         slab = Slab.of(tracer.scene.camera, n, reference.size)
-        held = Views(tracer, replace(slab, extent=None))
+        in_memory = Views(tracer, replace(slab, extent=None))
         works = [(name, f"N = {n}", method) for name, method in METHODS.items()]
         if n == max(views):
-            for each in TOLERANCES_PX:
-                stack = partial(_by_views, focal_stack_views, tolerance_px=each)
-                works.append((f"fast stack, N = {n}", f"{each:g} px", stack))
+            for tolerance in TOLERANCES_PX:
+                stack = partial(_by_views, focal_stack_views, tolerance_px=tolerance)
+                works.append((f"fast stack, N = {n}", f"{tolerance:g} px", stack))
             for count in monte_carlo_samples:
                 works.append((f"Monte Carlo, N = {n}", str(count), _monte_carlo(count)))
         for name, setting, method in works:
             yield timed_point(
-                reference, partial(_cropped, slab, method, held, reference.planes), held.device,
-                panel=IN_MEMORY, method=name, setting=setting, rays=held.slab.rays,
+                reference, partial(_cropped, slab, method, in_memory, reference.planes),
+                in_memory.device,
+                panel=IN_MEMORY, method=name, setting=setting, rays=in_memory.slab.rays,
             )  # fmt: skip
 
 
 def trace_views(tracer: Tracer, slab: Slab) -> np.ndarray:
-    """All views of a square slab, (N, N, M, M, 3) float32, linear light, [j, i, v, u]; each colour
-    is clipped as stored ones are."""
+    """All views of a square slab, (N, N, M, M, 3) float32, linear light, [j, i, v, u]; colours
+    are clipped as in files."""
     side, n = slab.pixels, slab.views
     light = np.empty((n, n, side, side, 3), np.float32)
     for row in range(0, side, ROWS):
@@ -98,14 +100,13 @@ def _plenoptic(views: Views, planes: Planes) -> np.ndarray:
 
 
 def _by_array(form: Callable, views: Views, planes: Planes) -> np.ndarray:
-    """``form`` of the field, a camera at the middle of its lens, and a focal plane, for each
-    plane."""
-    array, made = views.field.array, []
+    """Apply ``form`` to the field, a camera at the lens's middle and each focal plane."""
+    array, pictures = views.field.array, []
     for plane in planes:
         radius = views.slab.camera.focal_length_m / (2 * plane.f_number)
         camera = VirtualCamera(np.zeros(3), np.eye(3), array.fov_deg, array.tile, radius)
-        made.append(form(views.field, camera, parallel(plane.focus_m)).image.astype(float))
-    return np.stack(made)
+        pictures.append(form(views.field, camera, parallel(plane.focus_m)).image.astype(float))
+    return np.stack(pictures)
 
 
 def _isaksen(field: DeviceField, camera: VirtualCamera, surface: FocalSurface) -> Synthesis:

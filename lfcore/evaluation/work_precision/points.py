@@ -19,10 +19,10 @@ COLUMNS = (
     "worst_plane_m", "mean_psnr_true_db", "expected_db", "truth_known_db", "note",
 )  # fmt: skip
 ON_THE_FLY, FROM_FILE, IN_MEMORY = "on the fly", "from a file", "from memory"
-"""The panels: where the rays are when the clock starts."""
+"""The panels, by the rays' place when the clock starts."""
 NOT_JUDGED = f"not judged: within {BELOW_DB:g} dB of the error of the true picture"
 REPEATS, BUDGET_SECONDS = 5, 0.3
-"""The runs of short work, and the seconds that the runs of longer work may take together."""
+"""The runs of short work, and the seconds for all runs of longer work."""
 
 
 def core_clock(device: Device) -> Callable[[], float]:
@@ -33,20 +33,20 @@ def core_clock(device: Device) -> Callable[[], float]:
 def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:
     """A row with :data:`COLUMNS` of the pictures (P, H, W, 3) of all planes, linear light.
 
-    ``rays`` are those behind all of them, ``context`` has the other columns.
+    ``rays`` is their number, ``context`` has the other columns.
     """
-    found = reference.psnr(pictures)
-    worst = int(np.argmin(found))
-    known = float(reference.known_db[worst])
+    psnr_db = reference.psnr(pictures)
+    worst = int(np.argmin(psnr_db))
+    known_db = float(reference.known_db[worst])
     return dict.fromkeys(COLUMNS) | {
         "f_number": reference.planes[0].f_number,
         "rays": rays,
         "rays_per_pixel": rays / math.prod(reference.size),
-        "psnr_true_db": found[worst],
+        "psnr_true_db": psnr_db[worst],
         "worst_plane_m": reference.planes[worst].focus_m,
-        "mean_psnr_true_db": float(np.mean(found)),
-        "truth_known_db": known,
-        "note": NOT_JUDGED if found[worst] > known - BELOW_DB else None,
+        "mean_psnr_true_db": float(np.mean(psnr_db)),
+        "truth_known_db": known_db,
+        "note": NOT_JUDGED if psnr_db[worst] > known_db - BELOW_DB else None,
         **context,
     }
 

@@ -2,9 +2,9 @@
 
 The cost of a light field file is that of recording, reading and forming all planes.
 
-The peers' seconds are those for a quality, each against its own true picture: their shading is not
-ours (no ambient light in Mitsuba, no Blinn-Phong), so a common truth would show that difference and
-not the error of their sampling.  They trace every picture separately, with independent samples over
+The peers' seconds are for a quality against each peer's own true picture: their shading differs (no
+ambient light in Mitsuba, no Blinn-Phong), so a common truth would measure that difference and not
+the error of sampling.  They trace every picture separately, with independent samples over
 pixel and lens: squared error falls with the number of samples.  A small picture with few samples
 therefore predicts the cost of a large picture with many.
 """
@@ -77,20 +77,20 @@ def by_depth_rows(
 def quality_rows(
     tracer: Tracer, reference: Reference, qualities_db: Sequence[float]
 ) -> Iterator[dict]:
-    """As many rays as the wanted quality takes."""
+    """The rays that a quality needs."""
     planes, pixels = reference.planes, reference.size
-    for wanted in qualities_db:
-        job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, Quality(wanted))
-        context = {"panel": ON_THE_FLY, "method": TO_QUALITY, "setting": f"{wanted:g} dB"}
+    for quality_db in qualities_db:
+        job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, Quality(quality_db))
+        context = {"panel": ON_THE_FLY, "method": TO_QUALITY, "setting": f"{quality_db:g} dB"}
         clock = core_clock(tracer.device)
         try:
-            made, seconds = clocked_warm(job.pictures, programs_made, clock=clock)
+            result, seconds = clocked_warm(job.pictures, programs_made, clock=clock)
         except OpticsError as error:
             yield refused_point(reference, error, **context)
             continue
         yield point(
-            reference, made.pictures, rays=made.lattice.rays(pixels), seconds=seconds,
-            expected_db=float(made.expected_db.min()), **context,
+            reference, result.pictures, rays=result.lattice.rays(pixels), seconds=seconds,
+            expected_db=float(result.expected_db.min()), **context,
         )  # fmt: skip
 
 
@@ -143,8 +143,8 @@ def codec_rows(
 ) -> Iterator[dict]:
     """Rows of the same rays by codec and CRF; ``crf_offset`` of a codec is added to its CRF."""
     for codec in codecs:
-        own = ("codec", "preset", "pixel_format")
-        settings = {key: codec[key] for key in own if codec.get(key) is not None}
+        keys = ("codec", "preset", "pixel_format")
+        settings = {key: codec[key] for key in keys if codec.get(key) is not None}
         for crf in crfs:
             crf = float(crf + codec.get("crf_offset", 0))
             yield recorded_row(
@@ -183,8 +183,10 @@ def grid_row(
 
 PIXELS = 24
 """The side of the pictures that are rendered; time is proportional to the number of pixels."""
-SAMPLES, TRUE_SAMPLES = 4, 16
-"""Samples per side of a pixel: the truth has 16 times as many, so its error is 12 dB lower."""
+SAMPLES = 4
+"""The samples per pixel side of the measured pictures."""
+TRUE_SAMPLES = 16
+"""The samples per pixel side of the true picture: 16 times as many samples, 12 dB less error."""
 
 
 def peer_rows(
@@ -225,17 +227,17 @@ def _sampled(
 ) -> tuple[list[tuple[float, float]], str]:
     """For each plane the PSNR in dB of a few samples, and the seconds per pixel and sample; or
     nothing, and the reason."""
-    found = []
+    by_plane = []
     for plane in planes:
-        given = name, renderer, scene, plane, PIXELS
-        few, true = (or_left_out(*given, side) for side in (SAMPLES, TRUE_SAMPLES))
+        arguments = name, renderer, scene, plane, PIXELS
+        few, true = (or_left_out(*arguments, side) for side in (SAMPLES, TRUE_SAMPLES))
         if few.picture is None or true.picture is None:
             return [], few.note or true.note
         # The measured difference includes the truth's own error, of 16 times as many samples.
-        apart = inner_psnr(*(np.asarray(one.picture, float) for one in (few, true)))
-        own = apart + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)
-        found.append((own, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
-    return found, ""
+        difference_db = inner_psnr(*(np.asarray(result.picture, float) for result in (few, true)))
+        sampling_db = difference_db + 10 * math.log10(1 + (SAMPLES / TRUE_SAMPLES) ** 2)
+        by_plane.append((sampling_db, true.seconds / TRUE_SAMPLES**2 / PIXELS**2))
+    return by_plane, ""
 
 
 def scene_rows(
