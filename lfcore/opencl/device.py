@@ -22,23 +22,23 @@ from lfcore.opencl import drivers, program_cache
 from lfcore.timing import processors
 
 drivers.prepare()
-# Programs have a cache of ours.  pyopencl keeps its calls of kernels in a database of the user's,
-# without which (no home, a damaged file) it fails; to write them anew takes milliseconds.
-# Where it was imported before, programs are kept from its cache below, at the price of a warning.
+# Programs are cached by program_cache.  pyopencl stores kernel calls in a user's database and fails
+# without it (no home, a damaged file); generating them takes milliseconds.  If pyopencl was
+# imported before, programs bypass its cache below, with a warning.
 os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
 
 import pyopencl as cl  # noqa: E402  (the loader reads its environment on import)
 
 log = logging.getLogger(__name__)
 
-# The compiler's remarks on a successful build ("vectorization skipped") are of no use to a user.
+# Remarks of successful builds ("vectorization skipped") do not help users.
 warnings.filterwarnings("ignore", category=cl.CompilerWarning)
 warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 PAGE = 4096
 KERNELS = Path(__file__).parent.parent
 SHARED_KERNELS = KERNELS / "tracing/kernels"
-"""In folders by stage; files of all packages include them by name."""
+"""The shared kernels, in folders by stage; files of all packages include them by name."""
 _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
@@ -55,9 +55,9 @@ class Device:
     device, context, queue : pyopencl objects
         OpenCL's own.
     lanes : int
-        The vector width for which kernels are built.
+        The vector width of kernels.
     threads : int
-        The persistent workers that a CPU job may use.
+        The number of CPU workers per job.
     """
 
     device: cl.Device
@@ -70,13 +70,13 @@ class Device:
         return f"<Device {self.name!r}: {self.threads} threads, {self.lanes} lanes>"
 
     def __reduce__(self) -> tuple:
-        """Pickled by name: the device is opened again where the pickle is loaded."""
+        """Pickle by name: loading opens the device again."""
         again = functools.partial(open_device, threads=self.threads, lanes=self.lanes)
         return again, (self.name,)
 
     @property
     def name(self) -> str:
-        """Device, driver and its version: no other device on this machine is called so."""
+        """The device, its driver and the version: unique on this machine."""
         return name_of(self.device)
 
     @property
@@ -84,16 +84,17 @@ class Device:
         return is_cpu(self.device)
 
     def buffer(self, array: np.ndarray, access: int = cl.mem_flags.READ_ONLY) -> cl.Buffer:
-        """Device copy of a numpy array, read-only by default; an empty one gets some zero bytes."""
+        """Device copy of a numpy array, read-only by default; an empty one becomes some zero
+        bytes."""
         flags = access | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 
     def changed(self, array: np.ndarray) -> cl.Buffer:
-        """As :meth:`buffer`, for kernels that write to it."""
+        """As :meth:`buffer`, writable by kernels."""
         return self.buffer(array, cl.mem_flags.READ_WRITE)
 
     def shown(self, array: np.ndarray) -> cl.Buffer:
-        """As :meth:`buffer`, of the array's own memory on a CPU."""
+        """As :meth:`buffer`, but on a CPU the array's own memory."""
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array)
 
@@ -101,15 +102,15 @@ class Device:
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, max(int(nbytes), 64))
 
     def zeros(self, nbytes: int, *, sparse: bool = False) -> cl.Buffer:
-        """A buffer of zero bytes for kernels that write to it, or to little of it (``sparse``)."""
+        """A writable buffer of zero bytes; ``sparse`` if kernels write to little of it."""
         if self.is_cpu:
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-            if sparse:  # small pages: what no kernel writes to takes no memory
+            if sparse:  # small pages: unwritten parts take no memory
                 memory = mmap.mmap(-1, max(int(nbytes), 64), access=mmap.ACCESS_COPY)
                 with suppress(AttributeError, OSError):  # not on every system
                     memory.madvise(mmap.MADV_NOHUGEPAGE)
                 return cl.Buffer(self.context, flags, hostbuf=np.frombuffer(memory, np.uint8))
-            # The system's zeros, in pages as large as it has: a driver's are touched twice.
+            # Zero pages of the system: a driver would touch its memory twice.
             raw = np.zeros(max(int(nbytes), 64) + PAGE, np.uint8)
             host = raw[-raw.ctypes.data % PAGE :][: len(raw) - PAGE]
             return cl.Buffer(self.context, flags, hostbuf=host)
@@ -117,12 +118,13 @@ class Device:
         cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint64), 0, buffer.size // 8 * 8)
         return buffer
 
-    def forget(self, buffer: cl.Buffer, part: int, of: int) -> None:
-        """Give a CPU the memory of a part of a sparse buffer back: what it holds is lost."""
+    def forget(self, buffer: cl.Buffer, part: int, parts: int) -> None:
+        """Free the memory of the ``part``-th of ``parts`` of a sparse buffer; its content is
+        lost."""
         if self.is_cpu and hasattr(mmap, "MADV_DONTNEED"):
             page = mmap.PAGESIZE
-            first = -(-buffer.size * part // of // page) * page
-            last = buffer.size * (part + 1) // of // page * page
+            first = -(-buffer.size * part // parts // page) * page
+            last = buffer.size * (part + 1) // parts // page * page
             if first < last:
                 memory: Any = buffer.hostbuf
                 memory.base.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
@@ -131,8 +133,10 @@ class Device:
     def mapped(
         self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type, *, write: bool = False
     ) -> Iterator[np.ndarray]:
-        """The content of a buffer when the queue is done, within a ``with`` block; no copy on a
-        CPU.  With ``write`` the host may change it, and kernels see the change."""
+        """A context with the content of a buffer once the queue is done, without a copy on a CPU.
+
+        With ``write`` the host may change it, and kernels see the change.
+        """
         access = cl.map_flags.READ | (cl.map_flags.WRITE if write else 0)
         where: Any = access, 0, shape, np.dtype(dtype)
         view, _ = cl.enqueue_map_buffer(self.queue, buffer, *where)
@@ -142,24 +146,25 @@ class Device:
             view.base.release(self.queue)
 
     def target_buffer(self, host: np.ndarray) -> cl.Buffer:
-        """Where the device writes what ``host`` is to hold: on a CPU that memory itself."""
+        """A buffer for results that :meth:`collect` brings to ``host``; on a CPU ``host``
+        itself."""
         if self.is_cpu:
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
             return cl.Buffer(self.context, flags, hostbuf=host)
         return self.empty(host.nbytes)
 
     def collect(self, target: cl.Buffer, host: np.ndarray) -> None:
-        """Make what the device wrote visible in ``host``; waits for the queue."""
+        """Make the device's results visible in ``host``; waits for the queue."""
         if not self.is_cpu:
             cl.enqueue_copy(self.queue, host, target)
             return
         with self.mapped(target, host.shape, host.dtype.type):
-            pass  # to map it is enough: what is seen there is ``host``
+            pass  # mapping suffices: the buffer is the memory of ``host``
         self.queue.finish()
 
 
 def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
-    """An uninitialised array that begins a page: drivers use such memory as it is."""
+    """An uninitialised array at the start of a page: drivers use such memory without copies."""
     size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
     raw = np.empty(size + PAGE, np.uint8)
     offset = -raw.ctypes.data % PAGE
@@ -177,14 +182,14 @@ def name_of(device: cl.Device) -> str:
 
 
 def is_named(device: cl.Device, name: str | None) -> bool:
-    """Whether a name, as :func:`open_device` takes it, is this device's."""
+    """Whether a name for :func:`open_device` is this device's."""
     return not name or name.lower() in f"{name_of(device)} {device.platform.version}".lower()
 
 
 @functools.cache
 def all_devices() -> list[cl.Device]:
     """All devices that drivers offer, CPUs first, by the name of the driver."""
-    # Where the user has no folder, PoCL offers no device without one of its own.
+    # PoCL offers no device without a cache folder.
     if program_cache.folder() is None and "POCL_CACHE_DIR" not in os.environ:
         folder = os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="lfcore-pocl-")
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -192,21 +197,21 @@ def all_devices() -> list[cl.Device]:
         platforms = cl.get_platforms()
     except cl.Error as error:
         raise DeviceError(f"no OpenCL driver was found ({error})", remedy=_REMEDY) from None
-    found = []
+    devices = []
     for platform in platforms:
         try:
-            found += platform.get_devices()
+            devices += platform.get_devices()
         except cl.Error as error:
             name = f"{platform.name} {platform.version}"
-            log.warning("OpenCL driver %s passed over: %s. %s", name, error, UPDATE)
-    if not found:
+            log.warning("OpenCL driver %s is skipped: %s. %s", name, error, UPDATE)
+    if not devices:
         raise DeviceError("no OpenCL device was found", remedy=_REMEDY)
-    return sorted(found, key=lambda device: (not is_cpu(device), device.platform.name))
+    return sorted(devices, key=lambda device: (not is_cpu(device), device.platform.name))
 
 
 @functools.cache
 def _fault(device: cl.Device) -> str:
-    """Why a device cannot build a one-line kernel; empty if it can."""
+    """The reason why a device cannot build a one-line kernel; empty if it can."""
     try:
         _compile(_context(device), "kernel void one(global int *x) { *x = 1; }", (), ())
     except cl.Error as error:
@@ -269,7 +274,7 @@ def open_device(
 
 
 def _asked_threads() -> int:
-    """``LFCORE_THREADS``; 0 where it is not set, or is 0."""
+    """``LFCORE_THREADS``; 0 if it is not set."""
     text = os.environ.get("LFCORE_THREADS") or "0"
     if not (text.isascii() and text.isdigit()):
         problem = f"must be a number of threads, not {text[:40]!r}"
@@ -285,12 +290,12 @@ def _choose(name: str | None) -> cl.Device:
             if not _fault(device):
                 return device
             fault = fault or _fault(device)
-            log.warning("passed over: %s", _fault(device))
+            log.warning("skipped: %s", _fault(device))
     if fault:
         raise DeviceError(fault, remedy=UPDATE)
-    known = ", ".join(map(name_of, all_devices()))
+    names = ", ".join(map(name_of, all_devices()))
     key = "LFCORE_DEVICE" if name == os.environ.get("LFCORE_DEVICE") else "device"
-    raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {known}")
+    raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {names}")
 
 
 def build_program(
@@ -301,8 +306,8 @@ def build_program(
 ) -> cl.Program:
     """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after a ``header``.
 
-    Builds are kept on disk (:mod:`lfcore.opencl.program_cache`), and within a process.  Raises
-    :class:`DeviceError` with the compiler's first error; all it said is in the cause.
+    Programs are cached on disk (:mod:`lfcore.opencl.program_cache`) and in the process.  Raises
+    :class:`DeviceError` with the compiler's first error; its whole text is in the cause.
     """
     values = {"LANES": device.lanes, **(defines or {})}
     options = [
@@ -314,7 +319,7 @@ def build_program(
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
-    # A plain "inline" is compiled by itself as well: 0.3 s of each program of the tracer.
+    # A plain "inline" function is also compiled separately: 0.3 s per program of the tracer.
     static = "#define inline static inline\n"
     source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{header}{source}\n"
     try:
@@ -326,7 +331,7 @@ def build_program(
 
 @functools.cache
 def _context(device: cl.Device) -> cl.Context:
-    """One for all that this process does on a device: programs belong to a context."""
+    """The process's context of a device: programs belong to a context."""
     return cl.Context([device])
 
 
@@ -344,7 +349,7 @@ def _compile(
             return None
 
     def build() -> tuple[cl.Program, bytes]:
-        # The loader strips no quotes on every platform, so paths go as separate arguments.
+        # Not every loader strips quotes, so paths are separate arguments.
         paths = [part for folder in folders for part in ("-I", folder)]
         program = cl.Program(context, source)
         program.int_ptr  # noqa: B018  (exists from here on, so that pyopencl looks for no other)
@@ -356,5 +361,5 @@ def _compile(
 
 
 def programs_made() -> int:
-    """How many programs this process has built, or read from where they are kept, so far."""
+    """The number of programs that this process has built or loaded."""
     return _compile.cache_info().misses

@@ -1,8 +1,8 @@
 """Find OpenCL drivers on a bare machine, before ``pyopencl`` is imported.
 
-``pyopencl`` brings a loader and no driver.  The Intel CPU runtime comes as a wheel whose own
-``.icd`` holds a placeholder path, and a GPU's driver may be installed without one.  The loader
-looks into a single directory, ``OCL_ICD_VENDORS``: this module fills one with what there is.
+``pyopencl`` has a loader and no driver.  The Intel CPU runtime is a wheel whose ``.icd`` has a
+placeholder path, and a GPU's driver may be installed without an ``.icd``.  The loader reads a
+single directory, ``OCL_ICD_VENDORS``: this module fills one with the drivers of the machine.
 """
 
 import atexit
@@ -24,10 +24,10 @@ SYSTEM_VENDORS, NVIDIA = Path("/etc/OpenCL/vendors"), "libnvidia-opencl.so.1"
 
 
 def prepare() -> Path | None:
-    """Point the OpenCL loader at every driver found; return the directory used.
+    """Point the OpenCL loader at every driver found, and return the directory.
 
-    A directory that the user named in ``OCL_ICD_VENDORS`` is left alone (returns None).  On Windows
-    the loader looks into the registry, and first at the libraries in ``OCL_ICD_FILENAMES``.
+    A user's ``OCL_ICD_VENDORS`` stays (returns None).  On Windows the loader reads the libraries in
+    ``OCL_ICD_FILENAMES``, then the registry.
     """
     if sys.platform == "win32":
         return _prepare_windows()
@@ -47,7 +47,7 @@ def _prepare_windows() -> None:
     intel = Path(sys.prefix) / "Library" / "bin" / "intelocl64.dll"
     if intel.exists() and "OCL_ICD_FILENAMES" not in os.environ:
         os.environ["OCL_ICD_FILENAMES"] = str(intel)
-        # Its own libraries are beside it: its loader asks for the first, its compiler for the rest.
+        # The runtime's libraries are beside it: its loader needs the first, its compiler the rest.
         if sys.platform == "win32":  # for the type checker: only Windows has this function
             os.add_dll_directory(str(intel.parent))
         os.environ["PATH"] = os.pathsep.join([str(intel.parent), os.environ["PATH"]])
@@ -64,8 +64,8 @@ def _entries() -> dict[str, str]:
     for folder in (SYSTEM_VENDORS, environment, wheel):
         for icd in sorted(folder.glob("*.icd")) if folder.is_dir() else ():
             library = icd.read_text(encoding="utf-8", errors="replace").strip()
-            there = library and (not os.path.isabs(library) or os.path.exists(library))
-            if there and library not in entries.values():
+            exists = library and (not os.path.isabs(library) or os.path.exists(library))
+            if exists and library not in entries.values():
                 entries[icd.name] = library
     if not any("nvidia" in library for library in entries.values()):
         with contextlib.suppress(OSError):
@@ -77,7 +77,8 @@ def _entries() -> dict[str, str]:
 def _write(entries: dict[str, str]) -> Path | None:
     """Write the vendor directory once per set of entries; safe against parallel jobs.
 
-    It is the user's alone: a name that others know, such as one below ``TMPDIR``, may be theirs.
+    Only the user can write to it: a predictable name, such as one below ``TMPDIR``, may be another
+    user's.
     """
     digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()[:16]
     for make in (lambda: own_folder(cache_home() / "lfcore" / f"opencl-vendors-{digest}"), _fresh):

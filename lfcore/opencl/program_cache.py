@@ -1,10 +1,10 @@
 """Built programs on disk, shared by all processes of a user and by machines that share a home.
 
-An entry's name is a digest of all that its binary depends on: source with what it includes,
+An entry's name is a digest of everything that its binary depends on: source with its includes,
 options, driver, its version, device, and the processor's instruction set.  So a processor never
-finds what was built for another.  An entry carries a digest of its name and contents: one that is
-damaged, cut short, under another's name or refused by the driver is built again.  Where no folder
-can be written, or others could write into it, programs are kept by the process alone.
+loads another processor's program.  An entry has a digest of its name and contents: a damaged,
+truncated, renamed or refused entry is built again.  Without a folder that only the user can write,
+programs stay in the process.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ log = logging.getLogger(__name__)
 Program = TypeVar("Program")
 
 LIMIT_BYTES = 256 << 20
-"""Of all entries: those that were not used for longest make room for new ones."""
+"""The largest total size of entries; the least recently used ones are removed."""
 _MAGIC = b"lfcore program 2\n"
 _DIGEST_BYTES = hashlib.sha256().digest_size
 _INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
 _HELD = ("CL_CONFIG_", "POCL_", "PYOPENCL_BUILD_OPTIONS")
-"""Beginnings of variables by which a user tells a driver how to build."""
+"""The prefixes of environment variables that change builds."""
 
 
 def cache_home() -> Path:
-    """The user's folder for what can be made again."""
+    """The user's folder of caches."""
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     except RuntimeError:  # a user without a home
@@ -51,20 +51,20 @@ def cache_home() -> Path:
 
 
 def own_folder(path: Path) -> Path:
-    """``path``, a folder that only this user can change, made if need be; raises OSError.
+    """Return ``path``, made if missing, as a folder that only this user can change; raises OSError.
 
-    What others could have put into it is removed.
+    Files that others could have written are removed.
     """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     if hasattr(os, "getuid"):
-        found = path.stat()
-        if found.st_uid != os.getuid():
+        status = path.stat()
+        if status.st_uid != os.getuid():
             raise PermissionError(f"{path} belongs to another user")
         for above in path.resolve().parents:
             mode = above.stat().st_mode
             if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-                raise PermissionError(f"any user can replace what is in {above}")
-        if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                raise PermissionError(f"any user can replace files in {above}")
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             path.chmod(0o700)
             for file in path.iterdir():
                 file.unlink(missing_ok=True)
@@ -74,7 +74,8 @@ def own_folder(path: Path) -> Path:
 
 @functools.cache
 def folder() -> Path | None:
-    """Where entries are, made if need be; None, with a line in the log, where none can be."""
+    """The folder of entries, made if missing; None, with a line in the log, if it cannot be
+    made."""
     try:
         return own_folder(cache_home() / "lfcore" / "programs")
     except OSError as error:
@@ -88,7 +89,7 @@ def folder() -> Path | None:
 
 @functools.cache
 def instruction_set() -> str:
-    """What the processor can execute, as far as the system tells; two kinds may share a name."""
+    """The processor's instruction sets, if the system reports them: its name does not suffice."""
     with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as file:
         for line in file:
             if line.startswith(("flags", "Features")):
@@ -98,23 +99,23 @@ def instruction_set() -> str:
 
 def expanded(source: str, folders: Sequence[str]) -> str:
     """A source followed by every file that it includes, each once, found in ``folders``."""
-    texts, found = [source], set()
+    texts, included = [source], set()
     for text in texts:
         for name in _INCLUDE.findall(text):
             for folder in folders:
                 path = Path(folder) / name
-                if path not in found and path.is_file():
-                    found.add(path)
+                if path not in included and path.is_file():
+                    included.add(path)
                     texts.append(path.read_text(encoding="utf-8"))
     return "\0".join(texts)
 
 
 def key(device: cl.Device, source: str, options: Sequence[str]) -> str:
     """The name of an entry: ``source`` is expanded, ``device`` a pyopencl Device."""
-    held = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
+    variables = [f"{k}={value}" for k, value in sorted(os.environ.items()) if k.startswith(_HELD)]
     driver = device.platform.name, device.platform.version, device.driver_version
     processor = device.vendor, device.name, device.version, instruction_set()
-    whole = "\0".join([_MAGIC.decode(), *driver, *processor, *held, *options, source])
+    whole = "\0".join([_MAGIC.decode(), *driver, *processor, *variables, *options, source])
     return hashlib.sha256(whole.encode()).hexdigest()
 
 
@@ -123,9 +124,9 @@ def cached(
     load: Callable[[bytes], Program | None],
     build: Callable[[], tuple[Program, bytes]],
 ) -> Program:
-    """The program called ``name``, by :func:`key`: loaded, or built by one process at a time.
+    """The program ``name`` of :func:`key`, loaded, or built by one process at a time.
 
-    ``load`` makes a program of its binary, or None of one that the driver refuses; ``build``
+    ``load`` makes a program from a binary, or None if the driver refuses it; ``build``
     returns a program and its binary.
     """
     path = folder()
@@ -136,7 +137,7 @@ def cached(
     program = _read(entry, load)
     if program is None:
         with stage(BUILDING), _alone(path / f"{name[:2]}.lock"):
-            program = _read(entry, load)  # of a process that was waited for
+            program = _read(entry, load)  # built by the process that held the lock
             if program is None:
                 program, binary = build()
                 _write(entry, binary)
@@ -154,7 +155,7 @@ def _read(entry: Path, load: Callable[[bytes], Program | None]) -> Program | Non
         program = load(binary)
         if program is not None:
             with contextlib.suppress(OSError):
-                os.utime(entry)  # the last use, by which entries make room
+                os.utime(entry)  # the time of the last use
             return program
     log.info("built program %s is damaged or foreign, and is built again", entry.name)
     return None
@@ -165,17 +166,18 @@ def _digest(entry: Path, binary: bytes) -> bytes:
 
 
 def _write(entry: Path, binary: bytes) -> None:
-    """Give an entry its name when it is whole; a full disk costs the entry alone."""
+    """Write an entry, whole or not at all; a full disk only loses the entry."""
     try:
         with whole_file(entry) as file:
             file.write(_MAGIC + _digest(entry, binary) + binary)
     except StorageError as error:
-        log.warning("a built OpenCL program was not kept: %s", error)
+        log.warning("a built OpenCL program was not stored: %s", error)
     _make_room(entry.parent, LIMIT_BYTES)
 
 
 def _make_room(path: Path, limit: int) -> None:
-    """Remove what was not used for longest until entries take less than three quarters of a limit.
+    """Remove the least recently used entries until entries take less than three quarters of a
+    limit.
 
     What is half written counts as an entry.
     """

@@ -1,4 +1,4 @@
-"""Colour by the letter of the standards, one formula a function, float64.
+"""Colour as in the standards, one formula per function, float64.
 
 Sources: IEC 61966-2-1 (sRGB), ITU-R BT.709-6 (luma weights, limited range codes), SMPTE ST 2084
 (PQ).

@@ -1,13 +1,13 @@
-"""Which rays cross which triangles, without rounding in any decision.
+"""Crossings of rays and triangles, decided without rounding errors.
 
-Numbers are taken as they are, float32 or float64; float64 decides where its error bound allows,
-and integers of any length elsewhere.  A ray crosses a triangle when the three edge functions
+Numbers are used exactly, float32 or float64.  float64 decides if its error bound allows, else
+integers of any length.  A ray crosses a triangle when the three edge functions
 
     e_pq = D . ((p - O) x (q - O))
 
-have no two opposite signs and are not all zero.  The signs being exact, an edge or a vertex
-that is shared belongs to all the triangles that share it: a closed mesh cannot leak, and a
-triangle without area is never crossed.  Float64 alone is not enough: Moeller and Trumbore's
+have no two opposite signs and are not all zero.  Signs are exact, so a shared
+edge or vertex belongs to all its triangles: a closed mesh cannot leak, and a triangle without area
+is never crossed.  Float64 alone is not enough: Moeller and Trumbore's
 test loses 0.4% of the rays aimed at vertices in it.
 
 Source for the edge functions: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle
@@ -27,9 +27,9 @@ EPSILON = 2.0**-53
 # Bound of the relative rounding error of a sum of triple products, over their absolute sum:
 # 3 roundings in the factors, 2 products, 3 sums, doubled.
 ERROR = 16 * EPSILON
-# Where float64 leaves the distance less certain than this, it is computed exactly.
+# If the error bound of the distance exceeds this, it is computed exactly.
 DISTANCE_ERROR = 1e-10
-PAIRS = 1 << 21  # ray-triangle pairs looked at together
+PAIRS = 1 << 21  # ray-triangle pairs per block
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,8 @@ class Crossings:
     inside: np.ndarray
     """Whether the line of the ray crosses the triangle; exact."""
     t: np.ndarray
-    """Where it crosses the plane, to 1e-10 of its size, its sign exact; NaN in the plane."""
+    """The parameter of the crossing with the plane, to 1e-10 relatively, with an exact sign; NaN
+    for a ray in the plane."""
     weights: np.ndarray
     """(C, 3) barycentric weights of the corners p, q, r."""
     margin: np.ndarray
@@ -56,9 +57,11 @@ class Crossings:
 def crossings(
     triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray, *, near: float = 64.0
 ) -> Iterator[Crossings]:
-    """All crossings of triangles (T, 3, 3) and rays (R, 3), in blocks of rays; what is not finite
-    or has no direction crosses nothing.  Pairs that miss by less than the angle ``near``, in units
-    of 2^-24, are listed too."""
+    """All crossings of triangles (T, 3, 3) and rays (R, 3), in blocks of rays.
+
+    Rays that are not finite or have no direction cross nothing.  Pairs that miss by less than the
+    angle ``near``, in units of 2^-24, are listed, too.
+    """
     triangles, origins, directions = (
         np.asarray(a, np.float64) for a in (triangles, origins, directions)
     )
@@ -74,12 +77,12 @@ def crossings(
     share = max(1, PAIRS // block)
     for first in range(0, len(rays), block):
         part = rays[first : first + block]
-        found = []
+        pairs = []
         for start in range(0, len(tris), share):
             some = slice(start, start + share)
             ray, tri = lines.candidates(some, origins[part] - centre, directions[part], near)
-            found.append((part[ray], tris[some][tri]))
-        ray, tri = (np.concatenate(column) for column in zip(*found, strict=True))
+            pairs.append((part[ray], tris[some][tri]))
+        ray, tri = (np.concatenate(column) for column in zip(*pairs, strict=True))
         yield _measure(ray, tri, triangles[tri], origins[ray], directions[ray])
 
 
@@ -97,8 +100,8 @@ def _norm(vectors: np.ndarray) -> np.ndarray:
 class _Lines:
     """The edges of triangles as Pluecker coordinates about ``centre``.
 
-    The edge function is a product of those of edge and ray, D . (p x q) + (O x D) . (q - p): one
-    matrix product for all pairs.  It cancels, hence generous tolerances.
+    The edge function is a product of the coordinates of edge and ray, D . (p x q) + (O x D) . (q -
+    p): one matrix product for all pairs.  It cancels, hence generous tolerances.
     """
 
     coordinates: np.ndarray  # (3 edges, T, 6)
@@ -148,7 +151,7 @@ def _measure(
 ) -> Crossings:
     from_origin = corners - origin[:, None]  # (C, 3 corners, 3)
     sides = np.roll(corners, -1, axis=1) - corners
-    # Opposite of corner r lies the edge p q, and so on: weight k comes from edge k + 1.
+    # Corner r is opposite the edge p q, and so on: weight k is that of edge k + 1.
     edges, errors = np.empty((3, len(ray))), np.empty((3, len(ray)))
     for k in range(3):
         edges[k], errors[k] = _triple(direction, from_origin[:, k], sides[:, k])
@@ -177,7 +180,7 @@ def _measure(
 def _exact(
     corners: np.ndarray, origin: np.ndarray, direction: np.ndarray
 ) -> tuple[bool, float, list[float]]:
-    """Whether it is inside, t and weights of one pair, by integers."""
+    """Whether a pair crosses, t and weights, by integers."""
     # All numbers as multiples of one power of two, which cancels in every quotient.
     ratios = [x.as_integer_ratio() for x in (*corners.ravel(), *origin, *direction)]
     unit = max(denominator for _, denominator in ratios)
@@ -194,7 +197,7 @@ def _exact(
     p, q, r = ([x - y for x, y in zip(numbers[k : k + 3], o, strict=True)] for k in (0, 3, 6))
     edges = [triple(d, p, q), triple(d, q, r), triple(d, r, p)]
     determinant = sum(edges)
-    if determinant == 0:  # without area, or the ray lies in the plane
+    if determinant == 0:  # no area, or a ray in the plane
         return False, np.nan, [np.nan] * 3
     one_sign = all(e >= 0 for e in edges) or all(e <= 0 for e in edges)
     weights = [edges[k] / determinant for k in (1, 2, 0)] if one_sign else [np.nan] * 3

@@ -1,7 +1,7 @@
-"""The first triangle that a ray meets: the reference that every tracer is held to.
+"""First hits of rays: the reference for every tracer.
 
-Brute force over all pairs, decided exactly (see ``crossings``), so that it is right at edges,
-at vertices and at grazing incidence, and slow: 10^4 rays by 10^4 triangles take seconds.
+Brute force over all pairs, decided exactly (see ``crossings``): right at edges, at vertices and at
+grazing incidence, and slow: 10^4 rays by 10^4 triangles take seconds.
 """
 
 from collections.abc import Callable
@@ -12,24 +12,24 @@ import numpy as np
 from lfcore.oracle.crossings import ULP, Crossings, crossings
 
 Solid = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(C,) bool of triangles (C,) and weights (C, 3): whether what crosses there is stopped."""
-# Crossings nearer to each other than this, relatively, are one: t is known to 1e-10.
+"""(C,) bool of triangles (C,) and weights (C, 3): whether the triangle stops a ray there."""
+# The relative distance below which crossings are equal: t is known to 1e-10.
 SAME = 4e-10
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What R rays meet first, (R,) each."""
+    """The first hits of R rays, (R,) each."""
 
     triangle: np.ndarray
-    """-1 for a miss; of several at one distance the lowest."""
+    """-1 for a miss; at equal distance the lowest number."""
     t: np.ndarray
     """The hit is origin + t * direction; inf for a miss."""
     weights: np.ndarray
     """(R, 3) barycentric weights of the corners p, q, r; NaN for a miss."""
     margin: np.ndarray
     """The angle seen from the origin between the ray and the nearest edge of any triangle not
-    behind the hit, in units of 2^-24, at most ``near``: float32 may differ where it is small."""
+    behind the hit, in units of 2^-24, at most ``near``: if it is small, float32 may differ."""
     gap: np.ndarray
     """The distance to the next crossing behind, relative to t and in units of 2^-24."""
     grazing: np.ndarray
@@ -56,44 +56,44 @@ def closest_hits(
     """First crossings at t > 0 of rays (R, 3) and triangles (T, 3, 3), from both sides.
 
     ``near`` is the largest ``margin`` reported, in units of 2^-24.  Each ray ignores the triangle
-    ``exclude`` (R,), -1 for none.  ``solid`` says where triangles have no holes.
+    ``exclude`` (R,), -1 for none.  ``solid`` tests for holes.
     """
     rays = len(origins)
-    best, far, some = np.full(rays, np.inf), np.full(rays, np.inf), np.full((rays, 3), np.nan)
+    best, far, weights = np.full(rays, np.inf), np.full(rays, np.inf), np.full((rays, 3), np.nan)
     margin = np.full(rays, float(near))
-    hits = Hits(np.full(rays, -1), best, some, margin, far, far.copy(), float(near))
-    for found in crossings(triangles, origins, directions, near=near):
-        seen = np.ones(len(found.ray), bool)
+    hits = Hits(np.full(rays, -1), best, weights, margin, far, far.copy(), float(near))
+    for pairs in crossings(triangles, origins, directions, near=near):
+        allowed = np.ones(len(pairs.ray), bool)
         if exclude is not None:
-            seen = found.triangle != np.asarray(exclude)[found.ray]
-        hit = np.flatnonzero(found.inside & (found.t > 0) & seen)
+            allowed = pairs.triangle != np.asarray(exclude)[pairs.ray]
+        hit = np.flatnonzero(pairs.inside & (pairs.t > 0) & allowed)
         if solid is not None:
-            hit = hit[solid(found.triangle[hit], found.weights[hit])]
-        np.minimum.at(best, found.ray[hit], found.t[hit])
-        first = hit[found.t[hit] <= best[found.ray[hit]] * (1 + SAME)]
-        _take_lowest(hits, found, first)
-        _gaps(hits, found, hit)
-        # NaN, the ray in the plane of the triangle, counts as not behind.
-        close = seen & (np.abs(found.margin) < near) & ~(found.nearest > best[found.ray])
-        close &= ~(found.t <= 0)
-        np.minimum.at(hits.margin, found.ray[close], np.abs(found.margin[close]))
+            hit = hit[solid(pairs.triangle[hit], pairs.weights[hit])]
+        np.minimum.at(best, pairs.ray[hit], pairs.t[hit])
+        first = hit[pairs.t[hit] <= best[pairs.ray[hit]] * (1 + SAME)]
+        _take_lowest(hits, pairs, first)
+        _gaps(hits, pairs, hit)
+        # NaN, a ray in the plane of the triangle, counts as not behind.
+        close = allowed & (np.abs(pairs.margin) < near) & ~(pairs.nearest > best[pairs.ray])
+        close &= ~(pairs.t <= 0)
+        np.minimum.at(hits.margin, pairs.ray[close], np.abs(pairs.margin[close]))
     return hits
 
 
-def _take_lowest(hits: Hits, found: Crossings, first: np.ndarray) -> None:
-    order = first[np.lexsort((found.triangle[first], found.ray[first]))]
-    ray, at = np.unique(found.ray[order], return_index=True)
+def _take_lowest(hits: Hits, pairs: Crossings, first: np.ndarray) -> None:
+    order = first[np.lexsort((pairs.triangle[first], pairs.ray[first]))]
+    ray, at = np.unique(pairs.ray[order], return_index=True)
     chosen = order[at]
-    hits.triangle[ray] = found.triangle[chosen]
-    hits.t[ray] = found.t[chosen]
-    hits.weights[ray] = found.weights[chosen]
-    hits.grazing[ray] = found.grazing[chosen]
+    hits.triangle[ray] = pairs.triangle[chosen]
+    hits.t[ray] = pairs.t[chosen]
+    hits.weights[ray] = pairs.weights[chosen]
+    hits.grazing[ray] = pairs.grazing[chosen]
 
 
-def _gaps(hits: Hits, found: Crossings, hit: np.ndarray) -> None:
-    other = hit[found.triangle[hit] != hits.triangle[found.ray[hit]]]
-    ray = found.ray[other]
-    gap = np.abs(found.t[other] - hits.t[ray]) / hits.t[ray] / ULP
+def _gaps(hits: Hits, pairs: Crossings, hit: np.ndarray) -> None:
+    behind = hit[pairs.triangle[hit] != hits.triangle[pairs.ray[hit]]]
+    ray = pairs.ray[behind]
+    gap = np.abs(pairs.t[behind] - hits.t[ray]) / hits.t[ray] / ULP
     np.minimum.at(hits.gap, ray, gap)
 
 
@@ -107,17 +107,17 @@ def occluded(
     exclude: np.ndarray | None = None,
     solid: Solid | None = None,
 ) -> np.ndarray:
-    """(R,) bool: whether anything but triangle ``exclude`` lies at ``after`` < t < ``until``.
+    """(R,) bool: whether a triangle other than ``exclude`` is at ``after`` < t < ``until``.
 
     ``solid`` as for :func:`closest_hits`.
     """
     result = np.zeros(len(origins), bool)
     after, until = (np.broadcast_to(t, len(origins)) for t in (after, until))
-    for found in crossings(triangles, origins, directions, near=0.0):
-        blocks = found.inside & (found.t > after[found.ray]) & (found.t < until[found.ray])
+    for pairs in crossings(triangles, origins, directions, near=0.0):
+        blocks = pairs.inside & (pairs.t > after[pairs.ray]) & (pairs.t < until[pairs.ray])
         if exclude is not None:
-            blocks &= found.triangle != np.asarray(exclude)[found.ray]
+            blocks &= pairs.triangle != np.asarray(exclude)[pairs.ray]
         if solid is not None:
-            blocks[blocks] = solid(found.triangle[blocks], found.weights[blocks])
-        result[found.ray[blocks]] = True
+            blocks[blocks] = solid(pairs.triangle[blocks], pairs.weights[blocks])
+        result[pairs.ray[blocks]] = True
     return result

@@ -1,14 +1,14 @@
-"""glTF's metal and roughness in float64, and the textures that bend normals and vary the rest.
+"""glTF's metallic-roughness materials in float64, with their textures and normal maps.
 
-Of a light that arrives with strength 1, and pi times the BRDF f of appendix B:
+The reflection of a light of strength 1, with pi times the BRDF f of appendix B:
 
     pi f cos = ((1 - F) c_diff + F pi D V) cos
     c_diff = (1 - metal) base,  f0 = 0.04 (1 - metal) + metal base,  F = f0 + (1 - f0) (1 - V . H)^5
     D = a^2 / (pi ((N . H)^2 (a^2 - 1) + 1)^2),  a = roughness^2
     V = 1 / ((L + sqrt(a^2 + (1 - a^2) L^2)) (E + sqrt(a^2 + (1 - a^2) E^2)))
 
-with L = N . L and E = |N . V|.  Roughness is at least 0.05.  What they reflect of a sky is looked
-up in the tables of :mod:`lfcore.scene.sky_gloss`.
+with L = N . L and E = |N . V|.  Roughness is at least 0.05.  Reflections of a sky are looked up in
+the tables of :mod:`lfcore.scene.sky_gloss`.
 
 Source: Khronos, "glTF 2.0 Specification", appendix B.
 """
@@ -26,7 +26,7 @@ LEAST_ROUGHNESS = 0.05
 
 @dataclass(frozen=True)
 class Metals:
-    """``base`` (R, 3), ``metal`` and ``roughness`` (R, 1)."""
+    """Surface values: ``base`` (R, 3), ``metal`` and ``roughness`` (R, 1)."""
 
     base: np.ndarray
     metal: np.ndarray
@@ -34,21 +34,21 @@ class Metals:
 
     @property
     def straight(self) -> np.ndarray:
-        """f0, (R, 3)."""
+        """The reflectance f0 at normal incidence, (R, 3)."""
         return 0.04 * (1 - self.metal) + self.metal * self.base
 
     def surrounded(self) -> np.ndarray:
-        """(R, 3): what of light from all sides comes back, c_diff + f0."""
+        """(R, 3): the reflected share of uniform light, c_diff + f0."""
         return (1 - self.metal) * self.base + self.straight
 
     def reflected(self, normal: np.ndarray, towards: np.ndarray, view: np.ndarray) -> np.ndarray:
-        """(R, 3): pi f cos of unit vectors (R, 3); 0 of light from behind."""
+        """(R, 3): pi f cos of unit vectors (R, 3); 0 for light from behind."""
         half = towards + view
         half /= np.linalg.norm(half, axis=1, keepdims=True)
-        light, seen = np.maximum(_dot(normal, towards), 0), np.abs(_dot(normal, view))
+        light, view_cosine = np.maximum(_dot(normal, towards), 0), np.abs(_dot(normal, view))
         square = np.maximum(self.roughness, LEAST_ROUGHNESS) ** 4
         peaks = square / (_dot(normal, half) ** 2 * (square - 1) + 1) ** 2
-        shadowed = [c + np.sqrt(square + (1 - square) * c**2) for c in (light, seen)]
+        shadowed = [c + np.sqrt(square + (1 - square) * c**2) for c in (light, view_cosine)]
         visible = 1 / (shadowed[0] * shadowed[1])
         fresnel = self.straight + (1 - self.straight) * (1 - _dot(view, half)) ** 5
         diffuse = (1 - fresnel) * (1 - self.metal) * self.base
@@ -56,26 +56,26 @@ class Metals:
 
 
 def metals(spots: Spots, base: np.ndarray) -> Metals:
-    """Of base colours (R, 3)."""
+    """The surface values for base colours (R, 3)."""
     factors = spots.sampled("metal_texture", encoded=False)
     metal, rough = (spots.of_material(name)[:, None] for name in ("metallic", "roughness"))
     return Metals(base, metal * factors[:, 2:], rough * factors[:, 1:2])
 
 
 def bent_normals(every: Spots, normal: np.ndarray) -> np.ndarray:
-    """(R, 3) unit normals after their maps; ``normal`` (R, 3) are on the viewer's side.
+    """(R, 3) unit normals with their maps; ``normal`` (R, 3) are on the viewer's side.
 
-    The tangent is where u grows on the triangle, made perpendicular to the normal; the bitangent
-    is perpendicular to both on the side where v grows.
+    The tangent is the direction of growing u on the triangle, made perpendicular to the normal; the
+    bitangent is perpendicular to both, on the side of growing v.
     """
     bent, scene = normal.copy(), every.scene
-    has = (every.of_material("normal_texture") >= 0) & (len(scene.uvs) > 0)
-    if not has.any():
+    mapped = (every.of_material("normal_texture") >= 0) & (len(scene.uvs) > 0)
+    if not mapped.any():
         return bent
-    spots = every.some(has)
-    own = spots.interpolated(scene.normals) if len(scene.normals) else spots.face_normals()
-    front = np.where(_dot(own, spots.view) > 0, 1.0, -1.0)
-    outward = normal[has] * front
+    spots = every.some(mapped)
+    unturned = spots.interpolated(scene.normals) if len(scene.normals) else spots.face_normals()
+    front = np.where(_dot(unturned, spots.view) > 0, 1.0, -1.0)
+    outward = normal[mapped] * front
     uv = scene.uvs[spots.triangle].astype(np.float64)
     steps = uv[:, 1:] - uv[:, :1]  # (R, edge, u and v)
     along_u, along_v = (np.linalg.inv(steps) @ spots.edges).swapaxes(0, 1)
@@ -85,7 +85,7 @@ def bent_normals(every: Spots, normal: np.ndarray) -> np.ndarray:
     across *= np.sign(_dot(across, along_v))
     x, y, z = (2 * spots.sampled("normal_texture", encoded=False) - 1)[..., None].swapaxes(0, 1)
     turned = spots.of_material("normal_scale")[:, None] * (x * tangent + y * across) + z * outward
-    bent[has] = front * turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    bent[mapped] = front * turned / np.linalg.norm(turned, axis=1, keepdims=True)
     return bent
 
 
@@ -96,8 +96,10 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def reflected_sky(
     scene: Scene, metal: Metals, light: np.ndarray, normal: np.ndarray, view: np.ndarray
 ) -> np.ndarray:
-    """(R, 3): diffuse and glossy reflection where ``light`` (R, 3) was baked; ``normal`` (R, 3) is
-    that of the normal map."""
+    """(R, 3): diffuse and glossy reflection with baked ``light`` (R, 3).
+
+    ``normal`` (R, 3) is that of the normal map.
+    """
     tables = sky_gloss(scene.sky).astype(np.float64)
     maps = tables[: (LEVELS + 1) * SIDE**2].reshape(LEVELS + 1, SIDE, SIDE, 3)
     shares = tables[(LEVELS + 1) * SIDE**2 :].reshape(SHARES, SHARES, 3)

@@ -1,14 +1,14 @@
-"""Shading in float64, written as the formulas read: Blinn-Phong, and ``metal`` for the rest.
+"""Shading in float64, directly by the formulas: Blinn-Phong, and ``metal`` for glTF's materials.
 
-    colour = emission + ambient * diffuse, ambient that which was baked, where something was,
-             + sum over lights in sight: strength * (diffuse * (N . L)
+    colour = emission + (ambient or baked light) * diffuse
+             + sum over visible lights: strength * (diffuse * (N . L)
                                                      + specular * max(N . H, 0) ^ shininess)
 
-A light is in sight of a point when N . L > 0 and, if it casts shadows, when no other triangle
-lies between that is not the light's own.  Of curved materials the way to the light starts at
-:func:`shadow_origins`.  Of a point of an emitter strength includes the cosine
-there.  N is the interpolated normal turned towards the viewer, H halfway between L and the
-direction to the viewer.  Textures are filtered bilinearly at full size: no mip levels.
+A light is visible from a point if N . L > 0 and, if it casts shadows, no triangle is between them
+except the point's and the light's own.  On curved materials the shadow ray starts at
+:func:`shadow_origins`.  The strength of an emitter's point includes the cosine at the emitter.  N
+is the interpolated normal turned towards the viewer, H halfway between L and the direction to the
+viewer.  Textures are filtered bilinearly at full size: no mip levels.
 
 Source: J. F. Blinn, "Models of light reflection for computer synthesized pictures", 1977.
 """
@@ -22,20 +22,21 @@ from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import radiance as sky_radiance
 
-# An occluder nearer than this share of the way touches the point: another triangle there.
 TOUCHING = 1e-9
-# Normals of corners that differ by less are those of a flat triangle.
+"""The least distance of an occluder, as a share of the distance to the light: nearer triangles
+touch the point."""
 FLAT_NORMALS = 1e-5
+"""The least difference between the corners' normals of a curved triangle."""
 
 
 def radiance(scene: Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(R, 3) float64 linear RGB seen along rays (R, 3) float32."""
+    """(R, 3) float64 linear RGB radiance of rays (R, 3) float32."""
     hits = closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
     return shade(scene, directions, hits)
 
 
 def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
-    """(R, 3) float64 linear RGB of ``hits`` seen along ``directions`` (R, 3)."""
+    """(R, 3) float64 linear RGB of the ``hits`` of rays in ``directions`` (R, 3)."""
     colours = np.tile(np.array(scene.background, np.float64), (len(hits.triangle), 1))
     if len(scene.sky):
         colours = sky_radiance(scene.sky, directions).astype(np.float64)
@@ -55,26 +56,26 @@ def _shade(spots: Spots) -> np.ndarray:
     is_metal = spots.of_material("metallic")[:, None] >= 0
     colour = spots.of_material("emission") * spots.sampled("emission_texture", encoded=True)
     around = surroundings(spots)
-    of_metal = around * metal.surrounded()
+    metal_light = around * metal.surrounded()
     if len(scene.sky):
-        of_metal = reflected_sky(scene, metal, around, bent, view)
-    colour += np.where(is_metal, of_metal, around * diffuse)
+        metal_light = reflected_sky(scene, metal, around, bent, view)
+    colour += np.where(is_metal, metal_light, around * diffuse)
     for light in scene.lights:
         towards, strength = arriving(light, point)
         cosine = (bent * towards).sum(1)
         half = _unit(towards + view)
         gloss = np.maximum((bent * half).sum(1), 0) ** shininess
-        seen = (cosine > 0) & ((normal * towards).sum(1) > 0)
+        visible = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
-            seen &= ~_in_shadow(scene, light, start, spots.triangle)
+            visible &= ~_in_shadow(scene, light, start, spots.triangle)
         plain = diffuse * cosine[:, None] + specular * gloss[:, None]
         reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
-        colour += np.where(seen[:, None], strength * reflected, 0)
+        colour += np.where(visible[:, None], strength * reflected, 0)
     return colour
 
 
 def surroundings(spots: Spots) -> np.ndarray:
-    """(R, 3) light from everywhere: ambient, or what was baked on the side of the viewer.
+    """(R, 3) ambient light, or the baked light on the viewer's side.
 
     Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
     """
@@ -82,15 +83,15 @@ def surroundings(spots: Spots) -> np.ndarray:
     if scene.light is None:
         return np.tile(np.array(scene.ambient, np.float64), (len(weights), 1))
     front = (spots.face_normals() * spots.view).sum(1) > 0
-    of_front, of_back, side = scene.light.grids[spots.triangle].T
-    first = np.where(front, of_front, of_back)
+    front_points, back_points, side = scene.light.grids[spots.triangle].T
+    first = np.where(front, front_points, back_points)
     x, y = weights[:, 1] * side, weights[:, 2] * side
     i = np.clip(np.floor(x), 0, side - 1).astype(int)
     j = np.clip(np.floor(y), 0, side - 1 - i).astype(int)
     f, g = x - i, y - j
     near = f + g <= 1
-    one = 1 - near
-    corners = ((i + one, j + one, abs(1 - f - g)), (i + 1, j, np.where(near, f, 1 - g)),
+    upper = 1 - near
+    corners = ((i + upper, j + upper, abs(1 - f - g)), (i + 1, j, np.where(near, f, 1 - g)),
                (i, j + 1, np.where(near, g, 1 - f)))  # fmt: skip
     light = np.zeros((len(weights), 3))
     for column, row, share in corners:
@@ -108,8 +109,10 @@ def normals(spots: Spots) -> np.ndarray:
 
 
 def shadow_origins(spots: Spots, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(R, 3) where shadow rays start: on curved materials beside ``point`` (R, 3), on the mean of
-    its places on the tangent planes of the corners that it is behind, seen from ``normal``.
+    """(R, 3) origins of shadow rays.
+
+    On curved materials ``point`` (R, 3) is offset to the weighted mean of its projections on the
+    tangent planes of the corners that it is behind, on the side of ``normal``.
 
     Source: J. Hanika, "Hacking the shadow terminator", Ray Tracing Gems II, chapter 4, 2021.
     """
@@ -137,10 +140,10 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit directions to the light (R, 3) and its colour (R, 3) at ``point`` (R, 3)."""
     vector, colour = np.array(light.vector, np.float64), np.array(light.colour, np.float64)
     if light.kind != POINT:
-        ones = np.ones((len(point), 1))
-        return _unit(vector * ones), colour * ones
+        per_point = np.ones((len(point), 1))
+        return _unit(vector * per_point), colour * per_point
     away = vector - point
-    # Zero at the light itself, whose direction is then zero, too.
+    # Zero at the light itself, with a direction of zero.
     distance = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-150)
     fall_off = np.ones_like(distance)
     if light.reference_distance_m:
@@ -163,13 +166,13 @@ def _in_shadow(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarr
         towards, until = np.tile(vector, (len(point), 1)), np.inf
         after = TOUCHING * np.linalg.norm(point, axis=1)
     first, end = light.own
-    others = np.concatenate([np.arange(first), np.arange(end, len(scene.triangles))])
-    # The numbers of the triangles that are left.
-    own = (triangle >= first) & (triangle < end)
-    left = np.where(own, -1, np.where(triangle >= end, triangle - (end - first), triangle))
-    solid = solid_of(scene, others)
-    return occluded(scene.triangles[others], point, towards, after=after, until=until,
-                    exclude=left, solid=solid)  # fmt: skip
+    occluders = np.concatenate([np.arange(first), np.arange(end, len(scene.triangles))])
+    # The numbers among the other triangles.
+    is_own = (triangle >= first) & (triangle < end)
+    receiver = np.where(is_own, -1, np.where(triangle >= end, triangle - (end - first), triangle))
+    solid = solid_of(scene, occluders)
+    return occluded(scene.triangles[occluders], point, towards, after=after, until=until,
+                    exclude=receiver, solid=solid)  # fmt: skip
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

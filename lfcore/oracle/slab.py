@@ -1,4 +1,4 @@
-"""The rays of a light slab one by one, and what they see."""
+"""The rays of a light slab one by one, and their radiance."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def slab_rays(slab: Slab, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slab_hits(scene: Scene, slab: Slab, pixels: np.ndarray) -> Hits:
-    """What the slab's rays meet, (P N N) rays in the order of :func:`slab_rays`; t is depth."""
+    """The first hits of the slab's rays, (P N N) in the order of :func:`slab_rays`; t is depth."""
     origins, directions = (a.reshape(-1, 3) for a in slab_rays(slab, pixels))
     return closest_hits(scene.triangles, origins, directions, solid=solid_of(scene))
 
@@ -35,15 +35,15 @@ def trace(scene: Scene, slab: Slab, pixels: np.ndarray) -> np.ndarray:
     colours = np.empty((len(pixels), slab.views, slab.views, 3))
     step = max(1, RAYS // slab.views**2)
     for first in range(0, len(pixels), step):
-        some = pixels[first : first + step]
-        directions = slab_rays(slab, some)[1].reshape(-1, 3)
-        seen = shade(scene, directions, slab_hits(scene, slab, some))
-        colours[first : first + step] = seen.reshape(len(some), slab.views, slab.views, 3)
+        part = pixels[first : first + step]
+        directions = slab_rays(slab, part)[1].reshape(-1, 3)
+        light = shade(scene, directions, slab_hits(scene, slab, part))
+        colours[first : first + step] = light.reshape(len(part), slab.views, slab.views, 3)
     return colours
 
 
 def all_pixels(slab: Slab) -> np.ndarray:
-    """(H W, 2) columns and rows of every pixel that is there, row by row."""
+    """(H W, 2) columns and rows of every existing pixel, row by row."""
     left, top, width, height = slab.held.pixels
     v, u = np.mgrid[top : top + height, left : left + width]
     return np.stack([u.ravel(), v.ravel()], 1)

@@ -1,4 +1,4 @@
-"""Points on triangles: what corners, materials and textures say there, in float64."""
+"""Values of corners, materials and textures at points on triangles, in float64."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from lfcore.scene.model import Scene
 
 @dataclass(frozen=True)
 class Spots:
-    """R points on triangles (R,) at ``weights`` (R, 3), which a viewer in the directions ``view``
-    (R, 3), unit, sees."""
+    """R points on triangles (R,) at ``weights`` (R, 3), with unit directions ``view`` (R, 3) to the
+    viewer."""
 
     scene: Scene
     triangle: np.ndarray
     weights: np.ndarray
     view: np.ndarray
 
-    def some(self, which: np.ndarray) -> Spots:
-        """Those of a mask (R,)."""
-        return Spots(self.scene, self.triangle[which], self.weights[which], self.view[which])
+    def some(self, mask: np.ndarray) -> Spots:
+        """The points of a mask (R,)."""
+        return Spots(self.scene, self.triangle[mask], self.weights[mask], self.view[mask])
 
     @cached_property
     def materials(self) -> list[Material]:
@@ -37,20 +37,20 @@ class Spots:
 
     @cached_property
     def edges(self) -> np.ndarray:
-        """(R, 2, 3) from the first corner to the others."""
+        """(R, 2, 3) edges from the first corner to the others."""
         corners = self.scene.triangles[self.triangle].astype(np.float64)
         return corners[:, 1:] - corners[:, :1]
 
     def face_normals(self) -> np.ndarray:
-        """(R, 3), not unit."""
+        """(R, 3) geometric normals, not unit."""
         return np.cross(self.edges[:, 0], self.edges[:, 1])
 
-    def interpolated(self, of_corners: np.ndarray) -> np.ndarray:
-        """(R, K) of one of the scene's arrays, (T, 3, K)."""
-        return (self.weights[:, :, None] * of_corners[self.triangle].astype(np.float64)).sum(1)
+    def interpolated(self, corners: np.ndarray) -> np.ndarray:
+        """(R, K) values interpolated from the corners' (T, 3, K)."""
+        return (self.weights[:, :, None] * corners[self.triangle].astype(np.float64)).sum(1)
 
     def sampled(self, name: str, *, encoded: bool) -> np.ndarray:
-        """(R, 3) of the texture that materials call ``name``; 1 without one."""
+        """(R, 3) of the materials' textures ``name``; 1 without a texture."""
         values = np.ones((len(self.triangle), 3))
         if len(self.scene.uvs):
             number, uv = self.of_material(name), self.interpolated(self.scene.uvs)
@@ -83,8 +83,10 @@ def bilinear(texture: np.ndarray, uv: np.ndarray, *, encoded: bool = True) -> np
 
 
 def solid_of(scene: Scene, numbers: np.ndarray | None = None) -> Solid | None:
-    """Where ``scene`` stops rays: below its cutoff, alpha, bilinear at full size, is a hole; None
-    if all of it does, everywhere.  ``numbers`` are the triangles that are asked about, or all."""
+    """The test for holes: alpha, bilinear at full size, below the material's cutoff.
+
+    None for a scene without holes.  ``numbers`` are the tested triangles; default all.
+    """
     holes = {
         number: material
         for number, material in enumerate(scene.every_material)
@@ -95,11 +97,11 @@ def solid_of(scene: Scene, numbers: np.ndarray | None = None) -> Solid | None:
         return None
 
     def solid(triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        which = triangle if numbers is None else numbers[triangle]
-        stopped = np.ones(len(which), bool)
+        tested = triangle if numbers is None else numbers[triangle]
+        stopped = np.ones(len(tested), bool)
         for number, material in holes.items():
-            mine = scene.material_ids[which] == number
-            uv = (weights[mine][:, :, None] * scene.uvs[which[mine]].astype(np.float64)).sum(1)
+            mine = scene.material_ids[tested] == number
+            uv = (weights[mine][:, :, None] * scene.uvs[tested[mine]].astype(np.float64)).sum(1)
             alpha = bilinear(scene.textures[material.texture][..., 3:], uv, encoded=False)[:, 0]
             stopped[mine] = alpha >= material.alpha_cutoff
         return stopped
