@@ -73,8 +73,8 @@ def test_misspelt_keywords_in_python(call, name, meant):
 def test_names_of_files_name_their_format(recorded, capsys, tmp_path):
     line = said(capsys, "render", CHART, "-o", "a.mkv")
     assert "a.mkv: --output: is the name of a light field, which record writes" in line
-    (tmp_path / "a.dae").write_text("<COLLADA/>")
-    assert "no reader for mesh files named *.dae" in said(capsys, "info", tmp_path / "a.dae")
+    (tmp_path / "a.fbx").write_bytes(b"Kaydara")
+    assert "no reader for mesh files named *.fbx" in said(capsys, "info", tmp_path / "a.fbx")
     assert "none.mkv: " in said(capsys, "info", tmp_path / "none.mkv")
     other = tmp_path / "a.bin"
     other.write_bytes(recorded.path.read_bytes())
