@@ -1,4 +1,4 @@
-"""A job's tracer, and several tiles of a light slab as one job: sums of planes, and segments."""
+"""The tracer of a job, and the tracing of several tiles: sums of planes, and segments."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -22,17 +22,17 @@ from lfcore.tracing.tracer import Tracer
 
 
 def open_scene(files: Any) -> tuple[Scene, Bvh]:
-    """The scene ``files.scene``, with its light in the list ``files.light``, and ``files.bvh``."""
+    """Read the scene ``files.scene``, with its light if ``files.light`` has one, and its BVH."""
     scene = read_scene(files.scene)
     for light in getattr(files, "light", ()):
         scene = replace(scene, light=BakedLight.load(light))
     return scene, load_bvh(files.bvh)
 
 
-def open_tracer(job: Any, **how: Any) -> Tracer:
-    """A tracer of a job's scene and tree on its device; ``how`` as :class:`Tracer` has it."""
+def open_tracer(job: Any, **options: Any) -> Tracer:
+    """Open a tracer of a job's scene on its device; ``options`` are :class:`Tracer`'s."""
     device = open_device(job.params.device or None, threads=job.threads)
-    return Tracer(*open_scene(job.input), device, **how)
+    return Tracer(*open_scene(job.input), device, **options)
 
 
 def trace_batch(
@@ -44,9 +44,9 @@ def trace_batch(
     segments: str | Path | None,
     spec: Encoding,
 ) -> tuple[PlaneSums, dict]:
-    """Trace tiles one after the other, into the zip file ``segments`` where they are stored.
+    """Trace tiles one after the other, and store them in the zip file ``segments``, if any.
 
-    Returns the sums of the planes over all tiles, and the facts: rays, tiles, wall seconds.
+    Returns the planes' sums over all tiles, and the facts: rays, tiles, wall seconds.
     """
     rays, seconds = 0, {"trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None

@@ -22,37 +22,39 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.layout import FrameLayout, Tile
 
 SCENES = "LFCORE_SCENES"
-"""The environment variable with the folder of the project's scenes, which no wheel has."""
+"""The environment variable with the folder of the project's scenes, which wheels lack."""
 MIB = 2**20
-BYTES_OF_A_RAY = 3
+BYTES_PER_RAY = 3
+"""The bytes of a ray in raw 8-bit RGB."""
 LONGEST_NAME = 100
-"""Characters of a scene's name, which is part of names of files."""
+"""The most characters of a scene's name, which is part of file names."""
 RESERVED = {"tables", "assignment", "sweeps", "datasets"}
+"""The folders of results that belong to no scene."""
 OWN = {"chart", "book", "sphere", "ecosys"}
 """The scenes of figures and of the assignment, whatever scenes are in the tables."""
 
 
 def scenes_folder() -> Path:
-    """The folder with the project's scenes: the workflow's, or that of this checkout."""
+    """Return the folder with the project's scenes: the workflow's, or this checkout's."""
     return Path(os.environ.get(SCENES) or Path(__file__).resolve().parents[2] / "scenes")
 
 
 def own_scenes() -> dict[str, str]:
-    """Name and file of the project's scenes."""
+    """Return the name and file of each of the project's scenes."""
     return {file.parent.name: str(file) for file in scenes_folder().glob("*/scene.yaml")}
 
 
 def scene_files(entries: Iterable[str]) -> dict[str, str]:
-    """Name and file of each scene: a folder below ``scenes/``, or a path to a file.
+    """Return the name and file of each scene: a folder below ``scenes/``, or a path to a file.
 
     Paths are relative to the working folder, names to the project.  A name has letters, digits,
     ``_``, ``-``, ``+`` and ``.``; others become ``_``.  Raises :class:`SettingsError` for a scene
     that does not exist and for two with the same name.
     """
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     for entry in entries:
         file = scenes_folder() / entry / "scene.yaml"
-        if not os.path.exists(file):  # False, too, for a name too long
+        if not os.path.exists(file):  # also for names that are too long
             file = Path(entry) / "scene.yaml" if os.path.isdir(entry) else Path(entry)
         if not os.path.isfile(file):
             remedy = "Give the name of a folder below scenes/, or the path of a scene or mesh"
@@ -62,23 +64,23 @@ def scene_files(entries: Iterable[str]) -> dict[str, str]:
                 remedy += "path of a scene or mesh"
             problem = f"there is no scene {entry!r}"
             raise SettingsError(problem, key="configuration: scenes", remedy=remedy)
-        found[_scene_name(file, found)] = str(file)
-    return found
+        files[_scene_name(file, files)] = str(file)
+    return files
 
 
 def _scene_name(file: Path, taken: Iterable[str]) -> str:
-    """Name of a scene's folder of results: of its folder, or of its file."""
+    """Return the name of a scene's folder of results: that of its folder, or of its file."""
     name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
     name = re.sub(r"[^\w.+-]|^\.", "_", unicodedata.normalize("NFC", name))
     own = own_scenes().get(name)
     if len(name) > LONGEST_NAME:
         problem = f"{name!r} is too long for a folder of results"
     elif name.lower() in RESERVED:
-        problem = f"results/{name}/ is not a scene's"
+        problem = f"results/{name}/ is reserved"
     elif name in taken:
         problem = f"two scenes are called {name!r}"
     elif name in OWN and own and file.resolve() != Path(own).resolve():
-        problem = f"{name!r} is a scene of this project, which other results are made of, too"
+        problem = f"{name!r} is a scene of this project, which other results need"
     else:
         return name
     raise SettingsError(
@@ -87,31 +89,30 @@ def _scene_name(file: Path, taken: Iterable[str]) -> str:
 
 
 def frame_layout(settings: Mapping, views: int) -> FrameLayout:
-    """The layout of rays in frames for ``views`` per side.
+    """Return the layout of rays in frames for ``views`` per side.
 
     Raises :class:`StorageError` for frames too small for the encoder.
     """
     spec = encoding(settings, views)
     layout = defaults.frame_layout(
-        views, settings["pixels"], spec.stored_format, **given(settings["layout"])
+        views, settings["pixels"], spec.stored_format, **without_null(settings["layout"])
     )
     spec.check_frame(layout.frame_width, layout.frame_height)
     return layout
 
 
 def tiles(settings: Mapping, views: int) -> list[Tile]:
-    """The tiles of N = ``views``, each at most ``tile_mib`` of raw 8-bit RGB."""
-    return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_OF_A_RAY)
+    """Return the tiles of N = ``views``, each at most ``tile_mib`` of raw 8-bit RGB."""
+    return frame_layout(settings, views).tiles(settings["tile_mib"] * MIB // BYTES_PER_RAY)
 
 
 def encoding(settings: Mapping, views: int) -> Encoding:
-    """Settings of the encoder for ``views`` per side; one thread, so that a stream is
-    reproducible."""
-    return defaults.chosen_encoding(views, Encoding(**given(settings["encoding"])))
+    """Return the encoder's settings for ``views`` per side, with one thread: reproducible."""
+    return defaults.chosen_encoding(views, Encoding(**without_null(settings["encoding"])))
 
 
 def check_encoder(spec: Encoding, layout: FrameLayout) -> None:
-    """Encode a black frame; raises :class:`SettingsError` for what the codec does not know."""
+    """Encode a black frame; raises :class:`SettingsError` for settings unknown to the codec."""
     from lfcore.storage.segment import SegmentWriter  # loads the codecs
 
     size = layout.frame_width, layout.frame_height
@@ -126,8 +127,8 @@ def check_encoder(spec: Encoding, layout: FrameLayout) -> None:
         raise SettingsError(error.problem, key=key, remedy=remedy) from None
 
 
-def given(settings: Mapping) -> dict:
-    """Settings as the library takes them: null leaves the choice to it."""
+def without_null(settings: Mapping) -> dict:
+    """Return settings as the library's keywords: null leaves the choice to the library."""
     return {
         key: str(value) if key == "preset" else value
         for key, value in settings.items()
@@ -138,24 +139,24 @@ def given(settings: Mapping) -> dict:
 def sensor_planes(
     planes: str | Sequence[Mapping], camera: Camera, focus_distances_m: Sequence[float]
 ) -> list[SensorPlane]:
-    """The planes of ``planes`` (the configuration's key) for one scene.
+    """Return a scene's planes by ``planes``, the configuration's key.
 
     Words for a focus refer to the first and the last of ``focus_distances_m``.
     Raises :class:`SettingsError` that names the key for a plane the lens cannot form.
     """
     if isinstance(planes, str):  # "scene"
         return [SensorPlane(distance, camera.f_number) for distance in focus_distances_m]
-    made = []
-    for index, given in enumerate(planes):
-        wanted = {key: value for key, value in given.items() if value is not None}
+    checked = []
+    for index, keys in enumerate(planes):
+        wanted = {key: value for key, value in keys.items() if value is not None}
         try:
             plane = _plane(wanted, camera, focus_distances_m)
             plane.check(Slab(camera, 2, 2))
         except OpticsError as error:
             key = f"configuration: planes.{index}.{error.key}"
             raise error.named(SettingsError, key=key) from None
-        made.append(plane)
-    return made
+        checked.append(plane)
+    return checked
 
 
 def _plane(
@@ -173,13 +174,14 @@ def _plane(
 
 
 def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:
-    """Camera, focus distances and number of triangles of a scene.npz, without its arrays."""
+    """Read camera, focus distances and number of triangles of a scene.npz, without its arrays."""
     head = read_header(scene)
     return Camera.from_json(head["camera"]), tuple(head["focus_distances_m"]), head["triangles"]
 
 
 def aperture_stack(stops: Sequence[float], camera: Camera, focus_m: float) -> list[SensorPlane]:
-    """One focus, closing lens: first all dimmed (thesis figure 4.3), then all normalised (4.4)."""
+    """Return planes with one focus and a closing lens: first dimmed (thesis figure 4.3), then
+    normalised (4.4)."""
     return [
         SensorPlane(focus_m, camera.f_number * math.sqrt(2) ** stop, normalise=normalise)
         for normalise in ("lens", "aperture")

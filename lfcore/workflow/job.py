@@ -1,4 +1,4 @@
-"""What all scripts share: where they write, and how they fail."""
+"""The frame of all scripts: their log, and their failures."""
 
 import ctypes
 import io
@@ -19,12 +19,12 @@ RUN = "LFCORE_RUN"
 
 @contextmanager
 def job(snakemake: Any) -> Iterator[tuple[Any, Any, Any]]:
-    """Send all output of this process to the rule's log; a user's error is one line.  Gives the
-    rule's input, params and output.
+    """Send all output of this process, of C libraries, too, to the rule's log; yield the rule's
+    input, params and output.
 
-    Also what libraries in C print goes to the log.  An :class:`LfcoreError`, and an OSError such
-    as a full disk, end the process with status 1 after one line, in the log and on the terminal;
-    any other exception is a mistake of ours, and its traceback is in the log.
+    An :class:`LfcoreError`, or an OSError such as a full disk, ends the process with status 1 after
+    one line, in the log and on the terminal.  Any other exception is a bug, and its traceback is in
+    the log.
     """
     terminal = os.dup(2)
     end_with_run()
@@ -35,7 +35,7 @@ def job(snakemake: Any) -> Iterator[tuple[Any, Any, Any]]:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(line_buffering=True)
         logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-        # The drivers' thread pools, and those of numpy's libraries, keep to the job's share.
+        # The thread pools of drivers and of numpy's libraries have the job's number of threads.
         os.environ["LFCORE_THREADS"] = str(snakemake.threads)
         yield snakemake.input, snakemake.params, snakemake.output
     except LfcoreError as error:
@@ -46,17 +46,17 @@ def job(snakemake: Any) -> Iterator[tuple[Any, Any, Any]]:
 
 
 def end_with_run() -> None:
-    """On Linux: end this process as soon as the Snakemake that has started it is killed."""
+    """On Linux, let the kernel kill this process when its Snakemake is killed."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         try:
             os.kill(int(os.environ.get(RUN, os.getppid())), 0)
-        except ProcessLookupError:  # killed while this process began
+        except ProcessLookupError:  # killed before the prctl
             os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _fail(terminal: int, message: str) -> None:
-    """End this process with status 1; a full disk takes neither the log's line nor its buffer."""
+    """End this process with status 1, also if a full disk cannot store the log."""
     for stream in {1, terminal}:
         with suppress(OSError):
             os.write(stream, f"{message}\n".encode())

@@ -1,7 +1,7 @@
-"""Every key of the configuration: its type, bounds, default and meaning, once.
+"""Every key of the configuration: its type, bounds, default and meaning.
 
-``python -m lfcore.workflow.settings`` writes from here the schema that the workflow validates
-with, the default configuration, and the table of config/README.md.
+From these, ``python -m lfcore.workflow.settings`` writes the schema for the workflow's validation,
+the default configuration, and the table of config/README.md.
 """
 
 from typing import Annotated, Any, Literal
@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 
 class Keys(BaseModel):
-    """Keys of one mapping; others are refused."""
+    """The keys of a mapping; others are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=True)
 
@@ -28,7 +28,7 @@ def above(low: float, high: float | None = None) -> Any:
 
 
 def listed(item: Any, least: int, most: int) -> Any:
-    """A list of items, which may repeat."""
+    """Return the type of a list whose items may repeat."""
     return Annotated[list[item], Field(min_length=least, max_length=most)]
 
 
@@ -45,18 +45,18 @@ def _distinct(values: list) -> list:
 
 
 def several(item: Any, least: int = 1) -> Any:
-    """A list of distinct items."""
+    """Return the type of a list of distinct items."""
     unique = Field(min_length=least, json_schema_extra={"uniqueItems": True})
     return Annotated[list[item], AfterValidator(_distinct), unique]
 
 
 def key(meaning: str, default: Any = ...) -> Any:
-    """The meaning and default of a key."""
+    """Return a field with the meaning and default of a key."""
     return Field(default, description=meaning)
 
 
 def group(model: type[Keys], meaning: str) -> Any:
-    """A mapping of keys that all have defaults."""
+    """Return the type of a mapping whose keys all have defaults."""
     empty: dict[str, Any] = {"default": {}}
     return Annotated[
         model, Field(description=meaning, default_factory=model, json_schema_extra=empty)
@@ -68,7 +68,7 @@ def _text(value: Any) -> Any:
 
 
 Scene = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
-"""A scene's name or path; YAML takes names such as 2024 for numbers."""
+"""A scene's name or path; in YAML a name such as 2024 is a number."""
 
 
 class Plane(Keys):

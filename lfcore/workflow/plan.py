@@ -1,7 +1,7 @@
-"""All that a configuration asks for, checked before the first job is planned.
+"""A configuration, checked as a whole before the first job is planned.
 
-An error in the middle of planning is too late: Snakemake takes a rule without input for one that
-cannot make its output, and goes on with files of an earlier run.
+An error during planning is too late: if an input function fails, Snakemake concludes that the rule
+cannot make its output, and continues with files of an earlier run.
 """
 
 from __future__ import annotations
@@ -23,10 +23,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked configuration.
-
-    ``settings`` has all keys, ``scenes`` are files by name.
-    """
+    """A checked configuration: ``settings`` with all keys, ``scenes`` with files by name, and the
+    sweep and the data set, if any."""
 
     settings: dict
     scenes: dict[str, str]
@@ -37,8 +35,8 @@ class Plan:
     def of(cls, config: Mapping, reports: Collection[str], *, first: bool = True) -> Plan:
         """Check a configuration against the names of ``reports``.
 
-        The ``first`` process of a run also opens the encoder, and checks that the disk can hold a
-        data set; for its jobs the disk is filling already.
+        The ``first`` process of a run also tests the encoder, and the disk's room for a data set;
+        its jobs do not, as the disk is filling then.
 
         Raises a subclass of :class:`LfcoreError` that names the key.
         """
@@ -65,6 +63,6 @@ class Plan:
 
     @cached_property
     def files(self) -> dict[str, str]:
-        """The file of every scene: of the tables, of the sweep, and our own."""
+        """The file of every scene: the tables', the sweep's, and the project's."""
         swept = cases.scene_files(self.sweep.scenes) if self.sweep else {}
         return cases.own_scenes() | swept | self.scenes

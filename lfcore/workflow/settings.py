@@ -1,7 +1,7 @@
-"""The configuration: checked against its keys and completed.
+"""The configuration, checked against its keys and completed.
 
-``python -m lfcore.workflow.settings`` writes what is made from the keys: the schema, the default
-configuration, and the table of config/README.md.  ``--check`` says what is stale.
+``python -m lfcore.workflow.settings`` writes the files that are generated from the keys: the
+schema, the default configuration, and the table of config/README.md.  ``--check`` lists stale ones.
 """
 
 import re
@@ -24,9 +24,9 @@ COMMAND = "`python -m lfcore.workflow.settings`"
 
 
 def check_settings(config: Mapping) -> dict:
-    """A copy of ``config`` with every default filled in.
+    """Return a copy of ``config`` with all defaults.
 
-    Raises :class:`SettingsError` that names the key, for an unknown one or an impossible value.
+    Raises :class:`SettingsError` that names the key, for an unknown key or an impossible value.
     """
     try:
         return Configuration.model_validate(dict(config)).model_dump()
@@ -37,13 +37,13 @@ def check_settings(config: Mapping) -> dict:
 
 
 def schema() -> dict[str, Any]:
-    """The JSON schema of the configuration."""
-    made = Configuration.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
+    """Return the JSON schema of the configuration."""
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": draft, **Configuration.model_json_schema()}
 
 
 def rows(model: type[keys.Keys], above: str = "") -> Iterator[str]:
-    """The keys of a model as rows of a Markdown table: name with dots, meaning, default."""
+    """Yield a model's keys as rows of a Markdown table: name with dots, meaning, default."""
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         if isinstance(default, keys.Keys):
@@ -59,7 +59,7 @@ def _flow(value: Any) -> str:
 
 
 def commented(model: type[keys.Keys], indent: str = "") -> Iterator[str]:
-    """The default values of a model as lines of YAML, the meaning above each."""
+    """Yield a model's default values as lines of YAML, each below its meaning."""
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         yield f"{indent}# {field.description}"
@@ -71,22 +71,22 @@ def commented(model: type[keys.Keys], indent: str = "") -> Iterator[str]:
 
 
 def documents() -> dict[Path, str]:
-    """The text of every file that is made from the keys."""
-    made = {ROOT / "config/config.yaml": "\n".join(commented(Configuration)) + "\n"}
+    """Return the text of every file that is generated from the keys."""
+    texts = {ROOT / "config/config.yaml": "\n".join(commented(Configuration)) + "\n"}
     text = yaml.safe_dump(
         schema(), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
     )
-    made[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by {COMMAND}.\n{text}"
+    texts[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by {COMMAND}.\n{text}"
     readme = ROOT / "config/README.md"
     models: dict[str, type[keys.Keys]] = {"keys": Configuration, "planes": keys.Plane}
     head = "| key | meaning | default |\n|---|---|---|\n"
-    made[readme] = re.sub(
+    texts[readme] = re.sub(
         r"(<!-- (keys|planes) -->\n).*?(<!-- end of \2 -->)",
-        lambda found: f"{found[1]}\n{head}{chr(10).join(rows(models[found[2]]))}\n\n{found[3]}",
+        lambda match: f"{match[1]}\n{head}{chr(10).join(rows(models[match[2]]))}\n\n{match[3]}",
         readme.read_text(encoding="utf-8"),
         flags=re.DOTALL,
     )
-    return made
+    return texts
 
 
 def main() -> None:

@@ -2,8 +2,8 @@
 
 A sweep is a table of tab-separated values: the column ``case`` names a case, every other column is
 a key of the configuration (``encoding.crf`` for a key within a key) and every cell its value, in
-YAML.  All cases are in one job graph, and share the scene, its tree, and the tracing where they
-differ in the encoder alone.
+YAML.  All cases are in one job graph.  They share the scene and its hierarchy; cases that differ
+only in the encoder also share the tracing.
 """
 
 import copy
@@ -21,11 +21,11 @@ from lfcore.workflow import cases
 from lfcore.workflow.settings import check_settings
 
 SWEPT = ("scenes", "views", "pixels", "planes", "layout", "encoding", "tile_mib")
-"""The keys that a sweep may vary: those of a light field."""
+"""The keys of a light field, which a sweep may vary."""
 
 
 def read_sweep(path: Path) -> dict[str, dict[str, object]]:
-    """The keys, with dots, and values that each case overrides.
+    """Read the keys, with dots, and values that each case overrides.
 
     Raises :class:`SettingsError` for a table without cases, two cases with the same name, a key
     that a sweep may not vary, and a cell that is no YAML.
@@ -43,7 +43,7 @@ def read_sweep(path: Path) -> dict[str, dict[str, object]]:
         if column.split(".")[0] not in SWEPT:
             known = ", ".join(SWEPT)
             raise SettingsError(
-                "is not varied by a sweep", file=path, key=column, remedy=f"Vary {known}"
+                "cannot be varied by a sweep", file=path, key=column, remedy=f"Vary {known}"
             )
     return {
         row["case"]: {key: _cell(path, key, text) for key, text in row.items() if key != "case"}
@@ -59,23 +59,29 @@ def _cell(path: Path, key: str, text: str) -> object:
 
 
 def overridden(base: Mapping, row: Mapping[str, object]) -> dict:
-    """A copy of ``base`` with the values of ``row``, whose keys have dots."""
-    made = copy.deepcopy(dict(base))
+    """Return a copy of ``base`` with the values of ``row``, whose keys have dots."""
+    settings = copy.deepcopy(dict(base))
     for key, value in row.items():
         *above, last = key.split(".")
-        inner = made
+        inner = settings
         for name in above:
             inner = inner.setdefault(name, {})
         inner[last] = value
-    return made
+    return settings
 
 
 @dataclass(frozen=True)
 class Sweep:
     """The light fields of a table of cases.
 
-    ``overrides`` are the keys of each case, as in the table, ``settings`` its complete
-    configuration; ``members`` are the cases that share a tracing, by group, scene and views.
+    Attributes
+    ----------
+    overrides : dict
+        The keys of each case, as in the table.
+    settings : dict
+        The complete configuration of each case.
+    members : dict
+        The cases that share a tracing, by group, scene and views.
     """
 
     overrides: dict[str, dict[str, object]]
@@ -84,12 +90,12 @@ class Sweep:
 
     @property
     def scenes(self) -> list[str]:
-        """Entries of the key ``scenes`` of all cases, each once."""
-        every = (scene for one in self.settings.values() for scene in one["scenes"])
-        return list(dict.fromkeys(every))
+        """The entries of the key ``scenes`` of all cases, each once."""
+        entries = (scene for settings in self.settings.values() for scene in settings["scenes"])
+        return list(dict.fromkeys(entries))
 
     def study(self, group: str, scene: str, n: int) -> dict[str, dict]:
-        """Settings of the cases that share a tracing."""
+        """Return the settings of the cases that share a tracing."""
         return {
             case: {key: self.settings[case][key] for key in SWEPT[2:]}
             for case in self.members[group, scene, n]
@@ -97,28 +103,28 @@ class Sweep:
 
 
 def plan(path: Path, base: Mapping) -> Sweep:
-    """The sweep of a table over a configuration.
+    """Return the sweep of a table over a configuration.
 
-    Raises :class:`SettingsError` for a case that names no run.
+    Raises :class:`SettingsError` for a case with invalid settings.
     """
     overrides = read_sweep(path)
     settings = {case: check_settings(overridden(base, row)) for case, row in overrides.items()}
     members: dict[tuple[str, str, int], list[str]] = {}
-    for case, one in settings.items():
-        for scene in cases.scene_files(one["scenes"]):
-            for n in one["views"]:
-                same = repr((cases.frame_layout(one, n), one["planes"], one["tile_mib"]))
-                members.setdefault((_digest(same), scene, n), []).append(case)
+    for case, keys in settings.items():
+        for scene in cases.scene_files(keys["scenes"]):
+            for n in keys["views"]:
+                group = repr((cases.frame_layout(keys, n), keys["planes"], keys["tile_mib"]))
+                members.setdefault((_digest(group), scene, n), []).append(case)
     return Sweep(overrides, settings, members)
 
 
 def made_of(study: Mapping[str, Mapping], *common: str) -> dict[str, str]:
-    """A digest per case of its settings and of what all cases have in common: code and scene."""
-    return {case: _digest(repr((sorted(one.items()), common))) for case, one in study.items()}
+    """Return the digest of each case: of its settings, and of the ``common`` code and scene."""
+    return {case: _digest(repr((sorted(keys.items()), common))) for case, keys in study.items()}
 
 
 def unchanged(path: Path, digests: Mapping[str, str]) -> list[dict]:
-    """The rows of a file of an earlier run whose cases have these digests; none without a file."""
+    """Return an earlier run's rows whose cases have these digests; none without its file."""
     rows = read_rows([path]) if path.exists() else []
     return [row for row in rows if digests.get(row["case"]) == row["made_of"]]
 
@@ -128,7 +134,7 @@ def _digest(text: str) -> str:
 
 
 def joined(overrides: Mapping[str, Mapping], rows: list[dict]) -> pd.DataFrame:
-    """Rows of all cases in the sweep's order, with the keys of their ``overrides`` in front."""
+    """Return all cases' rows in the sweep's order, with the keys of their ``overrides`` first."""
     order, hidden = list(overrides), ("scenes", "views")
     varied = {
         case: {key: str(value) for key, value in keys.items() if key not in hidden}

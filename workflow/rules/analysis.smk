@@ -1,4 +1,4 @@
-# Reports on the program itself: error against run time, chosen rays, stiff cases, what scenes leave out.
+# Reports on the program itself: error against run time, chosen rays, stability, specialised programs.
 STUDY = SETTINGS["work_precision"]
 TRUTHS = {
     "wide": "results/{scene}/analysis/truth_wide.npz",
@@ -8,7 +8,7 @@ CHOSEN = f"results/{{scene}}/M{PIXELS}/chosen"
 CHOSEN_FIELDS = [f"{CHOSEN}/{db}dB.mkv" for db in SETTINGS["chosen_rays"]["qualities_db"]]
 
 
-# Pictures averaged over pixel and lens, made once per scene.
+# True pictures, averaged over pixel and lens, once per scene.
 rule truth:
     input:
         **of_scene("{scene}"),
@@ -135,7 +135,7 @@ rule left_out_scene:
         "../scripts/left_out_scene.py"
 
 
-# Tables of rows that were made scene by scene, two of them with a figure of all scenes.
+# Tables of all scenes' rows; two have a figure of all scenes.
 for name, rows, light_fields, figures in (
     (
         "storage_layouts",
@@ -146,7 +146,7 @@ for name, rows, light_fields, figures in (
     ("retrieval", "storage/retrieval.json", [], ["results/tables/figures/retrieval.png"]),
     ("equivalence", "storage/equivalence.json", [], []),
     ("left_out", "analysis/left_out.json", [], []),
-    # A new quality lacks its file: that runs the jobs of scenes again.
+    # A new quality has no file yet, which runs the scenes' jobs again.
     ("chosen_rays", f"M{PIXELS}/chosen/chosen_rays.json", expand(CHOSEN_FIELDS, scene=SCENES), []),
 ):
 

@@ -4,7 +4,7 @@ ARRAY = SETTINGS["camera_array"]
 ARRAYS = "results/assignment/arrays"
 RECORDS = "results/assignment/records"
 ASSIGNMENT_SCENES = ARRAY["scenes"]
-# What results/tables/ shows of it: the quick ones of its scenes.
+# The fast scenes, which are in results/tables/, too.
 QUICK_SCENES = [scene for scene in ASSIGNMENT_SCENES if scene in ("book", "sphere")]
 SEEN_THROUGH = ARRAY["see_through"]["scene"]
 
@@ -55,7 +55,7 @@ OF_BOOK = {
     "tile_px": ARRAY["tile_px"].get("book", 64),
     "reference_samples": ARRAY["reference_samples"].get("book", 64),
 }
-# Of each study its files beside the device, its figures and its settings.
+# The files, figures and settings of each study.
 STUDIES = {
     "book": (
         {"light_field": f"{ARRAYS}/book.exr", "lens": book_lens},

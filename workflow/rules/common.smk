@@ -17,32 +17,32 @@ if library:
 # The project's scenes are beside the workflow; a wheel of the library has none.
 if (scenes := Path(str(workflow.current_basedir)).parents[1] / "scenes").is_dir():
     os.environ.setdefault("LFCORE_SCENES", str(scenes))
-# Jobs keep to their threads: those of BLAS would spin while they wait for one another.
+# Jobs keep to their threads: BLAS's would spin while they wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# The thesis's tables and pictures come first, then long studies, so that the cores finish together.
+# The thesis's tables and pictures are first, then long studies, so that all cores finish together.
 FIRST, LONG = 20, 10
 CHART = "chart"  # the scene of the plenoptic photograph and of other renderers
 
 
 def read(value):
-    """Numbers within lists and mappings of --config, which Snakemake leaves as text."""
+    """Convert numbers in lists and mappings of --config, which Snakemake leaves as text."""
     if isinstance(value, dict):
-        return {name: read(one) for name, one in value.items()}
+        return {name: read(item) for name, item in value.items()}
     if isinstance(value, list):
-        return [read(one) for one in value]
+        return [read(item) for item in value]
     try:
         return json.loads(value) if isinstance(value, str) else value
     except ValueError:
         return value
 
 
-# What is measured, and how it is shown: see the file.
+# The measurements and their presentation: see the file.
 with open(workflow.source_path("../reports.yaml"), encoding="utf-8") as file:
     REPORT_RECORDS = yaml.safe_load(file)
 THESIS_TABLES = [name for name in REPORT_RECORDS if name.startswith("table_7_")]
 # The names in the key `reports`; quality: curves of the thesis's tables.
-KNOWN_REPORTS = {one.get("with", name): None for name, one in REPORT_RECORDS.items()} | {
+KNOWN_REPORTS = {record.get("with", name): None for name, record in REPORT_RECORDS.items()} | {
     "quality": None
 }
 for name in THESIS_TABLES:
@@ -50,7 +50,7 @@ for name in THESIS_TABLES:
 
 
 def checked_plan():
-    """The plan of the configuration; None where lfcore is not installed, for `snakemake --lint`."""
+    """Return the configuration's plan; None without lfcore, for `snakemake --lint`."""
     try:
         from lfcore.errors import LfcoreError
         from lfcore.workflow.plan import Plan
@@ -77,15 +77,15 @@ STORE = config["store"]
 REPORTS = set(KNOWN_REPORTS if config["reports"] == "all" else config["reports"])
 # The constants of each report's study; captions read them, too.
 SETTINGS = config["settings"] = {
-    name: one["settings"]["default"] | one["settings"].get(config["studies"], {})
-    for name, one in REPORT_RECORDS.items()
-    if "settings" in one
+    name: record["settings"]["default"] | record["settings"].get(config["studies"], {})
+    for name, record in REPORT_RECORDS.items()
+    if "settings" in record
 }
 DEVICE = config["device"]
-# A folder for each size of pictures: runs of different sizes are side by side.
+# Each size of pictures has its folder.
 SLAB = f"results/{{scene}}/M{PIXELS}/N{{n}}"
-# Light fields whose tracing takes less than a job, at 100 ns per ray, are one submission to a
-# cluster per scene. On one machine groups mean nothing.
+# If tracing takes less than a job, at 100 ns per ray, each scene is one submission to a cluster.
+# On one machine groups have no effect.
 SMALL = sum(n**2 for n in VIEWS) * WIDTH * HEIGHT * 100e-9 <= 60 * config["job_minutes"]
 TRACE_GROUP = "scene_{scene}" if SMALL else None
 REPORT_GROUP = "report"
@@ -98,7 +98,7 @@ wildcard_constraints:
 
 
 def version(script):
-    """The version of the code behind a script, as a param: an edit runs the script again."""
+    """Return the version of a script's code as a param: an edit runs the script again."""
     file = Path(workflow.source_path(f"../scripts/{script}.py"))
 
     def planned(wildcards):
@@ -110,12 +110,12 @@ def version(script):
 
 
 def of_settings(*keys):
-    """Keys of the configuration as params: each rule has those alone that it reads."""
+    """Return keys of the configuration as params: each rule has only those that it reads."""
     return {key: config[key] for key in keys}
 
 
 def scene_inputs(wildcards):
-    """The scene's file, and all files that it names: an edit of any parses it anew."""
+    """Return the scene's file, and all files that it names: an edit of any parses it again."""
     return local_files(PLAN.files[wildcards.scene])
 
 
@@ -142,7 +142,7 @@ def grouped(stage):
 
 
 def batches(wildcards):
-    """The tracing jobs of a light field by name."""
+    """Return the tracing jobs of a light field by name."""
     from lfcore.workflow.costs import named_batches
 
     return named_batches(config, int(wildcards.n))
@@ -153,7 +153,7 @@ def batch_of(wildcards):
 
 
 def of_batches(suffix):
-    """Input function: the file with this suffix of each batch of tiles of a light field."""
+    """Return an input function: the file with this suffix of each batch of a light field."""
     return lambda wildcards: expand(
         f"{SLAB}/tiles/{{batch}}{suffix}",
         scene=wildcards.scene,
@@ -181,19 +181,19 @@ def sums_mib(wildcards, attempt):
 
 
 def sweep_files(pattern):
-    """Input function: this file of every tracing of the sweep."""
+    """Return an input function: this file of every tracing of the sweep."""
     return lambda wildcards: [
         pattern.format(group=group, scene=scene, n=n) for group, scene, n in PLAN.sweep.members
     ]
 
 
 def of_resolutions(file):
-    """This file of a scene for every number of views, ascending."""
+    """Return this file of a scene for every number of views, ascending."""
     return expand(f"{SLAB}/{file}", n=VIEWS, allow_missing=True)
 
 
 def by_name(*files):
-    """These files of a scene for every number of views, by name."""
+    """Return these files of a scene for every number of views, by name."""
     return {Path(file).stem: of_resolutions(file) for file in files}
 
 
@@ -202,12 +202,12 @@ STORED = by_name("planes/from_video.npz", "store.json", "retrieve.json") if STOR
 
 
 def of_scenes(file):
-    """This file of every scene of the tables."""
+    """Return this file of every scene in the tables."""
     return [f"results/{scene}/{file}" for scene in SCENES]
 
 
 def of_scene(name):
-    """The files with a scene's arrays in camera space, its tree and, if any, its baked light."""
+    """Return the files of a scene's arrays in camera space, its hierarchy and its baked light."""
 
     def light(wildcards):
         from lfcore.readers.sources import asks_for_light
@@ -223,13 +223,13 @@ def of_scene(name):
 
 
 def captions(*names):
-    """The texts of captions, as a param: a function, since texts with braces are no patterns."""
-    texts = [Path(workflow.source_path(f"../report/{one}.rst")).read_text("utf-8") for one in names]
+    """Return the texts of captions as a param: a function, since texts may have braces."""
+    texts = [Path(workflow.source_path(f"../report/{n}.rst")).read_text("utf-8") for n in names]
     return lambda wildcards: texts
 
 
 def shown(file, caption, category, **labels):
-    """A file, as Snakemake's own report shows it."""
+    """Return a file that is in Snakemake's report."""
     caption = f"../report/{caption}.rst"
     return report(file, caption=caption, category=category, labels=labels or None)
 

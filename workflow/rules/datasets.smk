@@ -1,5 +1,5 @@
-# Data sets: batches of scenes -> shards -> a folder of items with its card and page. The folder of
-# an earlier run is replaced when the new one is whole.
+# Data sets: batches of scenes -> shards -> a folder of items with its card and page, which replaces
+# an earlier run's folder when it is whole.
 if PLAN and PLAN.dataset:
     SET = PLAN.dataset
     SET_FOLDER = f"results/datasets/{SET.name}"

@@ -1,4 +1,4 @@
-# Pictures against pictures: metrics of each scene, then the tables over all scenes and their curves over N.
+# Errors of pictures: metrics per scene, then the tables over all scenes and their curves over N.
 
 
 rule evaluate:

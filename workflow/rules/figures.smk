@@ -1,10 +1,10 @@
 # Pictures of the thesis: focal stack (4.2), aperture stack (4.3, 4.4), corner views (6.3), the
-# plenoptic photograph (4.6), and other ray tracers beside ours (4.5). Stacks are sliced by depth.
+# plenoptic photograph (4.6), and other renderers beside ours (4.5). Stacks are sliced by depth.
 import importlib.util
 import shutil
 
 STACKS = ["focal_stack", "aperture_stack", "sub_aperture_views"]
-# Stacks by file; the figure of recipes shows the focal stack beside the thesis's and the true one.
+# Stacks by file; the figure of recipes has the focal stack beside the thesis's and the true one.
 TRACED_STACKS = {
     name: f"results/{{scene}}/figures/{name}.npz"
     for name in STACKS

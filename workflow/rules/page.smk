@@ -1,5 +1,4 @@
-# The pages over all that the stages above have made, and tables as Markdown. An edit of a caption
-# runs these rules alone.
+# The pages of all results, and tables as Markdown. An edit of a caption runs only these rules.
 
 
 rule page:

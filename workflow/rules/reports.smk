@@ -1,4 +1,4 @@
-# What the pages show, in order: sections of a table, figures, or both.
+# The pages' sections in order, each with a table, figures, or both.
 # Tables of storage need a stored light field.
 if not STORE:
     THESIS_TABLES = THESIS_TABLES[:1]
@@ -16,7 +16,7 @@ ASSIGNMENT_TITLES = {
 }
 BOOK_FIGURES = ["synthesis", "focal_surfaces", "realistic_lens"]
 SAMPLING_FIGURES = ["few_cameras", "equal_storage"]
-# The records of measurements that captions of the assignment's page read.
+# The measurements that captions of the assignment's page read.
 RECORD_OF = {
     **dict.fromkeys(BOOK_FIGURES, "book"),
     **dict.fromkeys(SAMPLING_FIGURES, "sampling"),
@@ -25,24 +25,24 @@ RECORD_OF = {
 
 
 def section(name, title, table=None, figures=None):
-    """The arguments of a section of a page, but for its caption."""
+    """Return a section's arguments, without its caption."""
     return {"name": name, "title": title, "table": table, "figures": figures or {}}
 
 
 def files_of(sections):
-    """The table and the figures of each section."""
-    return [file for one in sections for file in (one["table"], *one["figures"].values()) if file]
+    """Return the table and the figures of each section."""
+    return [file for s in sections for file in (s["table"], *s["figures"].values()) if file]
 
 
 def figures_of(name, form):
-    """The figures of a report by label; its record says which."""
+    """Return a report's figures by label; ``form`` is the key ``figures`` of its record."""
     if form == "scene":
         return {scene: f"results/tables/figures/{name}_{scene}.png" for scene in SCENES}
     if form == "curves":
         form = ["curves"] if "quality" in REPORTS else []
     if isinstance(form, list):
-        labels = [one.replace("_", " ") if len(form) > 1 else "" for one in form]
-        files = [f"results/tables/figures/{name}_{one}.png" for one in form]
+        labels = [part.replace("_", " ") if len(form) > 1 else "" for part in form]
+        files = [f"results/tables/figures/{name}_{part}.png" for part in form]
         return dict(zip(labels, files))
     folders = {"one": "results/tables/figures", "assignment": "results/assignment/figures"}
     return {"": f"{folders[form]}/{name}.png"} if form in folders else {}
@@ -52,15 +52,15 @@ SHOWN = REPORTS if STORE else REPORTS - {"chosen_rays", "retrieval"}
 
 
 def shown_section(name, record):
-    """A section of results/tables/, as its record has it."""
+    """Return a section of results/tables/, from its record."""
     file = f"results/tables/{name}.csv" if record.get("table") else None
     return section(name, record["title"], file, figures_of(name, record.get("figures")))
 
 
 TABLE_SECTIONS = [
-    shown_section(name, one)
-    for name, one in REPORT_RECORDS.items()
-    if name in THESIS_TABLES or one.get("with", name) in SHOWN
+    shown_section(name, record)
+    for name, record in REPORT_RECORDS.items()
+    if name in THESIS_TABLES or record.get("with", name) in SHOWN
 ]
 ASSIGNMENT_SECTIONS = [
     section(name, title, figures={"": f"results/assignment/figures/{name}.png"})
@@ -72,13 +72,13 @@ ASSIGNMENT_SECTIONS = [
 REPORTED = files_of(TABLE_SECTIONS)
 ASSIGNMENT_FILES = files_of(ASSIGNMENT_SECTIONS)
 ASSIGNMENT_RECORDS = list(
-    dict.fromkeys(RECORD_OF[one["name"]] for one in ASSIGNMENT_SECTIONS if one["name"] in RECORD_OF)
+    dict.fromkeys(RECORD_OF[s["name"]] for s in ASSIGNMENT_SECTIONS if s["name"] in RECORD_OF)
 )
 
 
 def markdown(sections):
-    """The tables of sections as Markdown, which their page writes."""
-    return [str(Path(one["table"]).with_suffix(".md")) for one in sections if one["table"]]
+    """Return the tables of sections as Markdown, which their page writes."""
+    return [str(Path(s["table"]).with_suffix(".md")) for s in sections if s["table"]]
 
 
 MARKDOWN, ASSIGNMENT_MARKDOWN = markdown(TABLE_SECTIONS), markdown(ASSIGNMENT_SECTIONS)

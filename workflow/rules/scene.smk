@@ -1,4 +1,4 @@
-# What is looked at: scene description -> arrays in camera space -> hierarchy.
+# Scenes: description -> arrays in camera space -> hierarchy -> baked light.
 
 
 rule parse:
@@ -37,7 +37,7 @@ rule build:
         "../scripts/build.py"
 
 
-# Of scenes with a sky or bounces alone.
+# Only for scenes with a sky or bounces.
 rule bake:
     input:
         scene="results/{scene}/scene.npz",

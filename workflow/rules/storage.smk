@@ -1,4 +1,4 @@
-# Four reports on the store: its layouts, rate against distortion, ways to one picture, reading it.
+# Reports on storage: layouts, rate against distortion, equivalence of methods, reading.
 
 
 for name in ("storage_layouts", "rate_distortion"):

@@ -1,6 +1,6 @@
-# What is made from the stored light field: only where the configuration stores it.
+# Results from the stored light field, if the configuration stores it.
 if STORE:
-    # The page shows a few hundred views: more are decoded for nothing.
+    # The page shows a few hundred views: decoding more would be useless.
     VIEWED = max((n for n in VIEWS if n <= 64), default=VIEWS[0])
 
     rule viewer:

@@ -1,4 +1,4 @@
-# A sweep: all its cases in one graph, joined in one table and a figure.
+# A sweep: all its cases in one graph, joined in one table and one figure.
 #   snakemake --cores 2 --config sweep=config/sweeps/crf.tsv -- sweep
 if PLAN and PLAN.sweep:
     SWEPT = f"results/sweeps/{Path(config['sweep']).stem}"

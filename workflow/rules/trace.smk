@@ -1,5 +1,5 @@
-# Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, where stored,
-# a video segment a tile.
+# Algorithms 1 and 3: rays of a batch of tiles -> their part of the sensor planes and, if stored, one
+# video segment per tile.
 STORED_AS = ("layout", "tile_mib", "encoding")
 BATCH = {
     "planes": temp(f"{SLAB}/tiles/{{batch}}.planes.npz"),
@@ -32,7 +32,7 @@ rule trace:
         "../scripts/trace.py"
 
 
-# What all batches of a light field come to: pictures and, where it is stored, one file.
+# The results of all batches of a light field: pictures and, if it is stored, one file.
 JOINED = {
     "stack": f"{SLAB}/planes/on_the_fly.npz",
     "pictures": directory(f"{SLAB}/planes/on_the_fly"),

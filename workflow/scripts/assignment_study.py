@@ -1,4 +1,4 @@
-"""A study on camera arrays: its sheets of pictures, and what was measured."""
+"""Run a study on camera arrays; write its sheets of pictures, and its measurements."""
 
 from lfcore.evaluation.assignment.book import book
 from lfcore.evaluation.assignment.reconstruction import reconstruction, sampling, see_through, time
@@ -10,12 +10,12 @@ from lfcore.workflow.job import job
 
 STUDIES = {study.__name__: study for study in (book, sampling, see_through, time, reconstruction)}
 
-with job(snakemake) as (given, params, output):
-    if "bvh" in given.keys():
+with job(snakemake) as (inputs, params, output):
+    if "bvh" in inputs.keys():
         device_or_tracer = open_tracer(snakemake)
     else:
         device_or_tracer = open_device(params.device or None, threads=snakemake.threads)
-    files = {key: file for key, file in given.items() if key not in ("scene", "bvh", "light")}
+    files = {key: file for key, file in inputs.items() if key not in ("scene", "bvh", "light")}
     sheets, record = STUDIES[params.study](device_or_tracer, **files, **params.settings)
     for file, sheet in zip(output.figures, sheets, strict=True):
         if isinstance(sheet, Sheet):

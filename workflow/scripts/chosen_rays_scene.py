@@ -1,4 +1,4 @@
-"""Light fields of one scene for wanted qualities, and their rows beside the thesis's recipe."""
+"""Record one scene's light fields to requested qualities; write rows beside the thesis's recipe."""
 
 from lfcore.evaluation.chosen_rays import chosen_row, thesis_row
 from lfcore.evaluation.table_files import write_rows
@@ -9,11 +9,11 @@ from lfcore.optics.plane_pictures import load_stack
 from lfcore.scene.files import read_scene
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
-    scene, reference = read_scene(given.scene), load_reference(given.truth)
+with job(snakemake) as (inputs, params, output):
+    scene, reference = read_scene(inputs.scene), load_reference(inputs.truth)
     device = open_device(params.device or None, threads=snakemake.threads)
-    jobs = [read_json(file) for file in (given.trace, given.store, given.retrieve)]
-    pictures = [load_stack(file)[0] for file in (given.on_the_fly, given.from_video)]
+    jobs = [read_json(file) for file in (inputs.trace, inputs.store, inputs.retrieve)]
+    pictures = [load_stack(file)[0] for file in (inputs.on_the_fly, inputs.from_video)]
     rows = [thesis_row(scene.name, reference, params.views, jobs, *pictures)]
     for quality_db, file in zip(params.qualities_db, output.light_fields, strict=True):
         rows.append(chosen_row(file, scene, device, reference, quality_db))

@@ -1,4 +1,4 @@
-"""Stacks of a scene's pictures side by side, each above its label."""
+"""Draw stacks of a scene's pictures side by side, each above its label."""
 
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.true_picture import load_reference
@@ -10,11 +10,11 @@ DIMMING = {"lens": "dimmed", "aperture": "normalised"}
 
 
 def recipes(path, by_depth, thesis, truth, views):
-    """The thesis's recipe, slicing by depth and the true picture, a row each."""
+    """Draw rows of the thesis's recipe, slicing by depth, and the true pictures."""
     true = load_reference(truth)
-    ways = {f"N = {views}": load_stack(thesis)[0], "by depth": load_stack(by_depth)[0]}
+    stacks = {f"N = {views}": load_stack(thesis)[0], "by depth": load_stack(by_depth)[0]}
     cells = []
-    for name, stack in ways.items():
+    for name, stack in stacks.items():
         labels = (f"{name}: {db:.1f} dB" for db in true.psnr(stack))
         cells += zip(stack, labels, strict=True)
     labels = (f"true, focus {plane.focus_m:.3g} m" for plane in true.planes)
@@ -22,18 +22,18 @@ def recipes(path, by_depth, thesis, truth, views):
     contact_sheet(path, cells, len(true.planes))
 
 
-with job(snakemake) as (given, params, output):
+with job(snakemake) as (inputs, params, output):
     for name, sheet in output.items():
         if name == "recipes":
-            recipes(sheet, given.focal_stack, given.thesis, given.truth, params.views)
+            recipes(sheet, inputs.focal_stack, inputs.thesis, inputs.truth, params.views)
             continue
-        pictures, planes = load_stack(given[name])
+        pictures, planes = load_stack(inputs[name])
         columns = 5
         if name == "focal_stack":
-            labels = [f"focus {one.focus_m:.3g} m, f/{one.f_number:.2g}" for one in planes]
+            labels = [f"focus {p.focus_m:.3g} m, f/{p.f_number:.2g}" for p in planes]
         elif name == "aperture_stack":
             columns = len(planes) // 2
-            labels = [f"f/{one.f_number:.2g}, {DIMMING[one.normalise]}" for one in planes]
+            labels = [f"f/{p.f_number:.2g}, {DIMMING[p.normalise]}" for p in planes]
         else:
             labels = CORNERS
         contact_sheet(sheet, list(zip(pictures, labels, strict=True)), columns)

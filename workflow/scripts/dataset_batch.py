@@ -1,4 +1,4 @@
-"""Make the scenes of one job: a shard, and what is known of each."""
+"""Make the items of one job: a shard, and a record of each."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from lfcore.datasets.stored import Finished
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
+with job(snakemake) as (inputs, params, output):
     description = Description.check(params.description)
     folder = Path(output.shard).parent.parent
-    sources = Path(given[0]).read_text(encoding="utf-8")
+    sources = Path(inputs[0]).read_text(encoding="utf-8")
     made_of = f"{description.digest(sources)}-{params.version}"
     make_batch(
         description,

@@ -1,4 +1,4 @@
-"""One scene's pictures by slicing, by both kinds of shift-sum, and traced directly."""
+"""Compare one scene's pictures by slicing, by both kinds of shift-sum, and by direct tracing."""
 
 from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.storage.figures import equivalence_sheet
@@ -8,15 +8,15 @@ from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job
 
 with job(snakemake) as (_, params, output):
-    # Blocks of one element, whichever way rays are traced: each ray has one colour in all of them.
+    # Blocks of one element: each ray has the same colour in every method.
     tracer = open_tracer(snakemake, outer=1)
     scene = tracer.scene
     camera, focus = scene.camera, scene.focus_distances_m
     focus_m = sorted({min(focus), camera.focus_m, max(focus)})
-    rows, made = equivalence(
+    rows, pictures = equivalence(
         tracer,
         [SensorPlane(distance, camera.f_number) for distance in focus_m],
         **params.study,
     )
-    equivalence_sheet(output.figure, made, focus_m)
+    equivalence_sheet(output.figure, pictures, focus_m)
     write_rows(output.rows, rows)

@@ -1,4 +1,4 @@
-"""Add up the planes of all batches and, where the light field is stored, join their segments."""
+"""Add the planes of all batches and, if the light field is stored, join their segments."""
 
 from pathlib import Path
 
@@ -10,20 +10,20 @@ from lfcore.timing import Stopwatch
 from lfcore.workflow import cases
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
-    camera, focus_distances_m, triangles = cases.read_camera(given.scene)
+with job(snakemake) as (inputs, params, output):
+    camera, focus_distances_m, triangles = cases.read_camera(inputs.scene)
     slab = Slab.of(camera, int(snakemake.wildcards.n), params.pixels)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
-    parts = (PlaneSums.load(path, slab, planes) for path in given.planes)
+    parts = (PlaneSums.load(path, slab, planes) for path in inputs.planes)
     pictures = total(slab, planes, parts).pictures()
     write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)
-    facts = [read_json(path) for path in given.seconds]
-    encode_seconds = sum(one["seconds"]["encode"] for one in facts)
+    facts = [read_json(path) for path in inputs.seconds]
+    encode_seconds = sum(batch["seconds"]["encode"] for batch in facts)
     traced = {
-        "seconds": sum(one["seconds"]["trace"] for one in facts),
+        "seconds": sum(batch["seconds"]["trace"] for batch in facts),
         "encode_seconds": encode_seconds,
-        "rays": sum(one["rays"] for one in facts),
+        "rays": sum(batch["rays"] for batch in facts),
         "device": facts[0]["device"],
         "threads": facts[0]["threads"],
         "triangles": triangles,
@@ -33,16 +33,16 @@ with job(snakemake) as (given, params, output):
         from lfcore.storage.container import join_segments, unpacked  # loads the codecs
 
         tiles, spec = cases.tiles(params, slab.views), cases.encoding(params, slab.views)
-        depth = facts[0].get("depth_m")  # the range of those that are seen
+        depth = facts[0].get("depth_m")  # the range of visible depths
         watch = Stopwatch()
-        with watch.part("join"), unpacked(given.segments, output.light_field) as segments:
+        with watch.part("join"), unpacked(inputs.segments, output.light_field) as segments:
             metadata = join_segments(
                 output.light_field,
                 segments,
                 tiles,
                 tiles[0].layout,
                 geometry=slab,
-                scene={"name": snakemake.wildcards.scene, "digest": file_digest(given.scene)},
+                scene={"name": snakemake.wildcards.scene, "digest": file_digest(inputs.scene)},
                 spec=spec,
                 content={"depth_m": depth} if depth else None,
             )

@@ -1,4 +1,4 @@
-"""The same pictures by this program, POV-Ray and Mitsuba 3; what is not installed is left out."""
+"""Render the same pictures by lfcore, POV-Ray and Mitsuba 3, as far as these are installed."""
 
 from lfcore.evaluation.renderers import compare, renderers_sheet
 from lfcore.evaluation.table_files import table_of, write_csv

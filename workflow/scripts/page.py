@@ -1,4 +1,4 @@
-"""Tables as Markdown, and one page over tables and figures; captions may say what was measured."""
+"""Write tables as Markdown, and a page of tables and figures; captions may have measurements."""
 
 from pathlib import Path
 
@@ -8,20 +8,21 @@ from lfcore.files import read_json
 from lfcore.timing import machine
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
+with job(snakemake) as (inputs, params, output):
     here = machine()
     introduction, *captions = params.captions
-    files = map(Path, given.reported)  # from object storage they come to another folder
+    files = map(Path, inputs.reported)  # copies from object storage are in another folder
     sections = [
         Section(
-            one["name"], one["title"], caption, next(files) if one["table"] else None,
-            {label: next(files) for label in one["figures"]},
+            section["name"], section["title"], caption,
+            next(files) if section["table"] else None,
+            {label: next(files) for label in section["figures"]},
         )
-        for one, caption in zip(params.sections, captions, strict=True)
+        for section, caption in zip(params.sections, captions, strict=True)
     ]  # fmt: skip
-    measured = {k: read_json(v) for k, v in zip(params.records, given.records, strict=True)}
+    measured = {k: read_json(v) for k, v in zip(params.records, inputs.records, strict=True)}
     config = {**params.config, "measured": measured}
-    devices = sorted({read_json(file)["device"] for file in given.traced})
+    devices = sorted({read_json(file)["device"] for file in inputs.traced})
     write_markdown_tables(output.markdown, sections, config)
     write_page(
         output.page,
@@ -34,6 +35,6 @@ with job(snakemake) as (given, params, output):
             "system": f"{here['system']}, Python {here['python']}, lfcore {__version__}",
             **params.facts,
         },
-        viewers=map(Path, given.viewers),
+        viewers=map(Path, inputs.viewers),
         config=config,
     )

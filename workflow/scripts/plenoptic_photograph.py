@@ -1,4 +1,4 @@
-"""The plenoptic photograph in and out of focus, whole, and one sheet of what is in it."""
+"""Take the plenoptic photograph in and out of focus; write both, and a sheet of their details."""
 
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.pictures import write_picture
@@ -10,9 +10,9 @@ with job(snakemake) as (_, params, output):
     scene = tracer.scene
     focus = scene.focus_distances_m
     rows = []
-    # The far plane in focus; then no plane.
+    # First the far plane is in focus; then none.
     for file, focus_m in zip(output.photographs, (max(focus), scene.camera.focus_m), strict=True):
-        taken = take(tracer, focus_m, **params.camera)
-        write_picture(file, taken[1])
-        rows.append(panels(tracer, *taken, (min(focus), max(focus))))
+        photograph = take(tracer, focus_m, **params.camera)
+        write_picture(file, photograph[1])
+        rows.append(panels(tracer, *photograph, (min(focus), max(focus))))
     plenoptic_sheet(output.sheet, rows)

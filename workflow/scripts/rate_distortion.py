@@ -1,4 +1,4 @@
-"""Rate and distortion over all scenes: the points, the delta rates, and a figure a scene."""
+"""Write rate and distortion over all scenes: points, delta rates, and a figure per scene."""
 
 import pandas as pd
 
@@ -7,8 +7,8 @@ from lfcore.evaluation.storage.rate_distortion import COLUMNS, bd_rows
 from lfcore.evaluation.table_files import read_rows, table_of, write_csv
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
-    rows = read_rows(given)
+with job(snakemake) as (inputs, params, output):
+    rows = read_rows(inputs)
     points = table_of(rows, COLUMNS)
     deltas = table_of(bd_rows(pd.DataFrame(rows)))
     write_csv(output.rate_distortion, points)

@@ -8,14 +8,14 @@ from lfcore.refocus.slicing import form_planes
 from lfcore.workflow import cases
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
-    camera, focus_distances_m, _ = cases.read_camera(given.scene)
+with job(snakemake) as (inputs, params, output):
+    camera, focus_distances_m, _ = cases.read_camera(inputs.scene)
     planes = cases.sensor_planes(params.planes, camera, focus_distances_m)
     name = params.device or None
-    field = LightField.open(given.light_field)
-    made = form_planes(field, planes, threads=snakemake.threads, device=name)
-    pictures = made.sums.pictures()
+    field = LightField.open(inputs.light_field)
+    formed = form_planes(field, planes, threads=snakemake.threads, device=name)
+    pictures = formed.sums.pictures()
     write_plane_pictures(output.pictures, pictures, planes, suffix=params.picture_format)
     save_stack(output.stack, pictures, planes)
-    facts = {key: value for key, value in vars(made).items() if key != "sums"}
+    facts = {key: value for key, value in vars(formed).items() if key != "sums"}
     write_json(output.seconds, facts | {"device": open_device(name).name})

@@ -1,4 +1,4 @@
-"""All stability sweeps of the tracer, as a table, a heat map and plots of error growth."""
+"""Run all stability sweeps of the tracer; write a table, a heat map and plots of error growth."""
 
 from lfcore.evaluation.stability import report
 from lfcore.evaluation.stability.measurement import COLUMNS, check_passed
@@ -10,7 +10,7 @@ from lfcore.workflow.job import job
 with job(snakemake) as (_, params, output):
     device = open_device(params.device or None, threads=snakemake.threads)
     tracer = TracerUnderTest(device, rays=params.rays)
-    measured = [one for case in report.chosen(params.cases) for one in case(tracer)]
+    measured = [row for case in report.chosen(params.cases) for row in case(tracer)]
     table = report.stability_table(measured)
     print(report.summary(table))
     check_passed(measured)

@@ -1,4 +1,4 @@
-"""Samples of one scene's light fields, stored in every layout or at every rate."""
+"""Store samples of one scene's light fields in every layout or at every rate."""
 
 from lfcore.evaluation.storage.rate_distortion import layout_rows, rate_rows
 from lfcore.evaluation.table_files import write_rows

@@ -1,4 +1,4 @@
-"""One tracing of a sweep, stored by the encoders of all new or changed cases that share it."""
+"""Trace once for the new or changed cases of a sweep that share it; store by all encoders."""
 
 from pathlib import Path
 
@@ -11,20 +11,20 @@ from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job
 from lfcore.workflow.sweep import made_of, unchanged
 
-with job(snakemake) as (_, params, made):
-    n, output = int(snakemake.wildcards.n), Path(made[0])
+with job(snakemake) as (_, params, outputs):
+    n, output = int(snakemake.wildcards.n), Path(outputs[0])
     tracer = open_tracer(snakemake)
     scene = tracer.scene
     digests = made_of(params.study, params.version, scene_digest(scene))
     rows = unchanged(output, digests)
     changed = {case: params.study[case] for case in digests.keys() - {row["case"] for row in rows}}
     if changed:
-        one = next(iter(changed.values()))
+        common = next(iter(changed.values()))
         rows += sweep_rows(
             tracer,
-            Slab.of(scene.camera, n, one["pixels"]),
-            cases.tiles(one, n),
-            cases.sensor_planes(one["planes"], scene.camera, scene.focus_distances_m),
+            Slab.of(scene.camera, n, common["pixels"]),
+            cases.tiles(common, n),
+            cases.sensor_planes(common["planes"], scene.camera, scene.focus_distances_m),
             {case: cases.encoding(settings, n) for case, settings in changed.items()},
             output.parent,
         )

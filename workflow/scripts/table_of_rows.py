@@ -1,4 +1,4 @@
-"""A table of the rows of all scenes, and its figure where it has one."""
+"""Write a table of all scenes' rows, and its figure, if any."""
 
 import pandas as pd
 
@@ -10,7 +10,7 @@ from lfcore.workflow.job import job
 TABLES = {"chosen_rays": chosen_rays_table}
 FIGURES = {"storage_layouts": layouts_figure, "retrieval": retrieval_figure}
 
-with job(snakemake) as (given, params, output):
-    write_csv(output.csv, TABLES.get(params.table, table_of)(read_rows(given.rows)))
+with job(snakemake) as (inputs, params, output):
+    write_csv(output.csv, TABLES.get(params.table, table_of)(read_rows(inputs.rows)))
     for file in output.figures:
         FIGURES[params.table](file, pd.read_csv(output.csv))

@@ -1,4 +1,4 @@
-"""Trace a batch of tiles: partial sensor planes and, where the light field is stored, segments."""
+"""Trace a batch of tiles: partial sensor planes and, if the light field is stored, segments."""
 
 from lfcore.files import write_json
 from lfcore.optics.slab import Slab
@@ -27,7 +27,7 @@ with job(snakemake) as (_, params, output):
     sums.save(output.planes)
     facts |= {"device": device.name, "threads": device.threads}
     facts |= {"processor": machine()["processor"], "seconds": facts["seconds"] | watch.seconds}
-    if params.store and tiles[0].index == 0:  # of the whole slab, once
+    if params.store and tiles[0].index == 0:  # once per slab
         facts["depth_m"] = depth_range(tracer, slab)
     write_json(output.seconds, facts)
     print(facts)

@@ -1,4 +1,4 @@
-"""The stacks of the figures: focus and aperture by depth, and views from five lens positions."""
+"""Trace the figures' stacks: focus and aperture by depth, and views from five lens samples."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lfcore.workflow.job import job
 LATTICE = Lattice(8, 2)
 
 with job(snakemake) as (_, params, output):
-    tracer = open_tracer(snakemake, outer=1)  # few rays, which are worth no program
+    tracer = open_tracer(snakemake, outer=1)  # so few rays need no larger blocks
     scene, camera = tracer.scene, tracer.scene.camera
     stacks = {
         "focal_stack": cases.sensor_planes(params.planes, camera, scene.focus_distances_m),
@@ -25,7 +25,7 @@ with job(snakemake) as (_, params, output):
         if name in output.keys():
             pictures = pictures_by_depth(tracer, camera, planes, params.pixels, LATTICE)
             save_stack(output[name], pictures, planes)
-    if "sub_aperture_views" in output.keys():  # the four corners and the middle: figure 6.3
+    if "sub_aperture_views" in output.keys():  # four corners and the middle: thesis figure 6.3
         slab = Slab.of(camera, params.views, params.pixels)
         last, middle = slab.views - 1, (slab.views - 1) // 2
         samples = np.array([(0, 0), (last, 0), (0, last), (last, last), (middle, middle)])

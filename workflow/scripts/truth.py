@@ -1,4 +1,4 @@
-"""True pictures of a scene's planes, through the whole lens or stopped down."""
+"""Trace true pictures of a scene's planes, through the whole lens or stopped down."""
 
 from dataclasses import replace
 

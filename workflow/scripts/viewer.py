@@ -1,10 +1,10 @@
-"""The page in which one light field is looked at."""
+"""Write the viewer's page of one light field."""
 
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import open_device
 from lfcore.workflow.job import job
 
-with job(snakemake) as (given, params, output):
+with job(snakemake) as (inputs, params, output):
     device = open_device(params.device or None, threads=snakemake.threads)
-    with LightField.open(given.light_field) as field:
+    with LightField.open(inputs.light_field) as field:
         field.viewer(device=device).save(output[0])
