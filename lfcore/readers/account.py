@@ -25,35 +25,35 @@ class Account:
         self._notebook, self._file = notebook, file
         self._held: dict[str, list[int]] = {}  # held, used, lost
 
-    def hold(self, what: str, number: int = 1) -> None:
+    def hold(self, things: str, number: int = 1) -> None:
         """Count things that are in the file."""
-        self._count(what)[0] += number
+        self._count(things)[0] += number
 
-    def use(self, what: str, number: int = 1) -> None:
-        """Count things that are in the scene, of those that the file holds."""
-        self._count(what)[1] += number
+    def use(self, things: str, number: int = 1) -> None:
+        """Count things of the file that are in the scene."""
+        self._count(things)[1] += number
 
-    def lose(self, what: str, kind: str, words: str, number: int = 1) -> None:
-        """Note why things are not in the scene, or not as they are in the file.
+    def lose(self, things: str, kind: str, words: str, number: int = 1) -> None:
+        """Note why things of the file are missing or changed in the scene.
 
-        ``kind`` is one of :data:`lfcore.scene.notes.KINDS`; the same words are noted once, and
-        none where another note says it.
+        ``kind`` is one of :data:`lfcore.scene.notes.KINDS`; equal words are noted once;
+        empty words add no note.
         """
-        self._count(what)[2] += number
+        self._count(things)[2] += number
         if words:
             self._notebook.add(kind, self._file, words)
 
     def close(self) -> None:
-        """Note the rest, and hand the counts to the notebook."""
-        for what, (held, used, lost) in self._held.items():
-            if used + lost < held:
-                rest = held - used - lost
-                self._notebook.add(NOT_USED, self._file, f"{rest} of {held} {what}")
+        """Note the unused rest, and give the counts to the notebook."""
+        for things, (total, used, lost) in self._held.items():
+            if used + lost < total:
+                rest = total - used - lost
+                self._notebook.add(NOT_USED, self._file, f"{rest} of {total} {things}")
         self._notebook.counts[self._file] = tuple(
-            Count(self._file, what, held, min(used, held))
-            for what, (held, used, _) in self._held.items()
-            if held
+            Count(self._file, things, total, min(used, total))
+            for things, (total, used, _) in self._held.items()
+            if total
         )
 
-    def _count(self, what: str) -> list[int]:
-        return self._held.setdefault(what, [0, 0, 0])
+    def _count(self, things: str) -> list[int]:
+        return self._held.setdefault(things, [0, 0, 0])

@@ -184,16 +184,16 @@ def _placed(
         if camera.pose is not None:
             exclude_twice(camera=camera, **pose, view_from=view_from)
             pose = {"matrix": camera.pose}
-    given = {key: _plain(key, value) for key, value in pose.items() if value is not None}
-    if not given:
+    pose_keys = {key: _plain(key, value) for key, value in pose.items() if value is not None}
+    if not pose_keys:
         return description
-    for key in given:
-        exclude_twice(**{key: given, "view_from": view_from})
+    for key in pose_keys:
+        exclude_twice(**{key: pose_keys, "view_from": view_from})
     lens = {key: value for key, value in description["camera"].items() if key != "view_from"}
-    if "matrix" not in given:
-        own = lens.get("pose", {})
-        given = {key: own[key] for key in own if key != "matrix"} | given
-    return complete(check({**description, "camera": {**lens, "pose": given}}, file=file))
+    if "matrix" not in pose_keys:
+        file_pose = lens.get("pose", {})
+        pose_keys = {key: file_pose[key] for key in file_pose if key != "matrix"} | pose_keys
+    return complete(check({**description, "camera": {**lens, "pose": pose_keys}}, file=file))
 
 
 def _plain(key: str, values: ArrayLike) -> list:
@@ -204,11 +204,11 @@ def _plain(key: str, values: ArrayLike) -> list:
         raise SceneError("must be an array of numbers", key=key) from None
 
 
-def _refuse_view(path: Path, **asked: Any) -> None:
-    for key, value in asked.items():
+def _refuse_view(path: Path, **settings: Any) -> None:
+    for key, value in settings.items():
         if value is not None:
             remedy = "Leave it out, or change the camera in the file"
-            raise Where(path, key).error("the scene has a camera of its own", remedy)
+            raise Where(path, key).error("the scene has its own camera", remedy)
 
 
 def _refuse_floor(path: Path, floor: bool | None) -> None:

@@ -32,10 +32,11 @@ def read_mesh(
     crease_deg: float = 40.0,
     notebook: Notebook | None = None,
 ) -> Content:
-    """What a mesh file holds, in metres, y up, or in its own coordinates if it says neither.
+    """The content of a mesh file, in metres, y up; in its coordinates if it has neither unit nor
+    axis.
 
-    ``shading`` is ``auto`` (the file's normals; without any glTF is flat, and others are smoothed
-    but for edges beyond ``crease_deg``), ``smooth`` or ``flat``. Without its MTL an OBJ has the
+    ``shading`` is ``auto`` (the file's normals; without them glTF is flat, and others are smooth
+    except at edges beyond ``crease_deg``), ``smooth`` or ``flat``. Without its MTL an OBJ has the
     default material, which is noted.
     """
     path = Path(path)
@@ -44,10 +45,10 @@ def read_mesh(
         raise Where(path).error("mesh file not found", "Check the path")
     if path.suffix.lower() in GLTF:
         return read_gltf(path, notebook, shading=shading, crease_deg=crease_deg)
-    if (read := READERS.get(path.suffix.lower())) is not None:
+    if (reader := READERS.get(path.suffix.lower())) is not None:
         account, data = Account(notebook, path), read_bytes(path, LARGEST_MESH, "mesh file")
         try:
-            parts = read(data, path, notebook, account)
+            parts = reader(data, path, notebook, account)
         except ValueError as error:
             remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
             raise Where(path).error(f"mesh cannot be read: {error}", remedy) from None

@@ -59,16 +59,16 @@ class Map:
 
     def triple(self, option: str, default: float) -> np.ndarray:
         """(2,) numbers of ``-s`` or ``-o``, across and up."""
-        given = [_number(word) for word in self.options.get(option, [])]
-        return np.array([*(default if n is None else n for n in given), default, default])[:2]
+        numbers = [_number(word) for word in self.options.get(option, [])]
+        return np.array([*(default if n is None else n for n in numbers), default, default])[:2]
 
 
 def _number(word: str) -> float | None:
     try:
-        found = float(word)
+        number = float(word)
     except ValueError:
         return None
-    return found if np.isfinite(found) else None
+    return number if np.isfinite(number) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,9 @@ class _Material:
             emission = np.ones(3)
         changes: dict[str, Any] = dict(textures)
         if {"pm", "pr"} & self.statements.keys():
-            metallic, roughness = (self._numbers(*each)[0] for each in (("pm", 0.0), ("pr", 0.5)))
+            metallic, roughness = (
+                self._numbers(*key_and_default)[0] for key_and_default in (("pm", 0.0), ("pr", 0.5))
+            )
             changes["metallic"], changes["roughness"] = np.clip((metallic, roughness), 0, 1)
             self._used -= {"ks", "ns"}
         if "norm" in self.maps:
@@ -216,7 +218,7 @@ class _Material:
         self.libraries.note(kind, self.file, f"material {self.name!r}: {what}")
 
     def _numbers(self, key: str, otherwise: float) -> np.ndarray:
-        """(3,) of what is behind a key; a single number counts for all three."""
+        """(3,) numbers of a statement; a single number stands for all three."""
         self._used.add(key)
         if key not in self.statements:
             return np.full(3, otherwise)
@@ -225,41 +227,41 @@ class _Material:
         if text.split()[:1] in (["spectral"], ["xyz"]):
             self._note(LEFT_OUT, f"{key.title()} {text.split()[0]}")
             return np.full(3, otherwise)
-        found = [_number(word) for word in text.split()]
-        if len(found) not in (1, 3) or None in found:
+        numbers = [_number(word) for word in text.split()]
+        if len(numbers) not in (1, 3) or None in numbers:
             where = Where(self.file, f"material {self.name}: {key.title()}")
             problem = f"{text!r} is not one finite number or three"
             raise where.error(problem, "Mend the material file")
-        return np.broadcast_to(np.array(found, np.float64), 3)
+        return np.broadcast_to(np.array(numbers, np.float64), 3)
 
     def _factor(self, key: str) -> float:
         words = self.maps[key].options.get("-bm", [])
-        return next((found for word in words if (found := _number(word)) is not None), 1.0)
+        return next((number for word in words if (number := _number(word)) is not None), 1.0)
 
     def _picture(self, key: str, alpha: bool = False) -> np.ndarray | None:
-        """(H, W, 3), or 4 with ``alpha``, uint8 of a map's file; None and a note if it is not there
-        or there is no such map."""
+        """(H, W, 3), or 4 with ``alpha``, uint8 of a map's file; None if there is no such map, or,
+        with a note, if its file is missing."""
         if key not in self.maps:
             return None
         self._used.add(key)
-        asked = self.maps[key]
-        for option in asked.options.keys() & SEEN:
-            if asked.options[option] == ["off"] or (option == "-imfchan" and alpha):
+        map_ = self.maps[key]
+        for option in map_.options.keys() & SEEN:
+            if map_.options[option] == ["off"] or (option == "-imfchan" and alpha):
                 continue
-            self._note(APPROXIMATED, f"{SEEN[option]} ({option}) of its texture {asked.name!r}")
-        if asked.options.get("-clamp") == ["on"]:
+            self._note(APPROXIMATED, f"{SEEN[option]} ({option}) of its texture {map_.name!r}")
+        if map_.options.get("-clamp") == ["on"]:
             self._note(APPROXIMATED, "a texture that is clamped; it repeats")
-        file = beside(asked.name, self.file, self.libraries.obj)
+        file = beside(map_.name, self.file, self.libraries.obj)
         if file is None:
             word, _ = self.statements[key]
-            self.account.lose(_called(word), LEFT_OUT, f"texture {asked.name!r}, not found")
+            self.account.lose(_called(word), LEFT_OUT, f"texture {map_.name!r}, not found")
             self._used.discard(key)
             return None
         codes = read_texture(file, Where(self.file, f"material {self.name}: {key}"), alpha=True)
         if alpha:
             return codes
         if key == "map_kd" and "map_d" not in self.maps and codes[..., 3].min(initial=255) < SOLID:
-            self._note(NOT_USED, f"alpha of texture {asked.name!r}, which no map_d asks for")
+            self._note(NOT_USED, f"alpha of texture {map_.name!r}, which no map_d asks for")
         return np.ascontiguousarray(codes[..., :3])
 
     def _cutoff(self, texture: np.ndarray | None) -> dict[str, Any]:

@@ -28,21 +28,21 @@ CURVED = (
 
 def read_obj(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
     """The parts of an OBJ file, one per material; normals are those of the file."""
-    found = Statements(data, ("v", "vt", "vn", "f"))
+    statements = Statements(data, ("v", "vt", "vn", "f"))
     libraries = Libraries(path, notebook, account)
-    switches = _switches(found, libraries, account)
-    if b"#MRGB" in found.text:
+    switches = _switches(statements, libraries, account)
+    if b"#MRGB" in statements.text:
         notebook.add(NOT_USED, path, "colours of vertices in comments '#MRGB'")
-    mesh = _Polygons(found, account)
-    faces = found.lines("f")[mesh.polygons]
+    mesh = _Polygons(statements, account)
+    faces = statements.lines("f")[mesh.polygons]
     lines, names = zip(*switches, strict=True)
-    known = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    numbers_of = np.array([known[name] for name in names])
+    number_of = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    numbers_of = np.array([number_of[name] for name in names])
     material = numbers_of[np.searchsorted(lines, faces, side="right") - 1]
     order = np.argsort(material, kind="stable")
-    ends = np.cumsum(np.bincount(material, minlength=len(known)))
+    ends = np.cumsum(np.bincount(material, minlength=len(number_of)))
     parts = []
-    for name, start, end in zip(known, [0, *ends[:-1].tolist()], ends.tolist(), strict=True):
+    for name, start, end in zip(number_of, [0, *ends[:-1].tolist()], ends.tolist(), strict=True):
         if start < end:
             chosen = order[start:end] if end - start < len(faces) else slice(None)
             parts.append(libraries.surface(name).placed(mesh.part(chosen)))
@@ -50,45 +50,47 @@ def read_obj(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     return parts
 
 
-def _switches(found: Statements, libraries: Libraries, account: Account) -> list[tuple[int, str]]:
-    """The lines from which materials hold, and their names; other statements are counted."""
+def _switches(
+    statements: Statements, libraries: Libraries, account: Account
+) -> list[tuple[int, str]]:
+    """The lines at which materials begin, and their names; other statements are counted."""
     switches, understood = [(-1, "")], set(NAMES)
-    if len(found.lines("vn")):
-        understood.add("s")  # the file's normals say it better
-    for line, word, rest in found.others():
+    if len(statements.lines("vn")):
+        understood.add("s")  # the file's normals replace smoothing groups
+    for line, word, rest in statements.others():
         if word == "usemtl":
             switches.append((line, rest))
         elif word == "mtllib":
             libraries.add(rest)
         else:
-            what = f"statements '{word}'" if word.isprintable() else "statements of no words"
-            account.hold(what)
+            things = f"statements '{word}'" if word.isprintable() else "statements of no words"
+            account.hold(things)
             if word in understood:
-                account.use(what)
+                account.use(things)
             elif word in CURVED:
-                account.lose(what, LEFT_OUT, "curves and curved surfaces")
+                account.lose(things, LEFT_OUT, "curves and curved surfaces")
     return switches
 
 
 class _Polygons:
     """The triangles of all faces: ``polygons`` (T,), the face of each, and what corners have."""
 
-    def __init__(self, found: Statements, account: Account):
-        values, counts = found.numbers("v")
+    def __init__(self, statements: Statements, account: Account):
+        values, counts = statements.numbers("v")
         if len(counts) and counts.min() < 3:
             raise ValueError(f"a vertex has {counts.min()} coordinates")
         self.points = rows(values, counts, 3, 0.0)
         self.colours = self._colours(values, counts, account)
-        more = [found.numbers(word) for word in ("vt", "vn")]
-        self.uvs, self.normals = rows(*more[0], 2, 0.0), rows(*more[1], 3, 0.0)
-        if more[0][1].max(initial=0) > 2 and rows(*more[0], 3, 0.0)[:, 2].any():
-            account.hold("third texture coordinates", int((more[0][1] > 2).sum()))
+        tables_read = [statements.numbers(word) for word in ("vt", "vn")]
+        self.uvs, self.normals = rows(*tables_read[0], 2, 0.0), rows(*tables_read[1], 3, 0.0)
+        if tables_read[0][1].max(initial=0) > 2 and rows(*tables_read[0], 3, 0.0)[:, 2].any():
+            account.hold("third texture coordinates", int((tables_read[0][1] > 2).sum()))
         tables = self.points, self.uvs, self.normals
         for name, table in zip(PER_CORNER, tables, strict=True):
             account.hold(name, len(table))
-            account.use(name, len(table))  # those that no face has are not looked for
-        corners, counts = _corners(found.body("f"))
-        self._absolute(corners, counts, found, tables, account)
+            account.use(name, len(table))  # unused ones are not searched for
+        corners, counts = _corners(statements.body("f"))
+        self._absolute(corners, counts, statements, tables, account)
         self._triangles, self.polygons = triangulate(self.points, corners[:, 0], counts, account)
         self._corners = corners
 
@@ -106,7 +108,7 @@ class _Polygons:
 
     @staticmethod
     def _absolute(
-        corners: np.ndarray, counts: np.ndarray, found: Statements,
+        corners: np.ndarray, counts: np.ndarray, statements: Statements,
         tables: tuple[np.ndarray, ...], account: Account,
     ) -> None:  # fmt: skip
         """Count indices (C, 3) from 0, in place; -1 is none.  Those below 0 count back from their
@@ -115,7 +117,7 @@ class _Polygons:
             index = corners[:, k]
             back = index < 0
             if back.any():
-                so_far = np.searchsorted(found.lines(word), found.lines("f"))
+                so_far = np.searchsorted(statements.lines(word), statements.lines("f"))
                 index[back] += np.repeat(so_far, counts)[back] + 1
                 index[back & (index <= 0)] = len(table) + 1
             index -= 1

@@ -44,8 +44,8 @@ def read_off(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     columns = values[starts[1] : starts[first]]
     table = rows(columns, widths, int(widths.max(initial=3)), 0.0)
     points, end_of_colours = table[:, :3], table.shape[1] - 2 * bool(has_uvs)
-    given = {"normals": table[:, 3:6] if has_normals else None}
-    given["uvs"] = table[:, -2:] if has_uvs else None
+    attributes = {"normals": table[:, 3:6] if has_normals else None}
+    attributes["uvs"] = table[:, -2:] if has_uvs else None
     colours = table[:, 3 + 3 * bool(has_normals) : end_of_colours]
     coloured = colours.shape[1] in (3, 4)
     account.hold("vertices", vertices)
@@ -58,13 +58,17 @@ def read_off(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     index, sides = _faces(values, starts[first:end], counts[first:end], vertices)
     picked, polygon = triangulate(points, index, sides, account)
     corners = index[picked]
-    given["colours"] = display_colours(colours[:, :3]) if coloured else None
-    given = {name: each[corners] for name, each in given.items() if each is not None}
-    own = _of_faces(values, starts[first:end] + 1 + sides, counts[first:end] - 1 - sides, account)
-    if own is not None and not coloured:
-        given["colours"] = np.repeat(own[polygon][:, None], 3, 1)
-    surface = Surface(path.stem, diffuse=(1.0 if "colours" in given else 0.8,) * 3)
-    return [SurfaceMesh(points[corners], surface, **given)]
+    attributes["colours"] = display_colours(colours[:, :3]) if coloured else None
+    attributes = {
+        name: column[corners] for name, column in attributes.items() if column is not None
+    }
+    face_colours = _of_faces(
+        values, starts[first:end] + 1 + sides, counts[first:end] - 1 - sides, account
+    )
+    if face_colours is not None and not coloured:
+        attributes["colours"] = np.repeat(face_colours[polygon][:, None], 3, 1)
+    surface = Surface(path.stem, diffuse=(1.0 if "colours" in attributes else 0.8,) * 3)
+    return [SurfaceMesh(points[corners], surface, **attributes)]
 
 
 def _faces(

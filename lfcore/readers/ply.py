@@ -42,8 +42,8 @@ def read_ply(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
         texture = _texture(names[number], path, account) if 0 <= number < len(names) else None
         white = texture is not None or part.colours is not None
         surface = Surface(path.stem, (1.0 if white else 0.8,) * 3, texture=texture)
-        own = part.picked(numbers == number) if len(names) > 1 else part
-        parts.append(replace(own, surface=surface))
+        with_texture = part.picked(numbers == number) if len(names) > 1 else part
+        parts.append(replace(with_texture, surface=surface))
     return parts
 
 
@@ -82,42 +82,44 @@ class _Mesh:
         index = _checked(faces.values, len(points), 0)
         picked, polygon = triangulate(points, index, faces.counts, self._account)
         corners = np.concatenate([index[picked], self._strips(len(points))])
-        given = {}
+        attributes = {}
         for name, groups in (("normals", NORMALS), ("uvs", UVS)):
             if (values := self._columns("vertex", groups)) is not None:
-                given[name] = np.nan_to_num(values.astype(np.float64))[corners]
+                attributes[name] = np.nan_to_num(values.astype(np.float64))[corners]
         if (colours := self._colours("vertex")) is not None:
-            given["colours"] = colours[corners]
+            attributes["colours"] = colours[corners]
         textures = np.zeros(len(corners), np.int64)
         if len(polygon) == len(corners):  # no strips
-            of_faces = self._columns("face", (("texnumber",),))
-            textures = textures if of_faces is None else of_faces[polygon, 0].astype(np.int64)
-            if colours is None and (own := self._colours("face")) is not None:
-                given["colours"] = np.repeat(own[polygon][:, None], 3, 1)
+            numbers = self._columns("face", (("texnumber",),))
+            textures = textures if numbers is None else numbers[polygon, 0].astype(np.int64)
+            if colours is None and (face_colours := self._colours("face")) is not None:
+                attributes["colours"] = np.repeat(face_colours[polygon][:, None], 3, 1)
             wedges = self._lists("face", (("texcoord",), ("texcoords",)))
             if wedges is not None and (wedges.counts == 2 * faces.counts).all():
-                given["uvs"] = wedges.values.reshape(-1, 2).astype(np.float64)[picked]
+                attributes["uvs"] = wedges.values.reshape(-1, 2).astype(np.float64)[picked]
             elif wedges is not None:
                 self._used -= {("face", "texcoord"), ("face", "texcoords")}
         self._close()
-        return SurfaceMesh(points[corners], **given), textures
+        return SurfaceMesh(points[corners], **attributes), textures
 
     def _columns(self, element: str, names: Sequence[tuple[str, ...]]) -> np.ndarray | None:
         """(count, width) of the first group of numbers that the element has."""
-        known = self._ply.elements.get(element, {})
+        properties = self._ply.elements.get(element, {})
         for group in names:
-            found = [values for name in group if isinstance(values := known.get(name), np.ndarray)]
-            if len(found) == len(group):
+            columns = [
+                values for name in group if isinstance(values := properties.get(name), np.ndarray)
+            ]
+            if len(columns) == len(group):
                 self._used |= {(element, name) for name in group}
-                return np.stack(found, -1)
+                return np.stack(columns, -1)
         return None
 
     def _lists(self, element: str, names: Sequence[tuple[str]]) -> Lists | None:
-        known = self._ply.elements.get(element, {})
+        properties = self._ply.elements.get(element, {})
         for (name,) in names:
-            if isinstance(found := known.get(name), Lists):
+            if isinstance(values := properties.get(name), Lists):
                 self._used.add((element, name))
-                return found
+                return values
         return None
 
     def _colours(self, element: str) -> np.ndarray | None:
@@ -138,17 +140,17 @@ class _Mesh:
         return np.concatenate(faces)
 
     def _close(self) -> None:
-        """Count elements, and the properties of those that are used."""
-        for element, known in self._ply.elements.items():
+        """Count elements, and the properties of used elements."""
+        for element, properties in self._ply.elements.items():
             count = self._ply.counts[element]
-            used = {name for of, name in self._used if of == element}
-            if element != "face":  # counted where they are triangulated
+            names_used = {name for owner, name in self._used if owner == element}
+            if element != "face":  # triangulation counts them
                 things = "vertices" if element == "vertex" else f"elements '{element}'"
                 self._account.hold(things, count)
-                self._account.use(things, count if used else 0)
-            for name in known if used else ():
+                self._account.use(things, count if names_used else 0)
+            for name in properties if names_used else ():
                 self._account.hold(f"values of {element}.{name}", count)
-                self._account.use(f"values of {element}.{name}", count if name in used else 0)
+                self._account.use(f"values of {element}.{name}", count if name in names_used else 0)
 
 
 def _checked(index: np.ndarray, count: int, least: int) -> np.ndarray:

@@ -73,7 +73,7 @@ class Ply:
         self._data, self._order, self._at = data, order, start
         self.counts = {name: count for name, (count, _) in layout.items()}
         self._taken = 0
-        self.elements = {name: self._element(*each) for name, each in layout.items()}
+        self.elements = {name: self._element(*entry) for name, entry in layout.items()}
         self.rest = (len(data) - start - self._taken) // (8 if self.is_text else 1)
 
     def _stored(self, kind: str) -> np.dtype:
@@ -86,53 +86,53 @@ class Ply:
             none = np.zeros(0, np.int64)
             return {p.name: Lists(none, none) if p.length else none for p in properties}
         starts = self._lines[: count + 1].tolist()
-        found = self._alike(count, properties, self._lines[: count + 1])
-        if found is None:
-            found = self._unlike(count, properties, starts)
+        columns = self._alike(count, properties, self._lines[: count + 1])
+        if columns is None:
+            columns = self._unlike(count, properties, starts)
         if starts:
             self._lines, self._at = self._lines[count:], starts[-1]
-        return found
+        return columns
 
     def _alike(
         self, count: int, properties: list[Property], starts: np.ndarray
     ) -> dict[str, Column] | None:
-        """An element whose lists are all as long as those of its first row; None if they are not,
-        or if the file ends before."""
+        """Read an element whose lists all have the lengths of its first row; None if they differ,
+        or if the file ends early."""
         fields: list[Any] = []
-        row, left = np.dtype(fields), len(self._data) - self._at
-        for k, one in enumerate(properties):
+        row, remaining = np.dtype(fields), len(self._data) - self._at
+        for k, property_ in enumerate(properties):
             size = 1.0
-            if one.length:
-                kind = self._stored(one.length)
-                if row.itemsize + kind.itemsize > left:
+            if property_.length:
+                kind = self._stored(property_.length)
+                if row.itemsize + kind.itemsize > remaining:
                     return None
                 size = float(np.frombuffer(self._data, kind, 1, self._at + row.itemsize)[0])
                 fields.append((f"n{k}", kind))
-            kind = self._stored(one.type)
-            if not 0 <= size * kind.itemsize <= left:
+            kind = self._stored(property_.type)
+            if not 0 <= size * kind.itemsize <= remaining:
                 return None
             fields.append((f"v{k}", (kind, (int(size),))))
             row = np.dtype(fields)
         steps, packed = np.diff(starts), row.itemsize
-        if len(steps):  # numbers at a line's end that no property has
+        if len(steps):  # numbers at a line's end that belong to no property
             if (steps != steps[0]).any() or steps[0] < row.itemsize:
                 return None
             row = np.dtype([*fields, ("rest", f"V{steps[0] - row.itemsize}")])
-        if row.itemsize * count > left:
+        if row.itemsize * count > remaining:
             return None
         table = np.frombuffer(self._data, row, count, self._at)
-        found: dict[str, Column] = {}
-        for k, one in enumerate(properties):
-            values = table[f"v{k}"].astype(one.type)
-            if one.length:
+        columns: dict[str, Column] = {}
+        for k, property_ in enumerate(properties):
+            values = table[f"v{k}"].astype(property_.type)
+            if property_.length:
                 if (table[f"n{k}"] != values.shape[1]).any():
                     return None
-                found[one.name] = Lists(values.ravel(), np.full(count, values.shape[1]))
+                columns[property_.name] = Lists(values.ravel(), np.full(count, values.shape[1]))
             else:
-                found[one.name] = values[:, 0]
+                columns[property_.name] = values[:, 0]
         self._at += row.itemsize * count
         self._taken += packed * count
-        return found
+        return columns
 
     def _unlike(
         self, count: int, properties: list[Property], starts: list[int]
@@ -140,9 +140,9 @@ class Ply:
         """An element whose lists differ in length: row after row."""
         at, data = self._at, self._data
         steps: list[tuple[struct.Struct, int, list[int], list[int]]] = []
-        for one in properties:
-            code = STRUCT[self._stored(one.length).str[1:]] if one.length else ""
-            head, size = struct.Struct(self._order + code), self._stored(one.type).itemsize
+        for property_ in properties:
+            code = STRUCT[self._stored(property_.length).str[1:]] if property_.length else ""
+            head, size = struct.Struct(self._order + code), self._stored(property_.type).itemsize
             steps.append((head, size, [], []))
         try:
             for k in range(count):
@@ -162,15 +162,17 @@ class Ply:
                     raise ValueError("it is cut short")
         except (struct.error, OverflowError):
             raise ValueError("it is cut short") from None
-        self._at, raw, found = at, np.frombuffer(data, np.uint8), {}
-        for one, (_, size, places, lengths) in zip(properties, steps, strict=True):
+        self._at, raw, columns = at, np.frombuffer(data, np.uint8), {}
+        for property_, (_, size, places, lengths) in zip(properties, steps, strict=True):
             counts = np.array(lengths)
             within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
             of_number = np.repeat(np.array(places), counts) + within * size
-            stored = raw[of_number[:, None] + np.arange(size)].view(self._stored(one.type))[:, 0]
-            values = stored.astype(one.type)
-            found[one.name] = Lists(values, counts) if one.length else values
-        return found
+            stored = raw[of_number[:, None] + np.arange(size)].view(self._stored(property_.type))[
+                :, 0
+            ]
+            values = stored.astype(property_.type)
+            columns[property_.name] = Lists(values, counts) if property_.length else values
+        return columns
 
 
 def _layout(lines: list[str]) -> tuple[str, dict[str, tuple[int, list[Property]]]]:

@@ -21,11 +21,11 @@ def triangulate(
 
     Returns
     -------
-    corners : (T, 3) int64, which of the C corners a triangle has, polygon after polygon.
+    corners : (T, 3) int64 indices into the C corners, polygon after polygon.
     polygons : (T,) int64, the polygon of each triangle.
     """
     starts = np.cumsum(counts) - counts
-    made, owners, crossed = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], 0
+    parts, owners, crossed = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], 0
     for number in np.unique(counts[counts >= 3]).tolist():
         polygons = np.flatnonzero(counts == number)
         corners = starts[polygons, None] + np.arange(number)
@@ -42,10 +42,10 @@ def triangulate(
                     crossed += is_crossed
                     missing = number - 2 - len(ears)  # where corners coincide
                     fans[k] = corners[k][np.pad(ears, ((0, missing), (0, 0)))]
-        made.append(fans.reshape(-1, 3))
+        parts.append(fans.reshape(-1, 3))
         owners.append(np.repeat(polygons, number - 2))
-    owner, triangles = np.concatenate(owners), np.concatenate(made)
-    if len(made) > 2:
+    owner, triangles = np.concatenate(owners), np.concatenate(parts)
+    if len(parts) > 2:
         order = np.argsort(owner, kind="stable")
         owner, triangles = owner[order], triangles[order]
     account.hold("faces", len(counts))

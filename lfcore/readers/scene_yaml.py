@@ -122,55 +122,55 @@ def build(
 
 
 def _objects(description: dict, file: Path, notebook: Notebook, *, has_lens: bool) -> Objects:
-    """All objects, in the world; what the description overrides is noted."""
-    found = Objects()
+    """All objects, in the world; overridden parts are noted."""
+    objects = Objects()
     for index, entry in enumerate(description["objects"]):
         where = Where(file)["objects"][index]
         parts, lights, camera = _object(entry, notebook, file.parent, where)
         if lights and "lights" in description:
-            what = f"{len(lights)} lights: the scene has its own"
-            notebook.add(NOT_USED, file.parent / entry["file"], what)
+            words = f"{len(lights)} lights: the scene has its own"
+            notebook.add(NOT_USED, file.parent / entry["file"], words)
         elif lights:
-            found.lights += lights
-        if camera and ("pose" in description["camera"] or has_lens or found.camera):
-            what = "its camera: the scene has another"
-            notebook.add(NOT_USED, file.parent / entry["file"], what)
+            objects.lights += lights
+        if camera and ("pose" in description["camera"] or has_lens or objects.camera):
+            words = "its camera: the scene has another"
+            notebook.add(NOT_USED, file.parent / entry["file"], words)
         elif camera:
-            found.camera = camera
+            objects.camera = camera
         if "motion" in entry:
             names = "transform", "motion"
             start, move = (parse_transform(entry.get(name, []), where[name]) for name in names)
             if not is_rigid(start, start @ move):
                 remedy = "Use translate_m and rotate alone"
                 raise where["motion"].error("moves an object otherwise than rigidly", remedy)
-            found.moving += [(part, (start, start @ move)) for part in parts]
+            objects.moving += [(part, (start, start @ move)) for part in parts]
         else:
-            found.still += parts
-    return found
+            objects.still += parts
+    return objects
 
 
 def _focus_distances(description: dict, camera: Camera, where: Where) -> tuple[float, ...]:
-    """The distances that are given, metres; empty for none."""
+    """The description's distances, metres; empty without any."""
     distances = description.get("focus_distances_m") or []
     for index, distance in enumerate(distances):
         try:
             check_focus(distance, camera.focal_length_m, key="")
         except OpticsError as error:
-            here = where["focus_distances_m"][index]
-            raise here.error(error.problem, error.remedy) from None
+            place = where["focus_distances_m"][index]
+            raise place.error(error.problem, error.remedy) from None
     return tuple(map(float, distances))
 
 
 def _view(camera: dict, where: Where) -> View | None:
-    """The camera array of a checked ``camera`` mapping, if it asks for one."""
-    wanted = camera.get("lightfield")
-    if wanted is None:
+    """The camera array of a checked ``camera`` mapping, if it has one."""
+    entry = camera.get("lightfield")
+    if entry is None:
         return None
-    opened, closed = map(float, wanted["shutter"])
-    samples, film, fov = wanted["samples_per_pixel"], wanted["film_px"], float(wanted["fov_deg"])
-    bounds, cameras = wanted["camera_grid_bounds_m"], wanted["cameras_per_dim"]
+    opened, closed = map(float, entry["shutter"])
+    samples, film, fov = entry["samples_per_pixel"], entry["film_px"], float(entry["fov_deg"])
+    bounds, cameras = entry["camera_grid_bounds_m"], entry["cameras_per_dim"]
     try:
-        view = lightfield_view(film, fov, cameras, bounds, wanted["spacing"])
+        view = lightfield_view(film, fov, cameras, bounds, entry["spacing"])
         return dataclasses.replace(view, shutter=(opened, closed), samples_per_pixel=samples)
     except OpticsError as error:
         ours = {"bounds": "camera_grid_bounds_m", "cameras": "cameras_per_dim"}
@@ -196,13 +196,13 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Cont
         )
     if "material" in entry:
         parts = _with_material(parts, entry["material"], folder, where["material"])
-    known = sorted({part.surface.name for part in parts})
+    names = sorted({part.surface.name for part in parts})
     for name, material in entry["materials"].items():
-        here = where["materials"][name]
-        if name not in known:
-            raise here.error("no material of this name", f"The object has: {', '.join(known)}")
+        place = where["materials"][name]
+        if name not in names:
+            raise place.error("no material of this name", f"The object has: {', '.join(names)}")
         named = [part for part in parts if part.surface.name == name]
-        changed = iter(_with_material(named, material, folder, here))
+        changed = iter(_with_material(named, material, folder, place))
         parts = [next(changed) if part.surface.name == name else part for part in parts]
     if "transform" in entry:
         matrix = parse_transform(entry["transform"], where["transform"])

@@ -30,8 +30,8 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 def extension(entry: dict, *names: str) -> dict | None:
     """The first of these extensions that an object of the file has."""
-    known = entry.get("extensions", {})
-    return next((known[name] for name in names if name in known), None)
+    extensions = entry.get("extensions", {})
+    return next((extensions[name] for name in names if name in extensions), None)
 
 
 class Document:
@@ -88,10 +88,10 @@ class Document:
     def entries(self, kind: str) -> list[dict]:
         """The objects of a list of the file; empty where there is none."""
         if kind not in self._entries:
-            given = self.tree.get(kind, [])
-            if not isinstance(given, list) or not all(isinstance(each, dict) for each in given):
+            objects = self.tree.get(kind, [])
+            if not isinstance(objects, list) or not all(isinstance(item, dict) for item in objects):
                 raise self.broken(f"{kind!r} is no list of objects")
-            self._entries[kind] = given
+            self._entries[kind] = objects
         return self._entries[kind]
 
     def entry(self, kind: str, index: Any) -> dict:
@@ -103,14 +103,14 @@ class Document:
 
     def numbers(self, holder: dict, key: str, default: Any) -> np.ndarray:
         """Finite numbers of the shape of ``default``, float64."""
-        given = holder.get(key, default)
+        values = holder.get(key, default)
         try:
-            array = np.asarray(given)
+            array = np.asarray(values)
         except ValueError:  # lists of unlike lengths
             array = np.zeros(0, object)
         numeric = array.dtype.kind in "iuf" and array.shape == np.shape(default)
         if not numeric or not np.isfinite(array).all():
-            raise self.broken(f"{key} is {str(given)[:40]!r}", "Give finite numbers")
+            raise self.broken(f"{key} is {str(values)[:40]!r}", "Give finite numbers")
         return array.astype(np.float64)
 
     def number(self, holder: dict, key: str, default: float) -> float:
@@ -122,23 +122,28 @@ class Document:
 
     # -- bytes --------------------------------------------------------------------------------
 
-    def data(self, uri: str, what: str) -> bytes:
+    def data(self, uri: str, role: str) -> bytes:
         """The bytes of a data URI or of a file beside this one."""
         if not isinstance(uri, str):
-            raise self.broken(f"the URI of a {what} is {uri!r}")
+            raise self.broken(f"the URI of a {role} is {uri!r}")
         head, comma, rest = uri.partition(",")
         if head[:5].lower() == "data:" and comma:
             try:
                 plain = urllib.parse.unquote_to_bytes(rest)
                 return base64.b64decode(plain) if head.lower().endswith(";base64") else plain
             except ValueError as error:
-                raise self.broken(f"the data URI of a {what}: {error}") from None
+                raise self.broken(f"the data URI of a {role}: {error}") from None
         if "://" in uri:
             remedy = "Get it, and name the file in its place"
-            raise self.broken(f"{what} {uri!r} is not fetched", remedy)
-        given, plain_name = self.path.parent / uri, self.path.parent / urllib.parse.unquote(uri)
-        file = given if given.is_file() else plain_name  # names that should be escaped are not
-        return read_bytes(file, LARGEST_MESH, what)
+            raise self.broken(f"{role} {uri!r} is not fetched", remedy)
+        plain_file, plain_name = (
+            self.path.parent / uri,
+            self.path.parent / urllib.parse.unquote(uri),
+        )
+        file = (
+            plain_file if plain_file.is_file() else plain_name
+        )  # names that should be escaped are not
+        return read_bytes(file, LARGEST_MESH, role)
 
     def _buffer(self, index: Any) -> bytes:
         if index not in self._buffers:

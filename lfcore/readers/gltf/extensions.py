@@ -45,16 +45,16 @@ REMEDIES = {
 
 
 def note_extensions(document: Document, account: Account) -> None:
-    """Note the extensions that a file uses and that are not in the picture.
+    """Note a file's extensions that the scene lacks.
 
-    Raises :class:`SceneError` for one that is required and is not known.
+    Raises :class:`SceneError` for a required extension that is unknown.
     """
     where = Where(document.path, "extensionsRequired")
-    used = Counter(_used(document.tree))
-    used.update(set(map(str, document.tree.get("extensionsUsed", ()))) - set(used))
+    counts = Counter(_used(document.tree))
+    counts.update(set(map(str, document.tree.get("extensionsUsed", ()))) - set(counts))
     required = set(map(str, document.tree.get("extensionsRequired", ())))
     unknown = required - READ - set(LOST)
-    # Where KTX2 is optional there is another picture, but exporters forget to require it.
+    # Optional KTX2 has another picture, but exporters forget to require it.
     for texture in document.entries("textures"):
         if "source" not in texture and not extension(texture, WEBP) and extension(texture, BASIS):
             unknown = {BASIS}
@@ -62,11 +62,11 @@ def note_extensions(document: Document, account: Account) -> None:
         name = min(unknown)
         remedy = REMEDIES.get(name, "Export the file without it")
         raise where.error(f"needs the extension {name}, which is not known", remedy)
-    for name in sorted(set(used) - READ):
+    for name in sorted(set(counts) - READ):
         kind, words = LOST.get(name, (LEFT_OUT, "not known"))
-        what = f"uses of {name}"
-        account.hold(what, used[name])
-        account.lose(what, kind, f"extension {name}: {words}", used[name])
+        things = f"uses of {name}"
+        account.hold(things, counts[name])
+        account.lose(things, kind, f"extension {name}: {words}", counts[name])
 
 
 def _used(tree: Any) -> list[str]:
@@ -76,9 +76,9 @@ def _used(tree: Any) -> list[str]:
     while waiting:
         value = waiting.pop()
         if isinstance(value, dict):
-            known = value.get("extensions")
-            names += map(str, known) if isinstance(known, dict) else ()
-            waiting += [each for key, each in value.items() if key != "extras"]
+            extensions = value.get("extensions")
+            names += map(str, extensions) if isinstance(extensions, dict) else ()
+            waiting += [child for key, child in value.items() if key != "extras"]
         elif isinstance(value, list):
             waiting += value
     return names

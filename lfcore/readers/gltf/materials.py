@@ -83,10 +83,10 @@ class Surfaces:
         return moved
 
     def note_colours(self, look: Look, colours: np.ndarray) -> None:
-        """Note what is lost of the colours (V, 3 or 4) of vertices."""
+        """Note the parts of the vertices' colours (V, 3 or 4) that are lost."""
         if extension(look.entry, UNLIT) is not None:
-            what = "colours of vertices, which unlit surfaces do not take"
-            self.note(LEFT_OUT, look.name, what)
+            words = "colours of vertices, which unlit surfaces do not take"
+            self.note(LEFT_OUT, look.name, words)
         transparent = colours.shape[1] == 4 and colours[:, 3].min(initial=1.0) < 1.0
         if transparent and look.entry.get("alphaMode") in ("MASK", "BLEND"):
             self.note(LEFT_OUT, look.name, "alpha of vertices")
@@ -99,15 +99,17 @@ class Surfaces:
         source = self._source(texture)
         if source not in self._pictures:
             image = self.document.entry("images", source)
-            held = "bufferView" in image
+            is_embedded = "bufferView" in image
             where = Where(self.document.path, f"images[{source}]")
             try:
-                data = bytes(self.document.view(image["bufferView"])) if held else (
+                data = bytes(self.document.view(image["bufferView"])) if is_embedded else (
                     self.document.data(image["uri"], "texture")
                 )  # fmt: skip
                 self._pictures[source] = codes_of(decode(data, alpha=True))
             except LfcoreError as error:
-                name = image["uri"][:80] if "uri" in image and not held else "within the file"
+                name = (
+                    image["uri"][:80] if "uri" in image and not is_embedded else "within the file"
+                )
                 remedy = f"Put a sound file within the mesh or in {self.document.path.parent}"
                 raise where.error(f"texture {name!r}: {error.problem}", remedy) from None
         return self._pictures[source]
@@ -174,25 +176,25 @@ class _Material:
 
     def _metallic(self) -> tuple[Surface, float, np.ndarray | None]:
         """Surface, alpha and (H, W, 4) base colours of metal and roughness."""
-        document, given = self.document, self.entry.get("pbrMetallicRoughness", {})
-        colour = np.clip(document.numbers(given, "baseColorFactor", (*WHITE, 1.0)), 0, 1)
-        colours = self.texture(given, "baseColorTexture", "RGBA")
+        document, entry = self.document, self.entry.get("pbrMetallicRoughness", {})
+        colour = np.clip(document.numbers(entry, "baseColorFactor", (*WHITE, 1.0)), 0, 1)
+        colours = self.texture(entry, "baseColorTexture", "RGBA")
         surface = Surface(
             self.name, triple(colour[:3]), texture=_opaque(colours),
-            metallic=document.share(given, "metallicFactor", 1.0),
-            roughness=document.share(given, "roughnessFactor", 1.0),
-            metal_texture=self.texture(given, "metallicRoughnessTexture"),
+            metallic=document.share(entry, "metallicFactor", 1.0),
+            roughness=document.share(entry, "roughnessFactor", 1.0),
+            metal_texture=self.texture(entry, "metallicRoughnessTexture"),
         )  # fmt: skip
         return surface, float(colour[3]), colours
 
-    def _glossy(self, given: dict) -> tuple[Surface, float, np.ndarray | None]:
-        """The same of diffuse and specular colours, converted."""
+    def _glossy(self, entry: dict) -> tuple[Surface, float, np.ndarray | None]:
+        """The same, converted from diffuse and specular colours."""
         numbers = self.document.numbers
-        colour = np.clip(numbers(given, "diffuseFactor", (*WHITE, 1.0)), 0, 1)
-        specular = np.clip(numbers(given, "specularFactor", WHITE), 0, 1)
-        gloss = self.document.share(given, "glossinessFactor", 1.0)
-        colours = self.texture(given, "diffuseTexture", "RGBA")
-        shine = self.texture(given, "specularGlossinessTexture", "RGBA")
+        colour = np.clip(numbers(entry, "diffuseFactor", (*WHITE, 1.0)), 0, 1)
+        specular = np.clip(numbers(entry, "specularFactor", WHITE), 0, 1)
+        gloss = self.document.share(entry, "glossinessFactor", 1.0)
+        colours = self.texture(entry, "diffuseTexture", "RGBA")
+        shine = self.texture(entry, "specularGlossinessTexture", "RGBA")
         if colours is None and shine is None:
             base, metal = as_metal(colour[:3], specular)
             surface = Surface(
@@ -200,25 +202,25 @@ class _Material:
             )  # fmt: skip
             return surface, float(colour[3]), None
         white = np.full((1, 1, 4), 255, np.uint8)
-        one, other = same_size(
+        diffuse_codes, gloss_codes = same_size(
             white if colours is None else colours, white if shine is None else shine
         )
         base, metal = as_metal(
-            srgb_decode(one[..., :3] / 255.0) * colour[:3],
-            srgb_decode(other[..., :3] / 255.0) * specular,
+            srgb_decode(diffuse_codes[..., :3] / 255.0) * colour[:3],
+            srgb_decode(gloss_codes[..., :3] / 255.0) * specular,
         )
-        rough = 1 - gloss * other[..., 3] / 255.0
+        rough = 1 - gloss * gloss_codes[..., 3] / 255.0
         codes = np.rint(255 * np.stack([np.zeros_like(rough), rough, metal], -1)).astype(np.uint8)
         base_codes = srgb_codes(base)
         surface = Surface(
             self.name, WHITE, texture=base_codes, metallic=1.0, roughness=1.0, metal_texture=codes
         )
-        return surface, float(colour[3]), np.dstack([base_codes, one[..., 3]])
+        return surface, float(colour[3]), np.dstack([base_codes, diffuse_codes[..., 3]])
 
     def texture(
         self, holder: dict, key: str, mode: str = "RGB", *, mean: bool = True
     ) -> np.ndarray | None:
-        """(H, W, 3 or 4) uint8 of a texture, None of none.
+        """(H, W, 3 or 4) uint8 of a texture; None without a texture.
 
         A texture with other coordinates than the first is its mean, or None without ``mean``.
         """
@@ -232,8 +234,8 @@ class _Material:
             self.first = place
         codes = self.surfaces.picture(texture)
         if place != self.first:
-            what = "its mean is used" if mean else "it is left out"
-            self.note(APPROXIMATED, f"{key} has coordinates of its own; {what}")
+            consequence = "its mean is used" if mean else "it is left out"
+            self.note(APPROXIMATED, f"{key} has coordinates of its own; {consequence}")
             if not mean:
                 return None
             codes = _mean(codes, linear=key.startswith("metallic"))
@@ -267,12 +269,12 @@ class _Material:
         return cutoff / alpha if alpha * least / 255 < cutoff else 0.0
 
     def _dielectric(self) -> Dielectric | None:
-        """What extensions say of glass and coats; None where they say nothing."""
+        """The extensions' values for glass and coats; None without them."""
         names = "ior", "transmission", "volume", "clearcoat"
-        given = {name: extension(self.entry, f"KHR_materials_{name}") for name in names}
-        if not any(value is not None for value in given.values()):
+        extensions = {name: extension(self.entry, f"KHR_materials_{name}") for name in names}
+        if not any(value is not None for value in extensions.values()):
             return None
-        ior, glass, volume, coat = (given[name] or {} for name in names)
+        ior, glass, volume, coat = (extensions[name] or {} for name in names)
         number = self.document.number
         for holder in (glass, volume, coat):
             for key, info in holder.items():

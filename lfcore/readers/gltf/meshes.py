@@ -105,20 +105,22 @@ class Meshes:
                 part = self._plain[key]
             if part is None:
                 continue
-            here = [np.eye(4)] if skinned else matrices  # a skinned mesh is where its joints are
-            self._drawn += len(here) * part.count
+            poses = [np.eye(4)] if skinned else matrices  # a skinned mesh is where its joints are
+            self._drawn += len(poses) * part.count
             if self._drawn > MOST_TRIANGLES:
                 raise self.document.broken(f"it has more than {MOST_TRIANGLES} triangles")
-            still = len(here) == 1 and np.array_equal(here[0], np.eye(4))
-            if here:
-                parts.append(part if still else join([part.transformed(each) for each in here]))
+            still = len(poses) == 1 and np.array_equal(poses[0], np.eye(4))
+            if poses:
+                parts.append(part if still else join([part.transformed(pose) for pose in poses]))
         return parts
 
     def _part(
         self, key: tuple[int, int], node: dict, mesh: dict, primitive: dict, skinned: bool
     ) -> SurfaceMesh | None:
-        """A primitive in its mesh's coordinates, or in the world if it is ``skinned``; None for
-        one without triangles, and for one that is cut out wholly."""
+        """A primitive in its mesh's coordinates, or in the world if it is ``skinned``.
+
+        None for a primitive without triangles, and for one that alpha removes wholly.
+        """
         count = self.account
         if key in self._counted:  # for another node
             count = Account(Notebook(), self.document.path)
@@ -126,8 +128,8 @@ class Meshes:
         count.hold("primitives")
         mode, name = primitive.get("mode", LIST), mesh.get("name", node["mesh"])
         if mode in NOT_FACES or "POSITION" not in primitive["attributes"]:
-            what = NOT_FACES.get(mode, "triangles without positions")
-            count.lose("primitives", LEFT_OUT, f"{what} of mesh {name!r}")
+            words = NOT_FACES.get(mode, "triangles without positions")
+            count.lose("primitives", LEFT_OUT, f"{words} of mesh {name!r}")
             return None
         weights = node.get("weights", mesh.get("weights", ()))
         data = Primitive(self.document, primitive, weights)
@@ -154,8 +156,8 @@ class Meshes:
         if coordinates is not None:
             uvs = self.surfaces.uvs(look, coordinates[faces].astype(np.float64))
         elif look.surface.has_textures:
-            what = f"textures of material {look.name!r}: mesh {name!r} has no coordinates for them"
-            count.lose("primitives", LEFT_OUT, what, 0)
+            words = f"textures of material {look.name!r}: mesh {name!r} has no coordinates for them"
+            count.lose("primitives", LEFT_OUT, words, 0)
         colours = data.attribute("COLOR_0")
         if colours is not None:
             self.surfaces.note_colours(look, colours)
@@ -256,8 +258,8 @@ class Primitive:
         return (strip_faces if mode == STRIP else fan_faces)(indices)
 
     def count(self, account: Account, *, bent: bool) -> None:
-        """Count the attributes and morph targets, and those that are in the picture; tangents say
-        nothing of normals that are not ``bent`` by a texture."""
+        """Count the attributes and morph targets, and those that are used; tangents
+        matter only if a texture bends the normals (``bent``)."""
         for name in self.entry["attributes"]:
             account.hold(f"attributes {name}")
             used = name in self.names or (name == "TANGENT" and not bent)
@@ -266,7 +268,7 @@ class Primitive:
         account.use("morph targets", sum(bool(weight) for _, weight in self.targets))
 
     def _unpack(self, packed: dict) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The attributes and the faces of what Draco packed."""
+        """The attributes and faces of a mesh that Draco compressed."""
         try:
             import DracoPy
         except ImportError:
@@ -277,8 +279,8 @@ class Primitive:
             mesh = DracoPy.decode(data)
         except Exception as error:  # it raises many kinds
             raise self.document.broken(f"Draco's data: {error}") from None
-        known = {each["unique_id"]: each["data"] for each in mesh.attributes}
+        data_of = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
         return (
-            {name: known[number] for name, number in packed["attributes"].items()},
+            {name: data_of[number] for name, number in packed["attributes"].items()},
             np.asarray(mesh.faces, np.int64).reshape(-1, 3),
         )

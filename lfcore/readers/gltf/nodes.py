@@ -50,19 +50,19 @@ class Nodes:
         return self.document.entry("scenes", self.document.tree.get("scene", 0)).get("nodes", [])
 
     def _below(self, roots: list[int]) -> Iterator[tuple[int, np.ndarray]]:
-        waiting, seen = [(index, np.eye(4)) for index in reversed(roots)], set()
+        waiting, visited = [(index, np.eye(4)) for index in reversed(roots)], set()
         while waiting:
             index, above = waiting.pop()
             node = self.document.entry("nodes", index)
             if (
-                index in seen
+                index in visited
                 or (extension(node, "KHR_node_visibility") or {}).get("visible") is False
             ):
                 continue
-            seen.add(index)
-            here = above @ self._pose(node)
-            yield index, here
-            waiting += [(child, here) for child in reversed(node.get("children", []))]
+            visited.add(index)
+            matrix = above @ self._pose(node)
+            yield index, matrix
+            waiting += [(child, matrix) for child in reversed(node.get("children", []))]
 
     def _pose(self, node: dict) -> np.ndarray:
         numbers = self.document.numbers
@@ -84,15 +84,15 @@ class Nodes:
             raise self.document.broken(f"a node's rotation makes no sense: {error}") from None
 
     def world(self, index: int) -> np.ndarray:
-        """(4, 4) of any node, also of one that is not shown."""
+        """(4, 4) pose of any node, also of a hidden one."""
         chain: list[int] = []
         at: int | None = index
         while at is not None and at not in self._world and at not in chain:
             chain.append(at)
             at = self._parents.get(at)
-        for here in reversed(chain):
-            above = self._world.get(self._parents.get(here, -1), np.eye(4))
-            self._world[here] = above @ self._pose(self.document.entry("nodes", here))
+        for node in reversed(chain):
+            above = self._world.get(self._parents.get(node, -1), np.eye(4))
+            self._world[node] = above @ self._pose(self.document.entry("nodes", node))
         return self._world[index]
 
     def instances(self, node: dict, matrix: np.ndarray) -> list[np.ndarray]:
@@ -100,35 +100,41 @@ class Nodes:
         packed = extension(node, INSTANCES)
         if packed is None:
             return [matrix]
-        given = packed["attributes"]
-        read = {name: self.document.accessor(given[name], unit=name == "ROTATION").astype(float)
-                for name in ("TRANSLATION", "ROTATION", "SCALE") if name in given}  # fmt: skip
-        count = len(next(iter(read.values()), [None]))
-        turned = self.turns(read.get("ROTATION", np.tile(IDENTITY, (count, 1))))
-        sizes = read.get("SCALE", np.ones((count, 3)))
-        places = read.get("TRANSLATION", np.zeros((count, 3)))
+        accessors = packed["attributes"]
+        values = {
+            name: self.document.accessor(accessors[name], unit=name == "ROTATION").astype(float)
+            for name in ("TRANSLATION", "ROTATION", "SCALE")
+            if name in accessors
+        }
+        count = len(next(iter(values.values()), [None]))
+        turned = self.turns(values.get("ROTATION", np.tile(IDENTITY, (count, 1))))
+        sizes = values.get("SCALE", np.ones((count, 3)))
+        places = values.get("TRANSLATION", np.zeros((count, 3)))
         poses = zip(turned, sizes, places, strict=True)
         return [matrix @ affine(turn * size, place) for turn, size, place in poses]
 
     # -- lights and cameras -------------------------------------------------------------------
 
     def lights(self) -> list[Light]:
-        """Its lights, in the world. Its candela and lux are over pi in ours, as a matte surface of
-        colour c returns c / pi of what arrives in glTF."""
-        known = (extension(self.document.tree, LIGHTS) or {}).get("lights", [])
-        self.account.hold("lights", len(known))
-        made, used = [], set()
+        """The lights, in the world.
+
+        Candela and lux are divided by pi: in glTF a matt surface of colour c reflects c / pi of the
+        irradiance, here it reflects c.
+        """
+        definitions = (extension(self.document.tree, LIGHTS) or {}).get("lights", [])
+        self.account.hold("lights", len(definitions))
+        lights, numbers = [], set()
         for index, matrix in self.shown:
             reference = extension(self.entries[index], LIGHTS)
             if reference is None:
                 continue
             number = reference.get("light")
-            if not isinstance(number, int) or not 0 <= number < len(known):
-                raise self.document.broken(f"a node names light {number!r} of {len(known)}")
-            made.append(self._light(known[number], matrix))
-            used.add(number)
-        self.account.use("lights", len(used))
-        return made
+            if not isinstance(number, int) or not 0 <= number < len(definitions):
+                raise self.document.broken(f"a node names light {number!r} of {len(definitions)}")
+            lights.append(self._light(definitions[number], matrix))
+            numbers.add(number)
+        self.account.use("lights", len(numbers))
+        return lights
 
     def _light(self, light: dict, matrix: np.ndarray) -> Light:
         name, kind = light.get("name", "without name"), light.get("type")
@@ -163,12 +169,12 @@ class Nodes:
             if "camera" not in node:
                 continue
             camera = self.document.entry("cameras", node["camera"])
-            here = self._perspective(camera, matrix)
-            if here is None or first is not None:
+            found_camera = self._perspective(camera, matrix)
+            if found_camera is None or first is not None:
                 name = camera.get("name") or node.get("name") or node["camera"]
                 self.account.lose("cameras", NOT_USED, f"camera {name!r}")
             else:
-                first = here
+                first = found_camera
                 self.account.use("cameras")
         return first
 

@@ -21,18 +21,18 @@ MOST_LIGHT_POINTS = 1024
 
 
 def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
-    """Read a pbrt scene of version 3, or of version 4 where the same words mean the same.
+    """Read a pbrt scene of version 3, or of version 4 as far as its words have the same meaning.
 
-    ``light_points`` point lights stand for each shape of an area light and side.
+    ``light_points`` point lights represent each shape of an area light, per side.
     """
     path = Path(path)
     notebook = Notebook()
     if not 1 <= light_points <= MOST_LIGHT_POINTS:
-        problem = f"cannot stand for an area light: {light_points} points"
+        problem = f"cannot represent an area light: {light_points} points"
         raise Where("", "light_points").error(problem, f"Give 1 to {MOST_LIGHT_POINTS}")
     interpreter = Interpreter(path.parent, notebook, light_points)
     interpreter.run(read_directives(path, notebook))
-    # What overflows is dropped, and counted.
+    # Overflowing triangles are dropped and counted.
     with np.errstate(over="ignore", invalid="ignore"):
         static, moving, emitters = _parts(interpreter, notebook)
     geometry = assemble(static + [part for part, _ in moving], np.eye(4))
@@ -42,8 +42,8 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     moves = motions(geometry, static, moving)
     for motion, (part, _), item in zip(moves, moving, emitters, strict=True):
         if item is not None:
-            what = "light of a moving shape; it shines from its pose when the shutter opens"
-            notebook.add(APPROXIMATED, item.place, what)
+            words = "light of a moving shape; it shines from its pose when the shutter opens"
+            notebook.add(APPROXIMATED, item.place, words)
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
     if moves:
@@ -66,10 +66,12 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
 def _parts(
     interpreter: Interpreter, notebook: Notebook
 ) -> tuple[list[SurfaceMesh], list[Moving], list[Item | None]]:
-    """Parts in camera space: those at rest, those that move with their two poses, and of these the
-    items that glow. Emitters at rest come first, so that lights can name their triangles."""
-    lamps: list[SurfaceMesh] = []
-    others: list[SurfaceMesh] = []
+    """Parts in camera space: resting parts, moving parts with two poses, and the latter's emitters.
+
+    Resting emitters come first, so that lights can name their triangles.
+    """
+    emitting: list[SurfaceMesh] = []
+    matt: list[SurfaceMesh] = []
     moving: list[Moving] = []
     emitters: list[Item | None] = []
     first = 0
@@ -85,17 +87,17 @@ def _parts(
         if not is_surface:
             notebook.add(LEFT_OUT, item.place, "a shape whose material is no surface")
         elif not rests:
-            what = "motion that is not rigid; the pose when the shutter opens is shown"
-            notebook.add(LEFT_OUT, item.place, what)
+            words = "motion that is not rigid; the pose when the shutter opens is shown"
+            notebook.add(LEFT_OUT, item.place, words)
         count = 0
         if is_surface:
-            (lamps if glows else others).append(part)
+            (emitting if glows else matt).append(part)
             count = int(sound(part.triangles)[0].sum()) if glows else 0
         if glows:
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (first, first + count))
             first += count
-    return lamps + merge(others), moving, emitters
+    return emitting + merge(matt), moving, emitters
 
 
 def _check_emitter(item: Item, part: SurfaceMesh) -> None:
@@ -105,13 +107,13 @@ def _check_emitter(item: Item, part: SurfaceMesh) -> None:
 
 
 def _place(interpreter: Interpreter, item: Item, to_camera: np.ndarray) -> tuple[SurfaceMesh, bool]:
-    """The item's triangles in camera space, front sides counter-clockwise; whether they are seen,
-    for some materials are no surface."""
-    uvs, found = interpreter.uvs(item)
-    part = replace(item.mesh, surface=found or Surface(), uvs=uvs).transformed(to_camera)
+    """The item's triangles in camera space, front sides counter-clockwise, and whether they are
+    visible: some materials are no surface."""
+    uvs, surface = interpreter.uvs(item)
+    part = replace(item.mesh, surface=surface or Surface(), uvs=uvs).transformed(to_camera)
     mirrored = np.linalg.det(to_camera[:3, :3]) < 0
     if item.reversed and part.normals is not None:
         part = replace(part, normals=-part.normals)
     if mirrored != item.reversed:
         part = part.picked((slice(None), [0, 2, 1]))
-    return part, found is not None
+    return part, surface is not None

@@ -83,12 +83,12 @@ def _fov(parameters: ParameterSet) -> float:
 
 def _perspective(parameters: ParameterSet, film: tuple[int, int]) -> View:
     array = CameraArray.single(_fov(parameters), film)
-    for name, what in (
+    for name, words in (
         ("screenwindow", "screen window"),
         ("frameaspectratio", "frame aspect ratio"),
     ):
         if parameters.get(name):
-            parameters.left_out(what)
+            parameters.left_out(words)
     radius = parameters.float("lensradius", 0.0)
     focus = parameters.float("focaldistance", 1e6 if radius > 0 else math.inf)
     if radius < 0 or not focus > 0:

@@ -93,11 +93,11 @@ class Interpreter:
         elif name.endswith(("Begin", "End")):
             self._block(directive)
         elif name in _IGNORED:
-            what = directive.parameters.owner
+            words = directive.parameters.owner
             if name == "Sampler":
                 self._sampler = directive.parameters
-                what += ": its kind, not its rays per pixel"
-            self.notebook.add(NOT_USED, directive.place, what)
+                words += ": its kind, not its rays per pixel"
+            self.notebook.add(NOT_USED, directive.place, words)
         elif name in _LEFT_OUT:
             self.notebook.add(LEFT_OUT, directive.place, directive.parameters.owner)
         else:
@@ -115,8 +115,8 @@ class Interpreter:
                 for time, current in enumerate(now.matrices)
             )
         if not np.isfinite(matrices).all():
-            what = f"{name} takes the transformation beyond what numbers hold"
-            raise directive.place.error(what, "Scale or move less")
+            problem = f"{name} makes the transformation overflow"
+            raise directive.place.error(problem, "Scale or move less")
         self._set(matrices=matrices)
 
     def _block(self, directive: Directive) -> None:
@@ -181,17 +181,17 @@ class Interpreter:
         self._systems[directive.strings[0]] = self.now.matrices
 
     def _do_coord_sys_transform(self, directive: Directive) -> None:
-        name, known = directive.strings[0], self._systems
-        if name not in known:
+        name, systems = directive.strings[0], self._systems
+        if name not in systems:
             problem = f'coordinate system "{name}" is not defined'
             raise directive.place.error(problem, "Use CoordinateSystem before")
-        self._set(matrices=known[name])
+        self._set(matrices=systems[name])
 
     def _do_camera(self, directive: Directive) -> None:
         start, end = self.now.matrices
         if not np.array_equal(start, end):
-            what = "motion of the camera; its pose when the shutter opens is used"
-            self.notebook.add(LEFT_OUT, directive.place, what)
+            words = "motion of the camera; its pose when the shutter opens is used"
+            self.notebook.add(LEFT_OUT, directive.place, words)
         self._camera = (directive.strings[0], directive.parameters)
         self.world_to_camera = TO_OURS @ start
         self._systems["camera"] = np.linalg.inv(start), np.linalg.inv(end)
@@ -223,8 +223,8 @@ class Interpreter:
     def _do_light_source(self, directive: Directive) -> None:
         start, end = self.now.matrices
         if not np.array_equal(start, end):
-            what = "motion of a light; its pose when the shutter opens is used"
-            self.notebook.add(LEFT_OUT, directive.place, what)
+            words = "motion of a light; its pose when the shutter opens is used"
+            self.notebook.add(LEFT_OUT, directive.place, words)
         to_camera = self.world_to_camera @ start
         self.rig.add(directive.strings[0], directive.parameters, to_camera)
 
@@ -270,11 +270,14 @@ class Interpreter:
             matrices = tuple(outer @ inner for outer, inner in pair)
             self.items.append(replace(item, matrices=matrices, emission=(0.0, 0.0, 0.0)))
 
-    def light(self, item: Item, triangles: np.ndarray, own: tuple[int, int]) -> None:
-        """Add the lights of an emitting item; of ``triangles`` in camera space."""
+    def light(self, item: Item, triangles: np.ndarray, numbers: tuple[int, int]) -> None:
+        """Add the lights of an emitting item with ``triangles`` in camera space.
+
+        ``numbers`` are the first of its triangles in the scene and the one after its last.
+        """
         points = emitter_points(triangles, self.light_points, two_sided=item.two_sided)
         if points is not None:
-            self.rig.add_area(points, np.array(item.emission), own)
+            self.rig.add_area(points, np.array(item.emission), numbers)
 
     def uvs(self, item: Item) -> tuple[np.ndarray | None, Surface | None]:
         """Texture coordinates of an item (None without texture) and its surface."""

@@ -111,14 +111,16 @@ class LightRig:
             before = small[0, 0]
         self.sky = before + sky
 
-    def add_area(self, points: EmitterPoints, radiance: np.ndarray, own: tuple[int, int]) -> None:
-        """Let point lights in camera space stand for an emitting surface.
+    def add_area(
+        self, points: EmitterPoints, radiance: np.ndarray, numbers: tuple[int, int]
+    ) -> None:
+        """Represent an emitting surface by point lights in camera space.
 
-        ``own`` are the surface's first triangle in the scene and that after its last.
+        ``numbers`` are the surface's first triangle in the scene and the one after its last.
         """
         for position, normal, area in zip(*points, strict=True):
             light = Light(POINT, triple(position), _over_pi(radiance * area), 1.0)
-            self.lights.append(replace(light, normal=triple(normal), own=own))
+            self.lights.append(replace(light, normal=triple(normal), own=numbers))
 
 
 def _over_pi(irradiance: np.ndarray) -> Colour:

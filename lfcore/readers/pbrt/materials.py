@@ -85,9 +85,9 @@ class MaterialTable:
             "matte": self._matte, "uber": self._uber, "coateddiffuse": self._coated,
             "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
             "mix": self._mix,
-            "diffuse": lambda given: self._lambert(given, "reflectance"),
-            "plastic": lambda given: self._glossy(given, 0.25, DIELECTRIC),
-            "substrate": lambda given: self._glossy(given, 0.5, 1.0),
+            "diffuse": lambda entry: self._lambert(entry, "reflectance"),
+            "plastic": lambda entry: self._glossy(entry, 0.25, DIELECTRIC),
+            "substrate": lambda entry: self._glossy(entry, 0.5, 1.0),
         }  # fmt: skip
         texture, specular, shininess = makers.get(kind, self._unknown)(parameters)
         if parameters.get("bumpmap") or parameters.get("displacement"):
@@ -132,9 +132,9 @@ class MaterialTable:
         return diffuse, *lobe(np.full(3, DIELECTRIC), self._alpha(parameters, 0.0, True))
 
     def _uber(self, parameters: ParameterSet) -> Look:
-        for name, what in (("Kr", "mirror image"), ("Kt", "transmission")):
+        for name, effect in (("Kr", "mirror image"), ("Kt", "transmission")):
             if self.textures.rgb(parameters, name, 0.0).any():
-                parameters.left_out(f"{what} ({name})")
+                parameters.left_out(f"{effect} ({name})")
         if (self.textures.rgb(parameters, "opacity", 1.0) < 1).any():
             parameters.approximated("opaque instead")
         for name in ("eta", "index"):
@@ -166,20 +166,20 @@ class MaterialTable:
         return diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS
 
     def _mix(self, parameters: ParameterSet) -> Look:
-        both = parameters.get("materials", "string")
-        if both is not None:  # version 4: amount is the weight of the second
-            names: list[str | None] = list(both.values)
+        pair = parameters.get("materials", "string")
+        if pair is not None:  # version 4: amount is the weight of the second
+            names: list[str | None] = list(pair.values)
             weight = 1.0 - self.textures.number(parameters, "amount", 0.5)
         else:
             names = [parameters.string(f"namedmaterial{n}") for n in (1, 2)]
             weight = float(self.textures.rgb(parameters, "amount", 0.5).mean())
-        found = [name for name in names if name is not None]
-        if len(found) != 2:
+        present = [name for name in names if name is not None]
+        if len(present) != 2:
             raise parameters.place.error(f"{parameters.owner} wants two named materials")
-        first, second = (self.resolve(self.find(name, parameters.place)) for name in found)
+        first, second = (self.resolve(self.find(name, parameters.place)) for name in present)
         if first is None or second is None:
-            what = f"{parameters.owner} mixes a material that is none"
-            raise parameters.place.error(what)
+            problem = f"{parameters.owner} mixes a material that is none"
+            raise parameters.place.error(problem)
         a, b = first[0], second[0]
         halves = [
             replace(texture, factor=np.array(surface.diffuse) * share)
@@ -188,10 +188,10 @@ class MaterialTable:
         images = [half for half in halves if half.image is not None]
         if images:
             # One texture multiplies the whole diffuse colour, so the other half takes its pattern.
-            kept = max(images, key=lambda half: half.factor.sum())
-            others = sum((h.mean() for h in halves if h is not kept), np.zeros(3))
-            factor = kept.factor * (1 + others / np.maximum(kept.mean(), 1e-6))
-            texture = replace(kept, factor=factor)
+            pattern = max(images, key=lambda half: half.factor.sum())
+            rest = sum((h.mean() for h in halves if h is not pattern), np.zeros(3))
+            factor = pattern.factor * (1 + rest / np.maximum(pattern.mean(), 1e-6))
+            texture = replace(pattern, factor=factor)
             parameters.approximated("one texture, of equal mean")
         else:
             texture = Texture(halves[0].factor + halves[1].factor)

@@ -43,8 +43,8 @@ class ParameterSet:
         if parameter is None:
             return None
         if types and parameter.type not in types:
-            wanted, given = " or ".join(types), parameter.type
-            problem = f'{self.owner} wants "{name}" as {wanted}, not "{given}"'
+            expected, actual = " or ".join(types), parameter.type
+            problem = f'{self.owner} wants "{name}" as {expected}, not "{actual}"'
             raise parameter.place.error(problem, f'Write "{types[0]} {name}"')
         parameter.used = True
         return parameter
@@ -118,20 +118,20 @@ class ParameterSet:
         """The place of a parameter, or of the directive when it is absent."""
         return self.items[name].place if name in self.items else self.place
 
-    def note(self, kind: str, what: str, name: str = "") -> None:
+    def note(self, kind: str, words: str, name: str = "") -> None:
         """Record a note at the place of the parameter ``name``, or of the directive."""
-        self.notebook.add(kind, self.place_of(name), what)
+        self.notebook.add(kind, self.place_of(name), words)
 
     def approximated(self, how: str, name: str = "") -> None:
         """Record how the directive is mapped instead; at the place as :meth:`note`."""
         self.note(APPROXIMATED, f"{self.owner}: {how}", name)
 
-    def left_out(self, what: str) -> None:
+    def left_out(self, part: str) -> None:
         """Record a part of the directive that is not mapped."""
-        self.note(LEFT_OUT, f"{what} of {self.owner}")
+        self.note(LEFT_OUT, f"{part} of {self.owner}")
 
-    def wrong_count(self, parameter: Parameter, wanted: str) -> SceneError:
-        return self.error(parameter.name, f"has {len(parameter.values)} values, wants {wanted}")
+    def wrong_count(self, parameter: Parameter, expected: str) -> SceneError:
+        return self.error(parameter.name, f"has {len(parameter.values)} values, wants {expected}")
 
     def note_unused(self) -> None:
         """Record the parameters that nobody read."""

@@ -76,8 +76,8 @@ class _Parser:
         self.notebook = notebook
         self.files = 0
 
-    def file(self, path: Path, stack: list[Path], asked: Place | None) -> Iterator[Directive]:
-        place = asked or Place(path, 1, 1)
+    def file(self, path: Path, stack: list[Path], included_at: Place | None) -> Iterator[Directive]:
+        place = included_at or Place(path, 1, 1)
         try:
             identity = path.resolve()
         except (OSError, ValueError) as error:  # a circle of links, or a NUL in the name
@@ -88,7 +88,7 @@ class _Parser:
         if len(stack) > DEEPEST_INCLUDE or self.files > MOST_FILES:
             problem = f"includes files more than {DEEPEST_INCLUDE} deep, or more than {MOST_FILES}"
             raise place.error(problem, "Include each file once")
-        tokens = _Cursor(lexer.tokenize(lexer.read_text(path, asked), path))
+        tokens = _Cursor(lexer.tokenize(lexer.read_text(path, included_at), path))
         while tokens.peek.kind != lexer.END:
             directive = self.directive(tokens)
             if directive.name in _INCLUDES:
@@ -110,7 +110,9 @@ class _Parser:
         if grammar.startswith("n"):
             numbers = _numbers(tokens, int(grammar[1:]), name)
         kinds = {"s": lexer.STRING, "m": lexer.STRING, "w": lexer.WORD}
-        strings = [str(tokens.take(kinds[each], name).value) for each in grammar if each in kinds]
+        strings = [
+            str(tokens.take(kinds[letter], name).value) for letter in grammar if letter in kinds
+        ]
         if grammar == "m" and tokens.peek.kind == lexer.STRING:
             strings.append(str(tokens.take().value))
         owner = " ".join([name, *(f'"{text}"' for text in strings)])
@@ -124,8 +126,8 @@ class _Parser:
             head = tokens.take()
             kind, name = declare(str(head.value), head.place)
             if head.unclosed:
-                what = f'"{head.value} lacks its closing quote: read as closed'
-                self.notebook.add(APPROXIMATED, head.place, what)
+                words = f'"{head.value} lacks its closing quote: read as closed'
+                self.notebook.add(APPROXIMATED, head.place, words)
             if name in into.items:
                 raise head.place.error(f'"{name}" is given twice', "Remove one of them")
             values = _values(tokens, kind, head)

@@ -175,9 +175,9 @@ def _turned(points: np.ndarray, normals: np.ndarray) -> SurfaceMesh:
     """Triangles of a grid of points and normals (R, C, 3) without degenerate ones; u along columns
     and v along rows."""
     uv = np.meshgrid(*(np.linspace(0, 1, count) for count in points.shape[1::-1]))
-    corners, *more = (grid_triangles(grid) for grid in (points, normals, np.stack(uv, -1)))
+    corners, *attributes = (grid_triangles(grid) for grid in (points, normals, np.stack(uv, -1)))
     same = (corners == np.roll(corners, -1, axis=1)).all(-1).any(-1)
-    return SurfaceMesh(corners[~same], Surface(), *(each[~same] for each in more))
+    return SurfaceMesh(corners[~same], Surface(), *(values[~same] for values in attributes))
 
 
 def loop_subdivide(

@@ -122,11 +122,11 @@ class TextureTable:
             return replace(a, factor=a.factor * b.mean())
         sides = zip(a.image.shape[1::-1], b.image.shape[1::-1], strict=True)
         width, height = map(max, sides)
-        one, other = (
+        first_light, second_light = (
             cv2.resize(srgb_decode(image / 255.0), (width, height), interpolation=cv2.INTER_LINEAR)
             for image in (a.image, b.image)
         )
-        image, top = encode(one * other)
+        image, top = encode(first_light * second_light)
         return replace(a, factor=a.factor * b.factor * top, image=image)
 
     def _imagemap(self, parameters: ParameterSet) -> Texture:
@@ -155,8 +155,10 @@ class TextureTable:
         if parameters.integer("dimension", 2) != 2:
             parameters.approximated("3D, drawn in 2D")
         parameters.get("aamode")
-        one, two = (self.rgb(parameters, name, d) for name, d in (("tex1", 1.0), ("tex2", 0.0)))
-        fields = np.stack([np.stack([two, one]), np.stack([one, two])])  # row 0 on top
+        first, second = (
+            self.rgb(parameters, name, d) for name, d in (("tex1", 1.0), ("tex2", 0.0))
+        )
+        fields = np.stack([np.stack([second, first]), np.stack([first, second])])  # row 0 on top
         board = np.repeat(np.repeat(fields, CHECK_TEXELS, 0), CHECK_TEXELS, 1)
         image, top = encode(board)
         # One repeat of the image holds two fields each way.
@@ -188,6 +190,6 @@ def _power(parameters: ParameterSet) -> float | None:
 
 def _mean(texture: Texture, parameters: ParameterSet, name: str) -> np.ndarray:
     if texture.image is not None:
-        what = f'"{name}" of {parameters.owner}: the mean of its texture'
-        parameters.note(APPROXIMATED, what, name)
+        words = f'"{name}" of {parameters.owner}: the mean of its texture'
+        parameters.note(APPROXIMATED, words, name)
     return texture.mean()
