@@ -334,10 +334,14 @@ class LightField(LightFieldFile):
                 distance, f_number, aperture, focus_at=focus_at, blur=blur,
                 disparity_px=disparity_px, aperture_views=aperture_views,
             )
-            for distance in _values(focus_m)
-            for f_number in _values(f_numbers)
+            for distance in _values("focus_m", focus_m)
+            for f_number in _values("f_numbers", f_numbers)
         ]  # fmt: skip
         if fast:
+            if self.displaced:
+                problem = "the views are displaced, so they cannot be added in blocks"
+                remedy = "Leave it out, or record with depth='plain'"
+                raise OpticsError(problem, file=self.path, key="fast", remedy=remedy)
             for key, value in (("filter", filter), ("pixels", pixels)):
                 if value is not None:
                     problem = "a fast stack has its own filter, and the views' pixels"
@@ -512,8 +516,11 @@ class LightField(LightFieldFile):
         return viewer_page(self, grid, pixels, format, jpeg_quality, device, progress)
 
 
-def _values(setting: Sequence | np.ndarray | None) -> list:
+def _values(key: str, setting: Sequence | np.ndarray | float | None) -> list:
     """The values of a stack's setting; by default None, the recorded one."""
     if setting is None:
         return [None]
-    return ([setting] if isinstance(setting, str) else list(setting)) or [None]
+    values = [setting] if isinstance(setting, str) else list(np.atleast_1d(np.asarray(setting)))
+    if not values:
+        raise OpticsError("is empty", key=key, remedy="Give at least one, or leave it out")
+    return values

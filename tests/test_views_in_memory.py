@@ -51,7 +51,13 @@ def test_light_is_stored_as_light(codes, tmp_path):
 )
 def test_views_of_other_types_are_refused(codes, tmp_path, wrong):
     given = [[1], [2, 3]] if wrong == "ragged" else codes.astype(wrong)
-    refused("views: are (of type|no array)", stored, given, CAMERA, tmp_path / "a.mkv")
+    refused(
+        "views: (are|must be)",
+        stored,
+        given,
+        CAMERA,
+        tmp_path / "a.mkv",
+    )
 
 
 @pytest.mark.parametrize("shape", [(2, 4, 16, 16), (3, 2, 16, 24)])

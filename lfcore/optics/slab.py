@@ -10,9 +10,9 @@ parameter is depth.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -60,8 +60,8 @@ class Lattice:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "views", whole_number("views", self.views, 4096))
-        if not (math.isfinite(self.subpixels) and 0 < self.subpixels <= MOST_SUBPIXELS):
-            problem = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels:g}"
+        if not (isinstance(self.subpixels, Real) and 0 < self.subpixels <= MOST_SUBPIXELS):
+            problem = f"must be above 0 and at most {MOST_SUBPIXELS}, not {self.subpixels!r}"
             raise OpticsError(problem, key="subpixels")
 
     def side(self, pixels: int) -> int:

@@ -33,7 +33,8 @@ def form_pictures(
     """As :meth:`lfcore.LightField.refocus_many`."""
     field.require_slab()
     if filter is None:
-        filter = "depth" if field.metadata.depth and method is None else "nearest"
+        by_depth = field.metadata.depth is not None and method in (None, "slicing")
+        filter = "depth" if by_depth else "nearest"
     if filter != "depth":
         check_known(OpticsError, "filter", filter, FILTERS)
     method = method or ("shift-sum" if filter == "bilinear" else "slicing")

@@ -119,7 +119,7 @@ def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
     ----------
     slab : Slab
         The lens and its views.
-    depth : ndarray
+    depth : array_like
         Metres along the axis, infinity for a miss.
 
     Returns
@@ -135,7 +135,8 @@ def disparity(slab: Slab, depth: np.ndarray) -> np.ndarray:
     """
     scale = slab.lens_pitch_m / slab.pixel_pitch
     with np.errstate(divide="ignore"):
-        return ((1.0 / depth.astype(np.float64) - slab.camera.delta) * scale).astype(np.float32)
+        inverse = 1.0 / np.asarray(depth, np.float64)
+        return np.asarray((inverse - slab.camera.delta) * scale, np.float32)
 
 
 def all_in_focus(

@@ -46,7 +46,10 @@ def photograph(
     """
     view = scene.view
     if view is None:
-        raise OpticsError("the scene has no film of its own", key="view")
+        raise OpticsError(
+            "the scene has no camera array or film of its own", key="view",
+            remedy="Give an array, for example CameraArray.on_grid",
+        )  # fmt: skip
     samples = view.samples_per_pixel if samples_per_pixel is None else samples_per_pixel
     if samples < 1:
         raise OpticsError(f"must be at least 1, not {samples}", key="samples_per_pixel")

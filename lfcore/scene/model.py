@@ -402,8 +402,8 @@ class Scene:
         if focus_m is not None and focus_m <= camera.focal_length_m and self.depth_range:
             near, far = self.depth_range
             raise OpticsError(
-                f"{focus_m:.4g} m is nearer than the lens can focus: visible depths are {near:.4g} "
-                f"to {far:.4g} m", key="focus_m", remedy="Give a distance there, or near or far",
+                f"{focus_m:.4g} m is nearer than the lens can focus, {camera.focal_length_m:.4g} m",
+                key="focus_m", remedy=f"Surfaces are at {near:.4g} to {far:.4g} m: focus there",
             )  # fmt: skip
         return SensorPlane.of(
             camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,

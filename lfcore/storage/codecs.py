@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import asdict, dataclass
+from numbers import Real
 
 from lfcore.errors import StorageError, check_known, suggest_keywords
 from lfcore.storage.layout import KINDS
@@ -130,8 +131,8 @@ class Encoding:
                 raise StorageError(problem, key="pixel_format", remedy=remedy)
         for key, (low, high) in RANGES.items():
             value = getattr(self, key)
-            if value is not None and not low <= value <= high:
-                raise StorageError(f"must be from {low} to {high}, not {value}", key=key)
+            if value is not None and not (isinstance(value, Real) and low <= value <= high):
+                raise StorageError(f"must be from {low} to {high}, not {value!r}", key=key)
 
     @property
     def stored_format(self) -> str:

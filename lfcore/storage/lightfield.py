@@ -317,7 +317,7 @@ class LightFieldFile:
     def require_metric(self, key: str) -> None:
         """Raise :class:`OpticsError` naming ``key`` if distances and f-numbers are unknown."""
         if not self.metric:
-            problem = "does not record its geometry: distances and f-numbers are unknown"
+            problem = "has no camera geometry: distances and f-numbers are unknown"
             remedy = f"Focus by disparity and stop down by views. {GIVE_GEOMETRY}"
             raise OpticsError(problem, file=self.path, key=key, remedy=remedy)
 
@@ -412,7 +412,10 @@ class LightFieldFile:
         for rectangle, (column, row, columns, rows) in ((lens, held_views), (film, held_pixels)):
             a, b, c, d = rectangle
             if not (0 <= a < c <= columns and 0 <= b < d <= rows):
-                problem = f"({a}, {b}) to ({c}, {d}) is outside the {columns} x {rows} recorded"
+                problem = (
+                    f"columns {a} to {c - 1} and rows {b} to {d - 1} are not all there: columns "
+                    f"are 0 to {columns - 1}, rows 0 to {rows - 1}"
+                )
                 raise StorageError(problem, file=self.path)
             moved.append((a + column, b + row, c + column, d + row))
         if self.layout.kind == "views":

@@ -86,6 +86,17 @@ def test_names_of_files_name_their_format(recorded, capsys, tmp_path):
         refused("unknown format", lfcore.import_lightfield, tmp_path, tmp_path / name)
 
 
+def test_values_of_another_kind_are_one_line(recorded):
+    refused("focus_m: is empty", recorded.stack, [])
+    assert len(recorded.stack(2.0)) == 1
+    refused("fast: the views are displaced", recorded.stack, [2.0], fast=True)
+    refused("crf: must be", lfcore.Encoding, crf="x")
+    refused("subpixels: must be", lfcore.Lattice, 2, "2")
+    assert lfcore.disparity(recorded.slab, recorded.slab.camera.focus_m) == 0
+    by_default, said_aloud = recorded.refocus(2.0), recorded.refocus(2.0, method="slicing")
+    assert (by_default == said_aloud).all()
+
+
 def test_a_missing_texture_prints_no_traceback(tmp_path):
     """As fuze.ply of trimesh's models without its picture."""
     mesh = trimesh.load(io.StringIO("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), file_type="obj")

@@ -148,7 +148,6 @@ def test_displaced_views_serve_slicing_by_depth_alone(tmp_path, tracer):
     for wrong in (
         lambda: field.refocus(2.5, filter="nearest"),
         lambda: field.refocus(2.5, filter="bilinear"),
-        lambda: field.refocus(2.5, method="slicing"),
         lambda: field.stack([2.5, 3.0], fast=True),
     ):
         refused(r"a.mkv: .*displaced.*record", wrong)
