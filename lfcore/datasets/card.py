@@ -58,7 +58,7 @@ SOURCES = {
 RECORDS = {"items": ITEMS, "seconds": SECONDS, "refused": REFUSED, "sources": SOURCES}
 """The tables and their columns."""
 MOST_REFUSED = 0.1
-"""The share of scenes that may make no item: a single scene may look past its objects."""
+"""The greatest share of scenes without an item: a scene's camera may miss its objects."""
 DFV_TRAINS_ON = 400
 """The number of stacks that DFV's loader trains on (dataloader/FoD500.py)."""
 MEDIA = {
@@ -68,29 +68,29 @@ MEDIA = {
 }  # fmt: skip
 
 AS_BYTES = "text/plain"
-"""The format that mlcroissant reads as bytes.  It takes the codes of TIFF for floats, and knows
-none of the others but PNG."""
+"""The format that mlcroissant reads as bytes; it reads TIFF wrongly as floats, and of the others
+only PNG."""
 
 
 def tables(
     description: Description, records: Sequence[Mapping[str, Any]], data: Path
 ) -> dict[str, pd.DataFrame]:
-    """The tables by name; ``data`` is the folder of items.
+    """Return the tables by name; ``data`` is the folder of items.
 
-    Times are apart, so that equal data sets have equal tables.
+    Times have a table of their own, so that equal data sets have equal other tables.
     """
-    made = [one for one in records if "refused" not in one]
-    refused = [{"index": one["index"], "reason": one["refused"]} for one in records
-               if "refused" in one]  # fmt: skip
+    complete = [record for record in records if "refused" not in record]
+    refused = [{"index": record["index"], "reason": record["refused"]} for record in records
+               if "refused" in record]  # fmt: skip
     items = [
-        {"nearest_m": one["depth_m"][0], "farthest_m": one["depth_m"][1]}
-        | {key: one[key] for key in ("index", "expected_db", "rays_per_pixel", "seen")}
-        | {"split": description.split(one["index"])}
-        | {"objects": " ".join(name.replace(" ", "_") for name in one["objects"])}
-        for one in made
+        {"nearest_m": record["depth_m"][0], "farthest_m": record["depth_m"][1]}
+        | {key: record[key] for key in ("index", "expected_db", "rays_per_pixel", "seen")}
+        | {"split": description.split(record["index"])}
+        | {"objects": " ".join(name.replace(" ", "_") for name in record["objects"])}
+        for record in complete
     ]
-    uses = [name for one in made for name in one["objects"]]
-    problems = {name: why for one in made for name, why in one["dropped"].items()}
+    uses = [name for record in complete for name in record["objects"]]
+    problems = {name: text for record in complete for name, text in record["dropped"].items()}
     sources = [
         {"shape": file.name, "source": str(file), "licence": description.licence_of(file),
          "sha256": file_digest(file), "objects": uses.count(file.name),
@@ -114,8 +114,8 @@ def tables(
 
 
 def check_refused(records: Sequence[Mapping[str, Any]]) -> None:
-    """Raise :class:`SceneError` where more than :data:`MOST_REFUSED` of the scenes made no item."""
-    refused = [one["refused"] for one in records if "refused" in one]
+    """Raise :class:`SceneError` if more than :data:`MOST_REFUSED` of the scenes have no item."""
+    refused = [record["refused"] for record in records if "refused" in record]
     if len(refused) > MOST_REFUSED * len(records):
         raise SceneError(
             f"{len(refused)} of {len(records)} scenes made no item, the first: {refused[0]}",
@@ -124,15 +124,15 @@ def check_refused(records: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_card(
-    path: str | Path, description: Description, found: Mapping[str, Path], *, command: str,
+    path: str | Path, description: Description, files: Mapping[str, Path], *, command: str,
     code: str,
 ) -> None:  # fmt: skip
-    """Write Croissant's JSON-LD for the tables' files ``found``, which are beside the card."""
+    """Write Croissant's JSON-LD for the tables' ``files``, which are in the card's folder."""
     objects = [
         {"@type": "cr:FileObject", "@id": file.name, "name": file.name, "contentUrl": file.name,
-         "encodingFormat": "text/csv", "sha256": file_digest(file)} for file in found.values()
+         "encodingFormat": "text/csv", "sha256": file_digest(file)} for file in files.values()
     ]  # fmt: skip
-    suffixes = {Path(name).suffix for name in pd.read_csv(found["files"])["file"]}
+    suffixes = {Path(name).suffix for name in pd.read_csv(files["files"])["file"]}
     kinds = sorted(kind[1:] for kind in suffixes & set(MEDIA))
     sets = [
         {"@type": "cr:FileSet", "@id": f"{kind}-files", "name": f"{kind}-files",
@@ -140,32 +140,32 @@ def write_card(
          "encodingFormat": MEDIA[f".{kind}"] if kind == "png"
          else [AS_BYTES, MEDIA[f".{kind}"]]} for kind in kinds
     ]  # fmt: skip
-    made = pd.read_csv(found["items"])
-    worst = made["expected_db"].min() if len(made) else float("nan")
+    items = pd.read_csv(files["items"])
+    worst = items["expected_db"].min() if len(items) else float("nan")
     card = {
         "@context": read_json(CONTEXT), "@type": "sc:Dataset", "name": description.name,
         "conformsTo": "http://mlcommons.org/croissant/1.0", "version": "1.0.0",
         "license": description.licence or "unknown",
-        "description": f"{len(made)} {description.kind.replace('_', ' ')} of {description.pixels} "
+        "description": f"{len(items)} {description.kind.replace('_', ' ')} of {description.pixels} "
         f"pixels, seed {description.seed}, traced by lfcore {code}, with "
         f"`{command}`. The worst picture is expected to be {worst:.1f} dB to the true one; the "
         "expectation for each item is in items.csv, checksums in files.csv, meshes and their "
         "licences in sources.csv. "
-        f"{_properties()}{_of_kind(description)}",
+        f"{_properties()}{_kind_note(description)}",
         "distribution": [*objects, *sets],
-        "recordSet": [*(_table_records(*one) for one in RECORDS.items()),
+        "recordSet": [*(_table_records(*table) for table in RECORDS.items()),
                       *map(_file_records, kinds)],
     }  # fmt: skip
     write_json(path, card)
 
 
 def _properties() -> str:
-    said = (f"{name.replace('_', ' ')}: {value}" for name, value in PROPERTIES.items())
-    return f"All pictures have {'; '.join(said)}."
+    texts = (f"{name.replace('_', ' ')}: {value}" for name, value in PROPERTIES.items())
+    return f"All pictures have {'; '.join(texts)}."
 
 
-def _of_kind(description: Description) -> str:
-    """What readers of this kind must know."""
+def _kind_note(description: Description) -> str:
+    """Return a note for readers of this kind of data set."""
     if description.kind != "focal_stacks" or description.scenes.train == DFV_TRAINS_ON:
         return ""
     return (f" DFV's loader takes items from {DFV_TRAINS_ON} on as validation, whatever items.csv "
@@ -173,7 +173,7 @@ def _of_kind(description: Description) -> str:
 
 
 def _table_records(table: str, columns: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
-    """Croissant's records of a table, a row each."""
+    """Return Croissant's record set of a table, one record per row."""
     return {"@type": "cr:RecordSet", "@id": table, "name": table, "field": [
         {"@type": "cr:Field", "@id": f"{table}/{name}", "name": f"{table}/{name}",
          "dataType": kind, "description": meaning,
@@ -183,7 +183,7 @@ def _table_records(table: str, columns: Mapping[str, tuple[str, str]]) -> dict[s
 
 
 def _file_records(kind: str) -> dict[str, Any]:
-    """Croissant's records of all files of a kind: their path, item and content."""
+    """Return Croissant's record set of a kind of file: path, item and content."""
     fields: dict[str, tuple[str, str, dict]] = {
         "file": ("sc:Text", "the file's path", {"extract": {"fileProperty": "fullpath"}}),
         "index": (
@@ -195,7 +195,7 @@ def _file_records(kind: str) -> dict[str, Any]:
             {"extract": {"fileProperty": "content"}},
         ),
     }  # fmt: skip
-    if kind == "tar":  # of many items
+    if kind == "tar":  # a shard has many items
         del fields["index"]
     return {"@type": "cr:RecordSet", "@id": kind, "name": kind, "field": [
         {"@type": "cr:Field", "@id": f"{kind}/{name}", "name": f"{kind}/{name}",
@@ -206,8 +206,9 @@ def _file_records(kind: str) -> dict[str, Any]:
 
 
 SHOWN = 25
+"""The items on the contact sheet."""
 DEPTHS = ("depth.exr", "depth_m.exr", "gt_depth_lowres.pfm")
-"""The field of the first picture's depth, of each kind."""
+"""The fields with the first picture's depth, one per kind of data set."""
 CAPTIONS = {
     "page": "What training sees. A scene that looks odd is a mistake: please report its number.",
     "items": "Per item the first picture, the last one, and depth: near is warm, evenly in 1/m.",
@@ -218,30 +219,30 @@ CAPTIONS = {
 
 
 def drawn(description: Description, records: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Numbers of the items on the contact sheet, at random, in order."""
-    made = [one["index"] for one in records if "refused" not in one]
+    """Draw the numbers of the items on the contact sheet; return them sorted."""
+    indices = [record["index"] for record in records if "refused" not in record]
     rng = np.random.default_rng(description.seed)
-    return sorted(rng.permutation(made)[:SHOWN].tolist())
+    return sorted(rng.permutation(indices)[:SHOWN].tolist())
 
 
 def write_report(
     page: Path, description: Description, records: Sequence[Mapping[str, Any]],
     shards: Sequence[str | Path], tables: Mapping[str, Path], facts: Mapping[str, object],
 ) -> None:  # fmt: skip
-    """Write the page, ``index.html``; its figures are in the folder ``page`` beside."""
+    """Write the page, ``index.html``, and its figures into the folder ``page`` beside it."""
     folder = page.parent / "page"
     cells, labels = [], []
     for item in stored_items(shards, drawn(description, records)):
         names = [name for name in item.pictures() if name != "sharp.tif"]
         depth = item.floats(next(name for name in DEPTHS if name in item.files))
-        shown = item.codes(names[0]), item.codes(names[-1]), depth_picture(depth)
-        small = [cv2.resize(one, (160, 160), interpolation=cv2.INTER_AREA) for one in shown]
+        pictures = item.codes(names[0]), item.codes(names[-1]), depth_picture(depth)
+        small = [cv2.resize(p, (160, 160), interpolation=cv2.INTER_AREA) for p in pictures]
         cells.append(np.hstack(small))
         labels.append(f"{item.index:06d}: {item.record['expected_db']:.1f} dB")
     spread = _histograms(folder / "spread.png", description, records)
     sections = [
         Section("spread", "Depth, blur and quality", CAPTIONS["spread"], figures={"": spread}),
-        Section("refused", "What was refused", CAPTIONS["refused"], table=tables["refused"]),
+        Section("refused", "Refused scenes", CAPTIONS["refused"], table=tables["refused"]),
         Section("sources", "Shapes", CAPTIONS["sources"], table=tables["sources"]),
     ]
     if cells:
@@ -258,17 +259,17 @@ def write_report(
 def _histograms(
     path: Path, description: Description, records: Sequence[Mapping[str, Any]]
 ) -> Path:  # fmt: skip
-    made = [one for one in records if "refused" not in one]
-    blurs = np.sum([one["blurs"] for one in made if "blurs" in one], axis=0)
+    complete = [record for record in records if "refused" not in record]
+    blurs = np.sum([record["blurs"] for record in complete if "blurs" in record], axis=0)
     figure = Figure((10, 3), layout="constrained")
     axes = figure.subplots(1, 2 + np.ndim(blurs))
-    depths = np.sum([one["depths"] for one in made], axis=0) if made else np.zeros(40)
+    depths = np.sum([record["depths"] for record in complete], axis=0) if complete else np.zeros(40)
     axes[0].stairs(depths / max(depths.sum(), 1), DEPTH_BINS, fill=True)
     axes[0].set(xscale="log", xlabel="depth, m", ylabel="share of pixels")
-    if np.ndim(blurs):  # light fields have none
+    if np.ndim(blurs):  # light fields have no blur
         axes[1].stairs(blurs / max(blurs.sum(), 1), BLUR_BINS, fill=True)
         axes[1].set(xlabel="blur radius, px", yscale="log")
-    axes[-1].hist([one["expected_db"] for one in made], 20)
+    axes[-1].hist([record["expected_db"] for record in complete], 20)
     axes[-1].axvline(description.quality_db, color="black", linewidth=1)
     axes[-1].set(xlabel="expected PSNR, dB", ylabel="items")
     save_figure(path, figure)

@@ -1,7 +1,7 @@
-"""What a data set consists of: one file, checked before anything is made.
+"""The description of a data set: one file, checked before any item is made.
 
-A number that varies from scene to scene is a range, ``[low, high]`` or ``[low, high, log]``, or a
-single number.
+A number that varies between scenes is a range, ``[low, high]`` or ``[low, high, log]``, or a single
+number.
 """
 
 from __future__ import annotations
@@ -22,41 +22,44 @@ from lfcore.reading import read_yaml
 
 SPLITS = ("train", "validation", "test")
 TEXTURES = (".png", ".jpg", ".jpeg", ".webp")
+"""The suffixes of textures in a folder."""
 MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
+"""The suffixes of meshes in a folder."""
 SHAPES = (
     "ball", "block", "blob", "rod", "cone", "ring", "vase", "tower", "train", "book", "armchair",
     "plant", "table", "lamp", "globe",
 )  # fmt: skip
-"""The procedural builders, by the names that :mod:`lfcore.datasets.sample` has for them."""
+"""The procedural shapes, built by :mod:`lfcore.datasets.sample`."""
 LAMPS = ("sun", "point", "spot")
+"""The kinds of lamps."""
 
 
 class _Keys(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
-def _spelled(value: Any) -> Any:
-    """A single number as a range."""
+def _as_range(value: Any) -> Any:
+    """Return a single number or a pair as a range."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return [value, value, "even"]
     is_pair = isinstance(value, list | tuple) and len(value) == 2
     return [*value, "even"] if is_pair else value
 
 
-def _upright(value: tuple[float, float, str]) -> tuple[float, float, str]:
+def _ascending(value: tuple[float, float, str]) -> tuple[float, float, str]:
     low, high, kind = value
     if low > high:
-        raise ValueError(f"the range is upside down: {low:g} is above {high:g}")
+        raise ValueError(f"the range must ascend: {low:g} is above {high:g}")
     if kind == "log" and low <= 0:
-        raise ValueError("a range that is even in logarithms is above 0")
+        raise ValueError("a range that is even in logarithms must be above 0")
     return value
 
 
 def span(least: float, most: float) -> Any:
-    """A range between two limits."""
+    """Return the type of a range between two limits."""
     number = Annotated[float, Field(ge=least, le=most)]
     kind = tuple[number, number, Literal["even", "log"]]
-    return Annotated[kind, BeforeValidator(_spelled), AfterValidator(_upright)]
+    return Annotated[kind, BeforeValidator(_as_range), AfterValidator(_ascending)]
 
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -121,7 +124,7 @@ class Placement(_Keys):
 
 
 class Description(_Keys):
-    """A data set; :meth:`read` reads one from a file."""
+    """The description of a data set; :meth:`read` reads one from a file."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
     kind: Literal["focal_stacks", "light_fields", "defocus_pairs"]
@@ -142,37 +145,37 @@ class Description(_Keys):
     placement: Placement = Placement()
 
     @pydantic.model_validator(mode="after")
-    def _sound(self) -> Description:
+    def _consistent(self) -> Description:
         if min(self.lens.focus_m) <= self.lens.focal_length_mm / 1e3:
             raise ValueError("lens.focus_m: nearer than the lens can focus")
         if self.placement.depth_m[0] >= self.placement.wall_m[0]:
-            raise ValueError("placement.depth_m: objects are behind the wall")
+            raise ValueError("placement.depth_m: objects are beyond placement.wall_m")
         if not (self.shapes.builders or self.shapes.meshes):
             raise ValueError("shapes: neither meshes nor builders")
         return self
 
     @classmethod
-    def check(cls, given: Mapping[str, Any], *, file: str | Path | None = None) -> Description:
-        """The description of a mapping; raises :class:`SettingsError` that names the key."""
+    def check(cls, keys: Mapping[str, Any], *, file: str | Path | None = None) -> Description:
+        """Return the description of a mapping; raises :class:`SettingsError` that names the key."""
         try:
-            return cls.model_validate(given)
+            return cls.model_validate(keys)
         except pydantic.ValidationError as error:
             raise refusal(cls, error, file=file) from None
 
     @classmethod
     def read(cls, path: str | Path) -> Description:
-        """The description under the key ``dataset`` of a YAML file."""
-        given = read_yaml(path)
-        if not isinstance(given, dict) or not isinstance(given.get("dataset"), dict):
+        """Read the description under the key ``dataset`` of a YAML file."""
+        content = read_yaml(path)
+        if not isinstance(content, dict) or not isinstance(content.get("dataset"), dict):
             raise SettingsError("has no mapping 'dataset'", file=path, remedy="Begin with dataset:")
-        return cls.check(given["dataset"], file=path)
+        return cls.check(content["dataset"], file=path)
 
     @property
     def count(self) -> int:
         return sum(self.scenes.model_dump().values())
 
     def split(self, index: int) -> str:
-        """``train``, ``validation`` or ``test``: the parts are one after the other."""
+        """Return ``train``, ``validation`` or ``test``; the splits are consecutive."""
         for name in SPLITS:
             index -= getattr(self.scenes, name)
             if index < 0:
@@ -180,35 +183,35 @@ class Description(_Keys):
         raise IndexError("no such scene")
 
     def mesh_files(self) -> list[Path]:
-        """The users' meshes, by name; raises :class:`SettingsError` for an empty folder."""
+        """Return the user's meshes by name; raises :class:`SettingsError` for an empty folder."""
         return _files(self.shapes.meshes, MESHES, "shapes.meshes")
 
     def licence_of(self, mesh: Path) -> str:
-        """Licence and source of a mesh: the text of MESH.license beside it, else the key."""
-        beside = mesh.with_name(f"{mesh.name}.license")
-        if not beside.exists():
+        """Return the text of MESH.license beside a mesh, else the key ``shapes.licence``."""
+        file = mesh.with_name(f"{mesh.name}.license")
+        if not file.exists():
             return self.shapes.licence
-        return " ".join(beside.read_text(encoding="utf-8", errors="replace").split())
+        return " ".join(file.read_text(encoding="utf-8", errors="replace").split())
 
     def texture_files(self) -> list[Path]:
-        """The users' textures, by name; errors as of :meth:`mesh_files`."""
+        """Return the user's textures by name; raises the errors of :meth:`mesh_files`."""
         return _files(self.materials.textures, TEXTURES, "materials.textures")
 
     def of_scenes(self) -> dict[str, Any]:
-        """The keys that scenes depend on: a scene is the same with other splits or licences."""
+        """Return the keys that scenes depend on: not the splits and licences."""
         keys = self.model_dump(exclude={"licence", "scenes", "shards", "scenes_per_job"})
         del keys["shapes"]["licence"]
         return keys
 
     def digest(self, sources: str) -> str:
-        """The digest of these keys and of ``sources``, which has the digest of each file."""
+        """Return the digest of these keys and of ``sources``, the digests of all files."""
         keys = self.of_scenes()
         del keys["shapes"]["meshes"], keys["materials"]["textures"]
         text = json.dumps([keys, sources], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def check_files(self, room: Path | None = None) -> None:
-        """Raise :class:`SettingsError` where folders are missing or empty, or the disk of the
+        """Raise :class:`SettingsError` if folders are missing or empty, or if the disk of the
         folder ``room`` is too small."""
         self.mesh_files()
         self.texture_files()
@@ -216,14 +219,14 @@ class Description(_Keys):
             self.check_room(room)
 
     def check_room(self, folder: Path) -> None:
-        """Raise :class:`SettingsError` where the disk lacks room: shards and items, both."""
-        of_pixel = 3 * (len(self.lens.focus_m) + 3)  # bytes
+        """Raise :class:`SettingsError` if the disk lacks room for both shards and items."""
+        bytes_per_pixel = 3 * (len(self.lens.focus_m) + 3)
         if self.kind == "light_fields":  # colours and disparities of each view
             also = sum({"mat": 12, "hdf5": 11}[name] for name in self.also)
-            of_pixel = (7 + also) * self.lens.views**2
+            bytes_per_pixel = (7 + also) * self.lens.views**2
         elif self.kind == "defocus_pairs":
-            of_pixel = 3 * 5
-        needed = 2 * self.count * of_pixel * self.pixels**2
+            bytes_per_pixel = 3 * 5
+        needed = 2 * self.count * bytes_per_pixel * self.pixels**2
         free = shutil.disk_usage(folder).free
         if needed > free:
             problem = f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}"
@@ -231,11 +234,11 @@ class Description(_Keys):
             raise SettingsError(problem, file=folder, key="scenes", remedy=remedy)
 
     def batches(self) -> list[str]:
-        """The name in files of each job."""
+        """Return the names of all jobs, as in files."""
         return [f"{number:05d}" for number in range(-(-self.count // self.scenes_per_job))]
 
     def scenes_of(self, batch: str) -> range:
-        """The scenes of a job."""
+        """Return the scenes of a job."""
         start = int(batch) * self.scenes_per_job
         return range(start, min(start + self.scenes_per_job, self.count))
 
@@ -244,7 +247,7 @@ def _files(wanted: str | list[str], suffixes: tuple[str, ...], key: str) -> list
     if not wanted:
         return []
 
-    def found() -> Iterator[Path]:
+    def paths() -> Iterator[Path]:
         for entry in [wanted] if isinstance(wanted, str) else wanted:
             path = Path(entry)
             if not path.exists():
@@ -254,8 +257,8 @@ def _files(wanted: str | list[str], suffixes: tuple[str, ...], key: str) -> list
             else:
                 yield path
 
-    files = sorted(found(), key=lambda path: path.name)
+    files = sorted(paths(), key=lambda path: path.name)
     if not files:
-        problem = f"holds none of *{', *'.join(suffixes)}"
+        problem = f"has none of *{', *'.join(suffixes)}"
         raise SettingsError(problem, file=str(wanted), key=key, remedy="Name a folder with files")
     return files

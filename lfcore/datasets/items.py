@@ -1,7 +1,7 @@
-"""Items of a data set: the files of one scene, all from one tracer, and what is known of them.
+"""Items of a data set: the files of one scene, all from one tracer, and their record.
 
-Each scene of a job is a tar file as soon as it is made, all together one shard of WebDataset's.  A
-killed job finds its scenes again by the digest of what they are made of.
+Each finished item of a job is a tar file; at the end they become one shard in WebDataset's format.
+A killed job finds finished items again by the digest of their sources.
 """
 
 import io
@@ -40,22 +40,21 @@ from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
-"""Edges of the records' histogram of depths, metres."""
+"""The edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)
-"""Edges of that of blur radii, pixels; larger ones are in the last."""
-
+"""The edges of the histogram of blur radii, pixels; larger radii count in the last bin."""
 PROPERTIES = {
     "colour_space": "sRGB, IEC 61966-2-1",
     "bits_per_channel": 8,
     "noise": "none",
     "field_of_view": "that of camera.focus_m in all pictures: no focus breathing",
 }
-"""What all pictures of a data set have in common."""
+"""The common properties of all pictures in a data set."""
 
 
 @dataclass
 class Item:
-    """Files by their field, in order, the item's record, and core seconds of parts of the work."""
+    """An item: files by field, in order, its record, and core seconds of parts of the work."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
@@ -69,15 +68,14 @@ class Item:
 def make_item(
     description: Description, index: int, device: Device | str | None = None, made_of: str = ""
 ) -> Item:
-    """Sample, trace and encode scene ``index``; its record names what it is ``made_of``."""
+    """Sample, trace and encode scene ``index``; its record has ``made_of``, the sources' digest."""
     item = Item()
     with item.watch.part("scene"):
         scene, names, dropped = sample(description, index)
         tracer = open_tracer(scene, device)
     slab = Slab(scene.camera, 1, description.pixels)
-    triangle, depth = (
-        found[0] for found in tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
-    )
+    hits = tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
+    triangle, depth = (array[0] for array in hits)
     behind = np.array([material.name in BACKDROP for material in scene.every_material])
     seen = float((~behind[scene.material_ids[triangle]] & (triangle >= 0)).mean())
     if seen < description.placement.least_seen:
@@ -91,97 +89,107 @@ def make_item(
         "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
     }  # fmt: skip
     MAKERS[description.kind](item, description, tracer, depth)
-    # Of the worst picture.
+    # The worst picture counts.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
     item.record["fields"] = list(item.files)
     item.files["json"] = json.dumps(item.record).encode()
     return item
 
 
-def _focal_stack(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
-    """As FoD500: a TIFF per focus, and depth as half floats in three channels."""
-    made, focus = formed(of, tracer, of.lens.focus_m), of.lens.focus_m
-    for number, picture in enumerate(made.pictures):
+def _focal_stack(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Add files as in FoD500: a TIFF per focus, and depth as half floats in three channels."""
+    focus = description.lens.focus_m
+    rendering = formed(description, tracer, focus)
+    for number, picture in enumerate(rendering.pictures):
         item.add(f"focus{number:02d}.tif", picture)
-    _add_sharp(item, "sharp.tif", of, tracer)
+    _add_sharp(item, "sharp.tif", description, tracer)
     item.add("depth.exr", np.repeat(depth[..., None], 3, 2), half=True)
-    _note(item, of, tracer.scene.camera, depth, focus, made)
+    _note(item, description, tracer.scene.camera, depth, focus, rendering)
 
 
-def _defocus_pair(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
-    """Sharp and out of focus, with depth and the signed circle of confusion."""
-    number = item.record["index"] % len(of.lens.focus_m)
-    made = formed(of, tracer, focus := [of.lens.focus_m[number]])
-    _add_sharp(item, "sharp.png", of, tracer)
-    item.add("defocused.png", made.pictures[0])
-    item.add("coc_px.exr", blur_px(tracer.scene.camera, of.pixels, depth, focus[0]))
+def _defocus_pair(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Add a sharp and a defocused picture, depth, and the signed circle of confusion."""
+    distances = description.lens.focus_m
+    focus = [distances[item.record["index"] % len(distances)]]
+    rendering = formed(description, tracer, focus)
+    _add_sharp(item, "sharp.png", description, tracer)
+    item.add("defocused.png", rendering.pictures[0])
+    item.add("coc_px.exr", blur_px(tracer.scene.camera, description.pixels, depth, focus[0]))
     item.add("depth_m.exr", depth)
-    _note(item, of, tracer.scene.camera, depth, focus, made)
+    _note(item, description, tracer.scene.camera, depth, focus, rendering)
 
 
-def formed(of: Description, tracer: Tracer, focus: list[float]) -> Rendering:
-    """Pictures of the wanted quality at these distances, of a wider field that is cut."""
-    camera = tracer.scene.camera
+def formed(description: Description, tracer: Tracer, focus: list[float]) -> Rendering:
+    """Render pictures at these distances to the description's quality; a wider field is cropped."""
+    camera, pixels = tracer.scene.camera, description.pixels
     planes = [SensorPlane(distance, camera.f_number) for distance in focus]
     reach = max(abs(plane.delta - camera.delta) for plane in planes) * camera.lens_radius_m
-    margin = math.ceil(reach * of.pixels / camera.field_width) + 1
-    side = of.pixels + 2 * margin
-    wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / of.pixels)
-    made = QualitySearch(tracer, wide, planes, side, Quality(of.quality_db)).pictures()
+    margin = math.ceil(reach * pixels / camera.field_width) + 1
+    side = pixels + 2 * margin
+    wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / pixels)
+    quality = Quality(description.quality_db)
+    rendering = QualitySearch(tracer, wide, planes, side, quality).pictures()
     window = np.s_[:, margin : side - margin, margin : side - margin]
-    return replace(made, pictures=made.pictures[window])
+    return replace(rendering, pictures=rendering.pictures[window])
 
 
-def _add_sharp(item: Item, name: str, of: Description, tracer: Tracer) -> None:
-    """The picture through the middle of the lens."""
-    slab = Slab(tracer.scene.camera, 1, of.pixels)
-    pattern, expected_db = views.chosen(tracer, slab, [0], of.quality_db)
+def _add_sharp(item: Item, name: str, description: Description, tracer: Tracer) -> None:
+    """Add the picture through the middle of the lens."""
+    slab = Slab(tracer.scene.camera, 1, description.pixels)
+    pattern, expected_db = views.chosen(tracer, slab, [0], description.quality_db)
     item.add(name, views.view(tracer, slab, 0, pattern))
     item.record |= {"each_db": expected_db, "rays_per_pixel": views.rays_per_pixel(pattern)}
 
 
 def _note(
-    item: Item, of: Description, camera: Camera, depth: np.ndarray, focus: list[float],
-    made: Rendering,
-) -> None:  # fmt: skip
-    """Add what is known of defocused pictures to the record, which has that of the sharp one."""
+    item: Item,
+    description: Description,
+    camera: Camera,
+    depth: np.ndarray,
+    focus: list[float],
+    rendering: Rendering,
+) -> None:
+    """Add the facts of defocused pictures to the record, which has those of the sharp one."""
     rays, sharp_db = item.record["rays_per_pixel"], item.record["each_db"]
-    radii = np.abs([blur_px(camera, of.pixels, depth, distance) / 2 for distance in focus])
+    pixels = description.pixels
+    radii = np.abs([blur_px(camera, pixels, depth, distance) / 2 for distance in focus])
     item.record |= {
         "focus_m": focus,
-        "each_db": [round(float(db), 2) for db in made.expected_db] + sharp_db,
-        "rays_per_pixel": round(made.rays_per_pixel + rays, 2),
+        "each_db": [round(float(db), 2) for db in rendering.expected_db] + sharp_db,
+        "rays_per_pixel": round(rendering.rays_per_pixel + rays, 2),
         "blurs": np.histogram(np.minimum(radii, BLUR_BINS[-1]), BLUR_BINS)[0].tolist(),
     }
 
 
 def blur_px(camera: Camera, pixels: int, depth: np.ndarray, focus_m: float) -> np.ndarray:
-    """Signed diameter of the circle of confusion, pixels, float32; positive behind the focus."""
-    apart = 1 / focus_m - 1 / depth.astype(np.float64)
-    return (2 * camera.lens_radius_m * apart * pixels / camera.field_width).astype(np.float32)
+    """Return the signed diameter of the circle of confusion, pixels, float32; positive behind the
+    focus."""
+    defocus = 1 / focus_m - 1 / depth.astype(np.float64)  # dioptres
+    return (2 * camera.lens_radius_m * defocus * pixels / camera.field_width).astype(np.float32)
 
 
 # -- light fields -----------------------------------------------------------------------------
 
 
-def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray) -> None:
-    """Views and their disparities, in the layouts that are asked for."""
-    slab = Slab(tracer.scene.camera, of.lens.views, of.pixels)
-    count = slab.views**2
-    pattern, expected_db = views.chosen(tracer, slab, (0, count // 2, count - 1), of.quality_db)
+def _light_field(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Add views and their disparities, in the description's layouts."""
+    slab = Slab(tracer.scene.camera, description.lens.views, description.pixels)
+    count, side = slab.views**2, description.pixels
+    checked = (0, count // 2, count - 1)
+    pattern, expected_db = views.chosen(tracer, slab, checked, description.quality_db)
     depths = depth_of_views(tracer, slab)
-    codes = np.empty((slab.views, slab.views, of.pixels, of.pixels, 3), np.uint8)
-    for number, shown in enumerate(codes.reshape(count, *codes.shape[2:])):
-        shown[:] = srgb_codes(views.view(tracer, slab, number, pattern))
+    codes = np.empty((slab.views, slab.views, side, side, 3), np.uint8)
+    for number, picture in enumerate(codes.reshape(count, *codes.shape[2:])):
+        picture[:] = srgb_codes(views.view(tracer, slab, number, pattern))
     reach = float(depths.min()), float(depths.max())
     _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
-        if "mat" in of.also:
-            # Within 0 and 1, as BasicLFSR's scripts take them.
+        if "mat" in description.also:
+            # Values from 0 to 1, as in BasicLFSR's scripts.
             shares = codes / np.float32(255)
             arrays.mat_array(file := io.BytesIO(), shares, small=True)
             item.files["mat"] = file.getvalue()
-        if "hdf5" in of.also:
+        if "hdf5" in description.also:
             by_view = depths.reshape(codes.shape[:-1])
             arrays.hdf5_arrays(
                 file := io.BytesIO(), LF=codes, depth_lowres=by_view,
@@ -190,13 +198,13 @@ def _light_field(item: Item, of: Description, tracer: Tracer, depth: np.ndarray)
             item.files["h5"] = file.getvalue()
     item.record |= {
         "each_db": expected_db, "rays_per_pixel": float(count * views.rays_per_pixel(pattern)),
-        "focus_m": [slab.camera.focus_m], "baseline_mm": of.lens.baseline_mm,
+        "focus_m": [slab.camera.focus_m], "baseline_mm": description.lens.baseline_mm,
         "disparity_px": [float(d) for d in disparity(slab, np.array(reach[::-1]))],
     }  # fmt: skip
 
 
 def _add_hci(item: Item, slab: Slab, name: str, codes: np.ndarray, depths: np.ndarray) -> None:
-    """As HCI's 4D benchmark, with the disparity of every view."""
+    """Add files as in HCI's 4D benchmark, with the disparity of every view."""
     middle = len(depths) // 2
     for number, picture in enumerate(codes.reshape(-1, *codes.shape[2:])):
         item.add(f"input_Cam{number:03d}.png", picture)
@@ -228,31 +236,31 @@ def make_batch(
     made_of: str = "",
     finished: Finished | None = None,
 ) -> list[dict]:
-    """Make scenes ``indices``: a tar file of all, and their records as JSON.
+    """Make items ``indices``: a tar file of all, and their records as JSON.
 
-    Scenes that are whole in the folder ``drafts``, which is gone at the end, or in a ``finished``
-    data set are not made again if they are ``made_of`` the same.
+    Complete items in the folder ``drafts``, which is removed at the end, or in a ``finished`` data
+    set are kept if their sources' digest is ``made_of``.
     """
-    indices, drafts, made = list(indices), Path(drafts), []
+    indices, drafts, all_records = list(indices), Path(drafts), []
     make_folder(drafts)
     for index in indices:
         tar, record = (drafts / f"{index:06d}.{kind}" for kind in ("tar", "json"))
         if not record.exists():  # written after its tar file
             kept = finished.item(index, made_of) if finished else None
-            files, found = kept or _tried(description, index, device, made_of)
+            files, facts = kept or _make_or_refuse(description, index, device, made_of)
             write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in files.items()))
-            write_json(record, found)
-        made.append(json.loads(record.read_text(encoding="utf-8")))
+            write_json(record, facts)
+        all_records.append(json.loads(record.read_text(encoding="utf-8")))
     write_tar(shard, (file for i in indices for file in members(drafts / f"{i:06d}.tar")))
-    write_json(records, made)
+    write_json(records, all_records)
     shutil.rmtree(drafts, ignore_errors=True)
-    return made
+    return all_records
 
 
-def _tried(
+def _make_or_refuse(
     description: Description, index: int, device: Device, made_of: str
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Files and record of a scene; of one that is refused the reason."""
+    """Return files and record of an item; for a refused scene no files, and the reason."""
     start, processor = time.perf_counter(), time.process_time()
     try:
         item = make_item(description, index, device, made_of)
@@ -260,6 +268,6 @@ def _tried(
         item = Item(record={"index": index, "refused": str(error)})
     item.record["seconds"] = round(time.perf_counter() - start, 3)
     item.record["core_seconds"] = round(time.process_time() - processor, 3)
-    for part in ("scene", "files"):  # the rest is rays and pictures
+    for part in ("scene", "files"):  # the rest is tracing
         item.record[f"{part}_core_seconds"] = round(item.watch.seconds.get(part, 0.0), 3)
     return item.files, item.record

@@ -1,7 +1,7 @@
-"""Scene ``index`` of a data set: it depends on the description and the index alone.
+"""Scene ``index`` of a data set, which depends only on the description and the index.
 
-Its shapes are procedural ones and users' meshes, each in a sphere of radius 1.  Each is built once
-per process, from its name alone, so that a scene does not depend on which were made before it.
+Its shapes, procedural ones and the user's meshes, are scaled to a sphere of radius 1.  Each is
+built once per process, from its name alone, so that a scene does not depend on earlier ones.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from lfcore.datasets.description import Description
 
 UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp", "globe")
-"""Shapes that stand as they are built; others rest in one of their stable poses."""
+"""The shapes that stand as they are built; others rest in one of their stable poses."""
 LEAST_PROBABLE = 0.03
-"""The least probability of a stable pose that counts."""
+"""The least probability of a stable pose."""
 POOL = 32
 """The number of procedural textures of a data set."""
 PLAIN = Surface("plain", curved=True)
@@ -48,9 +48,18 @@ PLAIN = Surface("plain", curved=True)
 
 @dataclass(frozen=True)
 class Shape:
-    """``parts`` are within radius 1 of the origin; ``poses`` rest on y = 0, with their shares.
+    """A shape.
 
-    ``has_look`` is False where a material is to be drawn.
+    Attributes
+    ----------
+    name : str
+        The builder's or the file's name.
+    parts : list of SurfaceMesh
+        The surfaces, within radius 1 of the origin.
+    poses, shares : ndarray
+        (P, 4, 4) poses at rest on y = 0, and (P,) their probabilities.
+    has_look : bool
+        Whether it has its own material; else a material is drawn.
     """
 
     name: str
@@ -62,7 +71,7 @@ class Shape:
 
 @cache
 def builder(name: str) -> Shape:
-    """The procedural shape of one of :data:`lfcore.datasets.description.SHAPES`."""
+    """Build one of :data:`lfcore.datasets.description.SHAPES`."""
     simple: dict[str, Callable[[], SurfaceMesh]] = {
         "ball": lambda: sphere(1.0, PLAIN, segments=48, rings=32),
         "block": lambda: box((1.3, 0.9, 1.1), PLAIN),
@@ -90,7 +99,7 @@ def builder(name: str) -> Shape:
 
 @lru_cache(maxsize=256)
 def mesh(path: Path) -> Shape | SceneError:
-    """A user's mesh; an error for one that cannot be read or traced."""
+    """Read a user's mesh; return the error if it cannot be read or traced."""
     try:
         return _mesh(path)
     except SceneError as error:
@@ -104,7 +113,7 @@ def _mesh(path: Path) -> Shape:
 
 
 def _unwrapped(part: SurfaceMesh) -> SurfaceMesh:
-    """With texture coordinates from the nearest of six sides, where the part has none."""
+    """Return a part with texture coordinates; missing ones are by the nearest of six sides."""
     if part.uvs is not None:
         return part
     size = float(np.ptp(part.triangles.reshape(-1, 3), axis=0).max()) or 1.0
@@ -132,24 +141,24 @@ def _standing(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stable(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses at rest by trimesh, of the convex hull: meshes need not be closed for it."""
+    """Return poses at rest by trimesh, of the convex hull, as meshes may be open."""
     import trimesh
 
     try:
         hull = trimesh.PointCloud(np.unique(points.round(3), axis=0)).convex_hull
         poses, shares = hull.compute_stable_poses(threshold=LEAST_PROBABLE)
-    except Exception:  # Qhull refuses what is flat
+    except Exception:  # Qhull refuses flat meshes
         poses = ()
     if not len(poses):
         return _standing(points)
-    found = rotate("x", -90) @ poses  # its floor is z = 0
-    low = [(points @ pose[1, :3] + pose[1, 3]).min() for pose in found]
-    return np.array([translate(0, -y, 0) @ p for y, p in zip(low, found, strict=True)]), shares
+    turned = rotate("x", -90) @ poses  # trimesh's floor is z = 0
+    low = [(points @ pose[1, :3] + pose[1, 3]).min() for pose in turned]
+    return np.array([translate(0, -y, 0) @ p for y, p in zip(low, turned, strict=True)]), shares
 
 
 @lru_cache(maxsize=256)
 def texture(path: Path) -> np.ndarray | SceneError:
-    """(H, W, 3) uint8 of a picture file; an error for one that cannot be read."""
+    """Read a picture file as (H, W, 3) uint8; return the error if it cannot be read."""
     try:
         return read_texture(path, Where(path))
     except SceneError as error:
@@ -158,7 +167,7 @@ def texture(path: Path) -> np.ndarray | SceneError:
 
 @lru_cache(maxsize=256)
 def procedural_texture(seed: int, number: int) -> np.ndarray:
-    """(H, W, 3) uint8: texture ``number`` of a seed."""
+    """Make texture ``number`` of a seed, (H, W, 3) uint8."""
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(number,))))
     drawn = rng.random((4, 3))
     first, *more = (128 * (drawn + drawn.mean(1, keepdims=True))).astype(int).tolist()
@@ -180,12 +189,13 @@ def procedural_texture(seed: int, number: int) -> np.ndarray:
 
 
 TRIES = 40
-"""Places that are tried for an object before it is left out."""
+"""The positions that are tried before an object is left out."""
 BACKDROP = ("wall", "floor")
 """The names of the materials behind objects."""
 CONE = (math.cos(math.radians(8)), math.cos(math.radians(20)))
 """The cosines of the angles at which spots begin to fade and are dark."""
 BAKE = BakeOptions(bounces=1, error=0.05)
+"""The bake of scenes with a sky."""
 
 
 def sample_scene(description: Description | str | Path | Mapping[str, Any], index: int) -> Scene:
@@ -201,7 +211,7 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
     Returns
     -------
     Scene
-        With the description's lens, focused between the pictures that are asked for.
+        The scene, with the description's lens, focused between its focus distances.
 
     Raises
     ------
@@ -228,30 +238,30 @@ class Sample(NamedTuple):
     dropped: dict[str, str]
 
 
-def sample(given: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
-    """The sample of a number; errors as of :func:`sample_scene`."""
-    description = described(given)
+def sample(source: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
+    """Draw scene ``index``; raises the errors of :func:`sample_scene`."""
+    description = described(source)
     seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 30, index))
     return _Draw(description, np.random.Generator(np.random.Philox(seeds))).sample(index)
 
 
-def described(given: Description | str | Path | Mapping[str, Any]) -> Description:
-    """A description in any of its forms; raises :class:`SettingsError`."""
-    try:  # it is checked by pydantic, which the library itself does without
+def described(source: Description | str | Path | Mapping[str, Any]) -> Description:
+    """Return a description from any of its forms; raises :class:`SettingsError`."""
+    try:  # descriptions need pydantic, which the library does not require
         from lfcore.datasets.description import Description
     except ImportError:
         problem = "data sets need the package pydantic"
         raise SettingsError(problem, remedy="pip install 'lfcore[workflow]'") from None
-    if isinstance(given, Description):
-        return given
-    if isinstance(given, Mapping):
-        return Description.check(given)
-    assert isinstance(given, str | Path)
-    return Description.read(given)
+    if isinstance(source, Description):
+        return source
+    if isinstance(source, Mapping):
+        return Description.check(source)
+    assert isinstance(source, str | Path)
+    return Description.read(source)
 
 
 def camera_of(description: Description) -> Camera:
-    """The lens that rays are traced through, focused in the middle of the planes in dioptres."""
+    """Return the lens that is traced, focused in the middle of the planes, in dioptres."""
     lens = description.lens
     focal, sensor = lens.focal_length_mm / 1e3, lens.sensor_width_mm / 1e3
     if description.kind == "light_fields":
@@ -262,11 +272,11 @@ def camera_of(description: Description) -> Camera:
 
 
 class _Draw:
-    """One scene's draws.  World space is y up; the camera is above its origin."""
+    """The random draws of one scene.  In world space y is up; the camera is above the origin."""
 
-    def __init__(self, of: Description, rng: Rng):
-        self.of, self.rng = of, rng
-        self.meshes, self.textures = of.mesh_files(), of.texture_files()
+    def __init__(self, description: Description, rng: Rng):
+        self.description, self.rng = description, rng
+        self.meshes, self.textures = description.mesh_files(), description.texture_files()
         self.dropped: dict[str, str] = {}
 
     def span(self, limits: tuple[float, float, str]) -> float:
@@ -281,7 +291,8 @@ class _Draw:
         return options[int(self.rng.integers(len(options)))]
 
     def sample(self, index: int) -> Sample:
-        place, camera = self.of.placement, camera_of(self.of)
+        keys = self.description
+        place, camera = keys.placement, camera_of(keys)
         resting, wall = self.chance(place.share_resting), self.span(place.wall_m)
         pitch = math.radians(self.span(place.pitch_deg)) if resting else 0.0
         low, high, _ = place.depth_m
@@ -294,11 +305,11 @@ class _Draw:
             parts += [part.transformed(matrix) for part in self._dressed(shape)]
             names.append(shape.name)
         scene = Scene(
-            name=f"{self.of.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
-            ambient=triple(self.span(self.of.lights.ambient) * self._tint()),
-            focus_distances_m=tuple(self.of.lens.focus_m), **vars(assemble(parts, to_camera)),
+            name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
+            ambient=triple(self.span(keys.lights.ambient) * self._tint()),
+            focus_distances_m=tuple(keys.lens.focus_m), **vars(assemble(parts, to_camera)),
         )  # fmt: skip
-        if self.chance(self.of.lights.share_sky):
+        if self.chance(keys.lights.share_sky):
             horizon = np.array(scene.ambient)
             ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
             scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
@@ -307,11 +318,11 @@ class _Draw:
     def _placed(
         self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
     ) -> list[tuple[Shape, np.ndarray]]:
-        """Shapes and their poses in the world; no two of their spheres meet."""
+        """Draw shapes and their poses in the world; their spheres are disjoint."""
         from trimesh.transformations import random_rotation_matrix
 
-        place, to_world = self.of.placement, np.linalg.inv(to_camera)
-        found: list[tuple[Shape, np.ndarray]] = []
+        place, to_world = self.description.placement, np.linalg.inv(to_camera)
+        placed: list[tuple[Shape, np.ndarray]] = []
         spheres: list[tuple[np.ndarray, float]] = []
         for _ in range(round(self.span(place.objects))):
             shape = self._shape()
@@ -320,48 +331,50 @@ class _Draw:
                 radius = self.span(place.size) * camera.field_width * depth / 2
                 x, y = (self.rng.random(2) - 0.5) * camera.field_width * depth
                 centre = (to_world @ (x, y, depth, 1))[:3]
-                pose = random_rotation_matrix(self.rng.random(3))  # all alike probable
+                pose = random_rotation_matrix(self.rng.random(3))  # uniform
                 if floor is not None:
                     pose = self._pose_at_rest(shape)
                     centre[1] = radius * pose[1, 3]
                     pose = translate(0, -pose[1, 3], 0) @ pose
                 if self._fits(centre, radius, spheres, camera, to_camera, wall):
                     spheres.append((centre, radius))
-                    found.append((shape, translate(*centre) @ scale(radius) @ pose))
+                    placed.append((shape, translate(*centre) @ scale(radius) @ pose))
                     break
-        return found
+        return placed
 
     def _fits(
         self, centre: np.ndarray, radius: float, spheres: list[tuple[np.ndarray, float]],
         camera: Camera, to_camera: np.ndarray, wall: float,
     ) -> bool:  # fmt: skip
-        """Whether a sphere's middle is seen, not too near, before the wall, and apart from all."""
+        """Return whether a sphere is visible, not too near, before the wall, and meets no other."""
         x, y, z = (to_camera @ (*centre, 1))[:3]
         seen = max(abs(x), abs(y)) <= camera.field_width * z / 2
-        room = z - radius >= self.of.placement.depth_m[0] / 2 and -centre[2] + radius <= wall
+        room = (
+            z - radius >= self.description.placement.depth_m[0] / 2 and -centre[2] + radius <= wall
+        )
         return bool(seen and room) and all(
             np.linalg.norm(centre - other) >= radius + size for other, size in spheres
         )
 
     def _shape(self) -> Shape:
-        names = self.of.shapes.builders
-        if self.meshes and (not names or self.chance(self.of.shapes.share_of_meshes)):
+        names = self.description.shapes.builders
+        if self.meshes and (not names or self.chance(self.description.shapes.share_of_meshes)):
             return self._picked(mesh, self.meshes)
         return builder(self.pick(names))
 
     def _picked(self, load: Callable[[Path], Any], files: list[Path]) -> Any:
-        """One of the files at random; the next one in place of one that cannot be read, so that
-        other scenes stay as they are."""
+        """Draw and load one of the files; the next file replaces an unreadable one, so that other
+        scenes do not change."""
         first = int(self.rng.integers(len(files)))
         for file in (*files[first:], *files[:first]):
             loaded = load(file)
             if not isinstance(loaded, SceneError):
                 return loaded
             self.dropped[file.name] = str(loaded)
-        raise SceneError("can be read no more than the others", file=files[first])
+        raise SceneError("cannot be read, nor can any other file", file=files[first])
 
     def _pose_at_rest(self, shape: Shape) -> np.ndarray:
-        """A pose on y = 0, turned about the upright axis through the sphere's middle."""
+        """Draw a pose on y = 0, turned about the vertical axis through the sphere's middle."""
         along = np.cumsum(shape.shares / shape.shares.sum())
         pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
         turn = rotate("y", 360 * float(self.rng.random()))
@@ -370,7 +383,7 @@ class _Draw:
     def _dressed(self, shape: Shape) -> Parts:
         if shape.has_look:
             return shape.parts
-        surface, repeats = self._surface(shape.name), self.span(self.of.materials.repeats)
+        surface, repeats = self._surface(shape.name), self.span(self.description.materials.repeats)
         flat = replace(surface, curved=False)
         return [
             replace(
@@ -382,19 +395,19 @@ class _Draw:
         ]
 
     def _surface(self, name: str) -> Surface:
-        of = self.of.materials
-        colour, shown = self._colour(), None
-        if self.chance(of.share_textured):
+        keys = self.description.materials
+        colour, picture = self._colour(), None
+        if self.chance(keys.share_textured):
             number = int(self.rng.integers(POOL))
-            shown = (
+            picture = (
                 self._picked(texture, self.textures) if self.textures
-                else procedural_texture(self.of.seed, number)
+                else procedural_texture(self.description.seed, number)
             )  # fmt: skip
             colour = 0.6 + 0.4 * colour
-        metal = float(name not in BACKDROP and self.chance(of.share_metal))
+        metal = float(name not in BACKDROP and self.chance(keys.share_metal))
         return Surface(
-            name, triple(colour), metallic=metal, roughness=self.span(of.roughness), texture=shown,
-            curved=name not in (*BACKDROP, "block"),
+            name, triple(colour), metallic=metal, roughness=self.span(keys.roughness),
+            texture=picture, curved=name not in (*BACKDROP, "block"),
         )  # fmt: skip
 
     def _colour(self) -> np.ndarray:
@@ -402,23 +415,24 @@ class _Draw:
         return np.minimum(0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5, 0.95)
 
     def _tint(self) -> np.ndarray:
-        """From the light of a lamp to that of the sky."""
+        """Draw a colour from lamp light to sky light."""
         warm = float(self.rng.random())
         return np.array([0.85 + 0.15 * warm, 0.93, 1.0 - 0.2 * warm])
 
     def _lights(self, to_camera: np.ndarray, wall: float) -> list[Light]:
-        """Lamps above; points and spots are twice as far from the scene's middle as the wall."""
-        of = self.of.lights
-        count, strength = round(self.span(of.count)), self.span(of.strength)
+        """Draw lamps above the scene; points and spots are twice as far from its middle as the
+        wall."""
+        keys = self.description.lights
+        count, strength = round(self.span(keys.count)), self.span(keys.strength)
         parts = self.rng.random(count) + 0.2
         lights = []
         for part in (strength * parts / parts.sum()).tolist():
             angle = math.radians(160 * (float(self.rng.random()) - 0.5))
-            rise = math.radians(self.span(of.elevation_deg))
+            rise = math.radians(self.span(keys.elevation_deg))
             level = math.cos(rise)
             towards = np.array([level * math.sin(angle), math.sin(rise), level * math.cos(angle)])
             vector = to_camera[:3, :3] @ towards
-            colour, kind = triple(part * self._tint()), self.pick(of.kinds)
+            colour, kind = triple(part * self._tint()), self.pick(keys.kinds)
             if kind == "sun":
                 lights.append(Light(DIRECTIONAL, triple(vector), colour))
                 continue
@@ -429,14 +443,14 @@ class _Draw:
         return lights
 
     def _backdrop(self, wall: float, height: float, resting: bool) -> Parts:
-        """A wall behind all, and the floor."""
+        """Draw a wall behind everything, and the floor if objects are ``resting``."""
         side = 8 * wall
-        repeats = 2 * self.span(self.of.materials.repeats) / wall
+        repeats = 2 * self.span(self.description.materials.repeats) / wall
         at = (-side / 2, height - side / 2, -wall)
         upright = rectangle(at, (side, 0, 0), (0, side, 0), self._surface("wall"), repeat=repeats)
         if not resting:
             return [upright]
-        repeats = 2 * self.span(self.of.materials.repeats)
+        repeats = 2 * self.span(self.description.materials.repeats)
         floor = self._surface("floor")
         start = (-side / 2, 0, side / 2)
         return [upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)]

@@ -1,7 +1,7 @@
-"""Items of a data set on disk: shards of WebDataset's, folders as each kind's readers want them.
+"""Items of a data set on disk: WebDataset's shards, or folders as readers of each kind need them.
 
-Items are read field by field.  Those of a finished data set are kept where another description, or
-other code, would make them again.
+Items are read field by field.  When a description or the code changes, unaffected items of a
+finished data set are kept.
 """
 
 import csv
@@ -27,7 +27,7 @@ from lfcore.pictures import by_opencv
 
 
 def place_of(kind: str, split: str, index: int, name: str) -> str:
-    """Where the file of a field is in the folder of a data set."""
+    """Return the path of a field's file in the folder of a data set."""
     if kind == "focal_stacks":  # one folder: training, then validation
         name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
         named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json"}.get(name, name)
@@ -46,13 +46,13 @@ def write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
         tarfile.open(fileobj=file, mode="w|", format=tarfile.USTAR_FORMAT) as whole,
     ):
         for name, data in files:
-            member = tarfile.TarInfo(name)  # no time, no owner: equal scenes are equal bytes
+            member = tarfile.TarInfo(name)  # without time and owner: same scene, same bytes
             member.size = len(data)
             whole.addfile(member, io.BytesIO(data))
 
 
 def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:
-    """(name, content) of the files in a tar file."""
+    """Yield (name, content) of the files in a tar file."""
     try:
         with tarfile.open(tar) as whole:
             for member in whole:
@@ -64,8 +64,8 @@ def members(tar: str | Path) -> Iterator[tuple[str, bytes]]:
 
 
 def unpack(description: Description, shards: Iterable[str | Path], folder: Path) -> None:
-    """Lay the items out as the kind's readers want them, or in shards; each item's record is
-    completed by its split."""
+    """Write the items as readers of their kind need them, or as shards; each item's record gets its
+    split."""
 
     def completed(shard: str | Path) -> Iterator[tuple[str, bytes]]:
         for name, data in members(shard):
@@ -92,27 +92,40 @@ def unpack(description: Description, shards: Iterable[str | Path], folder: Path)
 
 @dataclass(frozen=True)
 class Finished:
-    """The items of a finished data set, ``sums`` with the digest of each of its files."""
+    """The items of a finished data set.
+
+    Attributes
+    ----------
+    data : Path
+        The folder of items.
+    description : Description
+        The description of the data set.
+    sums : dict
+        The SHA-256 of each file.
+    seconds : dict
+        The times of each item, as texts.
+    """
 
     data: Path
-    of: Description
+    description: Description
     sums: dict[str, str]
     seconds: dict[str, dict[str, str]]
 
     @classmethod
     def at(cls, folder: Path) -> "Finished | None":
-        """The data set of a folder; None where there is none."""
+        """Return the data set in a folder; None if there is none."""
         try:
-            of = Description.check(read_json(folder / "description.yaml")["dataset"])
+            keys = read_json(folder / "description.yaml")["dataset"]
             files, seconds = (_rows(folder / f"{name}.csv") for name in ("files", "seconds"))
             sums = {row["file"]: row["sha256"] for row in files}
-            return cls(folder / "data", of, sums, {row.pop("index"): row for row in seconds})
+            times = {row.pop("index"): row for row in seconds}
+            return cls(folder / "data", Description.check(keys), sums, times)
         except (OSError, ValueError, KeyError, LfcoreError):
             return None
 
     def item(self, index: int, made_of: str) -> tuple[dict[str, bytes], dict[str, Any]] | None:
-        """Files and record of an item that was made of the same, unless a file has changed."""
-        if index >= self.of.count or str(index) not in self.seconds:
+        """Return files and record of an item with the same ``made_of`` and unchanged files."""
+        if index >= self.description.count or str(index) not in self.seconds:
             return None
         try:
             record = json.loads(self._file(index, "json"))
@@ -127,13 +140,13 @@ class Finished:
         return files, record | times
 
     def _file(self, index: int, name: str) -> bytes:
-        if self.of.shards:
-            place = f"{index // self.of.scenes_per_job:05d}.tar"
-            with tarfile.open(self.data / place) as shard:
+        if self.description.shards:
+            path = f"{index // self.description.scenes_per_job:05d}.tar"
+            with tarfile.open(self.data / path) as shard:
                 return cast(Any, shard.extractfile(f"{index:06d}.{name}")).read()
-        place = place_of(self.of.kind, self.of.split(index), index, name)
-        data = (self.data / place).read_bytes()
-        if sha256(data).hexdigest() != self.sums[place]:
+        path = place_of(self.description.kind, self.description.split(index), index, name)
+        data = (self.data / path).read_bytes()
+        if sha256(data).hexdigest() != self.sums[path]:
             raise ValueError("was edited")
         return data
 
@@ -159,20 +172,20 @@ class StoredItem:
         return [name for name in self.files if name.endswith((".tif", ".png"))]
 
     def codes(self, name: str) -> np.ndarray:
-        """(H, W, 3) uint8."""
+        """Return a picture, (H, W, 3) uint8."""
         return cast(np.ndarray, by_opencv(self.files[name]))
 
     def floats(self, name: str) -> np.ndarray:
-        """(H, W) float32 of an EXR, the first channel, or of a PFM."""
+        """Return (H, W) float32 of a PFM, or of an EXR's first channel."""
         if name.endswith(".pfm"):
             return self.codes(name)
         return read_exr(io.BytesIO(self.files[name]))[0][..., 0].astype(np.float32)
 
 
 def stored_items(shards: Iterable[str | Path], indices: Iterable[int]) -> Iterator[StoredItem]:
-    """Some items, one at a time."""
+    """Yield items ``indices``, one at a time."""
     wanted = set(indices)
     for shard in shards:
-        for index, group in groupby(members(shard), lambda one: int(one[0].partition(".")[0])):
+        for index, group in groupby(members(shard), lambda file: int(file[0].partition(".")[0])):
             if index in wanted:
                 yield StoredItem(index, {name.partition(".")[2]: data for name, data in group})

@@ -1,7 +1,7 @@
-"""Pinhole views of a quality that is asked for: as many rays per pixel as disagreement shows.
+"""Pinhole views to a requested quality, with as many rays per pixel as it needs.
 
-A view is the mean of one square grid of rays in each pixel, or of two that are displaced by half a
-step: an edge along the pixels then crosses twice as many rows of rays.
+A view is the mean of one square grid of rays per pixel, or of two, displaced by half a step: an
+edge along the pixels then crosses twice as many rows of rays.
 """
 
 import math
@@ -17,12 +17,13 @@ from lfcore.optics.slab import Slab
 from lfcore.tracing.tracer import Tracer
 
 Pattern = tuple[int, int]
-"""Rays per pixel and side of a grid, and the number of grids."""
+"""The rays per side of a grid in a pixel, and the number of grids."""
 PATTERNS: tuple[Pattern, ...] = ((2, 1), (2, 2), (3, 2), (4, 2), (6, 2), (8, 2), (12, 2))
+"""The patterns to choose from, in ascending quality."""
 FOOTPRINT = {1: 1.0, 2: 0.7}
-"""The width that textures are filtered over, in steps of a grid, by the number of grids."""
+"""The width of the texture filter in steps of a grid, by the number of grids."""
 MARGIN_DB = 1.0
-"""What is subtracted from the disagreement with the next pattern, in dB."""
+"""The dB that are subtracted from the difference to the next pattern."""
 
 
 def rays_per_pixel(pattern: Pattern) -> int:
@@ -31,7 +32,7 @@ def rays_per_pixel(pattern: Pattern) -> int:
 
 
 def view(tracer: Tracer, slab: Slab, number: int, pattern: Pattern) -> np.ndarray:
-    """(H, W, 3) float32, linear light: the view of lens sample ``number``, row by row."""
+    """Trace the view of lens sample ``number``, counted row by row: (H, W, 3) float32, linear."""
     side, grids = pattern
     fine = slab.resized(side * slab.pixels)
     sets = [
@@ -52,20 +53,20 @@ def view(tracer: Tracer, slab: Slab, number: int, pattern: Pattern) -> np.ndarra
 def chosen(
     tracer: Tracer, slab: Slab, numbers: Sequence[int], quality_db: float
 ) -> tuple[Pattern, list[float]]:
-    """The first pattern of the quality, and the PSNR to expect of views ``numbers``, sRGB.
+    """Return the first pattern with the quality, and the expected PSNR of views ``numbers``, sRGB.
 
-    The error of a view is about its difference from the same view of the next pattern.
+    We estimate the error of a view by its difference to the same view with the next pattern.
     """
-    shown = [srgb_encode(view(tracer, slab, number, PATTERNS[0])) for number in numbers]
+    pictures = [srgb_encode(view(tracer, slab, number, PATTERNS[0])) for number in numbers]
     expected: list[float] = []
     for pattern, following in pairwise(PATTERNS):
         finer = [srgb_encode(view(tracer, slab, number, following)) for number in numbers]
-        apart = [np.square(a - b).mean() for a, b in zip(shown, finer, strict=True)]
-        expected = [round(-10 * math.log10(max(float(e), 1e-12)) - MARGIN_DB, 2) for e in apart]
+        errors = [np.square(a - b).mean() for a, b in zip(pictures, finer, strict=True)]
+        expected = [round(-10 * math.log10(max(float(e), 1e-12)) - MARGIN_DB, 2) for e in errors]
         if min(expected) >= quality_db:
             return pattern, expected
-        shown = finer
+        pictures = finer
     raise OpticsError(
-        f"{quality_db:g} dB takes more than {rays_per_pixel(pattern)} rays per pixel of a view, "
-        f"which reach {min(expected):.1f} dB", key="quality_db", remedy="Ask for less",
+        f"{quality_db:g} dB needs more than {rays_per_pixel(pattern)} rays per pixel of a view, "
+        f"which reach {min(expected):.1f} dB", key="quality_db", remedy="Request fewer dB",
     )  # fmt: skip

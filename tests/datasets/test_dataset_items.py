@@ -175,7 +175,7 @@ def test_a_broken_mesh_is_left_out_and_scenes_without_it_stay(device, tmp_path):
     for k in (0, 2):
         (tmp_path / f"{k}.ply").write_bytes(b"ply\nnonsense")
     sampling.mesh.cache_clear()
-    refused("can be read no more than the others", sample, of, dropped[0])
+    refused("cannot be read", sample, of, dropped[0])
 
 
 def test_a_set_in_which_much_is_refused_is_none():

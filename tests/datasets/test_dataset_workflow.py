@@ -55,9 +55,9 @@ def whole(folder):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("{placement: {size: [2, 1]}}", "upside down: 2 is above 1"),
+        ("{placement: {size: [2, 1]}}", "2 is above 1"),
         ("{shapes: {meshes: nowhere}}", "nowhere: shapes.meshes: no such file or folder"),
-        ("{materials: {textures: scenes}}", "materials.textures: holds none of"),
+        ("{materials: {textures: scenes}}", "materials.textures: has none of"),
         ("{qualty_db: 30}", "qualty_db: unknown key. Did you mean 'quality_db'"),
         ("{quality_db: 100}", "4 of 4 scenes made no item"),
     ],
