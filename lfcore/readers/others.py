@@ -61,9 +61,9 @@ LOST = {
 def read_other(
     path: Path, notebook: Notebook, shading: str, crease_deg: float
 ) -> list[SurfaceMesh]:
-    """The parts of a file, metres, y up; what trimesh does not read is counted and noted.
+    """The parts of a file, metres, y up; parts that trimesh ignores are counted and noted.
 
-    Raises :class:`SceneError` for what is damaged, and names the package that is missing.
+    Raises :class:`SceneError` for a damaged file, or names the missing package.
     """
     kind, account = path.suffix.lower(), Account(notebook, path)
     data = read_bytes(path, LARGEST_MESH, "mesh file")
@@ -71,16 +71,16 @@ def read_other(
     with without_ghostscript():
         parts = parts_of(_load(path, data, account), path, shading=shading, crease_deg=crease_deg)
     for suffixes, elements in LOST.items():
-        for element, what in elements.items() if kind in suffixes else ():
+        for element, things in elements.items() if kind in suffixes else ():
             number = len(re.findall(rb"<(?:\w+:)?%s\b" % element.encode(), text))
-            account.hold(what, number)
+            account.hold(things, number)
             if number:
-                account.lose(what, LEFT_OUT, what, number)
+                account.lose(things, LEFT_OUT, things, number)
     if re.search(rb"<vcount>[^<]*\b(?:[4-9]|\d\d)", text):
         notebook.add(ASSUMED, path, "all its polygons are convex")
-    for what, number in (("parts", len(parts)), ("triangles", sum(part.count for part in parts))):
-        account.hold(what, number)
-        account.use(what, number)
+    for things, number in (("parts", len(parts)), ("triangles", sum(part.count for part in parts))):
+        account.hold(things, number)
+        account.use(things, number)
     account.close()
     return transform_all(parts, _to_metres(path, kind, text))
 
@@ -121,9 +121,9 @@ def _to_metres(path: Path, kind: str, text: bytes) -> np.ndarray:
         if name not in UNITS:
             raise Where(path).error(f"unit {name!r} is not known", f"Give {', '.join(UNITS)}")
         return rotate("x", -90) @ scale(UNITS[name])
-    given = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)", text)
+    unit_tag = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)", text)
     try:
-        metres = float(given[1]) if given else 1.0
+        metres = float(unit_tag[1]) if unit_tag else 1.0
     except ValueError:
         metres = 0.0
     if not 1e-12 < metres < 1e12:
@@ -162,12 +162,12 @@ def _load(path: Path, data: bytes, account: Account) -> Any:
         def get(self, name: str) -> bytes:
             account.hold("side files")
             try:
-                found = read_bytes(path.parent / name.strip(), LARGEST_TEXT)
+                content = read_bytes(path.parent / name.strip(), LARGEST_TEXT)
             except SceneError:
                 account.lose("side files", LEFT_OUT, f"file {name!r}, which cannot be read")
                 raise
             account.use("side files")
-            return found
+            return content
 
     suffix = path.suffix.lower()
     kind = suffix[1:]
@@ -185,7 +185,7 @@ def _load(path: Path, data: bytes, account: Account) -> Any:
     except ImportError as error:
         remedy = f"Install {PACKAGES.get(suffix, error.name)}, or export the mesh as GLB"
         raise Where(path).error(f"a package is missing: {error.name}", remedy) from None
-    except Exception as error:  # trimesh's readers raise whatever they stumble over
+    except Exception as error:  # trimesh's readers raise many kinds of errors
         reason = f"it is damaged, or no {suffix.lstrip('.').upper()} file"
         remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
         raise Where(path).error(f"mesh cannot be read: {reason}", remedy) from error
