@@ -37,7 +37,7 @@ from lfcore.api import load_scene
 from lfcore.baking.bake import bake_light
 from lfcore.baking.bounces import MOST_BOUNCES
 from lfcore.colour import srgb_encode
-from lfcore.evaluation.figures import contact_sheet, save_figure
+from lfcore.evaluation.figures import contact_sheet
 from lfcore.evaluation.true_picture import BORDER
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
@@ -197,18 +197,24 @@ def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
     one, two, near = np.swapaxes(truths, 0, 1)
     middle, half = (pictures + near) / 2, np.maximum(abs(pictures - near) / 2, 1e-4)
     slope = (srgb_encode(middle + half) - srgb_encode(middle - half)) / (2 * half)
-    border = math.ceil(BORDER * pictures.shape[1])
     errors = slope**2 * (pictures - one) * (pictures - two)
-    return -10 * math.log10(max(errors[:, border:-border, border:-border].mean(), 1e-9))
+    return -10 * math.log10(_mean_or_noise(errors.mean(-1)))
 
 
 def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
     """Return the root mean square error of pictures, relative to the light; noise cancels, too."""
     one, two, near = (picture.mean(-1) for picture in np.swapaxes(truths, 0, 1))
     level = np.maximum(near, DARK * near.mean())
-    border = math.ceil(BORDER * pictures.shape[1])
-    errors = (pictures.mean(-1) - one) * (pictures.mean(-1) - two) / level**2
-    return math.sqrt(max(errors[:, border:-border, border:-border].mean(), 0.0))
+    made = pictures.mean(-1)
+    return math.sqrt(_mean_or_noise((made - one) * (made - two) / level**2))
+
+
+def _mean_or_noise(errors: np.ndarray) -> float:
+    """The mean of pixels (F, M, M) within the border, or its double standard error, if noise
+    hides it: errors are at most as large."""
+    border = math.ceil(BORDER * errors.shape[1])
+    inner = errors[:, border:-border, border:-border]
+    return max(float(inner.mean()), 2 * float(inner.std()) / math.sqrt(inner.size))
 
 
 def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
@@ -233,32 +239,10 @@ def _said(row: dict) -> dict:
     return row
 
 
-def figure(table: pd.DataFrame, path: Path) -> None:
-    """Draw the dB of a pinhole's picture over core seconds of the bake, a line per scene."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(5.2, 3.6))
-    axis = drawn.subplots()
-    for name, rows in table[table.part == "bake"].groupby("scene", sort=False):
-        seconds, dB = rows["core s"].astype(float), rows["dB"].astype(float)
-        axis.plot(seconds, dB, "o-", label=name)
-        for k, (x, y, setting) in enumerate(zip(seconds, dB, rows["setting"], strict=True)):
-            label = setting.removeprefix("error ").removesuffix(" cells")
-            offset, side = ((-4, 4), "right") if k % 2 else ((3, -9), "left")
-            axis.annotate(label, (x, y), offset, textcoords="offset points", ha=side, fontsize=7)
-    axis.axhline(40, color="0.6", lw=0.8, ls="--")
-    axis.set(xscale="log", xlabel="core seconds of the bake, for an error, with cells",
-             xlim=(0.9, 140), ylabel="PSNR to Mitsuba's path, dB")  # fmt: skip
-    axis.xaxis.set_minor_formatter("")
-    axis.set_xticks([1, 2, 5, 10, 20, 50, 100], "1 2 5 10 20 50 100".split())
-    axis.legend()
-    save_figure(path, drawn)
-
-
 SHOWN = {
-    "bake": ["core s", "MiB", "expected", "real", "dB"],
-    "planes": ["core s", "bake core s", "a tenth from plane", "dB"],
-    "price": ["price"],
+    "bake": ["core s", "MiB", "expected", "real", "dB", "pixels"],
+    "planes": ["core s", "bake core s", "a tenth from plane", "dB", "commit"],
+    "price": ["price", "commit"],
 }
 """The published columns of each part."""
 
@@ -274,7 +258,6 @@ def shown(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def main() -> None:
     parser = parser_of(__doc__ or "", scenes=(*MADE, *PATHS), pixels=192)
-    parser.add_argument("--figure", type=Path)
     parser.add_argument("--pictures", type=Path, help="folder of pictures and differences")
     parts = ("planes", "cycles", "price")
     parser.add_argument("--parts", nargs="*", default=(), choices=parts, help="beside bakes")
@@ -282,6 +265,7 @@ def main() -> None:
     parser.add_argument("--converged", type=int, default=128, help="samples of converged pictures")
     parser.add_argument("--repeats", type=int, default=50)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--note", default="", help="sentence below the tables")
     options = parser.parse_args()
     rows: list[dict] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -299,11 +283,9 @@ def main() -> None:
             if options.pictures:
                 cells = [(picture, label) for label, picture in kept.items()]
                 contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
-    new = pd.DataFrame(rows).assign(pixels=options.pixels)
-    table = with_kept(new, options.out, "scene", "part")
-    report(options.out, "python -m benchmarks.light", table, shown=shown(table))
-    if options.figure:
-        figure(table, options.figure)
+    made = pd.DataFrame(rows).assign(pixels=options.pixels)
+    table = with_kept(made, options.out, "scene", "part")
+    report(options.out, "python -m benchmarks.light", table, options.note, shown(table))
 
 
 if __name__ == "__main__":

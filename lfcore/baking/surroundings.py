@@ -7,6 +7,7 @@ from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
+from lfcore.scene.needs import emitting_triangles
 from lfcore.scene.sky import radiance, suns
 from lfcore.tracing.tracer import Tracer
 
@@ -68,10 +69,7 @@ class Surroundings:
         self.rays = 0
         self.lens = scene.camera.lens_radius_m * np.array(_LENS_POINTS)
         self._read_materials()
-        of_light = np.zeros(scene.triangle_count, bool)
-        for light in scene.lights:
-            of_light[light.own[0] : light.own[1]] = True
-        self.emits = (self.emission.max(1, initial=0) > 0)[scene.material_ids] & ~of_light
+        self.emits = emitting_triangles(scene)
 
     def _read_materials(self) -> None:
         materials, has_uvs = self.scene.every_material, len(self.scene.uvs)

@@ -66,7 +66,7 @@ def _of_discs(around: Surroundings, points: Points, seeds: np.ndarray) -> np.nda
         return np.zeros(len(points))
     disc = mean_colour(around.scene.sky - around.sky).ravel()
     texels = np.flatnonzero(disc > 0)
-    side = len(around.sky)
+    side = len(around.scene.sky)
     light = disc[texels] * solid_angles(side).ravel()[texels] / math.pi
     ends = np.cumsum(light, dtype=np.float64)
     choice = np.searchsorted(ends, samples(seeds, 0, 1)[0][:, 0] * ends[-1])

@@ -24,6 +24,7 @@ from lfcore.scene.emitters import POINTS
 from lfcore.scene.files import read_scene
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
+from lfcore.scene.reflections import with_reflection_notes
 
 EXAMPLE = Path(__file__).parents[1] / "scene" / "example.yaml"
 """The scene that comes with the package; its name is enough."""
@@ -229,6 +230,6 @@ def _check_up(up: str | None, path: Path) -> None:
 def _pbrt(path: Path, light_points: int) -> Scene:
     from lfcore.readers.pbrt.build import build_pbrt_scene  # a package of its own, seldom needed
 
-    scene = build_pbrt_scene(path, light_points=light_points)
+    scene = with_reflection_notes(build_pbrt_scene(path, light_points=light_points), path)
     distances = framing.default_focus_distances(scene.camera, scene.triangles)
     return within_limits(dataclasses.replace(scene, focus_distances_m=distances), path)

@@ -26,6 +26,7 @@ from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
 from lfcore.scene.notes import APPROXIMATED, ASSUMED, FIRST_POSE, NOT_USED, Note, Notebook
+from lfcore.scene.reflections import with_reflection_notes
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
@@ -114,6 +115,7 @@ def build(
         scene = studio.lit(scene, to_camera)
     if in_studio if floor is None else floor:
         scene = studio.on_floor(scene, extent, to_camera, apart=not floor)
+    scene = with_reflection_notes(scene, file)
     if alone:
         what = "a sky" if floor is False else "a sky and a floor"
         note = Note(ASSUMED, file, 0, f"{what}; bare=True leaves it out")

@@ -75,6 +75,15 @@ FLAT_NORMALS = 1e-5
 """The least difference between the corners' normals of a curved triangle."""
 
 
+def emitting_triangles(scene: Scene) -> np.ndarray:
+    """Return the mask (T,) of triangles that emit and are not part of a light."""
+    emits = np.array([any(material.emission) for material in scene.every_material], bool)
+    emitting = emits[scene.material_ids]
+    for light in scene.lights:
+        emitting[light.own[0] : light.own[1]] = False
+    return emitting
+
+
 @dataclass(frozen=True)
 class Needs:
     """The features that affect a scene's picture.

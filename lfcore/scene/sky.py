@@ -98,12 +98,16 @@ def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
     light = sky.mean(-1, dtype=np.float64)
     bright = light > SUN_CONTRAST * (light * angles).sum() / (4 * math.pi)
     count, labels = cv2.connectedComponents(bright.astype(np.uint8))
-    numbers = labels.ravel()
     if count < 2:
         return sky, []
+    for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        for one, other in zip(edge, edge[::-1], strict=True):  # the map's fold joins their texels
+            if one and other and one != other:
+                labels[labels == other] = one
+    numbers = labels.ravel()
     size = np.bincount(numbers, angles.ravel(), count)
     power = np.bincount(numbers, (light * angles).ravel(), count)
-    small = np.flatnonzero(size <= WIDEST_SUN)
+    small = np.flatnonzero((size > 0) & (size <= WIDEST_SUN))
     small = small[small > 0]
     rest, lights = sky.copy(), []
     base = sky[~bright].mean(0)

@@ -325,6 +325,15 @@ def test_a_sun_is_one_light_and_the_rest_is_a_sky():
     assert suns(np.ones((8, 8, 3), np.float32))[1] == []
 
 
+@pytest.mark.parametrize("towards", [(0.6, 0, -0.8), (0, -0.8, -0.6), (0, 0, -1)])
+def test_a_sun_across_the_fold_of_the_map_is_one_light(towards):
+    sky = np.ones((64, 64, 3), np.float32)
+    sky[texel_directions(64) @ towards > np.cos(0.05)] = 1e4
+    rest, (sun,) = suns(sky)
+    assert rest.max() == 1
+    assert np.dot(sun.vector, towards) > np.cos(0.01)
+
+
 def test_a_panorama_is_where_the_page_says():
     """World -z in its middle, +x to the right, y up; turned to the right."""
     picture = np.zeros((64, 128, 3), np.float32)

@@ -189,6 +189,8 @@ SAID = {
     "left out: animation 'bounce'; the file's pose is shown",
     "left out: extension KHR_materials_clearcoat: a clear coat; the scene keeps its numbers",
     "left out: material 'bumps': baked shadows",
+    "left out: reflections of emitting surfaces (lamp, sign) in glossy ones (gold, bands, bumps)",
+    "left out: reflections of things near metals (gold, bands), which reflect sky and lights alone",
     "approximated: material 'veil': transparency; cut out where most light passes",
 }
 
