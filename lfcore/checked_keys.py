@@ -1,7 +1,7 @@
 """Mistakes in mappings of keys that pydantic checks, in words for the user."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -40,10 +40,12 @@ def refusal(model: type[BaseModel], error: ValidationError, **where: Any) -> Set
             problem = f"{shown} is not a value of this key"
         case "missing":
             problem = "is missing"
+        case "value_error" if isinstance(first["input"], Mapping):  # of several keys
+            problem = first["msg"].removeprefix("Value error, ")
     key = ".".join(place)[:200]
     if "key" in where:
-        key = f"{where.pop('key')}: {key}"
-    return SettingsError(problem, key=key or None, remedy=remedy, **where)
+        key = f"{where['key']}: {key}" if key else where["key"]
+    return SettingsError(problem, **where | {"key": key or None}, remedy=remedy)
 
 
 def _place(model: Any, mistake: Any) -> tuple[list[str], str, list[str]]:

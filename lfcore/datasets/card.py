@@ -117,8 +117,9 @@ def check_refused(records: Sequence[Mapping[str, Any]]) -> None:
     """Raise :class:`SceneError` if more than :data:`MOST_REFUSED` of the scenes have no item."""
     refused = [record["refused"] for record in records if "refused" in record]
     if len(refused) > MOST_REFUSED * len(records):
+        first = refused[0].removesuffix(".")
         raise SceneError(
-            f"{len(refused)} of {len(records)} scenes made no item, the first: {refused[0]}",
+            f"{len(refused)} of {len(records)} scenes made no item, the first: {first}",
             key="dataset", remedy="The data set of an earlier run, if any, was left as it is",
         )  # fmt: skip
 

@@ -35,7 +35,9 @@ LAMPS = ("sun", "point", "spot")
 
 
 class _Keys(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, frozen=True, validate_default=True
+    )
 
 
 def _as_range(value: Any) -> Any:
@@ -68,9 +70,9 @@ _key: Any = Field
 
 
 class Counts(_Keys):
-    train: int = _key(400, ge=0, le=10**7)
-    validation: int = _key(100, ge=0, le=10**7)
-    test: int = _key(0, ge=0, le=10**7)
+    train: int = _key(400, ge=0, le=10**7, description="number of scenes; the first ones")
+    validation: int = _key(100, ge=0, le=10**7, description="number of those that follow")
+    test: int = _key(0, ge=0, le=10**7, description="number of the last ones")
 
 
 class Shapes(_Keys):
@@ -86,22 +88,22 @@ class Materials(_Keys):
     textures: str = _key("", description="a folder of pictures; empty: procedural ones")
     share_textured: Share = _key(0.85, description="of objects and walls that have no texture")
     repeats: span(0.1, 100) = _key((1, 4, "log"), description="of a texture over an object")
-    share_metal: Share = 0.15
-    roughness: span(0.02, 1) = (0.15, 1, "even")
+    share_metal: Share = _key(0.15, description="of objects")
+    roughness: span(0.02, 1) = _key((0.15, 1, "even"), description="of objects")
 
 
 class Lights(_Keys):
     kinds: list[Literal[LAMPS]] = _key(list(LAMPS), min_length=1, description="of lamps")
-    count: span(1, 8) = (1, 3, "even")
+    count: span(1, 8) = _key((1, 3, "even"), description="lamps per scene")
     strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
-    elevation_deg: span(5, 90) = (20, 80, "even")
-    ambient: span(0, 10) = (0.1, 0.3, "even")
+    elevation_deg: span(5, 90) = _key((20, 80, "even"), description="of lamps")
+    ambient: span(0, 10) = _key((0.1, 0.3, "even"), description="light without direction")
     share_sky: Share = _key(0.0, description="of scenes lit by a baked sky in place of ambient")
 
 
 class Lens(_Keys):
-    focal_length_mm: Positive = 2.9
-    sensor_width_mm: Positive = 3.1
+    focal_length_mm: Positive = _key(2.9, description="of the lens")
+    sensor_width_mm: Positive = _key(3.1, description="the width of the picture on the sensor")
     f_number: Positive = _key(1.0, description="of stacks and pairs")
     focus_m: list[Positive] = _key(
         [0.1, 0.15, 0.3, 0.7, 1.5], min_length=1, max_length=100,
@@ -112,7 +114,7 @@ class Lens(_Keys):
 
 
 class Placement(_Keys):
-    objects: span(1, 1000) = (12, 30, "even")
+    objects: span(1, 1000) = _key((12, 30, "even"), description="per scene")
     depth_m: span(1e-3, 1e6) = _key((0.12, 2.0, "log"), description="of objects")
     size: span(1e-3, 10) = _key(
         (0.15, 0.6, "log"), description="an object's diameter as a share of the field there"
@@ -126,18 +128,23 @@ class Placement(_Keys):
 class Description(_Keys):
     """The description of a data set; :meth:`read` reads one from a file."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
-    kind: Literal["focal_stacks", "light_fields", "defocus_pairs"]
+    name: str = _key(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$",
+        description="of the folder in results/datasets: letters, digits, _ and -",
+    )
+    kind: Literal["focal_stacks", "light_fields", "defocus_pairs"] = _key(
+        description="`focal_stacks`, `light_fields` or `defocus_pairs`"
+    )
     licence: str = _key("", description="of the data set, a URL or SPDX name")
-    seed: int = _key(1, ge=0, lt=2**63)
+    seed: int = _key(1, ge=0, lt=2**63, description="scenes depend on it and their number alone")
     scenes: Counts = Counts()
-    pixels: int = _key(256, ge=16, le=4096)
+    pixels: int = _key(256, ge=16, le=4096, description="per side")
     quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
     also: list[Literal["mat", "hdf5"]] = _key(
         ["mat"], description="layouts of light fields beside HCI's"
     )
     shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
-    scenes_per_job: int = _key(32, ge=1, le=10**5)
+    scenes_per_job: int = _key(32, ge=1, le=10**5, description="scenes per job of the workflow")
     shapes: Shapes = Shapes()
     materials: Materials = Materials()
     lights: Lights = Lights()
@@ -146,6 +153,8 @@ class Description(_Keys):
 
     @pydantic.model_validator(mode="after")
     def _consistent(self) -> Description:
+        if not self.count:
+            raise ValueError("scenes: there are none")
         if min(self.lens.focus_m) <= self.lens.focal_length_mm / 1e3:
             raise ValueError("lens.focus_m: nearer than the lens can focus")
         if self.placement.depth_m[0] >= self.placement.wall_m[0]:
@@ -155,12 +164,15 @@ class Description(_Keys):
         return self
 
     @classmethod
-    def check(cls, keys: Mapping[str, Any], *, file: str | Path | None = None) -> Description:
-        """Return the description of a mapping; raises :class:`SettingsError` that names the key."""
+    def check(cls, keys: Mapping[str, Any], **where: Any) -> Description:
+        """Return the description of a mapping; raises :class:`SettingsError` that names the key.
+
+        ``where`` has the error's ``file`` and the ``key`` that holds the mapping.
+        """
         try:
             return cls.model_validate(keys)
         except pydantic.ValidationError as error:
-            raise refusal(cls, error, file=file) from None
+            raise refusal(cls, error, **where) from None
 
     @classmethod
     def read(cls, path: str | Path) -> Description:

@@ -134,11 +134,15 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
             drawn.append((panel, "ours"))
         else:
             drawn += [(panel, "both")] if together else [(panel, "ours"), (panel, "thesis")]
-    figure = Figure(figsize=(3.9 * len(drawn), 3.7))
-    axes = np.atleast_1d(figure.subplots(1, len(drawn)))
+    columns = min(len(drawn), 3)  # more are too small to read on a page
+    lines = math.ceil(len(drawn) / columns)
+    figure = Figure(figsize=(3.9 * columns, 3.7 * lines), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for unused in axes[len(drawn) :]:
+        unused.remove()
     titles = {"ours": f"M = {pixels}", "thesis": f"the thesis, M = {THESIS_PIXELS}"}
     titles["both"] = f"M = {pixels}; dashed: the thesis, M = {THESIS_PIXELS}"
-    for axis, (panel, source) in zip(axes, drawn, strict=True):
+    for axis, (panel, source) in zip(axes, drawn, strict=False):
         for index, (scene, rows) in enumerate(table.groupby("scene", sort=False)):
             if source != "thesis":
                 ours = panel.values(rows, panel.column, pixels)

@@ -55,9 +55,7 @@ def write_page(
     folder or below, named for their scenes.  Raises :class:`OSError` for a table or picture that
     cannot be read.
     """
-    folder, viewers = Path(path).parent, list(viewers)
-    if left_over := _left_over(Path(path), sections, viewers):
-        facts = {**facts, "of earlier runs, not shown": ", ".join(left_over)}
+    folder = Path(path).parent
     template = jinja2.Template(
         (HERE / "page.html").read_text(encoding="utf-8"), autoescape=True,
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -75,7 +73,7 @@ def write_page(
     write_text(path, text)
 
 
-def _left_over(page: Path, sections: Sequence[Section], viewers: Sequence[Path]) -> list[str]:
+def left_over(page: Path, sections: Sequence[Section], viewers: Sequence[Path]) -> list[str]:
     """The tables, figures and pages of other configurations in the page's folder."""
     tables = [section.table for section in sections if section.table]
     figures = [file for section in sections for file in section.figures.values()]

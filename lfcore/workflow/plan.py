@@ -53,7 +53,7 @@ class Plan:
                 cases.check_encoder(cases.encoding(settings, views), layout)
         dataset = sweep = None
         if settings["dataset"]:
-            dataset = Description.check(settings["dataset"])
+            dataset = Description.check(settings["dataset"], key="configuration: dataset")
             dataset.check_files(Path() if first else None)
         if settings["sweep"]:
             from lfcore.workflow.sweep import plan  # loads pandas

@@ -1,7 +1,8 @@
 """The configuration, checked against its keys and completed.
 
 ``python -m lfcore.workflow.settings`` writes the files that are generated from the keys: the
-schema, the default configuration, and the table of config/README.md.  ``--check`` lists stale ones.
+schema, the default configuration, and the tables of config/README.md.  ``--check`` lists
+stale ones.
 """
 
 import re
@@ -14,6 +15,7 @@ import pydantic
 import yaml
 
 from lfcore.checked_keys import refusal
+from lfcore.datasets.description import Description
 from lfcore.errors import SettingsError
 from lfcore.files import write_text
 from lfcore.workflow import keys
@@ -23,17 +25,19 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMAND = "`python -m lfcore.workflow.settings`"
 
 
-def check_settings(config: Mapping) -> dict:
+def check_settings(config: Mapping, **where: Any) -> dict:
     """Return a copy of ``config`` with all defaults.
 
     Raises :class:`SettingsError` that names the key, for an unknown key or an impossible value.
+    ``where`` has the error's ``file`` and the ``key`` that holds the mapping.
     """
+    where = where or {"key": "configuration"}
     try:
         return Configuration.model_validate(dict(config)).model_dump()
     except pydantic.ValidationError as error:
-        raise refusal(Configuration, error, key="configuration") from None
+        raise refusal(Configuration, error, **where) from None
     except RecursionError:
-        raise SettingsError("is nested too deeply", key="configuration") from None
+        raise SettingsError("is nested too deeply", **where) from None
 
 
 def schema() -> dict[str, Any]:
@@ -42,11 +46,11 @@ def schema() -> dict[str, Any]:
     return {"$schema": draft, **Configuration.model_json_schema()}
 
 
-def rows(model: type[keys.Keys], above: str = "") -> Iterator[str]:
+def rows(model: type[pydantic.BaseModel], above: str = "") -> Iterator[str]:
     """Yield a model's keys as rows of a Markdown table: name with dots, meaning, default."""
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
-        if isinstance(default, keys.Keys):
+        if isinstance(default, pydantic.BaseModel):
             yield from rows(type(default), f"{above}{name}.")
         else:
             shown = "required" if field.is_required() else f"`{_flow(default)}`"
@@ -78,10 +82,12 @@ def documents() -> dict[Path, str]:
     )
     texts[ROOT / "workflow/schemas/config.schema.yaml"] = f"# Written by {COMMAND}.\n{text}"
     readme = ROOT / "config/README.md"
-    models: dict[str, type[keys.Keys]] = {"keys": Configuration, "planes": keys.Plane}
+    models: dict[str, type[pydantic.BaseModel]] = {
+        "keys": Configuration, "planes": keys.Plane, "dataset": Description,
+    }  # fmt: skip
     head = "| key | meaning | default |\n|---|---|---|\n"
     texts[readme] = re.sub(
-        r"(<!-- (keys|planes) -->\n).*?(<!-- end of \2 -->)",
+        r"(<!-- (keys|planes|dataset) -->\n).*?(<!-- end of \2 -->)",
         lambda match: f"{match[1]}\n{head}{chr(10).join(rows(models[match[2]]))}\n\n{match[3]}",
         readme.read_text(encoding="utf-8"),
         flags=re.DOTALL,

@@ -108,7 +108,10 @@ def plan(path: Path, base: Mapping) -> Sweep:
     Raises :class:`SettingsError` for a case with invalid settings.
     """
     overrides = read_sweep(path)
-    settings = {case: check_settings(overridden(base, row)) for case, row in overrides.items()}
+    settings = {
+        case: check_settings(overridden(base, row), file=path, key=f"case {case}")
+        for case, row in overrides.items()
+    }
     members: dict[tuple[str, str, int], list[str]] = {}
     for case, keys in settings.items():
         for scene in cases.scene_files(keys["scenes"]):

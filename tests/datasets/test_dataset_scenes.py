@@ -1,5 +1,6 @@
 """Descriptions that are refused, and scenes that depend on seed and index alone."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,8 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
         ({"placement": {"depth_m": [2, 1]}}, r"placement\.depth_m.*2 is above 1"),
         ({"placement": {"depth_m": [0, 1, "log"]}}, r"placement\.depth_m"),
         ({"placement": {"depth_m": [3, 4]}}, r"placement\.depth_m"),
-        ({"lens": {"focus_m": [0.001]}}, "nearer than the lens can focus"),
+        ({"lens": {"focus_m": [0.001]}}, r"^lens\.focus_m: nearer than the lens can focus"),
+        ({"scenes": {"train": 0, "validation": 0}}, "^scenes: there are none"),
         ({"lens": {"f_number": 0}}, r"lens\.f_number"),
         ({"shapes": {"builders": ["unicorn"]}}, r"shapes\.builders"),
         ({"shapes": {"builders": []}}, "neither meshes nor builders"),
@@ -38,6 +40,13 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
 )
 def test_what_is_refused_names_its_key(change, words):
     refused(words, lfcore.sample_scene, PLAIN | change, 0)
+
+
+def test_defaults_that_are_written_down_change_nothing():
+    plain = Description.check(PLAIN)
+    written = Description.check(json.loads(json.dumps(plain.model_dump())))
+    assert repr(written.of_scenes()) == repr(plain.of_scenes())
+    assert written.digest("") == plain.digest("")
 
 
 def test_folders_and_disks_that_do_not_do(tmp_path):
@@ -157,8 +166,11 @@ def test_the_page_of_light_fields_has_their_pictures(device, tmp_path):
     for name, file in files.items():
         made[name].to_csv(file, index=False)
     page = tmp_path / "index.html"
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/an_item.png").write_bytes(b"of this run")
     write_report(page, of, records, [shard], files, {})
     assert page.read_text().count("data:image/png") == 2
+    assert "an_item" not in page.read_text()
     assert all(list(made[name]) == list(columns) for name, columns in RECORDS.items())
     (seconds,) = made["seconds"].to_dict("records")
     parts = seconds["scene_core_seconds"] + seconds["files_core_seconds"]

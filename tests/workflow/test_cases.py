@@ -327,6 +327,7 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
         ("case\tencoding.crf\na\t1\na\t2\n", "two cases are called 'a'"),
         ("case\tfigures.make\na\t[]\n", "figures.make: .*Vary scenes"),
         ("case\tencoding.crf\na\t[1\n", "encoding.crf: '\\[1' is no YAML"),
+        ("case\tencoding.crf\na\t400\n", r"s\.tsv: case a: encoding.crf: '400': must be less"),
     ],
 )
 def test_sweeps_say_what_is_wrong(tmp_path, text, words):

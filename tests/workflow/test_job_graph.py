@@ -31,6 +31,14 @@ def test_the_default_run_has_a_row_for_each_scene_and_quick_tables_of_arrays(che
     assert whole["assignment_trace"] == 3 and whole["assignment_tables"] == 1
 
 
+def test_results_can_be_in_another_folder(checkout, tmp_path):
+    there = ("--directory", str(tmp_path), "--", "results/bike/M128/N16/trace.json")
+    assert checkout.planned(*there)["parse"] == 1
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config/config.yaml").write_text("pixels: 32\n")
+    assert checkout.planned(*there[:-1], there[-1].replace("M128", "M32"))["parse"] == 1
+
+
 def test_what_is_not_asked_for_is_not_in_the_graph(checkout):
     jobs = checkout.planned(
         *SMOKE, "--config", "store=false", "scenes=[bike]",

@@ -27,7 +27,10 @@ with job(snakemake) as (inputs, params, output):
     command = f"snakemake --cores 2 {params.folder}/ --configfile {place}"
     write_card(folder / "croissant.json", description, files, command=command, code=code)
     facts = {
-        "items": len(contents["items"]),
+        "items": ", ".join(
+            f"{n} {name}" for name, n in contents["items"].split.value_counts().items()
+        ),
+        "licence": description.licence or "not given",
         "refused": len(contents["refused"]),
         "seed": description.seed,
         "lfcore": code,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lfcore import __version__
-from lfcore.evaluation.page import Section, write_markdown_tables, write_page
+from lfcore.evaluation.page import Section, left_over, write_markdown_tables, write_page
 from lfcore.files import read_json
 from lfcore.timing import machine
 from lfcore.workflow.job import job
@@ -24,6 +24,8 @@ with job(snakemake) as (inputs, params, output):
     config = {**params.config, "measured": measured}
     devices = sorted({read_json(file)["device"] for file in inputs.traced})
     write_markdown_tables(output.markdown, sections, config)
+    viewers = list(map(Path, inputs.viewers))
+    left = left_over(Path(output.page), sections, viewers)
     write_page(
         output.page,
         sections,
@@ -34,7 +36,8 @@ with job(snakemake) as (inputs, params, output):
             **({"OpenCL device": ", ".join(devices)} if devices else {}),
             "system": f"{here['system']}, Python {here['python']}, lfcore {__version__}",
             **params.facts,
+            **({"of earlier runs, not shown": ", ".join(left)} if left else {}),
         },
-        viewers=map(Path, inputs.viewers),
+        viewers=viewers,
         config=config,
     )
