@@ -164,11 +164,11 @@ class Grids:
         grids of faces (F,), and the hashes of place and normal."""
         rest, number = side - places.sum(-1, keepdims=True), places.shape[-2]
         weights = np.concatenate([rest, places], -1).astype(np.float64)
-        triangle, sign = faces // 2, 1.0 - 2.0 * (faces % 2)
+        triangle = faces // 2
         corners = self.scene.triangles[triangle].astype(np.float64)
         exact = _interpolated(weights, corners) / side
-        normals = _unit(_interpolated(weights, self._normals[triangle, faces % 2]))
-        flat = np.repeat((self._flat[triangle] * sign[:, None])[:, None], number, axis=1)
+        flat = np.repeat(self._flat_of(faces)[:, None], number, axis=1)
+        normals = _unit(_interpolated(weights, self._normals[triangle, faces % 2]), flat)
         inset = exact + _INSET / side * (corners.mean(1, keepdims=True) - exact)
         edge = longest_edge(corners) / side
         place_step = self._size * _SAME_PLACE
@@ -182,10 +182,15 @@ class Grids:
         points = Points(inset, normals, flat, np.repeat(edge, number))
         return points, hashed(key.reshape(-1, 6))
 
+    def _flat_of(self, faces: np.ndarray) -> np.ndarray:
+        """The triangles' own unit normals (F, 3), on the side of faces (F,)."""
+        return self._flat[faces // 2] * (1.0 - 2.0 * (faces % 2))[:, None]
+
     def shading_normals(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the unit normals (R, 3), float32, at barycentric ``weights`` (R, 3) of faces."""
         corners = self._normals[faces // 2, faces % 2]
-        return _unit(_interpolated(weights[:, None], corners)[:, 0]).astype(np.float32)
+        normals = _interpolated(weights[:, None], corners)[:, 0]
+        return _unit(normals, self._flat_of(faces)).astype(np.float32)
 
     def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the points (R,) nearest to hits on faces (R,) with barycentric ``weights`` (R, 3);
@@ -213,8 +218,9 @@ class Grids:
         )
         corners, normals = self.scene.triangles[face // 2], self._normals[face // 2, face % 2]
         self.points.places[at] = _interpolated(target, corners.astype(np.float64))[:, 0]
-        self.points.normals[at] = _unit(_interpolated(target, normals)[:, 0])
-        self.points.flat[at] = self._flat[face // 2] * (1 - 2 * (face % 2))[:, None]
+        normals = _interpolated(target, normals)[:, 0]
+        self.points.normals[at] = _unit(normals, self._flat_of(face))
+        self.points.flat[at] = self._flat_of(face)
         return np.isin(np.arange(len(which)), at)
 
     def substitute_points(self, which: np.ndarray) -> None:
@@ -288,8 +294,10 @@ def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.sqrt(dot(vectors, vectors))[..., None]
+def _unit(vectors: np.ndarray, instead: np.ndarray | float = 0.0) -> np.ndarray:
+    """Unit vectors (..., 3); ``instead`` where normals that oppose one another add up to zero."""
+    length = np.sqrt(dot(vectors, vectors))[..., None]
+    return np.where(length > 0, vectors / np.where(length > 0, length, 1), instead)
 
 
 def _interpolated(weights: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
             middle = slab.views // 2
             samples = np.array([arguments.view or (middle, middle)])
         rays = len(samples) * math.prod(slab.size)
-        with progress("tracing depth", rays=rays) as report:
+        with progress("tracing depth" if scene else "reading depth", rays=rays) as report:
             depth = depth_of(samples=samples, progress=report)
         if suffix == ".npz":
             depths.save_depth(arguments.output, slab, samples, depth)

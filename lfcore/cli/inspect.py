@@ -167,7 +167,7 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
         "depth stream": f"{depth.codec}, {depth.codes.pixel_format}{_settings(depth.settings)}, "
         f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / layout.rays:.4f} bits "
         "per ray",
-        "by depth": f"pictures of {shown} pixels, views "
+        "by depth": f"for {Size.of(field.views_to_serve)} views, pictures of {shown} pixels; views "
         f"{'displaced' if depth.displaced else 'plain'}, {depth.codes.far:.4g} to "
         f"{depth.codes.near:.4g} dioptres",
     }

@@ -20,7 +20,7 @@ import numpy as np
 
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import MOST_VIEWS, Geometry, Order, ReadOptions, ViewGrid, WriteOptions
-from lfcore.exchange.reading import ExchangeError, existing, load_json, refused
+from lfcore.exchange.reading import GIVE_GRID, ExchangeError, existing, load_json, refused
 from lfcore.exchange.source import Source
 from lfcore.files import write_json as save_json
 from lfcore.pictures import write_picture
@@ -133,8 +133,8 @@ def _in_order(
             ", which is no square number, and their names do not number rows and columns"
         )  # fmt: skip
         problem = f"holds {len(files)} pictures{reason}"
-        remedy = "Give the columns and rows of views"
-        raise ExchangeError(problem, file=folder, key="views" if grid else None, remedy=remedy)
+        key = "views" if grid else None
+        raise ExchangeError(problem, file=folder, key=key, remedy=GIVE_GRID)
     out = [[files[0]] * columns for _ in range(rows)]
     for index, file in enumerate(files):
         column, row = order.place(index, columns, rows)

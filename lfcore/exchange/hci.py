@@ -108,22 +108,21 @@ def write_hci(source: Source, folder: Path, options: WriteOptions) -> None:
 def _write_depth(source: Source, folder: Path, names: list[str]) -> tuple[float, float] | None:
     """Write depth, disparity and, with the scene, materials of every view.
 
-    The middle view also gets short names.  Returns the nearest and farthest depth.
+    The middle view also gets short names.  Returns the nearest and farthest depth,
+    infinity where a ray misses.
     """
     middle = (source.rows // 2) * source.columns + source.columns // 2
     near, far = math.inf, 0.0
     for index, name in enumerate(names):
         depth, ids = source.depth(index % source.columns, index // source.columns)
-        seen = depth[np.isfinite(depth)]
-        if seen.size:
-            near, far = min(near, float(seen.min())), max(far, float(seen.max()))
+        near, far = min(near, float(depth.min())), max(far, float(depth.max()))
         for suffix in (f"_{name}", "") if index == middle else (f"_{name}",):
             for size in ("lowres", "highres"):
                 write_picture(folder / f"gt_depth_{size}{suffix}.pfm", depth)
                 write_picture(folder / f"gt_disp_{size}{suffix}.pfm", source.disparity(depth))
             if ids is not None:
                 write_picture(folder / f"objectids_highres{suffix}.png", ids)
-    return (near, far) if far else None
+    return (near, far) if near < math.inf else None
 
 
 def parameters(source: Source, geometry: KnownGeometry, reach: tuple[float, float] | None) -> str:

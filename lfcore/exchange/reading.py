@@ -13,6 +13,7 @@ class ExchangeError(StorageError):
     """A light field of another program that is incomplete or contradicts itself."""
 
 
+GIVE_GRID = "Give the columns and rows of views, as --views 9x9 does"
 NOT_OF_THE_FORMAT = (
     ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError, ValueError,
 )  # fmt: skip

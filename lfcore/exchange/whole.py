@@ -24,7 +24,7 @@ import numpy as np
 from lfcore.colour import srgb_decode
 from lfcore.exchange import pictures
 from lfcore.exchange.grid import ReadOptions, ViewGrid, WriteOptions
-from lfcore.exchange.reading import ExchangeError
+from lfcore.exchange.reading import GIVE_GRID, ExchangeError
 from lfcore.exchange.source import Source
 from lfcore.files import write_json
 from lfcore.pictures import write_picture
@@ -39,7 +39,6 @@ FINE = 16
 VIGNETTING = 0.9
 """The share of light that the rim of the main lens loses; the loss grows with the square of the
 radius.  A calibration finds no centre in micro images of even light."""
-GIVE_GRID = "Give the columns and rows of views"
 
 
 def _divided(path: Path, columns: int, rows: int) -> tuple[int, int, Callable[[], np.ndarray]]:

@@ -1,5 +1,7 @@
 """One call from a scene file to the scene that the tracer sees."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 import os

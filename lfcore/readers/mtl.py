@@ -186,7 +186,7 @@ class _Material:
         specular, emission = self._numbers("ks", 0.0), np.maximum(self._numbers("ke", 0.0), 0)
         if shininess < 1 and specular.any():
             specular = np.zeros(3)
-            self._note(LEFT_OUT, "Ks, for it has no exponent Ns")
+            self._note(LEFT_OUT, "Ks, for it has no exponent Ns of at least 1")
         if textures["emission_texture"] is not None and not emission.any():
             emission = np.ones(3)
         changes: dict[str, Any] = dict(textures)

@@ -212,7 +212,7 @@ def open_video(path: Path, most: int = 1, *, formats: bool = False) -> av.contai
         # PyAV raises ValueError for files that look like MPEG, whose streams appear late.
         reason = getattr(error, "strerror", "it has another format") or error
         problem = f"cannot be opened as a video: {reason}"
-        remedy = "The file may be cut short, or no video; make it again"
+        remedy = "Give a light field file (.mkv), as 'lfcore record' writes it, in full"
         raise StorageError(problem, file=path, remedy=remedy) from error
     streams = container.streams.video
     if not 1 <= len(streams) <= most:

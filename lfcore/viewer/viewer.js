@@ -171,8 +171,8 @@ class Viewer {
     for (const key of ["shape", "filter"]) input(key).value = /** @type {any} */ (state)[key];
     element("polygon").hidden = state.shape !== "polygon";
     const metres = distance(field, state.d), stop = fNumber(field, state.a);
-    element("d-text").textContent = `${state.d.toFixed(2)} px`
-      + (metres === null ? "" : `, ${metres === Infinity ? "infinity" : `${metres.toPrecision(3)} m`}`);
+    element("d-text").textContent = (metres === null ? ""
+      : `${metres === Infinity ? "infinity" : `${metres.toPrecision(3)} m`}, `) + `${state.d.toFixed(2)} px`;
     element("a-text").textContent = `${state.a.toFixed(1)} views`;
     element("f-text").textContent = stop === null ? "not known" : `f/${stop.toPrecision(3)}`;
     if (stop !== null) input("f").value = String(Math.log2(stop));

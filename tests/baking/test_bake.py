@@ -309,6 +309,14 @@ def test_light_of_a_lamp_at_a_point_itself_is_finite():
     assert found.tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
+def test_normals_that_cancel_between_corners_leave_the_triangle_its_own():
+    normals = np.float32([[[1, 0, 0], [-1, 0, 0], [0, 1, 0]]])
+    card = np.float32([[[-9, -9, 4], [9, -9, 4], [0, 9, 4]]])
+    scene = lfcore.bake(replace(world(card), normals=normals))
+    assert np.isfinite(scene.light.values).all()
+    assert np.isfinite(seen(scene)).all()
+
+
 def test_a_picture_of_the_sky_alone_is_the_sky():
     """All surfaces are behind the camera."""
     assert seen(world(plain_scenes.wall(-3.0), sky=0.3 * WHITE), 8) == pytest.approx(0.3)

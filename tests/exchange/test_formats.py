@@ -3,6 +3,7 @@
 Most light fields are of noise, which is its own ground truth.
 """
 
+import configparser
 import json
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import plain_scenes
 import pytest
 from PIL import Image
 from plain_scenes import CHART, refused
@@ -327,6 +329,19 @@ def traced(chart, tmp_path_factory):
     path = tmp_path_factory.mktemp("traced") / "chart.mkv"
     record(chart, path, views=5, pixels=32, encoding=Encoding("ffv1", "gbrp", depth=False))
     return path
+
+
+def test_hcis_range_of_disparities_holds_the_sky(tmp_path, device):
+    """Where a ray misses, the maps have the disparity of infinity."""
+    card = np.float32([[[-1, -1, 4], [1, -1, 4], [0, 1, 4]]])
+    scene = plain_scenes.scene(card)
+    field = record(scene, tmp_path / "card.mkv", views=3, pixels=16)
+    export_lightfield(field, "hci", tmp_path / "out", scene=scene, device=device)
+    maps = [read_pfm(path) for path in (tmp_path / "out").glob("gt_disp_lowres_*.pfm")]
+    config = configparser.ConfigParser()
+    config.read(tmp_path / "out" / "parameters.cfg")
+    ends = [float(config["meta"][f"disp_{end}"]) for end in ("min", "max")]
+    assert ends == pytest.approx([np.min(maps), np.max(maps)])
 
 
 def test_hci_has_every_views_depth_and_disparity(chart, traced, tmp_path, device):

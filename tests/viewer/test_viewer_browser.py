@@ -192,7 +192,7 @@ def test_a_link_opens_the_same_picture(opened, page):
 def test_controls_say_what_the_state_is(opened, field):
     choose(opened, d=0.5, a=4.5)
     words = {key: opened.find_element("id", key).text for key in ("d-text", "f-text", "command")}
-    assert words["d-text"] == f"0.50 px, {field.distance_of(0.5):.3g} m"
+    assert words["d-text"] == f"{field.distance_of(0.5):.3g} m, 0.50 px"
     assert words["f-text"] == "f/4.00"
     for key in ("d", "f"):  # what a screen reader says of the slider
         slider = opened.find_element("id", key)
