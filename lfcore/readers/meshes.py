@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from lfcore.readers import others
+from lfcore.readers import collada, others
 from lfcore.readers.account import Account
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES as GLTF
@@ -18,10 +18,11 @@ from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, shaded
 
 READERS: dict[str, Callable[[bytes, Path, Notebook, Account], list[SurfaceMesh]]] = {
-    ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off
+    ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
+    **dict.fromkeys(collada.SUFFIXES, collada.read_collada),
 }  # fmt: skip
 """They raise ValueError for what makes no sense."""
-WITH_AXIS = (*GLTF, *others.WITH_AXIS)
+WITH_AXIS = (*GLTF, *collada.SUFFIXES, *others.MANUFACTURING)
 """The formats that say where up is."""
 
 

@@ -1,14 +1,12 @@
-"""COLLADA, 3MF and 3DXML through trimesh, which needs packages of theirs.
+"""3MF and 3DXML through trimesh, which needs packages of theirs.
 
-Their unit and upward axis are applied.  Source: Khronos, "COLLADA 1.4.1"; 3MF Consortium, "3D
-Manufacturing Format Core Specification 1.3".
+The unit and upward axis of 3MF are applied.  Source: 3MF Consortium, "3D Manufacturing Format Core
+Specification 1.3".
 """
 
 import io
 import logging
 import re
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,44 +16,27 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.readers.account import Account
+from lfcore.readers.zips import opened, unpacked
 from lfcore.reading import LARGEST_MESH, LARGEST_TEXT, Where, read_bytes
-from lfcore.scene.notes import ASSUMED, LEFT_OUT, Notebook
+from lfcore.scene.notes import LEFT_OUT, Notebook
 from lfcore.scene.surface_mesh import SurfaceMesh, transform_all
 from lfcore.scene.transforms import rotate, scale
 from lfcore.scene.trimesh_parts import parts_of
 
-COLLADA, MANUFACTURING = (".dae", ".zae"), (".3mf",)
-WITH_AXIS = (*COLLADA, *MANUFACTURING)
-"""The formats that say where up is."""
-PACKAGES = {
-    **dict.fromkeys(COLLADA, "pycollada"), **dict.fromkeys((".3mf", ".3dxml"), "lxml and networkx")
-}  # fmt: skip
+MANUFACTURING = (".3mf",)
+PACKAGES = dict.fromkeys((*MANUFACTURING, ".3dxml"), "lxml and networkx")
 """The packages with which trimesh reads a format."""
 UNITS = {
     "micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048,
     "meter": 1.0,
 }  # fmt: skip
 """Metres of 3MF's units."""
-DAMAGED_ZIP = (
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError,
-    RuntimeError,
-)  # fmt: skip
-"""What zipfile raises for an archive that is damaged or locked."""
 LOST = {
-    COLLADA: {
-        "instance_camera": "cameras", "instance_light": "lights", "animation": "animations",
-        "instance_controller": "meshes with skins or morph targets", "lines": "lines",
-        "linestrips": "lines", "polygons": "meshes of polygons", "tristrips": "meshes of strips",
-        "trifans": "meshes of fans", "bump": "bumps",
-        r"transparency>\s*<float[^>]*>\s*0?\.\d*[1-9]": "transparencies",
-    },
-    MANUFACTURING: {
-        "basematerials": "groups of materials", "colorgroup": "groups of colours",
-        "texture2dgroup": "groups of textures", "compositematerials": "groups of materials",
-        "beamlattice": "lattices", "slicestack": "stacks of slices",
-    },
+    "basematerials": "groups of materials", "colorgroup": "groups of colours",
+    "texture2dgroup": "groups of textures", "compositematerials": "groups of materials",
+    "beamlattice": "lattices", "slicestack": "stacks of slices",
 }  # fmt: skip
-"""The elements that trimesh does not read, as patterns, by format."""
+"""The elements of 3MF that trimesh does not read."""
 
 
 def read_other(
@@ -68,19 +49,19 @@ def read_other(
     kind, account = path.suffix.lower(), Account(notebook, path)
     data = read_bytes(path, LARGEST_MESH, "mesh file")
     text = _text(path, data)
+    remedies = {}
+    for element, what in LOST.items():
+        number = len(re.findall(rb"<(?:\w+:)?%s\b" % element.encode(), text))
+        account.hold(what, number)
+        if number:
+            account.lose(what, LEFT_OUT, what, number)
+            remedies["remedy"] = f"Export triangles: its {what} are not read"
     with without_ghostscript():
-        parts = parts_of(_load(path, data, account), path, shading=shading, crease_deg=crease_deg)
-    for suffixes, elements in LOST.items():
-        for element, things in elements.items() if kind in suffixes else ():
-            number = len(re.findall(rb"<(?:\w+:)?%s\b" % element.encode(), text))
-            account.hold(things, number)
-            if number:
-                account.lose(things, LEFT_OUT, things, number)
-    if re.search(rb"<vcount>[^<]*\b(?:[4-9]|\d\d)", text):
-        notebook.add(ASSUMED, path, "all its polygons are convex")
-    for things, number in (("parts", len(parts)), ("triangles", sum(part.count for part in parts))):
-        account.hold(things, number)
-        account.use(things, number)
+        scene = _load(path, data, account)
+        parts = parts_of(scene, path, shading=shading, crease_deg=crease_deg, **remedies)
+    for what, number in (("parts", len(parts)), ("triangles", sum(part.count for part in parts))):
+        account.hold(what, number)
+        account.use(what, number)
     account.close()
     return transform_all(parts, _to_metres(path, kind, text))
 
@@ -98,39 +79,23 @@ def without_ghostscript() -> Iterator[None]:
 
 
 def _text(path: Path, data: bytes) -> bytes:
-    """The XML of a file, or of all XML files within it, if it is a ZIP archive of bounded size."""
+    """The XML of a 3MF file; nothing of another."""
     if data[:2] != b"PK":
-        return data if b"\0" not in data[:64] else data.decode("utf-16", "replace").encode()
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(info.file_size for info in archive.infolist()) > LARGEST_TEXT:
-                raise Where(path).error("mesh file holds more than 1024 MiB", "Split it")
-            names = [
-                name for name in archive.namelist() if name.lower().endswith((".dae", ".model"))
-            ]
-            return b"\n".join(archive.read(name) for name in names)
-    except DAMAGED_ZIP as error:
-        raise Where(path).error(f"mesh cannot be unpacked: {error}", "Export it again") from None
+        return b""
+    with opened(path, data) as archive:
+        names = [name for name in archive.namelist() if name.lower().endswith(".model")]
+        return b"\n".join(unpacked(path, archive, name) for name in names)
 
 
 def _to_metres(path: Path, kind: str, text: bytes) -> np.ndarray:
     """(4, 4) from a file's unit and axes to metres, y up."""
-    if kind in MANUFACTURING:
-        unit = re.search(rb"<(?:\w+:)?model\b[^>]*\bunit\s*=\s*[\"'](\w+)", text)
-        name = unit[1].decode() if unit else "millimeter"
-        if name not in UNITS:
-            raise Where(path).error(f"unit {name!r} is not known", f"Give {', '.join(UNITS)}")
-        return rotate("x", -90) @ scale(UNITS[name])
-    unit_tag = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)", text)
-    try:
-        metres = float(unit_tag[1]) if unit_tag else 1.0
-    except ValueError:
-        metres = 0.0
-    if not 1e-12 < metres < 1e12:
-        raise Where(path).error("its unit makes no sense", "Mend <unit meter=...>")
-    axis = re.search(rb"<up_axis>\s*([XYZ])_UP", text)
-    turned = {b"X": rotate("z", 90), b"Z": rotate("x", -90)}
-    return turned.get(axis[1] if axis else b"Y", np.eye(4)) @ scale(metres)
+    if kind not in MANUFACTURING:
+        return np.eye(4)
+    unit = re.search(rb"<(?:\w+:)?model\b[^>]*\bunit\s*=\s*[\"'](\w+)", text)
+    name = unit[1].decode() if unit else "millimeter"
+    if name not in UNITS:
+        raise Where(path).error(f"unit {name!r} is not known", f"Give {', '.join(UNITS)}")
+    return rotate("x", -90) @ scale(UNITS[name])
 
 
 class Warnings(logging.Handler):

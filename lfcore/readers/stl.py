@@ -24,7 +24,9 @@ def read_stl(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     count = int.from_bytes(data[80:HEAD], "little") if len(data) >= HEAD else 0
     end = HEAD + count * TRIANGLE.itemsize
     colours = None
-    if b"vertex" in data[:4096].lower() and end != len(data):
+    head = data[:4096].lower()
+    is_text = b"vertex" in head or (head.lstrip()[:5] == b"solid" and b"\0" not in head)
+    if is_text and end != len(data):
         corners = _text(data, account)
     elif end <= len(data) and len(data) >= HEAD:
         found = np.frombuffer(data, TRIANGLE, count, HEAD)

@@ -22,8 +22,10 @@ def parts_of(
     *,
     shading: str = "auto",
     crease_deg: float = 40.0,
+    remedy: str = "Export triangles, not only points, lines or fans",
 ) -> list[SurfaceMesh]:
-    """The parts of a ``trimesh.Scene``; ``path`` names it in errors.
+    """The parts of a ``trimesh.Scene``; ``path`` names it in errors, ``remedy`` helps if there are
+    none.
 
     ``shading`` is ``auto`` (the mesh's normals, else smoothed but for edges beyond ``crease_deg``),
     ``smooth`` or ``flat``.
@@ -43,7 +45,6 @@ def parts_of(
             part = _part(mesh, surface, uvs, path, shading, crease_deg)
             parts.append(part.transformed(np.asarray(matrix, np.float64)))
     if empty:
-        remedy = "Export triangles, not only points, lines or fans"
         raise _error(path, "mesh holds no triangles", remedy)
     return parts
 

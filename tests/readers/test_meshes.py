@@ -190,6 +190,7 @@ def test_stl_is_smoothed_where_round_and_flat_where_not(tmp_path):
     [
         ("a.glb", b"glTF garbage", "cannot be read"),
         ("a.stl", b"\x00" * 10, "cannot be read|no triangles"),
+        ("a.stl", b"solid a\nendsolid a\n", "no triangles"),
         ("a.ply", b"", "cannot be read"),
         ("a.obj", b"# nothing\n", "cannot be read|no triangles"),
         ("a.xyzzy", b"1 2 3", "no reader"),
