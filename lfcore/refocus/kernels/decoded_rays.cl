@@ -28,7 +28,7 @@ typedef SAMPLES(16) samples;
 #define TO_LIGHT(x) (convert_float16(x) * SCALE)
 #endif
 
-// What a run of LANES columns holds while it is walked down a strip.
+// The state of a run of LANES columns on its way down a strip.
 typedef struct {
     samples first, second, third;  // of the row before
     vu r, g, b;                    // their fixed-point light
@@ -47,7 +47,7 @@ inline samples load_samples(global const sample *at, int twice)
 #endif
 }
 
-// Where a row of a macropixel ends: the last sample again.
+// At the end of a macropixel's row, the last sample is repeated.
 inline samples load_tail(global const sample *at, int step, int count)
 {
     private sample row[LANES];
@@ -56,7 +56,7 @@ inline samples load_tail(global const sample *at, int step, int count)
 }
 
 // The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of smooth
-// pictures are the same for many columns; decoding is what costs, so it is done where something changed.
+// pictures are the same for many columns; decoding is expensive, so only changed columns are decoded.
 inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
 {
     const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;

@@ -1,18 +1,18 @@
 // Slicing by depth: a ray is spread over the box that its cell sweeps on a plane.
 //
-// Edges of boxes are whole numbers of 1 / STEPS pixel and light is in fixed point, so the sums are the same
-// in whatever order, by however many threads and in however many parts rays are added.  Each work-item owns
-// a strip of rows of one plane; no two ever write to the same place.
+// Box edges are multiples of 1 / STEPS pixel and light is in fixed point, so sums do not depend on the order
+// of rays, the number of threads or the parts in which rays are added.  Each work-item owns a strip of rows of one
+// plane; no two work-items write to the same address.
 //
 // Boxes of the inner layers have a few pixels and are added pixel by pixel.  Layers of wide boxes hold the differences
-// of such sums along both axes, where a box is 16 numbers whatever its size (F. Crow, "Summed-area tables for texture
-// mapping", SIGGRAPH 1984, the other way round).  HALVED: of the widest, their pixels are two of the picture wide, and
-// light is interpolated between them: a quarter of the memory.
+// of such sums along both axes: there a box is 16 numbers, whatever its size (the inverse of F. Crow, "Summed-area
+// tables for texture mapping", SIGGRAPH 1984).  HALVED: the widest layers have pixels of twice the picture's width, a
+// quarter of the memory, and light is interpolated between them.
 //
-// Of boxes far wider than the distance of rays, 4 x 4 or 2 x 2 neighbours of about one depth share one.  Squares of
-// 4 x 4 rays (FOURS) are summed once for all planes.  Rays come in tiles of these, or of squares of 2 x 2.
+// If boxes are far wider than the distance of rays, 4 x 4 or 2 x 2 neighbours of about equal depth share a box.  Squares
+// of 4 x 4 rays (FOURS) are summed once for all planes.  Rays are processed in tiles of these, or of 2 x 2 squares.
 //
-// STORED: rays are of a file, light in planes of fixed point, LIGHT_ONE to one, and codes of depth of type CODE.
+// STORED: rays of a file, with light in fixed-point planes (LIGHT_ONE is 1) and depth codes of type CODE.
 
 #include "colours.cl"
 #include "kernel.cl"
@@ -23,15 +23,15 @@
 #define BRIGHTEST ((float)(1 << STOPS))
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
-#define INNER min(1, N_BOUNDS - 1)  // layers before and behind the middle that are not wide
+#define INNER min(1, N_BOUNDS - 1)  // layers before and behind the middle layer that are not wide
 #define IS_BEYOND(layer, n) ((layer) < N_BOUNDS - (n) | (layer) > N_BOUNDS + (n))
 #define IS_WIDE(layer) IS_BEYOND(layer, INNER)
 #define IS_HALF(layer) (-HALVED & IS_BEYOND(layer, FULL_LAYERS))
 #define ABREAST 16  // rays of a row
 #define TILE_ROWS (FOURS ? 4 : 2)
 #define TILE_COLUMNS (TILE_ROWS * ABREAST)
-// Distances of rays, from which side x side rays share a box of that width: a pixel averages the weave of squares of
-// its own size away.
+// The least width of a box that side x side rays share, in distances of rays: a pixel averages the pattern of squares
+// of its size.
 #define SHARED(side, step) ((side) > 2.0f ? 32.0f : 2.0f * (step) <= COARSE_PX ? 8.0f : 16.0f)
 
 #if STORED
@@ -44,8 +44,8 @@ typedef float light_t, depth_t;
 #define DIOPTRES(depth) (1.0f / (depth))
 #endif
 
-// Sums are modulo 2^32, or 2^64 where light above white needs more bits.  What a ray adds to a pixel is rounded up or
-// down by the ray's own share of a unit, so that what many rays round away is nothing.
+// Sums are modulo 2^32, or 2^64 where light above white needs more bits.  A ray's light in a pixel is rounded
+// by the ray's own dither, `unit`, so that the rounding errors of many rays cancel.
 #if STOPS
 typedef ulong sum;
 typedef ulong4 sum4;
@@ -61,28 +61,28 @@ typedef uint16 sum16;
 #endif
 
 typedef struct {
-    float x, y;            // where the ray of pixel (0, 0) falls, in pixels of the picture
+    float x, y;            // position of pixel (0, 0)'s ray, in pixels of the picture
     float off_x, off_y;    // from the lens point to the middle of its cell, metres
     float side_x, side_y;  // of the cell, metres
-    float share;           // of the cell that is open, in units of the sums
-    float unit;            // share of a unit by which the ray of pixel (0, 0) is rounded
+    float share;           // open share of the cell, in units of the sums
+    float unit;            // dither of pixel (0, 0)'s ray, a share of a unit
 } Cell;
 
 typedef struct {
     float delta;   // inverse focus distance
-    float scale;   // pixels of the picture, a metre of the lens and a dioptre
+    float scale;   // pixels of the picture per metre of the lens and dioptre
     float step;    // pixels of the picture from one pixel of the slab to the next
     float pitch;   // of the lens samples, metres
 } Plane;
 
-// Rows of a strip of sums: one more of each layer, where what ends outside is dropped, and one more pixel of a row.
+// A strip of sums.  Each layer has an additional row and an additional pixel per row, for light that ends outside.
 typedef struct {
     global sum4 *sums[LAYERS];
     int top, rows, width;
     float far;  // beyond every box that reaches a picture
 } Strip;
 
-// Pixels of a layer for so many of the picture: if halved, one more before and behind them.
+// The number of a layer's pixels for `pixels` of the picture; halved layers have an additional one at each end.
 inline int pixels_of(int pixels, int halved) { return halved ? (pixels + 1) / 2 + 2 : pixels; }
 
 inline Strip make_strip(global sum4 *sums, int plane, int strip, int strip_rows, int2 size)
@@ -103,20 +103,20 @@ inline int pitch_of(const Strip *s, int layer) { return pixels_of(s->width, IS_H
 
 inline int floor_pixel(int edge) { return edge >> 8; }
 
-// The part of [low, high] that lies in a pixel, in 1 / STEPS.
+// The part of [low, high] in a pixel, in 1 / STEPS.
 inline int overlap(int low, int high, int pixel)
 {
     return min(high, (pixel + 1) * STEPS) - max(low, pixel * STEPS);
 }
 
-// ABREAST rays of a row: how the box of each is added, where, and by what weights.
+// The boxes of ABREAST rays of a row: how each is added, its position, and its weights.
 enum { OUTSIDE, FOUR, FEW, EDGES };
 typedef struct {
     int kind[ABREAST], layer[ABREAST];
     int box[4][ABREAST];       // left, top, right and bottom edge, in 1 / STEPS
-    int x[2][ABREAST];         // the first column and the last; the one behind each is next to it
+    int x[2][ABREAST];         // the first and the last column
     int y[2][ABREAST];         // rows likewise, as offsets
-    float along[3][ABREAST];   // what columns have of a box, see parts_along
+    float along[3][ABREAST];   // the box's parts in its columns, see parts_along
     float down[3][ABREAST];    // rows likewise
     float colour[ABREAST][4], unit[ABREAST];
 } Boxes;
@@ -145,8 +145,9 @@ inline sum16 edges_of(float16 light, float16 part, float unit)
 }
 
 // Differences of a box along both axes.  Along x they are the head in the first column, a whole pixel less the head
-// behind it, the tail less a whole pixel in the last column, and minus the tail behind it; rows alike.  Nine products
-// are rounded, and the sixteen are their differences: they cancel behind the box, and a pixel gets one of the nine.
+// behind it, the tail less a whole pixel in the last column, and minus the tail behind it; rows likewise.  Nine products
+// are rounded, and the sixteen numbers are their differences: they cancel behind the box, and each pixel of the box has
+// one of the nine.
 inline void add_edges(const Strip *s, const Boxes *b, int k, global sum4 *to, float4 colour)
 {
     const float16 light = (float16)(colour, colour, colour, colour);
@@ -182,7 +183,7 @@ inline int add_kind(const Strip *s, const Boxes *b, int kind)
     int used = 0;
     int list[ABREAST], count = 0;
     for (int n = 0; n < ABREAST; ++n) {
-        const int k = n * 4 % ABREAST + n / 4;  // not neighbours one after another: they share pixels
+        const int k = n * 4 % ABREAST + n / 4;  // not in order: neighbours share pixels
         list[count] = k;
         count += b->kind[k] == kind;
     }
@@ -198,23 +199,23 @@ inline int add_kind(const Strip *s, const Boxes *b, int kind)
     return used;
 }
 
-// The layers of what is swept by so many pixels, the nearest first.
+// The layers of sweeps in pixels, the nearest first.
 inline int16 layer_of(float16 sweep, constant const float *bounds)
 {
-    int16 beyond = 0;  // a comparison that holds is -1
+    int16 beyond = 0;  // a true comparison is -1
     for (int k = 0; k < N_BOUNDS; ++k) beyond -= fabs(sweep) >= bounds[k];
     return N_BOUNDS + select(beyond, -beyond, sweep < 0.0f);
 }
 
-// Whole steps; what lies far outside is clamped there: integers must hold it.
+// Round to steps; positions far outside are clamped to the range of integers.
 inline int16 to_steps(const Strip *s, float16 place)
 {
     return convert_int16(rint(clamp(place, -s->far, s->far + s->far) * (float)STEPS));
 }
 
-// One axis of boxes: their first pixel and the last, counted from `first`; and what a box has of the first, of the last,
-// and of those between; or of the first two where it is not added by `differences`.  A box that reaches beyond an end
-// is cut there.  Where the first is the last, all three are what it has: sums of unlike products are rounded apart.
+// One axis of boxes: their first pixel and the last, counted from `first`; and the box's parts in the first, the
+// last and the pixels between; or in the first two if it is not added by `differences`.  A box beyond an end is cut
+// there.  If the first is the last, all three are its part: sums of different products round differently.
 inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 differences, int16 at[2], int16 part[3])
 {
     const int16 a = (low >> 8) - first, b = ((high - 1) >> 8) - first;
@@ -228,11 +229,11 @@ inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 d
     for (int k = 0; k < 3; ++k) part[k] = select(part[k], all, one);
 }
 
-// The boxes of rays whose light moves so many pixels a metre of the lens, about x and y; returns their weights.
+// The boxes about x and y of rays whose light moves by pixels per metre of the lens; returns their weights.
 //
-// COARSE: a pixel of a view is larger than one of the picture.  A box whose side is no whole number of view pixels
-// overlaps its neighbours unevenly, and where few views see a surface, this shows as a weave.  So a ray has two
-// boxes, whose sides are the whole numbers below and above: `part` chooses one.
+// COARSE: a pixel of a view is larger than one of the picture.  If a box's side is no whole number of view pixels,
+// it overlaps its neighbours unevenly, which is visible as a pattern where few views see a surface.  So a ray has two
+// boxes, with the whole numbers below and above as sides: `part` selects one.
 inline float16 find_boxes(const Strip *s, const Plane *p, const Cell *cell, float16 moves, float16 x, float16 y,
                           float least, constant const float *bounds, int part, int16 wanted, Boxes *b)
 {
@@ -302,7 +303,7 @@ typedef struct {
     float16 sums[4], low, high;
 } Rays;
 
-// Rays from column `start` of row `v` on; beyond the last row or column those there.
+// Rays from column `start` of row `v` on; beyond the last row or column, its rays are repeated.
 inline Rays read_row(const View *of, int v, int start)
 {
     v = min(v, of->rows - 1);
@@ -367,14 +368,14 @@ inline void store_colours(const float16 c[4], float to[ABREAST][4])
     vstore16(shuffle2(rg2, bw2, last), 0, to[12]);
 }
 
-// Where the rays of a view are added.
+// The targets of a view's rays.
 typedef struct {
     const Strip *strip;
     Plane plane;
     Cell cell;
     constant const float *bounds;
     float least;
-    int *used;  // bits of the layers that got light
+    int *used;  // bits of the layers with light
 } Adding;
 
 // Add the boxes that are wanted about column x and row y of the view, of side x side rays each whose light has the sum
@@ -545,16 +546,16 @@ inline float4 light_at(const Strip *s, int layer, int x, int y)
             convert_float4(far[beside])) * 0.0625f;
 }
 
-// Units of the sums, below which they tell no colour: each part that was added may be off by one.
+// The least sum, in units, that determines a colour: each added part may be off by one.
 #define LEAST_UNITS 1024.0f
 
-// A picture from the sums: layers front to back, each taking no more of a pixel than those before it left.
-// Beside an edge, light from behind has partly been spread over what hides it, where there is no room.  So what a pixel
-// lacks is given to all layers but the first, at most as much as they have.  Near the ends of views, layers have less
-// room the wider they are swept.
+// Form a picture from the sums: layers front to back, each covering at most the part of a pixel that nearer layers left
+// open.  Beside an edge, light from behind is partly spread over the occluder, where it is lost.  So all layers but the
+// first fill the open rest of a pixel, with at most the light that they have.  Near the ends of views, layers with wider
+// sweeps have less weight.
 KERNEL void compose(global sum4 *restrict sums,
                     global const int *restrict used,    // (planes, strips) bits of layers
-                    global const float *restrict rooms,  // (rows, width): weight of all rays that fall there, as sums
+                    global const float *restrict rooms,  // (rows, width): weight of all rays at a pixel, as sums
                     global const int *restrict row_of,   // (LAYERS, height) rows of `rooms`
                     const int strip_rows,
                     const int width,
@@ -574,7 +575,7 @@ KERNEL void compose(global sum4 *restrict sums,
             if (!IS_WIDE(list[k])) continue;
             const int pitch = pitch_of(&s, list[k]);
             for (int row = y ? last_row(list[k], y - 1) + 1 : 0; row <= last_row(list[k], y); ++row) {
-                // Sums of all rows so far are kept in the first two in turn: pages that are only read take no memory.
+                // The first two rows hold the running sums in turn: pages that are only read take no memory.
                 global sum4 *from = s.sums[list[k]] + row * pitch, *to = s.sums[list[k]] + row % 2 * pitch;
                 global const sum4 *before = s.sums[list[k]] + (row + 1) % 2 * pitch;
                 sum4 along = 0;

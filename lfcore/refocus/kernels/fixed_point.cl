@@ -1,5 +1,5 @@
-// The fixed point of traced light in the sums of sensor planes: sums are integers, exact, and the
-// same in whatever order rays are added.  Light reaches STOPS above white.
+// The fixed point of traced light in the sums of sensor planes: sums are integers, exact, and
+// independent of the order of rays.  Light reaches STOPS above white.
 #pragma once
 #include "colours.cl"
 #include "lanes.cl"

@@ -1,4 +1,4 @@
-// Linear light of what video frames hold: BITS is 8, or 10 or 12 (in 16-bit samples), RGB 1 for planar
+// Linear light of video frames: BITS is 8, or 10 or 12 (in 16-bit samples), RGB 1 for planar
 // green, blue, red, else BT.709 YCbCr of limited range; PQ 1 for PQ, else sRGB.
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
@@ -8,13 +8,13 @@
 #define LIGHT_ONE (PQ ? 67108864.0f : FIXED_ONE)  // of the brightest code; 2^26 is layout.PQ_ONE
 
 // IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above
-// the knee a polynomial of least largest error, 2e-6, below it the straight line.
+// the knee a minimax polynomial with an error of 2e-6, below it the straight line.
 #define KNEE 0.04045f
 #define POWER(T, x)                                                                            \
     fma(fma(fma(fma(fma(fma(fma((T)(6.519284021e+04f), x, (T)(-2.910779674e+05f)), x,     \
         (T)(5.707602639e+05f)), x, (T)(-6.955071952e+05f)), x, (T)(8.436951737e+05f)), x, \
         (T)(5.182544125e+05f)), x, (T)(3.634786102e+04f)), x, (T)(-2.369988653e+03f))
-// Below 0 the line goes on, and is cut off last; TOP is where the polynomial reaches one, 7e-7 below 1.
+// Below 0 the line continues, and is cut at the end; TOP is where the polynomial reaches one, 7e-7 below 1.
 #define TOP 0.9999993f
 #define LINEAR(T, x)                                          \
     max(fma(min(x, (T)(KNEE)), (T)(FIXED_ONE / 12.92f),       \
@@ -30,7 +30,7 @@ inline vf decode_pq(vf code)
     return exp2_fast((1.0f / PQ_M1) * log2_fast(share));
 }
 
-// By way of signed numbers, into which every processor converts in one instruction.
+// By way of signed integers: every processor converts to them in one instruction.
 inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? fma(decode_pq(x), (vf)(LIGHT_ONE), (vf)(0.5f)) : LINEAR(vf, x))); }
 
 // Three colours of one ray.

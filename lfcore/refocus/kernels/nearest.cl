@@ -1,7 +1,7 @@
-// The nearest surface that each pixel of a picture sees from a point of the lens, by the rays of views around it.
+// The nearest surface in each pixel of a picture from a point of the lens, by the rays of views around it.
 
 typedef struct {
-    float x, y;            // where the ray of pixel (0, 0) is seen at depth infinity, in pixels of the picture
+    float x, y;            // position of pixel (0, 0)'s ray at depth infinity, in pixels of the picture
     float move_x, move_y;  // pixels per dioptre
 } Seen;
 

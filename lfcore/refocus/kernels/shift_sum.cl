@@ -1,9 +1,9 @@
 // Shift-sum refocusing: views are unpacked to fixed-point light, then every output pixel gathers one
 // sample of each view (equation 6.1).  A row of the picture reads rows of views, LANES pixels at a
-// time, for one plane after another, so rows stay in the cache; sums are integers, the same in
-// whatever order views come.
+// time, for one plane after another, so rows stay in the cache; sums are integers,
+// independent of the order of views.
 //
-// MAGNIFIED: source pixels come from tables instead of one shift a view.  BILINEAR: four taps, not one.
+// MAGNIFIED: source pixels come from tables instead of one shift per view.  BILINEAR: four taps, not one.
 // Of unpack_views: BITS, CHROMA, RGB, PQ, VIEWS as in slicing.cl.
 #include "lanes.cl"
 
@@ -56,7 +56,7 @@ kernel void unpack_views(global const sample *restrict frames,
 #define SUM ulong  // of the accumulators
 #endif
 
-// LANES pixels of a row that starts at x; what lies outside the view is zero.
+// LANES pixels of a row from x on; zero outside the view.
 inline vu load_pixels(global const uint *row, int x, int width, int good)
 {
     if (!good || x >= width || x + LANES <= 0) return (vu)(0);

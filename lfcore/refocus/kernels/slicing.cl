@@ -1,10 +1,10 @@
 // Algorithms 1 and 4: sensor planes from macropixels, traced or decoded.  A summed-area table is made of
 // STRIP rows of lens samples, with those rows only at which a run of some plane ends; each plane takes one
-// sum a bin from it.  strip_tables.py says which lens samples make a bin.  Sums are integers: exact, in
-// whatever order they are added.
+// sum per bin from it.  strip_tables.py defines the bins.  Sums are integers: exact and independent of the
+// order.
 //
 // TRACED is 1 for traced light, 0 for frames; STRIP is as in strip_tables.py.  LANES is 1 or 16: sixteen
-// samples fill a register even where four or eight floats do.
+// samples fill a register even if it holds only four or eight floats.
 #if TRACED
 #include "traced_rays.cl"
 #else

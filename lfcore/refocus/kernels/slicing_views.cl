@@ -46,7 +46,7 @@ inline void load_block(global const sample *frame, int2 size, int2 at, int colum
         global const sample *small = frame + pixels + (ulong)((y0 + y) / CHROMA) * (width / CHROMA) + (x0 + x) / CHROMA;
         const vf second = load_row(small, CHROMA, count), third = load_row(small + chroma, CHROMA, count);
         TO_RGB(vf, first, second, third, r, g, b);
-        // Whole numbers of fixed point, as everywhere; dividing by a power of two keeps them so.
+        // Multiples of the fixed-point unit; division by a power of two is exact.
         VSTORE(TO_VF(linear_row(r)) / ONE, colours + at);
         VSTORE(TO_VF(linear_row(g)) / ONE, colours + BLOCK_RAYS + at);
         VSTORE(TO_VF(linear_row(b)) / ONE, colours + 2 * BLOCK_RAYS + at);
@@ -64,7 +64,7 @@ inline int2 corner_of(Placement placed) { return (int2)(placed.x, placed.y); }
 typedef struct {
     const SensorPlaneArguments *numbers;
     global const SensorPlane *plane;  // (planes,)
-    global const int *targets;        // the pixels that rays fall on, see add_view
+    global const int *targets;        // the pixels of rays, see add_view
     global const uchar *masks;        // (masks, N, N) 255 where open
     global ulong4 *sums;              // (planes, height, width) of this worker: red, green, blue, 0
 } SensorPlanes;

@@ -1,5 +1,5 @@
-// Rays of a macropixel as they are traced: linear light, (E, side, side, 3).  Lens samples that no
-// aperture lets pass may be left out: the first `beside` columns and rows, and as many of the last.
+// Rays of a macropixel as they are traced: linear light, (E, side, side, 3).  Lens samples that all
+// apertures stop may be omitted: the first `beside` columns and rows, and as many of the last.
 #pragma once
 #include "fixed_point.cl"
 
@@ -20,11 +20,11 @@ typedef struct { vu r, g, b; } Row;
 inline vu fixed_row(vf light, int x)
 {
     const vf held = clamp(light, (vf)(0.0f), (vf)(BRIGHTEST));
-    // By way of signed numbers, into which every processor converts in one instruction.
+    // By way of signed integers: every processor converts to them in one instruction.
     return AS_VU(TO_VI(fma(held, (vf)(ONE_OF_SUMS), halves_at(x))));
 }
 
-// The light of row y from column x, `count` rays of them in the macropixel; 0 where it is left out.
+// The light of row y from column x, `count` rays of them in the macropixel; 0 where omitted.
 inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
 {
     *row = (Row){0, 0, 0};

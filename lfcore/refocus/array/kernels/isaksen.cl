@@ -1,4 +1,4 @@
-// Cone-filtered sum over the data cameras near the central ray; one work-item a pixel.
+// Cone-filtered sum over the data cameras near the central ray; one work-item per pixel.
 
 #include "lookup.cl"
 

@@ -14,7 +14,7 @@
 #define TEXEL(image, index) image[index]
 #endif
 
-// What every kernel of a light field starts with.
+// The common beginning of all kernels of a light field.
 #define FIELD_PARAMETERS \
     global const NUMBER *restrict image, \
     const Array array, \
@@ -62,7 +62,7 @@ inline float map_lookup(
     return top * (1.0f - fy) + bottom * fy;
 }
 
-// Inverse parameter at which a ray meets the focal surface; u, v: film position in pixels.
+// Inverse parameter of a ray's hit on the focal surface; u, v: film position in pixels.
 inline float surface_inverse_depth(
     const Surface *surface,
     global const float *map,
@@ -113,7 +113,7 @@ inline Sum sum_zero(void)
 }
 
 // Add weight times the bilinear radiance of data camera (i, j), standing at (cx, cy, 0), towards
-// the point origin + direction / q; nothing when it does not see there.
+// the point origin + direction / q; nothing outside its picture.
 inline void add_lookup(
     Sum *sum,
     float weight,
@@ -182,7 +182,7 @@ inline int interval(global const float *axis, int count, float value, float *sha
     return index;
 }
 
-// Where a ray crosses the camera plane; false when the array does not reach there.
+// The crossing of a ray with the camera plane; false outside the array.
 inline bool crossing(
     const Array *array,
     float3 origin,

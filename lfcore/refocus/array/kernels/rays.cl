@@ -1,4 +1,4 @@
-// Weighted average of given rays, `count` for each pixel; one work-item a pixel.
+// Weighted average of given rays, `count` for each pixel; one work-item per pixel.
 //
 // rays: 8 floats each: origin, direction, weight, unused.  film: 2 floats, pixels.
 

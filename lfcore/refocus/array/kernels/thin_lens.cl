@@ -1,6 +1,6 @@
-// Average over film and lens samples of a thin lens; one work-item a pixel.
+// Average over film and lens samples of a thin lens; one work-item per pixel.
 //
-// -DSAMPLER: 0 fixed table (quadrature), 1 Halton table with a random shift a pixel,
+// -DSAMPLER: 0 fixed table (quadrature), 1 Halton table with a random shift per pixel,
 // 2 stratified, 3 independent; as in lfcore/refocus/array/sampling.py.
 
 #include "lookup.cl"
