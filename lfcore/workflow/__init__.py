@@ -1,1 +1,1 @@
-"""What the Snakemake workflow asks the library for: its configuration, cases, jobs and runs."""
+"""The library's part of the Snakemake workflow: configuration, cases, jobs and runs."""

@@ -68,18 +68,18 @@ def scene_files(entries: Iterable[str]) -> dict[str, str]:
     return files
 
 
-def _scene_name(file: Path, taken: Iterable[str]) -> str:
+def _scene_name(file: Path, names: Iterable[str]) -> str:
     """Return the name of a scene's folder of results: that of its folder, or of its file."""
     name = file.resolve().parent.name if file.name == "scene.yaml" else file.stem
     name = re.sub(r"[^\w.+-]|^\.", "_", unicodedata.normalize("NFC", name))
-    own = own_scenes().get(name)
+    project_file = own_scenes().get(name)
     if len(name) > LONGEST_NAME:
         problem = f"{name!r} is too long for a folder of results"
     elif name.lower() in RESERVED:
         problem = f"results/{name}/ is reserved"
-    elif name in taken:
+    elif name in names:
         problem = f"two scenes are called {name!r}"
-    elif name in OWN and own and file.resolve() != Path(own).resolve():
+    elif name in OWN and project_file and file.resolve() != Path(project_file).resolve():
         problem = f"{name!r} is a scene of this project, which other results need"
     else:
         return name
@@ -148,9 +148,9 @@ def sensor_planes(
         return [SensorPlane(distance, camera.f_number) for distance in focus_distances_m]
     checked = []
     for index, keys in enumerate(planes):
-        wanted = {key: value for key, value in keys.items() if value is not None}
+        settings = {key: value for key, value in keys.items() if value is not None}
         try:
-            plane = _plane(wanted, camera, focus_distances_m)
+            plane = _plane(settings, camera, focus_distances_m)
             plane.check(Slab(camera, 2, 2))
         except OpticsError as error:
             key = f"configuration: planes.{index}.{error.key}"
@@ -160,17 +160,17 @@ def sensor_planes(
 
 
 def _plane(
-    wanted: dict[str, Any], camera: Camera, focus_distances_m: Sequence[float]
+    settings: dict[str, Any], camera: Camera, focus_distances_m: Sequence[float]
 ) -> SensorPlane:
-    exclude_twice(f_number=wanted.get("f_number"), blur=wanted.get("blur"))
-    seen = DepthRange(focus_distances_m[0], focus_distances_m[-1]) if focus_distances_m else None
-    focus_m = focus_distance(wanted.pop("focus_m"), seen)
-    f_number = wanted.pop("f_number", camera.f_number)
-    if "blur" in wanted:
+    exclude_twice(f_number=settings.get("f_number"), blur=settings.get("blur"))
+    depths = DepthRange(focus_distances_m[0], focus_distances_m[-1]) if focus_distances_m else None
+    focus_m = focus_distance(settings.pop("focus_m"), depths)
+    f_number = settings.pop("f_number", camera.f_number)
+    if "blur" in settings:
         f_number = f_number_of_blur(
-            wanted.pop("blur"), camera.focal_length_m, focus_m, camera.field_width, seen
+            settings.pop("blur"), camera.focal_length_m, focus_m, camera.field_width, depths
         )
-    return SensorPlane(focus_m, f_number, **wanted)
+    return SensorPlane(focus_m, f_number, **settings)
 
 
 def read_camera(scene: str | Path) -> tuple[Camera, tuple[float, ...], int]:

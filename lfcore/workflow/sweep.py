@@ -28,7 +28,7 @@ def read_sweep(path: Path) -> dict[str, dict[str, object]]:
     """Read the keys, with dots, and values that each case overrides.
 
     Raises :class:`SettingsError` for a table without cases, two cases with the same name, a key
-    that a sweep may not vary, and a cell that is no YAML.
+    that a sweep may not vary, and a cell that is not YAML.
     """
     try:
         table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
@@ -41,9 +41,9 @@ def read_sweep(path: Path) -> dict[str, dict[str, object]]:
         raise SettingsError(f"two cases are called {repeated.iloc[0]!r}", file=path)
     for column in table.columns.drop("case"):
         if column.split(".")[0] not in SWEPT:
-            known = ", ".join(SWEPT)
+            allowed = ", ".join(SWEPT)
             raise SettingsError(
-                "cannot be varied by a sweep", file=path, key=column, remedy=f"Vary {known}"
+                "cannot be varied by a sweep", file=path, key=column, remedy=f"Vary {allowed}"
             )
     return {
         row["case"]: {key: _cell(path, key, text) for key, text in row.items() if key != "case"}
