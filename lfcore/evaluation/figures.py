@@ -130,7 +130,7 @@ def curves_over_n(table: pd.DataFrame, panels: Sequence[Panel]) -> Figure:
     drawn: list[tuple[Panel, str]] = []
     for panel in panels:
         together = panel.per_ray is not None or pixels == THESIS_PIXELS
-        if not panel.of_thesis:
+        if not panel.of_thesis or table[f"thesis_{panel.column}"].isna().all():
             drawn.append((panel, "ours"))
         else:
             drawn += [(panel, "both")] if together else [(panel, "ours"), (panel, "thesis")]

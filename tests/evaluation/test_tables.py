@@ -209,6 +209,9 @@ def test_curves_share_an_axis_with_the_thesis_if_m_is_its():
     assert points["a", "-"][0][1] == pytest.approx(1e9 / (16 * 128) ** 2)
     assert points["_", "--"][0][1] == pytest.approx(100e9 / (16 * 512) ** 2)
     assert time.get_title() == "M = 128; dashed: the thesis, M = 512"
+    # Scenes that the thesis does not have need no axes for it.
+    unknown = of_scenes(128).assign(thesis_psnr_db=None, thesis_seconds=None)
+    assert [axis.get_title() for axis in curves_over_n(unknown, panels).axes] == ["M = 128"] * 2
     # Labels of a figure this wide can be read on a page of 1280 pixels.
     assert curves_over_n(of_scenes(128), (*panels, *panels)).get_size_inches()[0] < 12
     quality, time = curves_over_n(of_scenes(512), (QUALITY[0], TIME)).axes
