@@ -7,14 +7,12 @@ from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import emitting_triangles
+from lfcore.scene.needs import DIELECTRIC, emitting_triangles
 from lfcore.scene.sky import radiance, suns
 from lfcore.tracing.tracer import Tracer
 
 _TEXELS = 64
 """The largest side of textures that colour reflected light, texels: averages suffice."""
-_DIELECTRIC = 0.04
-"""The reflectance of dielectrics at normal incidence; source: glTF 2.0, appendix B."""
 _LENS_POINTS = (0, 0), (0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7)
 """Lens points from which visibility is tested, shares of the lens radius."""
 ALONG_SURFACE = np.float32(1e-5)
@@ -87,7 +85,7 @@ class Surroundings:
         # The kernels reflect ambient light in the same way: diffuse, and specular at normal
         # incidence.
         parts = zip(materials, metal, strict=True)
-        self.base = [_DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
+        self.base = [DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
 
     def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, ...]:
         """Trace rays (P, n, 3) from points; returns what :meth:`cast` returns."""

@@ -21,14 +21,13 @@ from lfcore.readers.gltf.extensions import WEBP
 from lfcore.readers.side_files import SOLID, same_size
 from lfcore.reading import Where
 from lfcore.scene.appearance import Dielectric
+from lfcore.scene.needs import DIELECTRIC
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.surface_mesh import Surface, triple
 
 GLOSSY, UNLIT = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"
 STRENGTH, MOVED = "KHR_materials_emissive_strength", "KHR_texture_transform"
 REPEAT, NEAREST = 10497, 9728
-DIELECTRIC = 0.04
-"""The reflectance of what is no metal."""
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 

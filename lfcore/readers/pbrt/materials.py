@@ -15,10 +15,10 @@ from lfcore.readers.pbrt.lexer import Place
 from lfcore.readers.pbrt.parameters import ParameterSet
 from lfcore.readers.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
+from lfcore.scene.needs import DIELECTRIC
 from lfcore.scene.surface_mesh import Surface
 
 # Normal reflectance of a dielectric of index 1.5, pbrt's plastic.
-DIELECTRIC = 0.04
 # A polished metal shows its surroundings; Blinn-Phong has none, so this share of its
 # reflectance is diffuse: without it a metal out of the highlight would be black.
 METAL_DIFFUSE = 0.4

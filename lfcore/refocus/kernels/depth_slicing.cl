@@ -19,7 +19,6 @@
 
 #define KERNEL KERNEL_OF(float16)
 #define STEPS 256
-#define ALL ((float)(STEPS * STEPS))
 #define BRIGHTEST ((float)(1 << STOPS))
 #define LIGHT (1.0f / (1 << DROPPED))  // of white, over a ray's weight
 #define LAYERS (2 * N_BOUNDS + 1)
