@@ -331,7 +331,7 @@ def test_a_sky_is_where_pbrt_has_it(read, tmp_path, name, size, direction):
 def test_skies_films_and_numbers_of_points_that_cannot_be(read, tmp_path):
     lfcore.write_picture(tmp_path / "dark.exr", np.full((2, 4, 3), -1, np.float32))
     sky = 'LightSource "infinite" "string mapname" "dark.exr"\n'
-    refused(r"scene.pbrt: line \d+.*mapname.*are no light", read, sky + TRIANGLE)
+    refused(r"scene.pbrt: line \d+.*mapname", read, sky + TRIANGLE)
     refused("remainder", read, TRIANGLE, 'Camera "lightfield"\n' + FILM)
     for points in (0, 5000):
         refused(r"light_points.*Give 1 to", read, TRIANGLE, light_points=points)
@@ -452,8 +452,8 @@ def test_version_4_words(read):
         ('Camera "perspective"', "line 5.*world block"),
         ("]", r"line 5.*\]"),
         ("4", "line 5.*4"),
-        ("Translate 1e400 0 0", "line 5, column 11: 1e400 is too great"),
-        ("Scale 1e200 1 1\nScale 1e200 1 1", "line 6, column 1: Scale "),
+        ("Translate 1e400 0 0", "line 5, column 11: 1e400"),
+        ("Scale 1e200 1 1\nScale 1e200 1 1", "line 6, column 1: Scale .*transformation"),
         ('LightSource "point" "blackbody I" [1e300 1]', "Give 100 to 1e\\+07 K"),
         ('AreaLightSource "diffuse"\nTranslate 0 0 1e40', "emitter reaches farther than 1e\\+12"),
         ("Translate 0 0 1e40", "every triangle was dropped"),

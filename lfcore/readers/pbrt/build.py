@@ -1,4 +1,4 @@
-"""From a .pbrt file to a :class:`~lfcore.scene.model.Scene`."""
+"""Builds a :class:`~lfcore.scene.model.Scene` from a .pbrt file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
 MOST_LIGHT_POINTS = 1024
+"""The most point lights per emitting shape and side."""
 
 
 def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
@@ -49,7 +50,7 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
     if moves:
         notebook.add(APPROXIMATED, path, FIRST_POSE)
     rig, view = interpreter.rig, interpreter.view
-    assert view is not None  # of the world block
+    assert view is not None  # set by WorldBegin
     scene = Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,

@@ -17,9 +17,15 @@ from lfcore.scene.notes import NOT_USED
 from lfcore.scene.view import FOV_DEG, LIGHTFIELD, PERSPECTIVE, SHUTTER, View, lightfield_view
 
 TO_OURS = np.diag([1.0, -1.0, 1.0, 1.0])
-DEFAULT_FILM = (640, 480)  # version 3; version 4 has 1280 x 720
+"""The matrix from pbrt's camera space to ours."""
+DEFAULT_FILM = (640, 480)
+"""The width and height, pixels, of version 3's film; version 4 has 1280 x 720."""
 DEFAULT_SAMPLES = 16
-LARGEST_FILM = MOST_SAMPLES = 65536
+"""The rays per pixel of pbrt's samplers."""
+LARGEST_FILM = 65536
+"""The longest side of a film, pixels."""
+MOST_SAMPLES = 65536
+"""The most rays per pixel."""
 PARAMETERS = {
     "cameras_per_dim": "camerasperdim",
     "bounds": "cameragridbounds",
@@ -27,17 +33,17 @@ PARAMETERS = {
     "spacing": "spacing",
     "shutter": "shutterclose",
 }
-"""The parameters that say what the optics' keys name; others follow from the field of view."""
+"""pbrt's parameter of each key in errors of the optics; all other keys depend on ``fov``."""
 
 
 def read_film(parameters: ParameterSet | None) -> tuple[int, int]:
-    """(width, height) in pixels; the crop window is left out and noted."""
+    """Return (width, height) in pixels; a crop window is left out and noted."""
     if parameters is None:
         return DEFAULT_FILM
     width, height = DEFAULT_FILM
     size = parameters.integer("xresolution", width), parameters.integer("yresolution", height)
     if min(size) < 1 or max(size) > LARGEST_FILM:
-        problem = f"of {size[0]} x {size[1]} is no film"
+        problem = f"and yresolution make a film of {size[0]} x {size[1]}"
         raise parameters.error("xresolution", problem, f"Give 1 to {LARGEST_FILM}")
     if parameters.get("cropwindow"):
         parameters.left_out("crop window")
@@ -46,7 +52,7 @@ def read_film(parameters: ParameterSet | None) -> tuple[int, int]:
 
 
 def read_samples(parameters: ParameterSet | None) -> int:
-    """Rays a pixel that a Sampler asks for: ``pixelsamples``, or a grid's two factors."""
+    """Return a Sampler's rays per pixel: ``pixelsamples``, or the product of a grid's sides."""
     if parameters is None:
         return DEFAULT_SAMPLES
     count = parameters.integer("pixelsamples", 0)
@@ -59,7 +65,7 @@ def read_samples(parameters: ParameterSet | None) -> int:
 
 
 def read_camera(kind: str, parameters: ParameterSet, film: tuple[int, int], samples: int) -> View:
-    """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, noted."""
+    """Handle ``Camera "kind"``; an unknown kind becomes ``perspective``, which is noted."""
     if kind not in (PERSPECTIVE, LIGHTFIELD):
         parameters.approximated('as "perspective"')
     opened = parameters.float("shutteropen", SHUTTER[0])
@@ -103,7 +109,7 @@ def _lightfield(parameters: ParameterSet, film: tuple[int, int]) -> View:
         grid["cameras_per_dim"] = tuple(int(count) for count in counts)
     if (bounds := parameters.floats("cameragridbounds", 4)) is not None:
         grid["grid_bounds_m"] = tuple(bounds.tolist())
-    # Not in the assignment, whose "equally spaced within the bounds" can be read both ways.
+    # Our addition: the assignment's "equally spaced within the bounds" is ambiguous.
     grid["spacing"] = parameters.string("spacing", "ends")
     for name in ("lensradius", "focaldistance"):
         if parameters.get(name):

@@ -1,4 +1,4 @@
-"""Runs the directives of a pbrt scene: what they do to the state, and what they leave behind."""
+"""Runs the directives of a pbrt scene: they change the state, and create items and lights."""
 
 import re
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ _LEFT_OUT = ("MediumInterface", "MakeNamedMedium", "Attribute")
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """A shape in place: mesh, surface, texture placement, object-to-world at open and close."""
+    """A placed shape; ``matrices`` are object-to-world at shutter open and close."""
 
     mesh: SurfaceMesh
     definition: Definition
@@ -47,7 +47,7 @@ class Item:
 
 
 class Interpreter:
-    """Feed it directives with :meth:`run`, then read ``items``, ``rig`` and ``view``."""
+    """Runs directives by :meth:`run`; the results are ``items``, ``rig`` and ``view``."""
 
     def __init__(self, folder: Path, notebook: Notebook, light_points: int):
         self.folder, self.notebook, self.light_points = folder, notebook, light_points
@@ -74,7 +74,8 @@ class Interpreter:
         """Raises :class:`SceneError` naming file, line and token."""
         for directive in directives:
             if self._after_world:
-                raise directive.place.error(f"{directive.name} after WorldEnd", "One scene a file")
+                problem = f"{directive.name} after WorldEnd"
+                raise directive.place.error(problem, "Write one scene per file")
             self.handle(directive)
         if not self._in_world:
             raise Place(self.folder, 1, 1).error("the scene has no WorldBegin")
@@ -87,7 +88,7 @@ class Interpreter:
         if name in _HEADER_ONLY and self._in_world:
             raise directive.place.error(f"{name} inside the world block")
         if name in _WORLD_ONLY and not self._in_world:
-            raise directive.place.error(f"{name} before WorldBegin", "Move it behind")
+            raise directive.place.error(f"{name} before WorldBegin", "Move it after WorldBegin")
         if name in _TRANSFORMS:
             self._transform(directive)
         elif name.endswith(("Begin", "End")):
@@ -105,7 +106,7 @@ class Interpreter:
             getattr(self, f"_do_{snake}")(directive)
 
     def _transform(self, directive: Directive) -> None:
-        """CTM = CTM * matrix, or the matrix, for the active times."""
+        """Multiply or replace the current transformation matrix (CTM) of the active times."""
         name, now = directive.name, self.now
         alone = name in ("Identity", "Transform")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -142,7 +143,7 @@ class Interpreter:
             opened = f"{self._stack[-1][0]}Begin is open" if self._stack else "no block is open"
             raise place.error(f"{kind}End, but {opened}")
         _, saved, _ = self._stack.pop()
-        if kind == "Transform":  # it saves the transform alone
+        if kind == "Transform":  # TransformBegin saves only the transformation
             saved = replace(self.now, matrices=saved.matrices, active=saved.active)
         self.now = saved
 
@@ -151,13 +152,13 @@ class Interpreter:
 
     def _world_begin(self, place: Place) -> None:
         if self._in_world:
-            raise place.error("WorldBegin a second time")
+            raise place.error("WorldBegin occurs twice")
         self._in_world = True
         film = read_film(self._film)
         if self._camera is None:
             self.notebook.add(APPROXIMATED, place, "no Camera: pbrt's default perspective")
-            usual = ParameterSet('Camera "perspective"', place, self.notebook)
-            self._camera = ("perspective", usual)
+            defaults = ParameterSet('Camera "perspective"', place, self.notebook)
+            self._camera = ("perspective", defaults)
             self.world_to_camera = TO_OURS.copy()
         view = read_camera(*self._camera, film, read_samples(self._sampler))
         self.view = replace(view, motion_times=self._motion_times)
@@ -232,7 +233,7 @@ class Interpreter:
         parameters = directive.parameters
         if directive.strings[0] not in ("diffuse", "area"):
             parameters.approximated("as diffuse")
-        # Read now, so that the note about points is there once, at its own line.
+        # Noted now, once, at this line; shapes follow later.
         parameters.approximated(f"{self.light_points} point lights per shape and side")
         for name in ("samples", "nsamples"):
             parameters.get(name)
@@ -280,7 +281,7 @@ class Interpreter:
             self.rig.add_area(points, np.array(item.emission), numbers)
 
     def uvs(self, item: Item) -> tuple[np.ndarray | None, Surface | None]:
-        """Texture coordinates of an item (None without texture) and its surface."""
+        """Return an item's texture coordinates (None without texture) and its surface."""
         surface, texture = self.materials.resolve(item.definition, item.emission) or (None, None)
         if texture is None or texture.image is None:
             return None, surface
@@ -289,7 +290,7 @@ class Interpreter:
 
 @dataclass(frozen=True, eq=False)
 class Attributes:
-    """What AttributeBegin saves; ``matrices`` are the CTM at shutter open and close."""
+    """The state that AttributeBegin saves; ``matrices`` are the CTM at shutter open and close."""
 
     matrices: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(4), np.eye(4)))
     active: tuple[int, ...] = (0, 1)
@@ -299,7 +300,7 @@ class Attributes:
 
 
 def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray:
-    """(4, 4) of a transform directive, as pbrt defines it."""
+    """Return the (4, 4) matrix of a transform directive, as pbrt defines it."""
     if name == "Identity":
         return np.eye(4)
     if name == "Translate":
@@ -310,13 +311,13 @@ def transform_matrix(name: str, numbers: np.ndarray, place: Place) -> np.ndarray
         return scale(*numbers)
     if name == "Rotate":
         if not numbers[1:].any():
-            raise place.error("Rotate about an axis of no length")
+            raise place.error("Rotate about an axis of length 0")
         return rotate(numbers[1:].tolist(), numbers[0])
     if name == "LookAt":
         eye, target, up = numbers.reshape(3, 3).tolist()
         if eye == target:
             raise place.error("LookAt: eye and target coincide")
-        try:  # its camera is left-handed: x right, y up, z forward
+        try:  # pbrt's camera space is left-handed: x right, y up, z forward
             return np.diag([-1.0, -1.0, 1.0, 1.0]) @ look_at(eye, target, up)
         except SceneError:
             raise place.error("LookAt: up is parallel to the view") from None

@@ -1,7 +1,7 @@
-"""Words of a pbrt scene file, each with the place it was read from.
+"""The tokens of a pbrt scene file, each with its place.
 
-Follows the file format of pbrt versions 3 and 4 (Pharr, Jakob, Humphreys: Physically Based
-Rendering): identifiers, quoted strings, numbers, square brackets and ``#`` comments.
+The file format of pbrt versions 3 and 4 (Pharr, Jakob, Humphreys: Physically Based Rendering) has
+identifiers, quoted strings, numbers, square brackets and ``#`` comments.
 """
 
 import bisect
@@ -17,9 +17,9 @@ from lfcore.errors import SceneError
 
 WORD, STRING, NUMBERS, END = "word", "string", "numbers", "end"
 OPEN, CLOSE = "open", "close"
-# A bracketed list of nothing but numbers is one token: meshes hold millions of them.  The
-# assignment's handout prints `"float cameragridbounds [-0.6 0.6 -0.6 0.6]` without the closing
-# quote: `"type name [` cannot be anything else, so it is read as if it were closed.
+# A bracketed list of numbers is one token: meshes have millions of numbers.  The assignment's
+# handout prints `"float cameragridbounds [-0.6 0.6 -0.6 0.6]` without the closing quote;
+# `"type name [` is unambiguous, so we read it as closed.
 _TOKEN = re.compile(
     r"""(?:\s+|\#[^\n]*)*(?P<start>)
     (?: (?P<end>\Z) | (?P<numbers>\[[\s0-9eE+\-.]*\]) | (?P<open>\[) | (?P<close>\])
@@ -28,7 +28,7 @@ _TOKEN = re.compile(
       | "(?P<string>(?:[^"\\\n]|\\.)*)" | "(?P<cut>[^\n]*) | (?P<bare>[^\s\[\]"\#]+) )""",
     re.VERBOSE,
 )
-# float() also takes "nan", "inf" and "1_000", which pbrt's own reader does not.
+# float() would accept "nan", "inf" and "1_000", which pbrt does not.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _ESCAPED = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "\\": "\\", '"': '"', "'": "'"}
@@ -36,14 +36,14 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "\\": "\\", '
 
 @dataclass(frozen=True)
 class Place:
-    """Where a token starts; lines and columns count from 1."""
+    """The start of a token; lines and columns count from 1."""
 
     file: Path
     line: int
     column: int
 
     def error(self, problem: str, remedy: str | None = None) -> SceneError:
-        """A :class:`SceneError` naming file, line and column."""
+        """Return a :class:`SceneError` that names file, line and column."""
         where = f"line {self.line}, column {self.column}"
         return SceneError(problem, file=self.file, key=where, remedy=remedy)
 
@@ -60,7 +60,7 @@ class Token:
 
 
 def read_text(path: Path, asked_from: Place | None = None) -> str:
-    """A scene file's text; ``.gz`` is unpacked."""
+    """Read a scene file's text; ``.gz`` is unpacked."""
     try:
         raw = reading.read_bytes(path, reading.LARGEST_TEXT, "scene file")
     except SceneError as error:
@@ -72,7 +72,7 @@ def read_text(path: Path, asked_from: Place | None = None) -> str:
 
 
 def tokenize(text: str, file: Path) -> Iterator[Token]:
-    """Tokens of ``text``, ending with one of kind :data:`END`."""
+    """Yield the tokens of ``text``; the last is of kind :data:`END`."""
     starts = [0, *(match.end() for match in re.finditer("\n", text))]
     for match in _TOKEN.finditer(text):
         kind = str(match.lastgroup)
@@ -110,9 +110,9 @@ def _numbers(words: list[str], place: Place) -> np.ndarray:
         values = np.array(words, np.float64)
     except ValueError:
         wrong = next(word for word in words if not _NUMBER.fullmatch(word))
-        raise place.error(f"{wrong!r} is not a number", "Mend the number") from None
+        raise place.error(f"{wrong!r} is not a number", "Write a number") from None
     if not np.isfinite(values).all():
         word = words[int(np.argmax(~np.isfinite(values)))]
         shown = word if len(word) <= 20 else f"{word[:20]}..."
-        raise place.error(f"{shown} is too great a number", "Give one below 1e308")
+        raise place.error(f"{shown} is too large", "Give a number below 1e308")
     return values

@@ -1,7 +1,7 @@
-"""pbrt lights as what the tracer has: point and directional lights, and a sky.
+"""Converts pbrt's lights to the tracer's: point and directional lights, and a sky.
 
-The tracer multiplies diffuse colours by irradiance without dividing by pi, so every irradiance
-here is pbrt's over pi: a matte surface of reflectance Kd then has pbrt's radiance.
+The tracer multiplies diffuse colours by irradiance without dividing by pi.  So every irradiance
+here is pbrt's over pi, and a matte surface of reflectance Kd has pbrt's radiance.
 """
 
 import math
@@ -23,11 +23,11 @@ from lfcore.scene.sky import LARGEST_SIDE, octahedral
 from lfcore.scene.surface_mesh import Colour, triple
 
 ENDS = {"from": (0.0, 0.0, 0.0), "to": (0.0, 0.0, 1.0)}
-"""The points between which a light shines, unless given."""
+"""The default points of a light's axis."""
 
 
 def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
-    """(3,) linear RGB of a light's colour, with version 3 and 4 ``scale`` applied."""
+    """Return a light's colour, (3,) linear RGB, times version 3's or 4's ``scale``."""
     parameter = parameters.get(name, *COLOUR_TYPES)
     colour = np.ones(3) if parameter is None else parameter_rgb(parameter, folder)
     scale = parameters.get("scale", "float", *COLOUR_TYPES)
@@ -37,7 +37,7 @@ def emitted(parameters: ParameterSet, name: str, folder: Path) -> np.ndarray:
 
 
 CONSTANT_SIDE = 2
-"""The side of the octahedral map of a constant light, texels: the least that is interpolated."""
+"""The side of a constant light's octahedral map, texels: the least for interpolation."""
 
 
 class LightRig:
@@ -72,7 +72,7 @@ class LightRig:
             intensity = intensity / max(intensity.mean(), 1e-12) * power / (4 * math.pi)
         light = Light(POINT, triple(position), _over_pi(intensity), 1.0)
         if kind == "spot":
-            # pbrt's cone fades between the same angles, by another curve.
+            # pbrt's cone fades between the same angles, but with another curve.
             axis = _axis(parameters, to_camera, "from", "to")
             outer = parameters.float("coneangle", 30.0)
             inner = outer - parameters.float("conedeltaangle", 5.0)
@@ -95,7 +95,7 @@ class LightRig:
             picture = linear_light(read_image(self.folder / file, parameters.place_of(name)))
             light = np.ascontiguousarray(picture * radiance, np.float32)
             if not (light.min() >= 0 and light.max() <= BRIGHTEST):
-                problem = f"{file!r} has values that are no light"
+                problem = f"{file!r} has negative, infinite or too large values"
                 raise parameters.error(name, problem, f"Give radiance from 0 to {BRIGHTEST:g}")
             side = max(2, min(picture.shape[1], LARGEST_SIDE))
             if len(self.sky) > CONSTANT_SIDE:
@@ -104,7 +104,7 @@ class LightRig:
         self._add_sky(np.tile(np.float32(radiance), (CONSTANT_SIDE, CONSTANT_SIDE, 1)))
 
     def _add_sky(self, sky: np.ndarray) -> None:
-        """Add an octahedral map; one of a constant light has any size."""
+        """Add an octahedral map; a constant light's map is extended to the other's size."""
         before = self.sky if len(self.sky) else np.zeros_like(sky)
         if len(before) != len(sky):
             small, sky = sorted((before, sky), key=len)
@@ -128,13 +128,16 @@ def _over_pi(irradiance: np.ndarray) -> Colour:
 
 
 def _latitudes(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Version 3: columns by azimuth from x to y, rows by the angle to z."""
+    """Map directions as version 3: columns by azimuth from x to y, rows by the angle to z."""
     u = np.arctan2(d[..., 1], d[..., 0]) / (2 * math.pi) % 1.0
     return u, np.arccos(np.clip(d[..., 2], -1, 1)) / math.pi
 
 
 def _equal_area(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Version 4: P. Clarberg, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD", 2008."""
+    """Map directions as version 4.
+
+    P. Clarberg, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD", 2008.
+    """
     x, y, z = np.moveaxis(abs(d), -1, 0)
     radius = np.sqrt(np.maximum(1 - z, 0))
     across = radius * np.arctan2(y, x) * (2 / math.pi)
@@ -145,7 +148,7 @@ def _equal_area(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _axis(parameters: ParameterSet, to_camera: np.ndarray, start: str, end: str) -> Colour:
-    """The unit vector in camera space between two of :data:`ENDS`."""
+    """Return the unit vector in camera space between two points of :data:`ENDS`."""
     first, last = (parameters.vector(name, ENDS[name]) for name in (start, end))
     axis = to_camera[:3, :3] @ (last - first)
     length = np.linalg.norm(axis)

@@ -1,10 +1,10 @@
-"""pbrt materials as Blinn-Phong surfaces.
+"""Converts pbrt's materials to Blinn-Phong surfaces.
 
 With the lights divided by pi (``lights.py``) the diffuse colour is pbrt's Kd.  A microfacet lobe of
 roughness ``alpha`` becomes the Blinn-Phong lobe of the same peak: exponent ``2 / alpha^2 - 2``
 (Walter et al. 2007) and specular colour ``R / (4 alpha^2)``, R the reflectance at normal
-incidence, clipped to one.  What Blinn-Phong has no word for -- mirror images, refraction,
-transparency, bumps -- is noted.
+incidence, clipped to one.  Mirror images, refraction, transparency and bumps, which Blinn-Phong
+lacks, are noted.
 """
 
 from dataclasses import dataclass, replace
@@ -18,15 +18,15 @@ from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
 from lfcore.scene.needs import DIELECTRIC
 from lfcore.scene.surface_mesh import Surface
 
-# Normal reflectance of a dielectric of index 1.5, pbrt's plastic.
-# A polished metal shows its surroundings; Blinn-Phong has none, so this share of its
-# reflectance is diffuse: without it a metal out of the highlight would be black.
 METAL_DIFFUSE = 0.4
+"""The diffuse share of a metal's reflectance.  Polished metal reflects its surroundings, which
+Blinn-Phong cannot: outside the highlight a metal would be black."""
 MIRROR_SHININESS = 2000.0
+"""The exponent of a mirror's highlight."""
 Look = tuple[Texture, np.ndarray, float]
-"""Diffuse texture, specular colour, shininess."""
+"""The diffuse texture, specular colour, and shininess."""
 Resolved = tuple[Surface, Texture] | None
-"""A surface with its texture, which says where the image lies; None: the material is none."""
+"""A surface with its texture and the image's uv transform; None if the material is no surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +38,14 @@ class Definition:
 
 
 def roughness_to_alpha(roughness: float) -> float:
-    """pbrt version 3's map from roughness in [0, 1] to the microfacet width."""
+    """Convert roughness in [0, 1] to the microfacet width, as pbrt version 3."""
     x = np.log(max(roughness, 1e-3))
     coefficients = (0.000640711, 0.0171201, 0.1734, 0.819955, 1.62142)
     return float(np.polyval(coefficients, x))
 
 
 def lobe(reflectance: np.ndarray, alpha: float) -> tuple[np.ndarray, float]:
-    """Specular colour and exponent of the Blinn-Phong lobe of equal peak (see above)."""
+    """Return specular colour and exponent of the Blinn-Phong lobe with equal peak (see above)."""
     alpha = float(np.clip(alpha, 0.03, 1.0))
     shininess = max(1.0, 2.0 / alpha**2 - 2.0)
     return np.clip(reflectance / (4 * alpha**2), 0.0, 1.0), shininess
@@ -57,7 +57,7 @@ def _metal_diffuse(parameters: ParameterSet, reflectance: np.ndarray) -> Texture
 
 
 class MaterialTable:
-    """Named materials, and surfaces made from definitions on first use."""
+    """The named materials, and surfaces, which are created from definitions on first use."""
 
     def __init__(self, textures: TextureTable):
         self.textures = textures
@@ -71,7 +71,7 @@ class MaterialTable:
         return self.named[name]
 
     def resolve(self, definition: Definition, emission: tuple = (0.0, 0.0, 0.0)) -> Resolved:
-        """The surface of a definition; one object for each definition and emission."""
+        """Return the surface of a definition: one object per definition and emission."""
         key = definition, tuple(emission)
         if key not in self._resolved:
             self._resolved[key] = self._make(*key)
@@ -187,7 +187,7 @@ class MaterialTable:
         ]
         images = [half for half in halves if half.image is not None]
         if images:
-            # One texture multiplies the whole diffuse colour, so the other half takes its pattern.
+            # There is one texture for the whole diffuse colour: the other half gets its pattern.
             pattern = max(images, key=lambda half: half.factor.sum())
             rest = sum((h.mean() for h in halves if h is not pattern), np.zeros(3))
             factor = pattern.factor * (1 + rest / np.maximum(pattern.mean(), 1e-6))

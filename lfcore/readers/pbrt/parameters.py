@@ -1,4 +1,4 @@
-"""Parameter lists ``"type name" [values]`` of pbrt directives, checked and typed."""
+"""The parameter lists ``"type name" [values]`` of pbrt directives, checked and typed."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +19,7 @@ TYPES = (*NUMERIC_TYPES, "spectrum", "bool", "string", "texture")
 
 @dataclass(eq=False)
 class Parameter:
-    """``values`` is a float64 array for numeric types, else a list of str or bool."""
+    """A parameter; ``values`` is a float64 array for numeric types, else a list of str or bool."""
 
     type: str
     name: str
@@ -38,7 +38,7 @@ class ParameterSet:
     items: dict[str, Parameter] = field(default_factory=dict)
 
     def get(self, name: str, *types: str) -> Parameter | None:
-        """The parameter, marked as used; None when absent."""
+        """Return a parameter and mark it as used; None if it is absent."""
         parameter = self.items.get(name)
         if parameter is None:
             return None
@@ -50,7 +50,7 @@ class ParameterSet:
         return parameter
 
     def _rows(self, name: str, width: int, *types: str) -> np.ndarray | None:
-        """(n, ``width``) float64 of a parameter of these types."""
+        """Return a parameter with one of these types as (n, ``width``) float64."""
         parameter = self.get(name, *types)
         if parameter is None:
             return None
@@ -59,15 +59,15 @@ class ParameterSet:
         return parameter.values.reshape(-1, width)
 
     def vectors(self, name: str) -> np.ndarray | None:
-        """(n, 3) float64 of a point, vector or normal parameter."""
+        """Return a point, vector or normal parameter as (n, 3) float64."""
         return self._rows(name, 3, *_POINTS)
 
     def pairs(self, name: str) -> np.ndarray | None:
-        """(n, 2) float64 of a point2, vector2 or float parameter."""
+        """Return a point2, vector2 or float parameter as (n, 2) float64."""
         return self._rows(name, 2, "float", *_PAIRS)
 
     def floats(self, name: str, count: int | None = None) -> np.ndarray | None:
-        """All numbers of a float or integer parameter, float64; checked for ``count``."""
+        """Return the numbers of a float or integer parameter, float64; there must be ``count``."""
         parameter = self.get(name, "float", "integer")
         if parameter is not None and count not in (None, len(parameter.values)):
             raise self.wrong_count(parameter, str(count))
@@ -90,7 +90,7 @@ class ParameterSet:
         return int(value)
 
     def indices(self, name: str) -> np.ndarray | None:
-        """Whole numbers, int64."""
+        """Return a parameter's whole numbers, int64."""
         values = self.floats(name)
         if values is None:
             return None
@@ -111,11 +111,11 @@ class ParameterSet:
         return default if parameter is None else parameter.values[0]
 
     def error(self, name: str, problem: str, remedy: str | None = None) -> SceneError:
-        """A :class:`SceneError` at the parameter, or at the directive when it is absent."""
+        """Return a :class:`SceneError` at the parameter, or at the directive if it is absent."""
         return self.place_of(name).error(f'"{name}" of {self.owner} {problem}', remedy)
 
     def place_of(self, name: str) -> Place:
-        """The place of a parameter, or of the directive when it is absent."""
+        """Return the place of a parameter, or of the directive if it is absent."""
         return self.items[name].place if name in self.items else self.place
 
     def note(self, kind: str, words: str, name: str = "") -> None:
@@ -123,7 +123,7 @@ class ParameterSet:
         self.notebook.add(kind, self.place_of(name), words)
 
     def approximated(self, how: str, name: str = "") -> None:
-        """Record how the directive is mapped instead; at the place as :meth:`note`."""
+        """Record how the directive is replaced, at the place as in :meth:`note`."""
         self.note(APPROXIMATED, f"{self.owner}: {how}", name)
 
     def left_out(self, part: str) -> None:

@@ -1,4 +1,4 @@
-"""Directives of a pbrt scene file, included files in place."""
+"""The directives of a pbrt scene file and of its included files, in order."""
 
 import os
 from collections.abc import Iterator
@@ -14,8 +14,8 @@ from lfcore.readers.pbrt.lexer import Place, Token
 from lfcore.readers.pbrt.parameters import Parameter, ParameterSet, declare
 from lfcore.scene.notes import APPROXIMATED, Notebook
 
-# What follows each directive: n numbers, s strings, w a word, p a parameter list; m one or two
-# strings.  Versions 3 and 4 together.
+# The arguments of each directive in versions 3 and 4: n numbers, s a string, w a word, p a
+# parameter list, m one or two strings.
 GRAMMAR = {
     "AttributeBegin": "", "AttributeEnd": "", "TransformBegin": "", "TransformEnd": "",
     "WorldBegin": "", "WorldEnd": "", "ObjectEnd": "", "ReverseOrientation": "", "Identity": "",
@@ -34,12 +34,14 @@ GRAMMAR = {
 }  # fmt: skip
 _INCLUDES = ("Include", "Import")
 DEEPEST_INCLUDE = 64
+"""The deepest nesting of included files."""
 MOST_FILES = 100_000
+"""The most included files."""
 
 
 @dataclass
 class Directive:
-    """``strings`` and ``numbers`` are the plain arguments, in order of reading."""
+    """A directive; ``strings`` and ``numbers`` are its arguments before the parameters."""
 
     name: str
     place: Place
@@ -49,7 +51,7 @@ class Directive:
 
 
 def read_directives(path: Path, notebook: Notebook) -> Iterator[Directive]:
-    """Every directive of the scene, in order, ``Include`` and ``Import`` followed."""
+    """Yield every directive of the scene, in order, with those of included files."""
     yield from _Parser(path, notebook).file(path, [], None)
 
 
@@ -61,12 +63,12 @@ class _Cursor:
         self.peek = next(tokens)
 
     def take(self, kind: str = "", directive: str = "") -> Token:
-        """The next token, of a ``kind`` that the directive wants, if it wants one."""
+        """Return the next token, which must be of ``kind`` if the directive needs one."""
         token = self.peek
         if token.kind != lexer.END:
             self.peek = next(self._tokens)
         if kind and token.kind != kind:
-            raise token.place.error(f"{directive} wants a {kind} here, not {token.text}")
+            raise token.place.error(f"{directive} needs a {kind} here, not {token.text}")
         return token
 
 
@@ -80,7 +82,7 @@ class _Parser:
         place = included_at or Place(path, 1, 1)
         try:
             identity = path.resolve()
-        except (OSError, ValueError) as error:  # a circle of links, or a NUL in the name
+        except (OSError, ValueError) as error:  # circular links, or a NUL in the name
             raise place.error(f"{str(path)!r} is no file: {error}", "Check the path") from None
         if identity in stack:
             raise place.error(f"{str(path)!r} includes itself", "Break the circle")
@@ -92,7 +94,7 @@ class _Parser:
         while tokens.peek.kind != lexer.END:
             directive = self.directive(tokens)
             if directive.name in _INCLUDES:
-                # Beside the main file, as pbrt; else beside the file that includes it.
+                # Relative to the main file, as in pbrt; else to the including file.
                 target = self.folder / directive.strings[0]
                 if not os.path.exists(target):
                     target = path.parent / directive.strings[0]
@@ -135,18 +137,18 @@ class _Parser:
 
 
 def _numbers(tokens: _Cursor, count: int, directive: str) -> np.ndarray:
-    """So many numbers, in brackets or one after the other."""
+    """Read ``count`` numbers, in brackets or one after the other."""
     values = np.zeros(0)
     while len(values) < count and tokens.peek.kind == lexer.NUMBERS:
         values = np.append(values, tokens.take().value)
     if len(values) != count:
-        problem = f"{directive} wants {count} numbers, not {len(values)}, and then"
-        raise tokens.peek.place.error(f"{problem} {tokens.peek.text}")
+        problem = f"{directive} needs {count} numbers, not {len(values)}, before {tokens.peek.text}"
+        raise tokens.peek.place.error(problem)
     return values
 
 
 def _values(tokens: _Cursor, kind: str, head: Token) -> np.ndarray | list:
-    """The value or bracketed values that follow a parameter's name."""
+    """Read the value or bracketed values after a parameter's name."""
     token = tokens.take()
     items: Any = token.value
     if token.kind == lexer.OPEN:

@@ -121,7 +121,7 @@ def _loopsubdiv(parameters: ParameterSet) -> SurfaceMesh:
 
 
 def _angle_steps(angle: float, share: float = 1.0) -> int:
-    """Chords of an arc that stay within a share of the tolerance of it."""
+    """Return the number of chords that approximate an arc within a share of the tolerance."""
     step = 2.0 * math.acos(1.0 - share * TOLERANCE)
     return max(3 if angle > 6 else 1, math.ceil(angle / step - 1e-9))
 
@@ -138,10 +138,10 @@ def _sphere(parameters: ParameterSet) -> SurfaceMesh:
     ends = [parameters.float("zmin", -radius), parameters.float("zmax", radius)]
     low, high = (min(max(z, -radius), radius) for z in (min(ends), max(ends)))
     start, stop = math.acos(low / radius), math.acos(high / radius)
-    # Both directions bend: half the tolerance for each, so that their sum keeps it.
+    # Both directions are curved: each gets half of the tolerance.
     rows = _angle_steps(start - stop, 0.5)
     theta = np.linspace(start, stop, rows + 1)[:, None]
-    # sin(pi) is not zero in floating point; a pole must be one point to stay closed.
+    # sin(pi) is not zero in floating point, but a pole must be one point.
     sine = np.where(np.isclose(np.abs(np.cos(theta)), 1.0, atol=1e-15), 0.0, np.sin(theta))
     x, y = _circle(parameters, 0.5)
     outward = xyz(sine * x, sine * y, np.cos(theta))
@@ -163,7 +163,7 @@ def _cylinder(parameters: ParameterSet) -> SurfaceMesh:
 
 
 def _circle(parameters: ParameterSet, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """x and y (1, C) on the unit circle up to ``phimax``, within a share of the tolerance."""
+    """Return x and y (1, C) on the unit circle up to ``phimax``, with a share of the tolerance."""
     phi_max = math.radians(min(max(parameters.float("phimax", 360.0), 0.0), 360.0))
     phi = np.linspace(0.0, phi_max, _angle_steps(phi_max, share) + 1)[None, :]
     if phi_max >= 2 * math.pi * (1 - 1e-12):  # all the way round: closed to the last bit
@@ -172,8 +172,8 @@ def _circle(parameters: ParameterSet, share: float = 1.0) -> tuple[np.ndarray, n
 
 
 def _turned(points: np.ndarray, normals: np.ndarray) -> SurfaceMesh:
-    """Triangles of a grid of points and normals (R, C, 3) without degenerate ones; u along columns
-    and v along rows."""
+    """Return the triangles of a grid of points and normals (R, C, 3), without degenerate ones; u is
+    along columns and v along rows."""
     uv = np.meshgrid(*(np.linspace(0, 1, count) for count in points.shape[1::-1]))
     corners, *attributes = (grid_triangles(grid) for grid in (points, normals, np.stack(uv, -1)))
     same = (corners == np.roll(corners, -1, axis=1)).all(-1).any(-1)
@@ -196,7 +196,7 @@ def loop_subdivide(
 
 
 def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unique edges (E, 2), the edge of each face side (F, 3), and which edges are boundary."""
+    """Return unique edges (E, 2), the edge of each face side (F, 3), and a mask of the boundary."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2), 1)
     edges, inverse, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     if (uses > 2).any():
@@ -207,8 +207,8 @@ def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _moved(
     points: np.ndarray, edges: np.ndarray, is_open: np.ndarray, *, limit: bool = False
 ) -> np.ndarray:
-    """The vertices after a subdivision, or on the limit surface: means with their neighbours, on a
-    boundary with those along it."""
+    """Return the vertices after a subdivision, or on the limit surface: weighted means with their
+    neighbours, on a boundary with their neighbours along it."""
 
     def neighbours(edges: np.ndarray) -> sparse.csr_matrix:
         shape = len(points), len(points)
@@ -228,7 +228,7 @@ def _moved(
 
 def _subdivide(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     edges, side_edge, is_open = _edges(faces)
-    # An edge point: 3/8 of its ends and 1/8 of the two corners opposite; the middle on a boundary.
+    # An edge point is 3/8 of its ends and 1/8 of the opposite corners; on a boundary the middle.
     opposite = np.zeros((len(edges), 3))
     np.add.at(opposite, side_edge, points[np.roll(faces, -2, 1)])
     ends = points[edges].sum(1)

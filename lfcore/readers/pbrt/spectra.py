@@ -1,4 +1,4 @@
-"""Colours of pbrt scenes: rgb, xyz, blackbody and sampled spectra, to linear sRGB.
+"""Converts colours of pbrt scenes, rgb, xyz, blackbody and sampled spectra, to linear sRGB.
 
 The colour matching functions are the multi-lobe fits of Wyman, Sloan and Shirley, "Simple
 Analytic Approximations to the CIE XYZ Color Matching Functions", JCGT 2(2), 2013; blackbody is
@@ -21,12 +21,14 @@ XYZ_TO_RGB = np.array(
         [0.0556434, -0.2040259, 1.0572252],
     ]
 )
-# Colder, nothing is left of visible light in float64; hotter, its colour changes no more.
-COLDEST, HOTTEST = 100.0, 1e7
+COLDEST = 100.0
+"""The lowest temperature of a blackbody, K: below, its visible light underflows in float64."""
+HOTTEST = 1e7
+"""The highest temperature of a blackbody, K: above, its colour is constant."""
 _WAVELENGTHS = np.arange(380.0, 781.0, 2.0)  # nm
 
-# Normal reflectance of polished metals, linear RGB, as listed in shading literature (e.g.
-# Lagarde, "Memo on Fresnel equations", 2013), for spectra that are named and not given.
+# The reflectance of polished metals at normal incidence, linear RGB, for spectra given by name
+# (e.g. Lagarde, "Memo on Fresnel equations", 2013).
 METALS = {
     "Cu": (0.955, 0.638, 0.538),
     "Au": (1.000, 0.782, 0.344),
@@ -40,7 +42,7 @@ def _lobe(x: np.ndarray, mean: float, left: float, right: float) -> np.ndarray:
 
 
 def matching_functions(wavelength_nm: np.ndarray) -> np.ndarray:
-    """(n, 3) float64: CIE 1931 x, y, z bar at the wavelengths, Wyman et al. equation 4."""
+    """Return CIE 1931 x, y, z bar at the wavelengths, (n, 3) float64, Wyman et al. equation 4."""
     w = np.asarray(wavelength_nm, np.float64)
     x = (
         0.362 * _lobe(w, 442.0, 0.0624, 0.0374)
@@ -53,7 +55,7 @@ def matching_functions(wavelength_nm: np.ndarray) -> np.ndarray:
 
 
 def spectrum_to_rgb(wavelength_nm: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear RGB, (3,) float64, of a piecewise linear spectrum; that of constant 1 is white."""
+    """Convert a piecewise linear spectrum to linear RGB, (3,) float64; constant 1 is white."""
     samples = np.interp(_WAVELENGTHS, wavelength_nm, values)
     bars = matching_functions(_WAVELENGTHS)
     rgb = XYZ_TO_RGB @ (bars * samples[:, None]).sum(0)
@@ -62,7 +64,7 @@ def spectrum_to_rgb(wavelength_nm: np.ndarray, values: np.ndarray) -> np.ndarray
 
 
 def blackbody(kelvin: float) -> np.ndarray:
-    """Linear RGB of Planck's law at ``kelvin``, normalised to a largest radiance of one."""
+    """Return linear RGB of Planck's law at ``kelvin``, normalised to a greatest radiance of one."""
     metres = _WAVELENGTHS * 1e-9
     with np.errstate(over="ignore"):
         radiance = metres**-5 / np.expm1(1.438776877e-2 / (metres * kelvin))
@@ -72,12 +74,12 @@ def blackbody(kelvin: float) -> np.ndarray:
 
 
 def metal_reflectance(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Reflectance of a conductor at normal incidence (Fresnel)."""
+    """Return the reflectance of a conductor at normal incidence (Fresnel)."""
     return ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
 
 
 def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
-    """Wavelengths and values of a spectrum file: two columns, ``#`` comments."""
+    """Read wavelengths and values of a spectrum file: two columns, ``#`` comments."""
     try:
         text = read_bytes(path, LARGEST_DESCRIPTION).decode()
         rows = np.loadtxt(text.splitlines(), ndmin=2, comments="#")
@@ -89,23 +91,23 @@ def read_spd(path: Path, parameter: Parameter) -> tuple[np.ndarray, np.ndarray]:
 
 
 def parameter_rgb(parameter: Parameter, folder: Path) -> np.ndarray:
-    """(3,) float64 linear RGB of a colour parameter of any type."""
+    """Convert a colour parameter of any type to linear RGB, (3,) float64."""
     values, kind = parameter.values, parameter.type
     if kind in ("rgb", "color", "xyz"):
         if len(values) != 3:
-            raise parameter.place.error(f'"{kind} {parameter.name}" wants 3 numbers')
+            raise parameter.place.error(f'"{kind} {parameter.name}" needs 3 numbers')
         return np.maximum(XYZ_TO_RGB @ values, 0.0) if kind == "xyz" else np.asarray(values)
     if kind == "blackbody":
         scale = float(values[1]) if len(values) > 1 else 1.0
         if not COLDEST <= values[0] <= HOTTEST:
-            problem = f"a blackbody of {values[0]:g} K, instead of one above {COLDEST:g} K"
+            problem = f"a blackbody cannot have {values[0]:g} K"
             raise parameter.place.error(problem, f"Give {COLDEST:g} to {HOTTEST:g} K")
         return blackbody(float(values[0])) * scale
     if kind == "spectrum" and isinstance(values, list):
         return spectrum_to_rgb(*read_spd(folder / values[0], parameter))
     if kind == "spectrum":
         if len(values) % 2:
-            raise parameter.place.error("a spectrum is pairs of wavelength and value")
+            raise parameter.place.error("a spectrum needs pairs of wavelength and value")
         return spectrum_to_rgb(values[::2], values[1::2])
     if kind == "float" and len(values) == 1:
         return np.repeat(values, 3)

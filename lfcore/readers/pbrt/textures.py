@@ -1,4 +1,4 @@
-"""pbrt textures as what the tracer has: one colour, times one image with a uv transform."""
+"""Converts pbrt's textures to the tracer's: a colour times an image with a uv transform."""
 
 import math
 import os
@@ -16,15 +16,15 @@ from lfcore.readers.pbrt.parameters import COLOUR_TYPES, ParameterSet
 from lfcore.readers.pbrt.spectra import parameter_rgb
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 
-# Side in texels of one field of a checkerboard: bilinear filtering blurs 1 / 64 of its edge.
 CHECK_TEXELS = 64
+"""The side of a checkerboard's field, texels: bilinear filtering blurs 1 / 64 of its edge."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """``factor`` (linear RGB) times ``image`` looked up at ``uv * uv_scale + uv_offset``.
+    """A colour ``factor`` (linear RGB) times ``image`` at ``uv * uv_scale + uv_offset``.
 
-    ``image`` is (H, W, 3) uint8, sRGB encoded, row 0 on top; None: the factor alone.
+    ``image`` is (H, W, 3) uint8, sRGB encoded, row 0 on top; None is white.
     """
 
     factor: np.ndarray
@@ -33,7 +33,7 @@ class Texture:
     uv_offset: tuple[float, float] = (0.0, 0.0)
 
     def mean(self) -> np.ndarray:
-        """(3,) average linear RGB."""
+        """Return the mean linear RGB, (3,)."""
         if self.image is None:
             return self.factor
         return self.factor * srgb_decode(self.image / 255.0).mean((0, 1))
@@ -44,13 +44,13 @@ def constant(value: float | np.ndarray) -> Texture:
 
 
 def encode(linear: np.ndarray) -> tuple[np.ndarray, float]:
-    """Linear (H, W, 3) as sRGB uint8 and the factor that restores values above one."""
+    """Encode linear (H, W, 3) as sRGB uint8; also return the factor for values above one."""
     top = max(1.0, float(linear.max(initial=0.0)))
     return srgb_codes(linear / top), top
 
 
 def read_image(path: Path, place: Place) -> np.ndarray:
-    """(H, W, 3) of an image as :func:`lfcore.pictures.read_picture`, row 0 on top."""
+    """Read an image by :func:`lfcore.pictures.read_picture`, (H, W, 3), row 0 on top."""
     if not os.path.isfile(path):
         raise place.error(f"image {str(path)!r} does not exist", "Check the path")
     try:
@@ -61,14 +61,14 @@ def read_image(path: Path, place: Place) -> np.ndarray:
 
 
 class TextureTable:
-    """The named textures of a scene, resolved as they are defined."""
+    """The named textures of a scene, created when they are defined."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         self._named: dict[tuple[bool, str], Texture] = {}
 
     def define(self, name: str, value_type: str, kind: str, parameters: ParameterSet) -> None:
-        """Handle ``Texture "name" "type" "class"``; an unknown class becomes its mean, noted."""
+        """Handle ``Texture "name" "type" "class"``; an unknown class becomes grey, and is noted."""
         if kind == "constant":
             texture = self.colour(parameters, "value", 1.0)
         elif kind in ("imagemap", "scale", "checkerboard"):
@@ -85,7 +85,7 @@ class TextureTable:
         return self._named[is_float, name]
 
     def colour(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> Texture:
-        """A colour parameter that may be a texture."""
+        """Return a colour parameter, which may be a texture."""
         parameter = parameters.get(name, "texture", "float", *COLOUR_TYPES)
         if parameter is None:
             return constant(default)
@@ -95,7 +95,7 @@ class TextureTable:
         return Texture(parameter_rgb(parameter, self.folder).astype(np.float64))
 
     def number(self, parameters: ParameterSet, name: str, default: float) -> float:
-        """A float parameter; a texture counts with its mean, noted."""
+        """Return a float parameter; a texture is replaced by its mean, and noted."""
         parameter = parameters.get(name, "texture", "float")
         if parameter is None:
             return default
@@ -105,7 +105,7 @@ class TextureTable:
         return float(_mean(texture, parameters, name)[0])
 
     def rgb(self, parameters: ParameterSet, name: str, default: float | np.ndarray) -> np.ndarray:
-        """A colour parameter as one colour; a texture counts with its mean, noted."""
+        """Return a colour parameter; a texture is replaced by its mean, and noted."""
         return _mean(self.colour(parameters, name, default), parameters, name)
 
     def _scale(self, parameters: ParameterSet) -> Texture:
@@ -161,7 +161,7 @@ class TextureTable:
         fields = np.stack([np.stack([second, first]), np.stack([first, second])])  # row 0 on top
         board = np.repeat(np.repeat(fields, CHECK_TEXELS, 0), CHECK_TEXELS, 1)
         image, top = encode(board)
-        # One repeat of the image holds two fields each way.
+        # One repeat of the image has two fields per direction.
         return self._placed(Texture(np.full(3, top), image), parameters, period=2.0)
 
     def _placed(self, texture: Texture, parameters: ParameterSet, period: float = 1.0) -> Texture:
@@ -174,7 +174,7 @@ class TextureTable:
 
 
 def _power(parameters: ParameterSet) -> float | None:
-    """The exponent that makes codes of 8 or 16 bits linear; None: sRGB's curve."""
+    """Return the exponent from codes of 8 or 16 bits to linear light; None is sRGB's curve."""
     coding = parameters.string("encoding", "sRGB")
     if not parameters.bool("gamma", True) or coding == "linear":
         return 1.0
