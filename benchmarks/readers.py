@@ -112,8 +112,9 @@ def measured(pieces: list[Piece]) -> Measures | None:
     triangles = np.concatenate([piece.triangles for piece in pieces]).astype(np.float64)
     colours = np.concatenate([colours_of(piece) for piece in pieces])
     normals = None
-    if all(piece.normals is not None for piece in pieces):
-        normals = np.concatenate([np.mean(normalise(p.normals), 1) for p in pieces])
+    given = [piece.normals for piece in pieces if piece.normals is not None]
+    if len(given) == len(pieces):
+        normals = np.concatenate([np.mean(normalise(corners), 1) for corners in given])
     middle, vectors = triangles.mean(1), area_vectors(triangles)
     areas = np.linalg.norm(vectors, axis=1) / 2
     with np.errstate(invalid="ignore"):
@@ -241,10 +242,12 @@ def _piece(scene: Any, mesh: Any, file: Path, world: dict, here: np.ndarray) -> 
     count, suffix = raw.mNumVertices, file.suffix.lower()
     faces = np.array([list(raw.mFaces[k].mIndices[0:3]) for k in range(raw.mNumFaces)])
     points, normals = _array(raw.mVertices, count, 3), _array(raw.mNormals, count, 3)
+    assert points is not None  # assimp's meshes have vertices
     whole = points.copy()
     for target in raw.mAnimMeshes[0 : raw.mNumAnimMeshes]:
-        if target.mVertices:
-            whole += target.mWeight * (_array(target.mVertices, count, 3) - points)
+        moved = _array(target.mVertices, count, 3) if target.mVertices else None
+        if moved is not None:
+            whole += target.mWeight * (moved - points)
     matrices = _matrices(mesh, world, here)
     points = np.einsum("vij,vj->vi", matrices[:, :3, :3], whole) + matrices[:, :3, 3]
     if normals is not None:

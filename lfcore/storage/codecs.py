@@ -131,7 +131,7 @@ class Encoding:
                 raise StorageError(problem, key="pixel_format", remedy=remedy)
         for key, (low, high) in RANGES.items():
             value = getattr(self, key)
-            if value is not None and not (isinstance(value, Real) and low <= value <= high):
+            if value is not None and not (isinstance(value, Real) and low <= float(value) <= high):
                 raise StorageError(f"must be from {low} to {high}, not {value!r}", key=key)
 
     @property

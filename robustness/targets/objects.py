@@ -77,10 +77,12 @@ def _make(kind: str, arguments: dict[str, Any], folder: Path) -> None:
         _make_scene(arguments)
     elif kind == "surface":
         texture = _array(arguments, "texture", np.uint8)
-        surface = Surface(diffuse=arguments.get("diffuse"), texture=texture)
+        diffuse: Any = arguments.get("diffuse")
+        surface = Surface(diffuse=diffuse, texture=texture)
         Scene.from_triangles(CORNERS, surface=surface)
     elif kind == "views":
-        views, spacing = arguments.get("views"), arguments.get("spacing")
+        views: Any = arguments.get("views")
+        spacing: Any = arguments.get("spacing")
         LightField.from_views(views, spacing, folder / "views.mkv")
 
 

@@ -37,6 +37,7 @@ from lfcore.storage.ycbcr import rgb_from_frames
 from lfcore.workflow.settings import check_settings
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
+REPORTS = CONFIGURATIONS.parent / "workflow" / "reports.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -216,7 +217,8 @@ def test_rows_survive_a_file(tmp_path):
 def test_every_curve_of_a_configuration_has_frames_that_its_encoder_takes(name):
     said = yaml.safe_load((CONFIGURATIONS / f"{name}.yaml").read_text(encoding="utf-8"))
     settings = check_settings({"scenes": ["chart"], **said})
-    pixels, study = settings["pixels"], settings["storage"]["rate_distortion"]
+    sizes = yaml.safe_load(REPORTS.read_text(encoding="utf-8"))["rate_distortion"]["settings"]
+    pixels, study = settings["pixels"], sizes["default"] | sizes.get(settings["studies"], {})
     for views in study["views"]:
         window = window_side(views, pixels, study["rays"])
         kind, pack = default_kind(views, pixels), min(default_pack(views, pixels), window)
