@@ -117,7 +117,7 @@ def way_of_a_block(axes) -> None:
         axes.annotate("", (x + 1.8, 0.5), (x + 1.25, 0.5), arrowprops={"arrowstyle": "->"})
         axes.text(x + 1.52, -0.32, out.replace(", ", ",\n"), ha="center", fontsize=9, color="#a40")
         axes.plot([x + 1.52, x + 1.52], [-0.12, 0.46], color="#a40", linewidth=0.8, linestyle=":")
-    axes.text(3.05, 1.25, "a block is known by its regions alone from here on", fontsize=9)
+    axes.text(3.05, 1.25, "surfaces and shadows know triangles only by regions", fontsize=9)
     axes.plot([3.32, 3.32], [0.55, 1.2], color="#a40", linewidth=0.8)
     axes.axis("off")
     axes.set(xlim=(-0.1, 11.4), ylim=(-0.55, 1.5))

@@ -35,8 +35,8 @@ def fill_arrays(
     Parameters
     ----------
     sets : bundles with equal numbers of elements and equal inner grids; their radiance is added.
-    coordinates : the elements' coordinates, as for
-    :meth:`lfcore.tracing.tracer.Tracer.bundle_hits`. arrays : the sink's output arguments.
+    coordinates : of the elements, as for :meth:`lfcore.tracing.tracer.Tracer.bundle_hits`.
+    arrays : the sink's output arguments.
     across : elements in a row of an image: element e is at row e // across, column e % across.
     inputs : the sink's other arguments.
 

@@ -170,9 +170,8 @@ class Tracer:
             are not finite, or have no direction, miss.
         distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
             infinity for a miss.
-        barycentric : (R, 3) float32, weights of the corners p, q, r, in the corner order of the
-        first
-            of equal triangles; NaN for a miss.
+        barycentric : (R, 3) float32, weights of the corners p, q, r; equal triangles have the
+            corner order of the first.  NaN for a miss.
         """
         origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
         directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)

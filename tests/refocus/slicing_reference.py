@@ -1,6 +1,7 @@
 """Pictures from rays of known depth, each spread over what its cell sweeps: float64, slow.
 
-The reference for :mod:`lfcore.refocus.depth_slicing`, with which it shares no code.
+The reference for :mod:`lfcore.refocus.depth_slicing`, with which it shares the cells of lens
+samples (``lens_cells``) and the magnification, and no other code.
 
 A ray stands for a cell: ``ds`` of the lens and a part of a pixel.  A surface that it meets at
 depth z moves on the plane focused at 1 / delta' by ``(delta' - 1/z) ds`` while the lens point

@@ -77,7 +77,7 @@ inline void find_visible(const Tree *tree, const Packet *p, Visibility *v)
     }
 }
 
-// A region: the rays of a block that hit one triangle.  Later stages use only regions.
+// A region: the rays of a block that hit one triangle.  Surfaces and shadows use only regions.
 typedef struct {
     int triangle;
     int rows[BLOCK];  // a bit for each ray of a row
