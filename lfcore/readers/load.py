@@ -130,7 +130,7 @@ def load_scene(
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
         if not os.path.isfile(path):
-            raise Where(path).error("there is no such file", "Check the path")
+            raise Where(path).error("file not found, or no regular file", "Check the path")
         entry: dict = {"file": path.name}
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]

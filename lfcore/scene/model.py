@@ -403,7 +403,7 @@ class Scene:
             near, far = self.depth_range
             raise OpticsError(
                 f"{focus_m:.4g} m is nearer than the lens can focus, {camera.focal_length_m:.4g} m",
-                key="focus_m", remedy=f"Surfaces are at {near:.4g} to {far:.4g} m: focus there",
+                key="focus_m", remedy=f"Surfaces are at {near:.4g} to {far:.4g} m: near or far",
             )  # fmt: skip
         return SensorPlane.of(
             camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,

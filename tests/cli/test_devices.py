@@ -47,7 +47,7 @@ def test_a_driver_that_compiles_wrongly_fails(device, monkeypatch, capsys, optio
     [
         ("os.abort()", "signal 6", 60),
         ("os._exit(3)", "ends the process", 60),
-        ("time.sleep(60)", "does not end", 0.1),
+        ("time.sleep(60)", "does not finish", 0.1),
     ],
 )
 def test_a_driver_that_ends_the_process_or_never_ends_is_said(monkeypatch, code, said, longest):

@@ -180,7 +180,7 @@ def test_two_lattices_agree_on_the_truth_unless_alike(reference, chart):
     side = reference.size.width
     assert reference.pictures.shape == (2, side, side, 3)
     assert (reference.known_db > 45).all()
-    with pytest.raises(OpticsError, match="too alike"):
+    with pytest.raises(OpticsError, match="too similar"):
         true_pictures(chart, reference.planes, 24, (Lattice(8, 3), Lattice(8, 4)))
 
 

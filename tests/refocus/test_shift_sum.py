@@ -177,7 +177,7 @@ def test_bad_input_is_refused(tmp_path):
     refused("unknown filter 'cubist'", shift_sum_views, slab, views, PLANES, filter="cubist")
     refused("wider than the lens", shift_sum_views, slab, views, [SensorPlane(3.0, 1.0)])
     refused("views: must be", shift_sum_views, slab, views[:2], PLANES)
-    refused("No such file", LightField.open, tmp_path / "none.mkv")
+    refused("no such file", LightField.open, tmp_path / "none.mkv")
 
 
 @pytest.mark.kernels
@@ -236,7 +236,7 @@ def test_views_and_pixels_count_from_the_first_there_is(path, device):
         np.testing.assert_array_equal(field.view(i, j, codes=True), PICTURES[j, i])
     np.testing.assert_array_equal(field.macropixel(21, 15, codes=True), PICTURES[:, :, 15, 21])
     np.testing.assert_array_equal(field.views(1, 0, 3, 3, codes=True), PICTURES[0:3, 1:3])
-    refused("5 x 3 recorded", field.view, 0, 3, codes=True)
+    refused("columns are 0 to 4, rows 0 to 2", field.view, 0, 3, codes=True)
     light = read_views(field, np.array([[4, 2], [0, 0]]), device=device)
     np.testing.assert_allclose(light[0], srgb_decode(PICTURES[2, 4]), atol=4e-6)
     refused(r"\(4, 2\)", read_views, field, np.array([[0, 3]]), device=device)
@@ -258,8 +258,8 @@ def test_refocused_stopped_down_by_views_and_stacked_fast(path):
 
 def test_what_needs_a_geometry_is_refused(path):
     field = LightField.open(path)
-    refused("does not hold its geometry", field.refocus, focus_m=2.0)
-    refused("does not hold its geometry", field.refocus, f_number=2.0)
+    refused("has no camera geometry", field.refocus, focus_m=2.0)
+    refused("has no camera geometry", field.refocus, f_number=2.0)
     refused("the -22 of infinity", field.refocus, disparity_px=-23)
     assert field.disparity_of(field.distance_of(0.25)) == pytest.approx(0.25)
     same = shift_sum(field, [field.plane()])

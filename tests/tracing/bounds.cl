@@ -16,7 +16,7 @@ kernel void edges(global const float *in, global const Leaf *leaf, global float 
     const WideAffine wide = edge_function(&r, p, q);
     const vf error = edge_error(&r, p, q);
     Affine e = affine_of(&wide, 0);
-    e.of[ONE] += FIRST(error);
+    e.term[ONE] += FIRST(error);
     const vf value = bilinear_row(e, (Row){in[11], in[12], in[13], in[14]});
     vstore2((float2)(FIRST(value), FIRST(error)), get_global_id(0), out);
 }
@@ -26,7 +26,7 @@ kernel void spreads(global const float *in, global const Leaf *leaf, global floa
 {
     in += CANDIDATE * get_global_id(0);
     WideAffine e;
-    for (int k = 0; k < AFFINE_TERMS; ++k) e.of[k] = in[k];
+    for (int k = 0; k < AFFINE_TERMS; ++k) e.term[k] = in[k];
     const vf spread = affine_spread(e, in[10]) * BOUND_SLACK;
     vstore2((float2)(FIRST(spread), BOUND_SLACK - 1.0f), get_global_id(0), out);
 }
@@ -53,7 +53,7 @@ kernel void corners(global const float *in, global const Leaf *leaf, global floa
     in += CANDIDATE * get_global_id(0);
     const Bundle all = rays_about(in, in[6], 31.5f);
     const Axis x = axis_of(&all, leaf + get_global_id(0));
-    vstore2((float2)(FIRST(x.at.of[0]), FIRST(x.error)), get_global_id(0), out);
+    vstore2((float2)(FIRST(x.at.corner[0]), FIRST(x.error)), get_global_id(0), out);
 }
 
 // Likewise, of a block: the first column of an element that may see the triangle, and 0.
