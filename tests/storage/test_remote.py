@@ -225,6 +225,7 @@ def test_a_file_in_an_object_store(stored, monkeypatch):
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.setenv(name, "any")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://{}:{}".format(*server.get_host_and_port()))
+    s3fs.S3FileSystem.clear_instance_cache()  # of another test's server
     try:
         made = s3fs.S3FileSystem()
         made.mkdir("bucket")
