@@ -6,6 +6,8 @@ HDF5, and MATLAB's files of version 7.3, need h5py: ``pip install 'lfcore[hdf5]'
 
 import io
 import os
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,11 +44,39 @@ def _grid(values: np.ndarray | None, name: str, path: Path) -> ViewGrid:
     return ViewGrid.of_array(values, path.stem)
 
 
+MATRIX, COMPRESSED = 14, 15
+"""The types of MAT elements that contain others."""
+ORDERS = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}
+"""The byte orders by the end of a MAT file's header, version 5."""
+LAST_TYPE = 18
+"""The last type of a MAT element; source: MathWorks, "MAT-File Format", table 1-1."""
+
+
+def _check_types(data: bytes, order: str) -> None:
+    """Raise ValueError for an element of unknown type: scipy looks its size up without a check."""
+    start = 0
+    while start + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, start)
+        if kind >> 16:  # the content is in the tag
+            kind, size = kind & 0xFFFF, 0
+        if not 1 <= kind <= LAST_TYPE:
+            raise ValueError(f"an element has the unknown type {kind}")
+        content = data[start + 8 : start + 8 + size]
+        if kind == COMPRESSED:
+            content = zlib.decompressobj().decompress(content)
+        if kind in (COMPRESSED, MATRIX):
+            _check_types(content, order)
+        start += 8 + (size if kind == COMPRESSED else -(-size // 8) * 8)
+
+
 def read_mat(path: Path, options: ReadOptions) -> ViewGrid:
     from scipy.io import loadmat
 
     name = options.variable or VARIABLE
     try:
+        data = path.read_bytes()
+        if order := ORDERS.get(data[124:128]):
+            _check_types(data[128:], order)
         found = loadmat(path, variable_names=[name]).get(name)
     except NotImplementedError:
         # MATLAB's arrays are transposed in HDF5: (C, U, V, S, T) as stored.

@@ -604,3 +604,18 @@ def test_the_command_line(tmp_path, capsys):
         assert f": {option}: " in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*command, "--focus", "x"])
+
+
+def test_a_mat_file_with_an_unknown_type_ends_no_process(tmp_path):
+    """scipy.io reads beyond a table of sizes, and crashes."""
+    from scipy.io import savemat
+
+    file = tmp_path / "a.mat"
+    savemat(file, {"LF": np.zeros((3, 3, 16, 16, 3), np.uint8)})
+    data = bytearray(file.read_bytes())
+    at = data.index(b"LF") + 4  # the tag of the values
+    data[at : at + 4] = (514).to_bytes(4, "little")
+    file.write_bytes(data)
+    refused(
+        r"a\.mat: .*unknown type 514", import_lightfield, file, tmp_path / "a.mkv", format="mat"
+    )
