@@ -5,7 +5,7 @@ import numpy as np
 from lfcore.baking.irradiance_cache import IrradianceCache
 from lfcore.baking.mesh_colours import Points, grid_point, lattice
 from lfcore.baking.surroundings import mean_colour
-from lfcore.scene.baked import BakedLight
+from lfcore.scene.baked import DARK, BakedLight
 
 _FINEST = 8
 """The most cells along an edge, a multiple of those needed at first (times ``fineness``): the error
@@ -16,8 +16,6 @@ halved again; or the required error, if that is larger."""
 _CONTRAST = 1.5
 """The difference of two neighbours, a multiple of the surprise, from which on a point is put
 between them."""
-_DARK = 0.25
-"""Differences are shares of the light, or of this share of its mean in darker places."""
 _TRIAL_RAYS, _RAYS = 24, 128
 """Rays per new point: at first, and if the point surprises or is noisy."""
 _NOISY = 0.2
@@ -49,7 +47,7 @@ class Refinement:
         self.cache, self.grids, self._cells = cache, cache.grids, cells
         self._light = irradiance.astype(np.float32)
         bright = self._light[: len(cache.is_open)][cache.is_open].mean(-1)
-        self._dark = _DARK * float(bright.mean()) if len(bright) else 0.0
+        self._dark = DARK * float(bright.mean()) if len(bright) else 0.0
         self._surprise = max(_SURPRISE, cache.options.error)
         self._finest = _FINEST * cache.options.fineness
         self._room = cache.options.mib * 2**20 // 2 // _VALUE_BYTES

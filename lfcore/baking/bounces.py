@@ -9,6 +9,7 @@ Source: A. C. Aitken, "On Bernoulli's Numerical Solution of Algebraic Equations"
 import numpy as np
 
 from lfcore.baking.surroundings import mean_colour
+from lfcore.scene.baked import DARK
 
 MOST_BOUNCES = 64
 """The most bounces; the sum of the series converges long before, unless no light leaves."""
@@ -16,8 +17,6 @@ _LARGEST_RATIO = 0.99
 """The largest ratio of the series: beyond it, hardly any light leaves the scene."""
 _SMALL = 0.1
 """The change that ends bounces, a share of the required error."""
-_DARK = 0.25
-"""Changes are shares of the light, or of this share of its mean in darker places."""
 
 
 class Bounces:
@@ -66,7 +65,7 @@ class Bounces:
         level, off = (mean_colour(a[self._judged]) for a in (light, light - other))
         if not len(level):
             return 0.0
-        level = np.maximum(level, max(_DARK * float(_total(level)) / len(level), 1e-30))
+        level = np.maximum(level, max(DARK * float(_total(level)) / len(level), 1e-30))
         return float(np.sqrt(_total((off / level) ** 2) / len(level)))
 
 

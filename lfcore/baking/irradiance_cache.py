@@ -12,7 +12,7 @@ from lfcore.baking.gather import Gatherer
 from lfcore.baking.importance_guide import ImportanceGuide
 from lfcore.baking.mesh_colours import Grids, Points
 from lfcore.baking.surroundings import Surroundings, mean_colour
-from lfcore.scene.baked import BakeOptions
+from lfcore.scene.baked import DARK, BakeOptions
 
 _BATCH = 1 << 19
 """Rays per launch: their arrays stay in tens of MB."""
@@ -26,8 +26,6 @@ _RAYS_OF_HIDDEN = 16
 """Rays per point that the camera does not see: their errors average over many hits."""
 _ROUNDS = 4
 """Rounds of adding grids where rays hit; faces that later rounds would reach use substitutes."""
-_DARK = 0.25
-"""Errors are shares of the light, or of this share of its mean in darker places."""
 _HIT_BYTES = 18
 """The size of a stored hit, bytes."""
 _INSIDE = 0.9
@@ -245,7 +243,7 @@ class IrradianceCache:
         if not len(light):
             return light
         nearby = _mean_by_table(light, self.guide.table)
-        return np.maximum(nearby, _DARK * light[self.is_open].mean())
+        return np.maximum(nearby, DARK * light[self.is_open].mean())
 
     def _uncertain(self, sent: np.ndarray) -> np.ndarray:
         """Return the seen points that need more than the rays ``sent`` (S,)."""

@@ -13,15 +13,13 @@ from lfcore.baking.irradiance_cache import IrradianceCache
 from lfcore.baking.mesh_colours import Points, dot, grid_point, longest_edge
 from lfcore.baking.sampling import samples
 from lfcore.baking.surroundings import Surroundings, mean_colour
-from lfcore.scene.baked import BakedLight
+from lfcore.scene.baked import DARK, BakedLight
 from lfcore.scene.sky import solid_angles, texel_directions
 
 _PLACES = 1600
 """Places in the picture, of a sequence: a lattice can hit nothing but edges."""
 _RAYS = 256
 """Rays per estimate: their noise is then a few percent, and cancels over all places."""
-_DARK = 0.25
-"""Errors are shares of the light, or of this share of its mean in darker places."""
 _FIRST_SEED = 1 << 40
 """Makes samples independent of those of the bake."""
 
@@ -54,7 +52,7 @@ def measured_error(cache: IrradianceCache, light: BakedLight) -> float:
         sums = cache.gather(points, near, seeds, 0, _RAYS)[0].sum(0)
         estimates.append(mean_colour(sums) / _RAYS + _of_discs(around, points, seeds) - hard)
     level = np.maximum((estimates[0] + estimates[1]) / 2, baked) + lights
-    level = np.maximum(level, max(_DARK * _mean(level), 1e-30))
+    level = np.maximum(level, max(DARK * _mean(level), 1e-30))
     squared = (baked - estimates[0]) * (baked - estimates[1]) / level**2
     return math.sqrt(max(_mean(squared), 0.0))
 

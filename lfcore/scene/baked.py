@@ -18,6 +18,8 @@ MOST_CELLS = 1 << 20
 FORMAT = "lfcore light 1"
 ASKS = ("sky", "bounces")
 """The keys of a scene.yaml that ask for baked light."""
+DARK = 0.25
+"""Errors are relative to the light, or to this share of its mean where the light is less."""
 NO_SKY = np.zeros((0, 0, 3), np.float32)
 
 
