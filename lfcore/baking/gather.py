@@ -13,8 +13,7 @@ from lfcore.baking.mesh_colours import Grids, Points, lattice, lattice_weights
 from lfcore.baking.sampling import R2, TURNS, circle, shifts
 from lfcore.baking.surroundings import ALONG_SURFACE
 from lfcore.opencl.device import build_program, cl, page_aligned
-from lfcore.tracing.header import header
-from lfcore.tracing.layouts import FLOAT, INT, UINT
+from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface
 
 POINT = np.dtype([("place", FLOAT, 3), ("normal", FLOAT, 3), ("flat", FLOAT, 3), ("lift", FLOAT),
                   ("shift", UINT, 2), ("table", INT)])  # fmt: skip
@@ -27,6 +26,10 @@ MATT = np.dtype([("diffuse", FLOAT, 3), ("emission", FLOAT, 3), ("base", FLOAT),
 """A material, as far as it reflects and emits in all directions; -1 without a texture."""
 TEXTURE = np.dtype([("first", INT), ("width", INT), ("height", INT)])
 """A texture: its first texel, and its size in texels."""
+INTERFACE = SHARED | Interface(
+    records={"Point": POINT, "Face": FACE, "Matt": MATT, "Texture": TEXTURE}
+)
+"""What the kernels share with the host."""
 FILE = "baking/kernels/gather.cl"
 
 
@@ -39,11 +42,10 @@ class Gatherer:
         self._faces = np.zeros(len(seen), FACE)
         self._faces["is_seen"], self._faces["density"] = seen, emitters.density
         self._faces["emits"] = np.repeat(self.around.emits, 2)
-        records = {"Point": POINT, "Face": FACE, "Matt": MATT, "Texture": TEXTURE}
         values = {"GUIDE_SIDE": SIDE, "TURNS": TURNS, "ALONG_SURFACE": f"{ALONG_SURFACE:g}f",
                   "R2_A": f"{R2[0]}u", "R2_B": f"{R2[1]}u",
                   "TINTED": len(self.around.scene.colours) > 0}  # fmt: skip
-        program = build_program(self.device, [FILE], values, header(**records))
+        program = build_program(self.device, [FILE], values, INTERFACE)
         names = "aim", "shade", "reflect"
         self._aim, self._shade, self._reflect = (cl.Kernel(program, name) for name in names)
         self._circle = self.device.buffer(np.ascontiguousarray(circle().T))

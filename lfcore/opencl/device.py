@@ -19,6 +19,7 @@ import numpy as np
 
 from lfcore.errors import DeviceError, check_kind
 from lfcore.opencl import drivers, program_cache
+from lfcore.opencl.interface import SHARED, Interface
 from lfcore.timing import processors
 
 drivers.prepare()
@@ -36,9 +37,7 @@ warnings.filterwarnings("ignore", category=cl.CompilerWarning)
 warnings.filterwarnings("ignore", message="Pre-build attribute access")
 
 PAGE = 4096
-KERNELS = Path(__file__).parent.parent
-SHARED_KERNELS = KERNELS / "tracing/kernels"
-"""The shared kernels, in folders by stage; files of all packages include them by name."""
+PACKAGE = Path(__file__).parent.parent
 _REMEDY = (
     "Install a driver, e.g. 'pip install intel-opencl-rt intel-cmplr-lib-rt' on Linux x86-64, or "
     "the distribution's pocl-opencl-icd"
@@ -302,9 +301,10 @@ def build_program(
     device: Device,
     files: Sequence[str],
     defines: Mapping[str, object] | None = None,
-    header: str = "",
+    interface: Interface = SHARED,
 ) -> cl.Program:
-    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after a ``header``.
+    """Build kernel ``files`` (paths below ``lfcore/``) with ``-D`` ``defines`` after the header of
+    an ``interface``, whose folders have the included files.
 
     Programs are cached on disk (:mod:`lfcore.opencl.program_cache`) and in the process.  Raises
     :class:`DeviceError` with the compiler's first error; its whole text is in the cause.
@@ -314,14 +314,14 @@ def build_program(
         f"-D{key}={int(value) if isinstance(value, bool) else value}"
         for key, value in sorted(values.items())
     ]
-    folders = {str((KERNELS / file).parent) for file in files}
-    folders |= {str(folder) for folder in SHARED_KERNELS.iterdir() if folder.is_dir()}
+    folders = {str((PACKAGE / file).parent) for file in files}
+    folders |= {str(PACKAGE / folder) for folder in interface.folders}
     if device.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     source = "\n".join(f'#include "{Path(file).name}"' for file in files)
     # A plain "inline" function is also compiled separately: 0.3 s per program of the tracer.
     static = "#define inline static inline\n"
-    source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{header}{source}\n"
+    source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{interface.header}{source}\n"
     try:
         return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
     except cl.Error as error:

@@ -8,11 +8,11 @@ import numpy as np
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device
+from lfcore.opencl.interface import record
 from lfcore.optics.plane_sums import FIXED_ONE, PlaneSums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.plane_tables import PLANE_ARGUMENTS, PlaneTables
-from lfcore.tracing.layouts import record
 
 MEMORY_SHARE = 4
 """Sums of one kind take at most one part in this many of a device's memory."""

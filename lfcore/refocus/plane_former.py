@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfcore.opencl.device import Device, build_program, cl, open_device
-from lfcore.optics.plane_sums import PlaneSums, one_of_sums
+from lfcore.opencl.interface import Interface
+from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, one_of_sums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus import strip_tables
@@ -18,13 +19,12 @@ from lfcore.refocus.plane_buffers import PlaneBuffers
 from lfcore.refocus.plane_tables import PLANE, PLANE_ARGUMENTS, PlaneTables, view_tables
 from lfcore.storage import frame_memory
 from lfcore.storage.layout import Tile
-from lfcore.tracing.header import header
 
-RECORDS = {
-    **frame_memory.RECORDS, **strip_tables.RECORDS, "SensorPlane": PLANE,
-    "SensorPlaneArguments": PLANE_ARGUMENTS,
-}  # fmt: skip
-"""The structs of the kernels that form planes."""
+RECORDS = strip_tables.RECORDS | {"SensorPlane": PLANE, "SensorPlaneArguments": PLANE_ARGUMENTS}
+INTERFACE = frame_memory.INTERFACE | Interface(
+    ("refocus/kernels",), {"FIXED_ONE": float(FIXED_ONE), "SPARE_STOPS": SPARE_STOPS}, RECORDS
+)
+"""What kernels that form planes share with the host."""
 
 
 class PlaneFormer:
@@ -48,15 +48,15 @@ class PlaneFormer:
             plane.check(slab)
         self.tile, self.device, self._traced = tile, device or open_device(), stops is not None
         layout, views = tile.layout, tile.layout.kind == "views"
-        defines: dict[str, int] = layout.defines | {"OUTER": 1, "TRACED": 0}
+        defines: dict[str, int] = layout.defines | {"TRACED": 0}
         if stops is not None:
-            defines = {"OUTER": 1, "TRACED": 1, "STOPS": stops, "BITS": 0}
+            defines = {"TRACED": 1, "STOPS": stops}
         if not views:
             # Samples are bytes: 16 lanes are faster than 8, even if they take two registers.
             lanes = 16 if self.device.lanes > 1 else 1
             defines |= {"STRIP": strip_tables.STRIP, "LANES": lanes}
         file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
-        program = build_program(self.device, [file], defines, header(**RECORDS))
+        program = build_program(self.device, [file], defines, INTERFACE)
         self._kernel = cl.Kernel(program, "form_planes")
         planes, wide = list(planes), layout.peak is not None if stops is None else stops > 0
         tables: PlaneTables

@@ -12,11 +12,11 @@ from lfcore.opencl.device import Device, build_program, cl, open_device, page_al
 from lfcore.optics.array import CameraArray
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
 from lfcore.optics.slab import Rectangle
+from lfcore.refocus.plane_former import INTERFACE
 from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.stored_video import StoredVideo
-from lfcore.tracing.header import header
 
 CHUNK_BYTES = 8 << 20
 """The bytes of frames with views that are decoded at a time."""
@@ -62,7 +62,7 @@ class FrameSummer:
         self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
         self._corner = np.array(corner, np.int32)
         defines = layout.defines | {"VIEWS": int(layout.kind == "views")}
-        program = build_program(summer.device, [_SOURCE], defines, header())
+        program = build_program(summer.device, [_SOURCE], defines, INTERFACE)
         self._kernel = cl.Kernel(program, "unpack_views")
         self._open, self._views = summer.open_samples, summer.device.empty(0)
         self._band = page_aligned((0,), layout.format.dtype.type)

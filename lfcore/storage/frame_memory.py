@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lfcore.opencl.device import PAGE, Device, build_program, cl, page_aligned
+from lfcore.opencl.interface import BLOCK, INT, SHARED, Interface, record
 from lfcore.optics.slab import Slab
 from lfcore.storage.layout import FrameLayout, Tile
-from lfcore.tracing.header import header
-from lfcore.tracing.layouts import BLOCK, INT, record
 
 if TYPE_CHECKING:
     from lfcore.storage.depth_stream import DepthCodes
@@ -25,8 +24,10 @@ FRAME_ARGUMENTS = np.dtype([
     ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
     ("rgb", INT),
 ])  # fmt: skip
-RECORDS = {"Placement": PLACEMENT, "FrameArguments": FRAME_ARGUMENTS}
-"""The structs of kernels that read or write frames."""
+INTERFACE = SHARED | Interface(
+    ("storage/kernels",), records={"Placement": PLACEMENT, "FrameArguments": FRAME_ARGUMENTS}
+)
+"""What kernels that read or write frames share with the host."""
 
 
 def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
@@ -108,7 +109,7 @@ class FrameWriter:
     def __init__(self, device: Device, tile: Tile, frames: int, codes: DepthCodes | None = None):
         layout, self._device, self._codes = tile.layout, device, codes
         self._tiles = [tile]
-        defines: dict[str, object] = {"OUTER": 1, "BITS": layout.format.bits}
+        defines: dict[str, object] = {"BITS": layout.format.bits}
         defines |= {"PEAK": layout.peak or 0, "DEPTH": int(codes is not None)}
         if codes:
             grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
@@ -119,9 +120,7 @@ class FrameWriter:
         self.colours, self.depths = memory[0], memory[1] if codes else None
         self._memory, self.count = memory, 0
         files = ["storage/kernels/encode.cl"]
-        self._kernel = cl.Kernel(
-            build_program(device, files, defines, header(**RECORDS)), "encode_rows"
-        )
+        self._kernel = cl.Kernel(build_program(device, files, defines, INTERFACE), "encode_rows")
 
     def write(
         self,

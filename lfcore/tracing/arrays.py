@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.opencl.interface import record
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM, record
+from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM
 from lfcore.tracing.packets import Groups, PacketShape
 
 CHUNK_RAYS = 1 << 24

@@ -7,12 +7,13 @@ import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
+from lfcore.opencl.interface import record
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs
 from lfcore.tracing import layouts
 from lfcore.tracing.alpha_test import pack_alpha_tests
 from lfcore.tracing.bvh import Bvh, depths
-from lfcore.tracing.layouts import MOST_LEVELS, record
+from lfcore.tracing.layouts import MOST_LEVELS
 from lfcore.tracing.surfaces import pack_surfaces
 
 MOST_NUMBERS = 2**31 - 1

@@ -6,10 +6,17 @@ from typing import Any
 import numpy as np
 
 from lfcore.opencl.device import build_program, cl
+from lfcore.opencl.interface import record
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import DeviceScene
-from lfcore.tracing.header import header
-from lfcore.tracing.layouts import ALPHA_TESTS, PARAMETERS, RAY_ARGUMENTS, SINKS, record, unused
+from lfcore.tracing.layouts import (
+    ALPHA_TESTS,
+    INTERFACE,
+    PARAMETERS,
+    RAY_ARGUMENTS,
+    SINKS,
+    unused,
+)
 from lfcore.tracing.packets import Groups, PacketShape
 
 KERNEL = "tracing/kernels/entry/trace.cl"
@@ -24,7 +31,7 @@ class EntryKernel:
     def __init__(self, scene: DeviceScene, sink: str, defines: Mapping[str, object]):
         self.device, self.sink = scene.device, sink
         # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(self.device, [KERNEL], {**defines, "SINK": sink}, header())
+        self._program = build_program(self.device, [KERNEL], {**defines, "SINK": sink}, INTERFACE)
         self._kernel = cl.Kernel(self._program, "trace_packets")
         words, answer = np.zeros(1, np.int32), self.device.empty(4)
         ask = cl.Kernel(self._program, "scratch_words")

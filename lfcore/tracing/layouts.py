@@ -1,29 +1,21 @@
 """The records, arguments and constants that host and kernels share.
 
-The C header of every program is made of this module (:func:`header.header`), so nothing is typed
-twice.  Every field is 4 bytes wide, or two of 2 bytes side by side, so that C adds no padding; a
-test compares the offset of every field with what the device's compiler has.
+The C header of the tracer's programs is made of them (:mod:`lfcore.opencl.interface`).
 """
-
-from typing import Any
 
 import numpy as np
 
-from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS
+from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, write
 from lfcore.scene.limits import MOST_ATTENUATION
 from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.alpha_test import ALPHA_TEST
 
-FLOAT, INT, UINT = np.float32, np.int32, np.uint32
-BLOCK = 16
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
 TEXTURED, ALPHA_TESTS, PHYSICAL = 1, 2, 4
 ADD, STREAM = 1, 2
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
-    "BLOCK": BLOCK,  # columns and rows of rays in a block
-    "BLOCK_RAYS": BLOCK * BLOCK,
     "NODE_WIDTH": NODE_WIDTH,  # children of a node, and triangles of a leaf
     "MOST_LEVELS": MOST_LEVELS,  # levels of a hierarchy that the kernels' stacks hold
     "MIP_LEVELS": MIP_LEVELS,
@@ -32,8 +24,6 @@ CONSTANTS: dict[str, int | float] = {
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "MOST_ATTENUATION": MOST_ATTENUATION,
     "DIELECTRIC": DIELECTRIC, "LEAST_ROUGHNESS": LEAST_ROUGHNESS,  # scene/needs.py
-    "FIXED_ONE": float(FIXED_ONE),  # radiance 1 in the sums of planes
-    "SPARE_STOPS": SPARE_STOPS,
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
@@ -105,53 +95,39 @@ RECORDS = {
 """The structs, by their names in kernels; one that holds another comes after it."""
 
 
-def _read(**types: str) -> dict[str, str]:
-    return {name: f"global const {type_} *restrict " for name, type_ in types.items()}
-
-
-def _write(**types: str) -> dict[str, str]:
-    return {name: f"global {type_} *restrict " for name, type_ in types.items()}
-
-
-TREE = _read(
+TREE = read(
     boxes="Boxes", children="int", leaves="Leaf", leaf_ids="int",
     alpha_test_of="int", alpha_tests="AlphaTest", alpha="uchar",
 )  # fmt: skip
-SURFACES = _read(
+SURFACES = read(
     corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
     lights="LightRecord", levels="Level", texels="uint", grids="int", light="uint", sky="float",
-) | {"scene_numbers": "const SceneArguments "}  # fmt: skip
+) | given(scene_numbers="SceneArguments")  # fmt: skip
 RAYS = {
-    **_read(centre_rays="float4", members="int"),
-    "ray_numbers": "const RayArguments ",
-    **_write(next_packet="int", scratch="uint"),
+    **read(centre_rays="float4", members="int"),
+    **given(ray_numbers="RayArguments"),
+    **write(next_packet="int", scratch="uint"),
 }
 SINKS = {
-    "HITS": _write(triangle="int", depth="float"),
-    "IMAGE": {"image": "const ImageArguments "} | _write(radiance="float", depth="float"),
-    "GIVEN": _read(origins="float", directions="float")
-    | _write(triangle="int", depth="float", weights="float"),
+    "HITS": write(triangle="int", depth="float"),
+    "IMAGE": given(image="ImageArguments") | write(radiance="float", depth="float"),
+    "GIVEN": read(origins="float", directions="float")
+    | write(triangle="int", depth="float", weights="float"),
 }  # fmt: skip
 """The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
 PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
 """The parameters of the kernel: those of all sinks."""
+_FOLDERS = "simd traversal coverage surface shadows shading output entry"
+INTERFACE = SHARED | Interface(
+    tuple(f"tracing/kernels/{stage}" for stage in _FOLDERS.split()),
+    CONSTANTS | {sink: number for number, sink in enumerate(SINKS)},
+    RECORDS,
+    {"trace_packets": PARAMETERS},
+)
+"""What the tracer's programs share with the host."""
 
 
 def unused(name: str) -> np.ndarray | None:
     """The argument of a parameter that is another sink's: nothing, or a record of zeros."""
     layout = RECORDS.get(PARAMETERS[name].removeprefix("const ").strip())
     return None if layout is None else np.zeros((), layout)
-
-
-def record(layout: np.dtype, **values: Any) -> np.ndarray:
-    """Make a record from a value per field.
-
-    Raises :class:`TypeError` for a field without a value, or a value without a field.
-    """
-    assert layout.names is not None
-    if values.keys() != set(layout.names):
-        raise TypeError(f"fields {sorted(values.keys() ^ set(layout.names))}")
-    row = np.zeros((), layout)
-    for name, value in values.items():
-        row[name] = value
-    return row

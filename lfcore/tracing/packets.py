@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.opencl.interface import BLOCK
 from lfcore.optics.bundles import Bundles
-from lfcore.tracing.layouts import BLOCK
 
 MOST_SIDE = 4
 """The most blocks along a side of a packet."""

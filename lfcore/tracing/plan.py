@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.opencl.interface import BLOCK
 from lfcore.optics.bundles import Bundles, macropixels, views
 from lfcore.optics.slab import Slab
-from lfcore.tracing.layouts import BLOCK
 from lfcore.tracing.packets import PacketShape
 
 PROBED_BLOCKS = 16

@@ -123,7 +123,7 @@ def test_a_folder_that_another_user_owns_is_not_used(tmp_path, monkeypatch):
     program_cache.folder.cache_clear()
 
 
-LANES = "tracing/kernels/simd/lanes.cl"
+LANES = "opencl/kernels/lanes.cl"
 
 
 def test_a_device_is_chosen_by_part_of_its_name_with_threads_and_lanes_that_it_has(device):

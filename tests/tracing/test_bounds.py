@@ -13,7 +13,7 @@ from tracing_scenes import scene
 from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.header import header
+from lfcore.tracing.layouts import INTERFACE
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -25,7 +25,7 @@ CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
 
 def runner(device, name, **defines):
     """Candidates (K, 16) and triangles (K, 9), if any -> two numbers of each, (2, K) float64."""
-    program = build_program(device, [str(KERNELS)], DEFINES | defines, header())
+    program = build_program(device, [str(KERNELS)], DEFINES | defines, INTERFACE)
     kernel = cl.Kernel(program, name)
 
     def run(candidates, triangles=None):
@@ -232,7 +232,7 @@ def test_no_ray_passes_between_a_packets_triangles_and_its_blocks(device):
 
 def test_spans_of_shadow_rays_are_at_most_one_per_ray(device):
     """Wherever they start: before and behind the lens, everywhere at once, and nowhere."""
-    program = build_program(device, [str(KERNELS)], DEFINES | {"OUTER": 1}, header())
+    program = build_program(device, [str(KERNELS)], DEFINES | {"OUTER": 1}, INTERFACE)
     kernel, rng = cl.Kernel(program, "spans"), np.random.default_rng(1)
     size, nowhere = 10.0 ** rng.uniform(-6, 12, 256), [-np.inf, np.inf, np.nan, -1.0, 1.0]
     depths = [size, -size, size * rng.choice([-1, 1], 256), rng.choice(nowhere, 256)]

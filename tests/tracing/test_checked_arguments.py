@@ -11,16 +11,13 @@ from tracing_scenes import CAMERA, painted_soup
 
 from lfcore import SensorPlane, Slab, open_device
 from lfcore.opencl import device as devices
-from lfcore.opencl.device import build_program, cl
 from lfcore.optics.bundles import macropixels, views
-from lfcore.refocus import plane_former
 from lfcore.rendering import tiles
 from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
-from lfcore.tracing.header import header
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.plan import BLOCKS_EACH, PROBED_BLOCKS, best_outer, probed_blocks
 from lfcore.tracing.tracer import Tracer
@@ -179,33 +176,6 @@ def test_a_block_spans_more_where_its_rays_meet_fewer_triangles_for_it():
     assert best_outer(coarse, blurred) == 1
     far = Slab(dataclasses.replace(CAMERA, focus_m=50.0), 16, 512)
     assert best_outer(fine, macropixels(far, np.array([[3, 200], [400, 7]]))) == 4
-
-
-RECORDS = layouts.RECORDS | plane_former.RECORDS
-
-
-@pytest.mark.kernels
-@pytest.mark.parametrize("name", RECORDS)
-def test_every_field_has_its_offset(device, tmp_path, name):
-    """As the device's compiler has them."""
-    layout, file = RECORDS[name], tmp_path / f"{name}.cl"
-    at = [f"(int)((private char *)&r.{field} - (private char *)&r)" for field in layout.names]
-    body = " ".join(f"out[{k}] = {x};" for k, x in enumerate([f"(int)sizeof({name})", *at]))
-    file.write_text(f"kernel void ask(global int *out) {{ private {name} r; {body} }}\n")
-    program = build_program(device, [str(file)], {}, header(**plane_former.RECORDS))
-    answer, buffer = np.zeros(len(at) + 1, np.int32), device.empty(4 * (len(at) + 1))
-    cl.Kernel(program, "ask")(device.queue, (1,), None, buffer)
-    cl.enqueue_copy(device.queue, answer, buffer)
-    known = [layout.itemsize, *(layout.fields[field][1] for field in layout.names)]
-    assert answer.tolist() == known
-
-
-def test_a_record_takes_a_value_for_every_field():
-    made = layouts.record(layouts.IMAGE_ARGUMENTS, mode=2, across=5)
-    assert made["across"] == 5 and made["mode"] == 2
-    for wrong in ({"across": 5}, {"across": 5, "mode": 2, "modes": 2}):
-        with pytest.raises(TypeError, match="mode"):
-            layouts.record(layouts.IMAGE_ARGUMENTS, **wrong)
 
 
 @pytest.mark.kernels

@@ -33,6 +33,7 @@ from lfcore.rendering import tiles
 from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import job
+from lfcore.tracing.layouts import INTERFACE
 from lfcore.tracing.plan import probe
 
 pytestmark = pytest.mark.kernels
@@ -139,8 +140,9 @@ def test_single_rays_have_the_oracles_colours(device, make, way):
 
 
 def test_colours_without_float64_are_the_oracles(device, monkeypatch):
-    without = "#undef cl_khr_fp64\n#define double none\n" + job.header()
-    monkeypatch.setattr(job, "header", lambda: without)
+    without = replace(INTERFACE)
+    without.__dict__["header"] = "#undef cl_khr_fp64\n#define double none\n" + INTERFACE.header
+    monkeypatch.setattr(job, "INTERFACE", without)
     test_single_rays_have_the_oracles_colours(device, lit_soup, {"single_rays": True})
 
 

@@ -9,13 +9,12 @@ import pyopencl as cl
 
 from lfcore.errors import DeviceError
 from lfcore.opencl.device import Device, build_program
+from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.tracing.header import header
 
-INT, FLOAT = np.int32, np.float32
 ARRAY = np.dtype([
     ("columns", INT),  # data cameras along x
     ("rows", INT),
@@ -44,8 +43,8 @@ SURFACE = np.dtype([
     ("normal", FLOAT, 3),  # of the plane
     ("radius", FLOAT),
 ])  # fmt: skip
-RECORDS = {"Array": ARRAY, "View": VIEW, "Surface": SURFACE}
-"""The kernels' structs."""
+INTERFACE = SHARED | Interface(records={"Array": ARRAY, "View": VIEW, "Surface": SURFACE})
+"""What the kernels share with the host."""
 _FOLDER = "refocus/array/kernels"
 
 
@@ -114,7 +113,7 @@ class DeviceField:
         """A kernel for this field's number format."""
         values = {"HALF": int(self.image.dtype == np.float16), **defines}
         source = [f"{_FOLDER}/{file}"]
-        return cl.Kernel(build_program(self.device, source, values, header(**RECORDS)), name)
+        return cl.Kernel(build_program(self.device, source, values, INTERFACE), name)
 
     def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
         """The first arguments of all kernels."""

@@ -3,6 +3,7 @@
 #ifndef LFCORE_LIGHT_CL
 #define LFCORE_LIGHT_CL
 #include "powers.cl"
+#include "samples.cl"
 
 #define SCALE (1.0f / CODES)
 #define LIGHT_ONE (PQ ? 67108864.0f : FIXED_ONE)  // of the brightest code; 2^26 is layout.PQ_ONE

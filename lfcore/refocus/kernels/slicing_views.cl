@@ -2,7 +2,7 @@
 // frames, whose BITS and RGB are as in light.cl, and CHROMA is 1 (4:4:4) or 2 (4:2:0).
 #if TRACED
 #include "fixed_point.cl"
-#include "block.cl"
+#include "blocks.cl"
 #define ONE ONE_OF_SUMS
 #define FEW_BITS COARSE
 typedef float stored;
@@ -23,7 +23,7 @@ inline global const float *element_at(global const float *light, int2 size, int 
 inline int2 corner_of(Placement placed) { return 0; }
 #else
 #include "light.cl"
-#include "block.cl"
+#include "blocks.cl"
 #define ONE LIGHT_ONE
 #define FEW_BITS 0
 typedef sample stored;

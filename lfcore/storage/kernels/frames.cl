@@ -2,8 +2,9 @@
 // and red, full range; sRGB-encoded, or PQ where PEAK, the linear light of the brightest code, is
 // not 0.
 #pragma once
-#include "block.cl"
+#include "blocks.cl"
 #include "powers.cl"
+#include "samples.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
 // the fourth root.

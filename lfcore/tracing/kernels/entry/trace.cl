@@ -50,7 +50,7 @@ inline void take_block(const Packet *packet, int block, Pipeline *p, const Array
 }
 
 // `centre_rays` and `members`: see Rays.  `next_packet` counts from 0.
-KERNEL void trace_packets(PARAMETERS)
+KERNEL void trace_packets(trace_packets_PARAMETERS)
 {
     const Tree tree = {.boxes = boxes, .children = children, .leaves = leaves,
                        .leaf_ids = leaf_ids, .alpha_tests = {alpha_test_of, alpha_tests, alpha}};

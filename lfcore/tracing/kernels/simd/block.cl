@@ -10,24 +10,11 @@
 // the direction.  Where lens samples and pixels are both few, such a block is far narrower in space
 // than 16 x 16 of either, and hits far fewer triangles.
 #pragma once
-#include "lanes.cl"
+#include "blocks.cl"
+#include "numerics.cl"
 
 #define INNER (BLOCK / OUTER)
 #define OUTER_HALF (0.5f * (OUTER - 1))
-
-#define COLOURS (3 * BLOCK_RAYS)
-// Load and store three quantities of a block, (3, BLOCK_RAYS), in the row that begins at ray `at`.
-inline Vec load3(global const float *from, int at)
-{
-    from += at;
-    return (Vec){VLOAD(from), VLOAD(from + BLOCK_RAYS), VLOAD(from + 2 * BLOCK_RAYS)};
-}
-inline void store3(Vec a, global float *to, int at)
-{
-    VSTORE(a.x, to + at);
-    VSTORE(a.y, to + BLOCK_RAYS + at);
-    VSTORE(a.z, to + 2 * BLOCK_RAYS + at);
-}
 
 typedef struct {
     float ox, oy, dx, dy;  // centre ray

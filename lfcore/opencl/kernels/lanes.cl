@@ -7,7 +7,6 @@
 #pragma once
 #pragma OPENCL FP_CONTRACT OFF
 #include "kernel.cl"
-#include "numerics.cl"
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -41,16 +40,6 @@ typedef WIDE(uint) vu;
 #define GT(a, b) MASK((a) > (b))
 #define GE(a, b) MASK((a) >= (b))
 #define EQ(a, b) MASK((a) == (b))
-
-// Codes of video frames have BITS: 8, 10 or 12, the latter two in 16-bit words; 0 without frames.
-#if BITS == 8
-#define SAMPLE uchar
-#else
-#define SAMPLE ushort
-#endif
-#define SAMPLES(n) JOIN(SAMPLE, n)
-typedef SAMPLE sample;
-#define CODES (BITS > 8 ? 1 << (BITS - 8) : 1)  // per code of 8 bits
 
 // a where the mask is unset, b where it is set
 inline vf pick(vf a, vf b, vi mask) { return AS_VF((AS_VI(a) & ~mask) | (AS_VI(b) & mask)); }
