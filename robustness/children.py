@@ -1,8 +1,7 @@
-"""Inputs run in forked children, many per child, with limits of time and memory.
+"""Forked children that judge inputs, with limits of time and memory.
 
-The parent imports all modules and then forks, so a child costs milliseconds.  A child reports each
-finished input.  When a child dies, the input after the last report is at fault, and another child
-continues after it.
+The parent imports all modules and then forks, so a child costs milliseconds.  When a child dies,
+its last input is at fault, and another child takes the next.
 """
 
 import faulthandler
@@ -10,16 +9,19 @@ import os
 import resource
 import signal
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from robustness.outcome import Outcome
 
 FORK = get_context("fork")
+PER_CHILD = 200
+"""The inputs of a child, which may leak memory."""
 
 
 @dataclass(frozen=True)
@@ -42,55 +44,74 @@ class Limits:
     file: int = 256 << 20
 
 
-def run_all(
-    count: int, judge: Callable[[int], Outcome], limits: Limits, crash_log: Path
-) -> Iterator[tuple[int, Outcome]]:
-    """Yield the outcomes of ``judge(0) ... judge(count - 1)``, run in children, in order.
+class Children:
+    """Runs ``judge(input)`` in a child; the stack of one that dies is written to ``crash_log``."""
 
-    The stack of a child that dies is written to ``crash_log``.
-    """
-    start = 0
-    while start < count:
-        crash_log.write_bytes(b"")
-        reports, tell = FORK.Pipe(duplex=False)
-        arguments = range(start, count), judge, limits, crash_log, tell
-        child = FORK.Process(target=_run, args=arguments, daemon=True)
-        child.start()
-        tell.close()
-        hangs = False
-        with reports, suppress(EOFError):
-            while not (hangs := not reports.poll(limits.wall)):
-                yield start, reports.recv()
-                start += 1
-        if start < count:
-            with suppress(ProcessLookupError):
-                os.killpg(child.pid or 0, signal.SIGKILL)
+    def __init__(self, judge: Callable[[Any], Outcome], limits: Limits, crash_log: Path):
+        self._judge, self._limits, self._crash_log = judge, limits, crash_log
+        self._child: Any = None
+
+    def __enter__(self) -> "Children":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._child is not None:
+            self._end()
+
+    def judge(self, data: Any) -> Outcome:
+        """Return the outcome of an input, pickled for the child."""
+        if self._child is None:
+            self._start()
+        self._left -= 1
+        outcome, hangs = None, False
+        with suppress(EOFError, ConnectionError):
+            self._pipe.send(data)
+            hangs = not self._pipe.poll(self._limits.wall)
+            outcome = None if hangs else self._pipe.recv()
+        if outcome is None or not self._left:
+            status = self._end()
+        return outcome or _death(hangs, status, self._crash_log)
+
+    def _start(self) -> None:
+        self._crash_log.write_bytes(b"")
+        self._pipe, end = FORK.Pipe()
+        arguments = self._judge, self._limits, self._crash_log, end
+        self._child, self._left = FORK.Process(target=_run, args=arguments, daemon=True), PER_CHILD
+        self._child.start()
+        end.close()
+
+    def _end(self) -> int:
+        """End the child, and its own children; return its status."""
+        child, self._child = self._child, None
+        self._pipe.close()
+        with suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
         child.join()
-        if start < count:
-            yield start, _death(hangs, child.exitcode or 0, crash_log)
-            start += 1
+        return child.exitcode
 
 
-def _run(
-    indices: range,
-    judge: Callable[[int], Outcome],
-    limits: Limits,
-    crash_log: Path,
-    tell: Connection,
-) -> None:
-    """Run the inputs in a child, and report each."""
+def judged(
+    inputs: Iterable[Any], judge: Callable[[Any], Outcome], limits: Limits, crash_log: Path
+) -> list[Outcome]:
+    """Return the outcomes of some inputs, judged in children."""
+    with Children(judge, limits, crash_log) as children:
+        return [children.judge(data) for data in inputs]
+
+
+def _run(judge: Callable, limits: Limits, crash_log: Path, pipe: Connection) -> None:
+    """Judge inputs in a child, until it is killed."""
     os.setsid()
     _restrain(limits, crash_log)
-    for index in indices:
+    while True:
+        data = pipe.recv()
         # CPU time, as the wall clock depends on the machine's load.
         signal.setitimer(signal.ITIMER_PROF, limits.cpu)
         try:
-            outcome = judge(index)
+            outcome = judge(data)
         except Exception as error:  # a fault of the harness
             outcome = Outcome("harness", repr(error)[:200], traceback.format_exc())
         signal.setitimer(signal.ITIMER_PROF, 0)
-        tell.send(outcome)
-    os._exit(0)
+        pipe.send(outcome)
 
 
 def _restrain(limits: Limits, crash_log: Path) -> None:

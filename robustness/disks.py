@@ -25,7 +25,7 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.bvh import build_bvh, save_bvh
-from robustness.children import Limits, run_all
+from robustness.children import Limits, judged
 from robustness.kills import Killed
 from robustness.outcome import OK, REFUSED, ROOT, Outcome, SilentlyWrong, outcome_of
 from robustness.targets.stores import CODECS
@@ -105,16 +105,16 @@ def fill(writer: Writer, home: Path) -> list[tuple[int, Outcome]]:
     mount = home / "disk"
     mount.mkdir(exist_ok=True)
 
-    def judge(index: int) -> Outcome:
+    def judge(count: int) -> Outcome:
         file = mount / writer.file
-        before = b"before" if index % 2 else b""
-        with small_disk(mount, (pages[index] + bool(before)) * PAGE):
+        before = b"before" if pages.index(count) % 2 else b""
+        with small_disk(mount, (count + bool(before)) * PAGE):
             if before:
                 file.write_bytes(before)
             return outcome_of(lambda: _write(writer, file, whole, before), names=str(file))
 
-    outcomes = run_all(len(pages), judge, Limits(), home / "stack.txt")
-    return [(pages[index], outcome) for index, outcome in outcomes]
+    outcomes = judged(pages, judge, Limits(), home / "stack.txt")
+    return list(zip(pages, outcomes, strict=True))
 
 
 def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
@@ -135,11 +135,11 @@ def _write(writer: Writer, file: Path, whole: bytes, before: bytes) -> None:
 def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]]:
     """Return (pages, outcome) of runs that fill the results' disk, and run again with more room."""
 
-    def judge(index: int) -> Outcome:
+    def judge(count: int) -> Outcome:
         run.clean()
         results = run.folder / "results"
         results.mkdir()
-        with small_disk(results, pages[index] * PAGE) as resize:
+        with small_disk(results, count * PAGE) as resize:
             status, output = run.run()
             if status == 0 or "Traceback" in output:
                 return Outcome("silent wrong", f"status {status} on a full disk", output)
@@ -152,8 +152,8 @@ def fill_workflow(run: Killed, pages: Sequence[int]) -> list[tuple[int, Outcome]
         return Outcome(REFUSED)
 
     limits = Limits(cpu=1e4, wall=1200, memory=None, file=1 << 40)
-    outcomes = run_all(len(pages), judge, limits, run.folder / "stack.txt")
-    return [(pages[index], outcome) for index, outcome in outcomes]
+    outcomes = judged(pages, judge, limits, run.folder / "stack.txt")
+    return list(zip(pages, outcomes, strict=True))
 
 
 REMOUNT = 32
@@ -211,12 +211,12 @@ def can_mount(home: Path) -> str:
     mount = home / "probe"
     mount.mkdir(parents=True, exist_ok=True)
 
-    def judge(index: int) -> Outcome:
+    def judge(size: int) -> Outcome:
         try:
-            with small_disk(mount, PAGE):
+            with small_disk(mount, size):
                 return Outcome(OK)
         except OSError as error:
             return Outcome(REFUSED, text=str(error))
 
-    ((_, outcome),) = run_all(1, judge, Limits(), home / "probe.txt")
+    (outcome,) = judged([PAGE], judge, Limits(), home / "probe.txt")
     return outcome.text

@@ -1,8 +1,10 @@
-"""``python -m robustness.fuzz``: hostile inputs for a time, and a table of their outcomes."""
+"""``python -m robustness.fuzz``: hostile inputs for a time, and a table of their outcomes.
+
+Hypothesis draws and shrinks the inputs; children judge them, as an input may crash or hang.
+"""
 
 import argparse
 import hashlib
-import math
 import os
 import re
 import resource
@@ -10,172 +12,142 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
+import hypothesis
 import pandas as pd
+from hypothesis.errors import Flaky
 
-from robustness.children import run_all
+from robustness.children import Children
 from robustness.outcome import OK, REFUSED, Outcome
 from robustness.targets import Target, all_targets, seeds_folder
 
 CORPUS = Path(__file__).with_name("corpus")
+MEMORY_DISK = Path("/dev/shm")
+"""The system's folder in memory, if there is one: children write thousands of small files."""
+EXAMPLES = 100
+"""The inputs of a target, then another has its turn."""
+SLOW = ("hang", "time")
+"""The kinds of findings that are not shrunk, which would take minutes."""
+
+
+class FoundError(Exception):
+    """A finding, for hypothesis, which shrinks the input."""
 
 
 def kept(target: str) -> list[Path]:
-    folder = CORPUS / _slug(target)
-    return sorted(path for path in folder.glob("*") if path.is_file()) if folder.is_dir() else []
-
-
-def keep(target: str, data: bytes, signature: str) -> Path:
-    """Write an input to the corpus, under the name of its finding."""
-    folder = CORPUS / _slug(target)
-    folder.mkdir(parents=True, exist_ok=True)
-    digest = hashlib.sha256(data).hexdigest()[:8]
-    path = folder / f"{_slug(signature)[:60]}-{digest}"
-    path.write_bytes(data)
-    return path
+    return sorted(path for path in (CORPUS / _slug(target)).glob("*") if path.is_file())
 
 
 def _slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
-def smaller(data: bytes, judge: Callable[[bytes], Outcome], signature: str, tries: int) -> bytes:
-    """Shorten an input: we leave out pieces as long as the finding stays the same.
-
-    Delta debugging without its complements: Zeller, Hildebrandt, "Simplifying and Isolating
-    Failure-Inducing Input", IEEE TSE 2002.
-    """
-    size = len(data) // 2
-    while size >= 1 and tries > 0:
-        at = 0
-        while at < len(data) and tries > 0:
-            shorter = data[:at] + data[at + size :]
-            tries -= 1
-            if judge(shorter).signature == signature:
-                data = shorter
-            else:
-                at += size
-        size //= 2
-    return data
-
-
-MINIMISE_TRIES = 120
-"""The most runs to shorten an input."""
-MEMORY_DISK = Path("/dev/shm")
-"""The system's folder in memory, if there is one: children write thousands of small files."""
-
-
-@dataclass
-class Tally:
-    """The outcomes of a target's inputs; ``findings`` maps signature to [outcome, input, count]."""
-
-    counts: Counter = field(default_factory=Counter)
-    findings: dict[str, list] = field(default_factory=dict)
-    seconds: float = 0.0
-
-    def add(self, outcome: Outcome, data: bytes) -> None:
-        self.counts[outcome.kind if outcome.kind in (OK, REFUSED) else "finding"] += 1
-        if outcome.is_finding:
-            known = self.findings.setdefault(outcome.signature, [outcome, data, 0])
-            known[2] += 1
-            if len(data) < len(known[1]):
-                known[:2] = outcome, data
-
-
 class Bench:
-    """A target with its seeds and the working folder of its children."""
+    """A target with its seeds, children, and outcomes.
+
+    ``findings`` maps signatures to (outcome, smallest input).
+    """
 
     def __init__(self, target: Target, home: Path):
-        self.target, self.tally, self.done = target, Tally(), 0
-        self.folder = home / target.name.replace(" ", "-")
-        self.work = self.folder / "work"
-        seeds = seeds_folder(self.work)
+        self.target, self.counts, self.seconds = target, Counter[str](), 0.0
+        self.findings: dict[str, tuple[Outcome, bytes]] = {}
+        work = home / _slug(target.name) / "work"
+        seeds = seeds_folder(work)
         seeds.mkdir(parents=True)
-        self.work.mkdir()
-        self.crash_log = self.folder / "stack.txt"
+        work.mkdir()
         self.seeds = target.seeds(seeds)
-        target.sides(self.work)
+        self.inputs = target.inputs(self.seeds)
+        target.sides(work)
+        judge = lambda data: target.judge(data, work)  # noqa: E731
+        self.children = Children(judge, target.limits, work.with_name("stack.txt"))
 
-    def run(self, inputs: Sequence[bytes]) -> list[Outcome]:
-        def judge(index: int) -> Outcome:
-            return self.target.judge(inputs[index], self.work)
+    def judge(self, data: bytes) -> Outcome:
+        outcome = self.children.judge(data)
+        self.counts[outcome.kind if outcome.kind in (OK, REFUSED) else "finding"] += 1
+        if outcome.is_finding:
+            self._add(outcome, data)
+        return outcome
 
-        outcomes = run_all(len(inputs), judge, self.target.limits, self.crash_log)
-        return [outcome for _, outcome in outcomes]
-
-    def batch(self, seed: int, count: int | None = None) -> None:
-        before = time.monotonic()
-        count = count or self.target.batch
-        indices = range(self.done, self.done + count)
-        inputs = [self.target.input(seed, index, self.seeds) for index in indices]
-        self.account(inputs)
-        self.done += count
-        self.tally.seconds += time.monotonic() - before
-
-    def account(self, inputs: Sequence[bytes], *, are_seeds: bool = False) -> None:
-        for data, outcome in zip(inputs, self.run(inputs), strict=True):
-            if are_seeds and outcome.kind == REFUSED:
-                outcome = Outcome("seed refused", outcome.text[:80], outcome.text)
-            self.tally.add(outcome, data)
+    def _add(self, outcome: Outcome, data: bytes) -> None:
+        known = self.findings.setdefault(outcome.signature, (outcome, data))
+        self.findings[outcome.signature] = min(
+            known, (outcome, data), key=lambda pair: len(pair[1])
+        )
 
     def replay(self) -> None:
-        self.account([path.read_bytes() for path in kept(self.target.name)])
-        self.account(self.seeds, are_seeds=self.target.takes_seeds)
+        """Judge the corpus and the seeds."""
+        for path in kept(self.target.name):
+            self.judge(path.read_bytes())
+        for data in self.seeds:
+            outcome = self.judge(data)
+            if self.target.takes_seeds and outcome.kind == REFUSED:
+                self._add(Outcome("seed refused", outcome.text[:80], outcome.text), data)
+
+    def explore(self, seed: int, count: int) -> None:
+        """Judge new inputs; shrink the first finding."""
+        before = time.monotonic()
+
+        def check(data: bytes) -> None:
+            outcome = self.judge(data)
+            if outcome.is_finding and outcome.kind not in SLOW:
+                raise FoundError(outcome.signature)
+
+        settings = hypothesis.settings(
+            max_examples=count, database=None, deadline=None, report_multiple_bugs=False,
+            suppress_health_check=list(hypothesis.HealthCheck),
+        )  # fmt: skip
+        try:
+            hypothesis.seed(seed)(settings(hypothesis.given(self.inputs)(check)))()
+        except (FoundError, Flaky):
+            pass  # it is among the findings
+        self.seconds += time.monotonic() - before
 
     def keep(self) -> list[Path]:
-        """Write one input per finding to the corpus, shortened."""
+        """Write the smallest input of each finding to the corpus, under the finding's name."""
         files: list[Path] = []
-        if not self.target.portable:
-            return files
-        for signature, (outcome, data, _) in self.tally.findings.items():
-            tries = 0 if outcome.kind in ("hang", "time") else MINIMISE_TRIES
-            data = smaller(data, lambda d: self.run([d])[0], signature, tries)
-            files.append(keep(self.target.name, data, f"{outcome.kind} {signature}"))
+        for signature, (outcome, data) in self.findings.items() if self.target.portable else ():
+            folder = CORPUS / _slug(self.target.name)
+            folder.mkdir(parents=True, exist_ok=True)
+            digest = hashlib.sha256(data).hexdigest()[:8]
+            files.append(folder / f"{_slug(f'{outcome.kind} {signature}')[:60]}-{digest}")
+            files[-1].write_bytes(data)
         return files
 
 
-def fuzz(
-    targets: Sequence[Target], home: Path, *, seed: int, seconds: float, most: int, each: int = 0
-) -> list[Bench]:
-    """Run corpus, seeds and random inputs; return the benches of all targets.
+def fuzz(benches: Sequence[Bench], *, seed: int, seconds: float, each: int = 0) -> None:
+    """Judge corpus and seeds, ``each`` new inputs per target, and more until the time is over.
 
-    Every target runs ``each`` inputs, then more until ``seconds`` have passed or ``most`` inputs
-    were run; each target has its share of the time.
+    Each target has the same time; one with a finding draws no more.
     """
-    benches = [Bench(target, home) for target in targets]
     for bench in benches:
         bench.replay()
         if each:
-            bench.batch(seed, each)
+            bench.explore(seed, each)
     end = time.monotonic() + seconds
-    while time.monotonic() < end and sum(bench.tally.counts.total() for bench in benches) < most:
-        min(benches, key=lambda bench: bench.tally.seconds / bench.target.weight).batch(seed)
-    return benches
+    while time.monotonic() < end and (waiting := [b for b in benches if not b.findings]):
+        seed += 1
+        min(waiting, key=lambda bench: bench.seconds).explore(seed, EXAMPLES)
 
 
 def table(benches: Sequence[Bench]) -> pd.DataFrame:
-    """Return inputs, outcomes and inputs per second of each target, and of all."""
-    tallies = {bench.target.name: bench.tally for bench in benches}
-    rows = pd.DataFrame(
-        {name: {**tally.counts, "seconds": tally.seconds} for name, tally in tallies.items()}
-    ).T.reindex(columns=[OK, REFUSED, "finding", "seconds"], fill_value=0).fillna(0)  # fmt: skip
+    """Return the inputs and outcomes of each target, and of all."""
+    rows = pd.DataFrame({bench.target.name: bench.counts for bench in benches}).T
+    rows = rows.reindex(columns=[OK, REFUSED, "finding"]).fillna(0).astype(int)
     rows.loc["all"] = rows.sum()
-    counts = rows[[OK, REFUSED, "finding"]].astype(int)
-    rate = counts.sum(axis=1) / rows.seconds.replace(0, math.inf)
-    counts.insert(0, "inputs", counts.sum(axis=1))
-    return counts.assign(**{"inputs/s": rate.round().astype(int)})
+    rows.insert(0, "inputs", rows.sum(axis=1))
+    return rows
 
 
 def report(benches: Sequence[Bench]) -> str:
-    """Return the text of a report: each finding once, with its count."""
+    """Return the text of a report: each finding with its smallest input."""
     lines = []
     for bench in benches:
-        for signature, (outcome, data, count) in bench.tally.findings.items():
-            head = f"{bench.target.name}: {outcome.kind}, {count} times: {signature}"
-            lines += [head, f"  input of {len(data)} bytes: {data[:200]!r}"]
+        for signature, (outcome, data) in bench.findings.items():
+            lines.append(f"{bench.target.name}: {outcome.kind}: {signature}")
+            lines.append(f"  input of {len(data)} bytes: {data[:200]!r}")
             lines += [f"  {line}" for line in outcome.text.splitlines()[-8:]]
     return "\n".join(lines)
 
@@ -183,10 +155,7 @@ def report(benches: Sequence[Bench]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser("robustness.fuzz", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60, help="seconds of random inputs (60)")
-    parser.add_argument(
-        "--each", type=int, default=0, help="at least this many inputs per target (0)"
-    )
-    parser.add_argument("--inputs", type=int, default=1 << 62, help="at most this many inputs")
+    parser.add_argument("--each", type=int, default=0, help="at least this many per target (0)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the random numbers (1)")
     parser.add_argument("--target", action="append", help="only this target; may be repeated")
     parser.add_argument("--keep", action="store_true", help="write findings to the corpus")
@@ -195,23 +164,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     wanted = arguments.target or known
     for name in set(wanted) - set(known):
         parser.error(f"no target {name!r}; there are {', '.join(known)}")
-    chosen = [target for name, target in known.items() if name in wanted]
     disk = MEMORY_DISK if os.access(MEMORY_DISK, os.W_OK) else None
-    with tempfile.TemporaryDirectory("lfcore-fuzz", dir=disk, ignore_cleanup_errors=True) as name:
-        benches = fuzz(
-            chosen, Path(name), seed=arguments.seed, seconds=arguments.seconds,
-            most=arguments.inputs, each=arguments.each,
-        )  # fmt: skip
+    with (
+        tempfile.TemporaryDirectory("lfcore-fuzz", dir=disk, ignore_cleanup_errors=True) as home,
+        ExitStack() as stack,
+    ):
+        benches = [Bench(known[name], Path(home)) for name in known if name in wanted]
+        for bench in benches:
+            stack.enter_context(bench.children)
+        fuzz(benches, seed=arguments.seed, seconds=arguments.seconds, each=arguments.each)
         print(table(benches).to_markdown(), flush=True)
-        if findings := report(benches):
-            print(findings, flush=True)
+        print(report(benches), end="", flush=True)
         if arguments.keep:
-            for bench in benches:
-                for file in bench.keep():
-                    print(f"kept {file}")
+            print(*(f"kept {file}" for bench in benches for file in bench.keep()), sep="\n")
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"largest child: {peak:,.0f} MiB; seed {arguments.seed}")
-    return int(any(bench.tally.findings for bench in benches))
+    return int(any(bench.findings for bench in benches))
 
 
 if __name__ == "__main__":

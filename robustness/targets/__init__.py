@@ -1,13 +1,12 @@
-"""The fuzzer's targets: each has seeds, mutations, and a judge of outcomes."""
+"""The fuzzer's targets: each has seeds, a strategy of inputs, and a judge of outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from random import Random
 
 from robustness.children import Limits
-from robustness.mutate import Mutation
+from robustness.inputs import Inputs
 from robustness.outcome import Outcome, outcome_of
 
 WARM = (
@@ -29,14 +28,12 @@ class Target:
     ----------
     name, limits
         Its name and the limits of an input.
-    seeds : callable
-        ``seeds(folder)`` returns valid inputs; called once.
-    mutate, judge : callable
-        The mutation of an input; ``judge(input, folder)`` returns an outcome.
+    seeds, inputs : callable
+        ``seeds(folder)`` returns valid inputs; ``inputs(seeds)`` is hypothesis's strategy.
+    judge : callable
+        ``judge(input, folder)`` returns an outcome.
     sides : callable
-        Writes side files, which inputs may name, to each child's folder.
-    weight, batch : float, int
-        The share of the time; inputs per child.
+        Writes side files, which inputs may name, to the children's folder.
     takes_seeds : bool
         Whether every seed must be accepted; False where judging lacks a device.
     portable : bool
@@ -45,19 +42,12 @@ class Target:
 
     name: str
     seeds: Callable[[Path], Sequence[bytes]]
-    mutate: Mutation
+    inputs: Callable[[Sequence[bytes]], Inputs]
     judge: Callable[[bytes, Path], Outcome]
     sides: Callable[[Path], None] = lambda folder: None
     limits: Limits = field(default_factory=Limits)
-    weight: float = 1.0
-    batch: int = 100
     takes_seeds: bool = True
     portable: bool = True
-
-    def input(self, seed: int, index: int, seeds: Sequence[bytes]) -> bytes:
-        """Return input ``index`` of the run with this seed: always the same bytes."""
-        draw = Random(f"{seed}/{self.name}/{index}")
-        return self.mutate(draw, draw.choice(seeds), seeds)
 
 
 def seeds_folder(folder: Path) -> Path:

@@ -6,14 +6,14 @@ import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from random import Random
 from unittest import mock
 
 import numpy as np
+from hypothesis import strategies as st
 from PIL import Image
 
 from lfcore.errors import DeviceError
-from robustness import extremes
+from robustness.inputs import Inputs, number_texts, texts
 from robustness.outcome import Outcome, judge_message, outcome_of
 from robustness.targets import Target, seeds_folder
 from robustness.targets.pictures import exr_seeds
@@ -57,25 +57,21 @@ def seeds(folder: Path) -> list[bytes]:
     return [json.dumps(line.split()).encode() for line in COMMANDS]
 
 
-def damage_words(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    words = json.loads(data)
-    for _ in range(draw.choice((1, 1, 1, 2, 3))):
-        kind, at = draw.randrange(10), draw.randrange(len(words))
-        if kind <= 3:
-            words[at] = extremes.number_text(draw)
-        elif kind == 4:
-            words[at] = extremes.text(draw)
-        elif kind == 5 and len(words) > 1:
-            del words[at]
-        elif kind == 6:
-            words[at:at] = words[at : at + draw.randrange(1, 4)]
-        elif kind == 7:
-            words[at] = draw.choice(json.loads(draw.choice(seeds)))
-        elif kind == 8:
-            words[at] = f"focus={extremes.number_text(draw)},f={extremes.number_text(draw)}"
-        else:
-            words[at] = words[at] + extremes.text(draw)
-    return json.dumps([_argument(word) for word in words]).encode()
+def damaged_words(seeds: Sequence[bytes]) -> Inputs:
+    """Return command lines with one to three words changed."""
+    lines = [json.loads(seed) for seed in seeds]
+    words = number_texts | texts | st.sampled_from(sorted({w for line in lines for w in line}))
+
+    @st.composite
+    def damaged(draw: st.DrawFn) -> bytes:
+        line = [*draw(st.sampled_from(lines))]
+        for _ in range(draw(st.integers(1, 3))):
+            at = draw(st.integers(0, len(line)))
+            replaced = draw(st.integers(0, 2))
+            line[at : at + replaced] = draw(st.lists(words, max_size=2))
+        return json.dumps([_argument(word) for word in line]).encode()
+
+    return damaged()
 
 
 def _argument(word: str) -> str:
@@ -151,6 +147,4 @@ def _judged(status: object, errors: str, left: list[str], words: list[str]) -> O
 
 
 def targets() -> list[Target]:
-    return [
-        Target("commands", seeds, damage_words, judge, write_all_sides, weight=2, takes_seeds=False)
-    ]
+    return [Target("commands", seeds, damaged_words, judge, write_all_sides, takes_seeds=False)]

@@ -1,24 +1,24 @@
 """Light fields of other programs, with one damaged file or file name."""
 
+import re
 import shutil
 import zlib
 from collections.abc import Sequence
 from multiprocessing import get_context
 from pathlib import Path
-from random import Random
 
 import numpy as np
+from hypothesis import strategies as st
 
 from lfcore.exchange.exporting import export_lightfield
 from lfcore.exchange.grid import Geometry, ReadOptions, ViewGrid
 from lfcore.exchange.importing import read_grid, store_grid
 from lfcore.exchange.pictures import is_picture
 from lfcore.exchange.table import FORMATS
-from robustness.mutate import damage_bytes, damage_text
+from robustness.inputs import Inputs, damaged_bytes, damaged_json, damaged_text
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target, seeds_folder
 from robustness.targets.stores import CODECS
-from robustness.trees import damage_json
 
 KNOWN = Geometry(pitch_m=0.004, pixel_pitch=0.02, delta=0.5, sensor_m=0.036)
 """The geometry of the seeds."""
@@ -82,18 +82,19 @@ def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
-def damage(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage the content, according to its kind; sometimes the name."""
-    name, _, contents = data.partition(b"\n")
-    if draw.random() < 0.15:
-        head, _, tail = name.partition(b"/")
-        changed = damage_text(draw, tail, [tail]).replace(b"\n", b"").replace(b"\0", b"")
-        return head + b"/" + changed[:200] + b"\n" + contents
-    others = [seed.partition(b"\n")[2] for seed in seeds]
-    if name.endswith(b".json") and draw.random() < 0.7:
-        return name + b"\n" + damage_json(draw, contents, [contents])
-    text = name.decode().endswith(TEXTS)
-    return name + b"\n" + (damage_text if text else damage_bytes)(draw, contents, others)
+def damaged(seeds: Sequence[bytes]) -> Inputs:
+    """Return seeds with another content, by its kind, or another name."""
+    return st.sampled_from(seeds).flatmap(_damaged_file)
+
+
+def _damaged_file(seed: bytes) -> Inputs:
+    name, _, contents = seed.partition(b"\n")
+    head, _, tail = name.partition(b"/")
+    names = damaged_text([tail]).map(lambda text: re.sub(rb"[\n\0]", b"", text)[:200])
+    damage = damaged_text if name.decode().endswith(TEXTS) else damaged_bytes
+    damage = damaged_json if name.endswith(b".json") else damage
+    renamed = names.map(lambda changed: head + b"/" + changed + b"\n" + contents)
+    return damage([contents]).map(lambda changed: name + b"\n" + changed) | renamed
 
 
 def judge(data: bytes, folder: Path) -> Outcome:
@@ -139,4 +140,4 @@ def _read(source: Path, named: str | None) -> None:
 
 
 def targets() -> list[Target]:
-    return [Target("import", seeds_of_a_child, damage, judge, weight=2)]
+    return [Target("import", seeds_of_a_child, damaged, judge)]

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from random import Random
 
 import trimesh
+from hypothesis import strategies as st
 
 from lfcore.readers.load import load_scene
-from robustness.mutate import damage_bytes, damage_text, mixed
+from robustness.inputs import Inputs, damaged_bytes, damaged_text
 from robustness.outcome import SEEDS, Outcome, outcome_of
 from robustness.scene_checks import check_scene
 from robustness.targets import Target
@@ -60,26 +60,38 @@ def judge(kind: str, data: bytes, folder: Path) -> Outcome:
     return outcome_of(lambda: check_scene(load_scene(file, bare=True)), names=str(folder))
 
 
-def damage_glb(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage bytes, or the text of the JSON part, whose length is then corrected."""
-    if draw.random() < 0.4:
-        return damage_bytes(draw, data, seeds)
-    length = int.from_bytes(data[12:16], "little")
-    text, rest = data[20 : 20 + length], data[20 + length :]
-    text = damage_text(draw, text, [text])
+def damaged_glb(seeds: Sequence[bytes]) -> Inputs:
+    """Return seeds with damaged bytes, or a damaged JSON part, whose length is corrected."""
+    texts = [damaged_text([_json(seed)]).map(partial(_with_json, seed)) for seed in seeds]
+    return damaged_bytes(seeds) | st.one_of(texts)
+
+
+def _json(glb: bytes) -> bytes:
+    return glb[20 : 20 + int.from_bytes(glb[12:16], "little")]
+
+
+def _with_json(glb: bytes, text: bytes) -> bytes:
+    rest = glb[20 + len(_json(glb)) :]
     text += b" " * (-len(text) % 4)
     total = 20 + len(text) + len(rest)
     sizes = total.to_bytes(4, "little") + len(text).to_bytes(4, "little")
-    return data[:8] + sizes + data[16:20] + text + rest
+    return glb[:8] + sizes + glb[16:20] + text + rest
 
 
 def targets() -> list[Target]:
-    either = mixed((0.75, damage_text), (0.25, damage_bytes))
-    mutations = {"obj": damage_text, "ply": either, "stl": either, "off": damage_text}
-    mutations["glb"] = damage_glb
-    if all(map(find_spec, OTHERS.values())):
-        mutations |= {"dae": either, "3mf": damage_bytes}
-    return [
-        Target(kind, partial(seeds_of, kind), mutation, partial(judge, kind), write_sides)
-        for kind, mutation in mutations.items()
+    kinds = [
+        "obj",
+        "ply",
+        "stl",
+        "off",
+        "glb",
+        *(OTHERS if all(map(find_spec, OTHERS.values())) else ()),
     ]
+    inputs = {"glb": damaged_glb, "3mf": damaged_bytes}
+    return [
+        Target(
+            kind, partial(seeds_of, kind), inputs.get(kind, damaged_text), partial(judge, kind),
+            write_sides,
+        )
+        for kind in kinds
+    ]  # fmt: skip

@@ -9,10 +9,10 @@ import numpy as np
 from lfcore import BakedLight, Camera, Light, LightField, Material, Scene, Surface, load_scene
 from lfcore.scene.limits import within_limits
 from lfcore.tracing.surfaces import with_levels
+from robustness.inputs import damaged_json
 from robustness.outcome import Outcome, outcome_of
 from robustness.scene_checks import check_scene
 from robustness.targets import Target
-from robustness.trees import damage_json
 
 CORNERS = [[[-1, -1, 3], [1, -1, 3], [0, 1, 3]], [[-1, -1, 4], [1, -1, 4], [0, 1, 5]]]
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 9], [0, 0, 0, 1]]
@@ -122,4 +122,4 @@ def _array(arguments: dict[str, Any], key: str, dtype: type) -> Any:
 
 
 def targets() -> list[Target]:
-    return [Target("objects", seeds, damage_json, judge, write_mesh)]
+    return [Target("objects", seeds, damaged_json, judge, write_mesh)]

@@ -3,7 +3,6 @@
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from random import Random
 
 import numpy as np
 from PIL import Image
@@ -15,10 +14,9 @@ from lfcore.pictures import write_picture
 from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.storage.tiled_exr import read_array, write_array
-from robustness.mutate import damage_bytes, damage_text
+from robustness.inputs import Inputs, damaged_bytes, damaged_json, damaged_text
 from robustness.outcome import ROOT, SilentlyWrong
 from robustness.targets import Target, of_file
-from robustness.trees import damage_json
 
 
 def exr_seeds(folder: Path) -> list[bytes]:
@@ -42,15 +40,18 @@ def check_exr(file: Path) -> None:
         content.array.tiles(content.image)
 
 
-def damage_header(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage bytes, or the JSON of the geometry, whose length is then corrected."""
-    start = data.find(b'{"format"')
-    if start < 0 or draw.random() < 0.5:
-        return damage_bytes(draw, data, seeds)
-    length = int.from_bytes(data[start - 4 : start], "little")
-    text = damage_json(draw, data[start : start + length], [data[start : start + length]])
-    # The table of offsets becomes wrong; readers repair it.
-    return data[: start - 4] + len(text).to_bytes(4, "little") + text + data[start + length :]
+def damaged_exr(seeds: Sequence[bytes]) -> Inputs:
+    """Return seeds with damaged bytes, or a damaged JSON of the geometry, whose length is right."""
+    whole = next(seed for seed in seeds if b'{"format"' in seed)
+    start = whole.index(b'{"format"')
+    length = int.from_bytes(whole[start - 4 : start], "little")
+    head, rest = whole[: start - 4], whole[start + length :]
+
+    def with_geometry(text: bytes) -> bytes:
+        # The table of offsets becomes wrong; readers repair it.
+        return head + len(text).to_bytes(4, "little") + text + rest
+
+    return damaged_bytes(seeds) | damaged_json([whole[start : start + length]]).map(with_geometry)
 
 
 def texture_seeds(folder: Path) -> list[bytes]:
@@ -89,11 +90,9 @@ def check_lens(file: Path) -> None:
 
 
 def targets() -> list[Target]:
+    lens = of_file("input.dat", check_lens, named=False)
     return [
-        Target("exr", exr_seeds, damage_header, of_file("input.exr", check_exr), weight=0.4),
-        Target("texture", texture_seeds, damage_bytes, of_file("input.png", check_texture)),
-        Target(
-            "lens", lens_seeds, damage_text, of_file("input.dat", check_lens, named=False),
-            weight=0.5,
-        ),
-    ]  # fmt: skip
+        Target("exr", exr_seeds, damaged_exr, of_file("input.exr", check_exr)),
+        Target("texture", texture_seeds, damaged_bytes, of_file("input.png", check_texture)),
+        Target("lens", lens_seeds, damaged_text, lens),
+    ]

@@ -4,21 +4,26 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from random import Random
 
 import numpy as np
+from hypothesis import strategies as st
 from PIL import Image
 
 from lfcore.readers.load import load_scene
 from lfcore.scene.description import schema
 from lfcore.scene.files import read_scene, save_scene
-from robustness import extremes
 from robustness.children import Limits
-from robustness.mutate import damage_bytes, damage_text, mixed
+from robustness.inputs import (
+    Inputs,
+    damaged_bytes,
+    damaged_text,
+    damaged_yaml,
+    extreme_yaml,
+    texts,
+)  # fmt: skip
 from robustness.outcome import ROOT, SEEDS, SilentlyWrong
 from robustness.scene_checks import check_scene
 from robustness.targets import Target, of_file
-from robustness.trees import damage_yaml, extreme_yaml
 
 PLAIN, BUILT, FITTED, OBJ, MTL, PLY, PBRT_SPHERE = (
     (SEEDS / name).read_text()
@@ -54,6 +59,14 @@ def yaml_seeds(folder: Path) -> list[bytes]:
     return [text.encode() for text in (PLAIN, BUILT, SHORT, FITTED)]
 
 
+def damaged_scene(seeds: Sequence[bytes]) -> Inputs:
+    return damaged_yaml(seeds) | damaged_text(seeds)
+
+
+def traced_seeds(folder: Path) -> list[bytes]:
+    return [PLAIN.encode()]
+
+
 def pbrt_seeds(folder: Path) -> list[bytes]:
     public = (ROOT / "tests/readers/public_style/scene.pbrt").read_bytes()
     public = public.replace(b"geometry/quad.ply", b"x.ply").replace(b"geometry/", b"")
@@ -81,24 +94,21 @@ def check_saved(scene, folder: Path) -> None:
         raise SilentlyWrong("camera, lights or materials differ after saving")
 
 
-def damage_pbrt(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Damage text, or what only pbrt has: the order of blocks, includes, deep nesting."""
-    if draw.random() < 0.7:
-        return damage_text(draw, data, seeds)
-    lines = data.splitlines(keepends=True)
-    kind, at = draw.randrange(5), draw.randrange(len(lines))
-    if kind == 0:
-        draw.shuffle(lines)
-    elif kind == 1:
-        name = extremes.text(draw).encode("utf-8", "surrogatepass")
-        lines.insert(at, b'Include "' + name + b'"\n')
-    elif kind == 2:
-        lines.insert(at, b"AttributeBegin " * draw.choice((1, 100, 100_000)) + b"\n")
-    elif kind == 3:
-        lines.insert(at, b'ObjectBegin "a" ObjectInstance "a" ObjectEnd ObjectInstance "a"\n')
-    else:
-        lines[at], lines[-1] = lines[-1], lines[at]
-    return b"".join(lines)
+def damaged_pbrt(seeds: Sequence[bytes]) -> Inputs:
+    """Return damaged texts, and what only pbrt has: the order of lines, includes, deep nesting."""
+    blocks = st.sampled_from([b"AttributeBegin " * count for count in (1, 100, 100_000)])
+    instance = b'ObjectBegin "a" ObjectInstance "a" ObjectEnd ObjectInstance "a"'
+    names = texts.map(lambda text: text.encode("utf-8", "surrogatepass"))
+    lines = blocks | st.just(instance) | names.map(lambda name: b'Include "' + name + b'"')
+
+    @st.composite
+    def inserted(draw: st.DrawFn) -> bytes:
+        whole = draw(st.sampled_from(seeds)).split(b"\n")
+        whole.insert(draw(st.integers(0, len(whole))), draw(lines))
+        return b"\n".join(whole)
+
+    shuffled = st.sampled_from(seeds).flatmap(lambda seed: st.permutations(seed.split(b"\n")))
+    return damaged_text(seeds) | inserted() | shuffled.map(b"\n".join)
 
 
 def saved_seeds(folder: Path) -> list[bytes]:
@@ -133,17 +143,14 @@ def check_traced(file: Path) -> None:
 
 
 def targets() -> list[Target]:
-    text = mixed((0.6, damage_yaml), (0.4, damage_text))
     yaml, pbrt = (of_file(f"input.{kind}", check_built, named=False) for kind in ("yaml", "pbrt"))
-    traced_seeds = lambda folder: [PLAIN.encode(), SHORT.encode()]  # noqa: E731
-    numbers = mixed((0.7, extreme_yaml), (0.2, damage_yaml), (0.1, damage_text))
     traced = of_file("input.yaml", check_traced, named=False)
     # Children build programs, and drivers map much memory: no limit of the address space.
     limits = Limits(cpu=60, wall=300, memory=None)
     saved = of_file("input.npz", lambda file: check_scene(read_scene(file)))
     return [
-        Target("scene.yaml", yaml_seeds, text, yaml, write_sides, weight=2),
-        Target("pbrt", pbrt_seeds, damage_pbrt, pbrt, write_sides, weight=2),
-        Target("scene.npz", saved_seeds, damage_bytes, saved, weight=0.5),
-        Target("trace", traced_seeds, numbers, traced, write_sides, limits, 1.5, batch=400),
+        Target("scene.yaml", yaml_seeds, damaged_scene, yaml, write_sides),
+        Target("pbrt", pbrt_seeds, damaged_pbrt, pbrt, write_sides),
+        Target("scene.npz", saved_seeds, damaged_bytes, saved),
+        Target("trace", traced_seeds, extreme_yaml, traced, write_sides, limits),
     ]

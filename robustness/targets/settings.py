@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import yaml
@@ -10,10 +10,9 @@ import yaml
 from lfcore.optics.camera import Camera
 from lfcore.workflow import cases, costs
 from lfcore.workflow.settings import check_settings
-from robustness.mutate import damage_text, mixed
+from robustness.inputs import Inputs, damaged_text, damaged_yaml
 from robustness.outcome import ROOT, Outcome, outcome_of
 from robustness.targets import Target
-from robustness.trees import damage_yaml
 
 _OPENS = re.compile(rb"[\[{]|[-?] ")
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
@@ -54,6 +53,9 @@ def judge(data: bytes, folder: Path) -> Outcome:
     return outcome_of(work, names="configuration")
 
 
+def inputs(seeds: Sequence[bytes]) -> Inputs:
+    return damaged_yaml(seeds) | damaged_text(seeds)
+
+
 def targets() -> list[Target]:
-    mutation = mixed((0.75, damage_yaml), (0.25, damage_text))
-    return [Target("config.yaml", seeds, mutation, judge, weight=2)]
+    return [Target("config.yaml", seeds, inputs, judge)]

@@ -4,12 +4,10 @@ digest."""
 import hashlib
 import itertools
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache, partial
 from pathlib import Path
-from random import Random
 
 import av
 import numpy as np
@@ -25,10 +23,9 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.storage.metadata import TAG
 from lfcore.storage.segment import SegmentWriter
-from robustness.mutate import damage_bytes
+from robustness.inputs import damaged_bytes, damaged_json
 from robustness.outcome import Outcome, SilentlyWrong, outcome_of
 from robustness.targets import Target, seeds_folder
-from robustness.trees import damage_json
 
 VIEWS = 4
 """The views per side of the files."""
@@ -212,21 +209,11 @@ def _remux(source: Path, path: Path, text: str) -> None:
                 new.mux(packet)
 
 
-def damage_store(draw: Random, data: bytes, seeds: Sequence[bytes]) -> bytes:
-    """Mostly one flipped bit, anywhere in the file with equal probability."""
-    if draw.random() < 0.5:
-        changed = bytearray(data)
-        for _ in range(draw.choice((1, 1, 1, 2, 8))):
-            changed[draw.randrange(len(changed))] ^= 1 << draw.randrange(8)
-        return bytes(changed)
-    return damage_bytes(draw, data, seeds)
-
-
 def targets() -> list[Target]:
     # Not portable: the files depend on this machine's encoder.
     stores = [
-        Target(f"store {name}", partial(store_seeds, name), damage_store,
+        Target(f"store {name}", partial(store_seeds, name), damaged_bytes,
                partial(judge_store, name), portable=False)
         for name in CODECS
     ]  # fmt: skip
-    return [*stores, Target("metadata", metadata_seeds, damage_json, judge_metadata)]
+    return [*stores, Target("metadata", metadata_seeds, damaged_json, judge_metadata)]

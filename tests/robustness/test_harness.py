@@ -11,11 +11,15 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfcore import LfcoreError
 from lfcore.cli import parser
-from robustness.children import Limits, run_all
-from robustness.fuzz import CORPUS, fuzz, kept, smaller, table
+from robustness.children import Limits, judged
+from robustness.fuzz import CORPUS, Bench, fuzz, kept, table
+from robustness.inputs import damaged_bytes, damaged_json, damaged_yaml, extreme_yaml
 from robustness.outcome import ROOT, Outcome, SilentlyWrong, judge_message, outcome_of
 from robustness.targets import Target
 from robustness.targets.commands import COMMANDS
@@ -64,44 +68,36 @@ def judge(data: bytes, folder: Path) -> Outcome:
 def planted():
     """A target whose inputs are the names of what is planted."""
     names = [name.encode() for name in PLANTED]
-    return Target("planted", lambda folder: names, lambda draw, data, seeds: data, judge,
-                  limits=LIMITS, takes_seeds=False)  # fmt: skip
+    return Target(
+        "planted", lambda folder: names, st.sampled_from, judge, limits=LIMITS, takes_seeds=False
+    )
 
 
 def test_each_planted_defect_is_found_and_the_next_input_runs(tmp_path):
     names = list(PLANTED)
-    outcomes = run_all(
-        len(names), lambda index: judge(names[index].encode(), tmp_path), LIMITS, tmp_path / "log"
-    )
-    assert [outcome.kind for _, outcome in outcomes] == [kind for _, kind in PLANTED.values()]
+    outcomes = judged(names, lambda name: judge(name.encode(), tmp_path), LIMITS, tmp_path / "log")
+    assert [outcome.kind for outcome in outcomes] == [kind for _, kind in PLANTED.values()]
 
 
 def test_a_child_that_waits_for_ever_is_found(tmp_path):
     def one(index: int) -> Outcome:
         return outcome_of(lambda: time.sleep(60 * index), names=None)
 
-    outcomes = run_all(2, one, Limits(wall=2.0), tmp_path / "log")
-    assert [outcome.kind for _, outcome in outcomes] == ["ok", "hang"]
+    outcomes = judged([0, 1], one, Limits(wall=2.0), tmp_path / "log")
+    assert [outcome.kind for outcome in outcomes] == ["ok", "hang"]
 
 
 def test_a_mistake_of_the_judge_is_none_of_the_input(tmp_path):
-    ((_, outcome),) = run_all(1, lambda index: 1 / index, LIMITS, tmp_path / "log")
+    (outcome,) = judged([0], lambda number: 1 / number, LIMITS, tmp_path / "log")
     assert outcome.kind == "harness" and outcome.is_finding
 
 
 def test_the_table_counts_what_came(planted, tmp_path):
-    (bench,) = fuzz([planted], tmp_path, seed=1, seconds=0, most=0)
-    assert bench.tally.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 2}
+    bench = Bench(planted, tmp_path)
+    fuzz([bench], seed=1, seconds=0)
+    assert bench.counts == {"ok": 1, "refused": 1, "finding": len(PLANTED) - 2}
     counts = [len(PLANTED), 1, 1, len(PLANTED) - 2]
-    assert table([bench]).loc["planted"].tolist()[:4] == counts
-
-
-def test_an_input_is_a_function_of_the_seed_and_its_number():
-    target = Target("t", list, lambda draw, data, seeds: data + draw.randbytes(4), judge)
-    first = [target.input(1, index, [b"a", b"b"]) for index in range(20)]
-    assert first == [target.input(1, index, [b"a", b"b"]) for index in range(20)]
-    assert len(set(first)) == 20
-    assert first != [target.input(2, index, [b"a", b"b"]) for index in range(20)]
+    assert table([bench]).loc["planted"].tolist() == counts
 
 
 @pytest.mark.parametrize("text", ["", "two\nlines input.txt", "\x1b[31minput.txt", "x" * 3000])
@@ -115,14 +111,39 @@ def test_an_error_is_one_printable_line_of_bearable_length():
     assert str(error).endswith("Say less.")
 
 
-def test_a_finding_is_made_shorter():
-    def still(data: bytes) -> Outcome:
-        return (
-            Outcome("traceback", "both") if b"needle" in data and b"pin" in data else Outcome("ok")
-        )
+def test_a_finding_is_made_shorter(tmp_path):
+    def judge(data: bytes, folder: Path) -> Outcome:
+        found = b"needle" in data and b"pin" in data
+        return Outcome("traceback", "both") if found else Outcome("ok")
 
-    data = b"hay" * 50 + b"needle" + b"hay" * 50 + b"pin"
-    assert smaller(data, still, "both", tries=500) == b"needlepin"
+    hay = [b"hay" * 9 + b"needle" + b"hay" * 9 + b"pin", b"hay"]
+    bench = Bench(Target("hay", lambda folder: hay, damaged_bytes, judge), tmp_path)
+    bench.explore(1, 200)
+    ((_, shortest),) = bench.findings.values()
+    assert len(shortest) < len(hay[0])
+
+
+@pytest.mark.parametrize("damaged", [damaged_yaml, damaged_json, extreme_yaml])
+def test_a_damaged_tree_is_mostly_a_tree(damaged):
+    inputs = damaged([b'{"a": [1, 2.5, "b"], "c": {"d": null}}'])
+    trees = []
+
+    @given(inputs)
+    def read(data):
+        trees.append(data)
+
+    read()
+    assert len(set(trees)) > 50
+    readable = [data for data in trees if reads(data)]
+    assert len(readable) > len(trees) / 2
+
+
+def reads(data: bytes) -> bool:
+    try:
+        yaml.load(data, yaml.SafeLoader)
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError):
+        return False
+    return True
 
 
 EACH = 15
