@@ -19,7 +19,7 @@ from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
-from lfcore.scene.assemble import assemble
+from lfcore.scene.assemble import COLOURS, assemble
 from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.framing import FoundCamera, z_seems_up
 from lfcore.scene.limits import within_limits
@@ -217,9 +217,10 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Cont
 def _with_material(
     parts: list[SurfaceMesh], material: dict, folder: Path, where: Where
 ) -> list[SurfaceMesh]:
-    colours, numbers = ("diffuse", "specular", "emission"), ("shininess", "metallic", "roughness")
-    changes: dict = {name: parse_colour(material[name]) for name in colours if name in material}
-    changes |= {name: float(material[name]) for name in numbers if name in material}
+    kinds = dict.fromkeys(COLOURS, parse_colour) | {"thin_walled": bool}
+    changes: dict = {
+        name: kinds.get(name, float)(value) for name, value in material.items() if name != "texture"
+    }
     if "metallic" not in material and ("specular" in material or "shininess" in material):
         changes["metallic"] = -1.0  # these are Blinn-Phong's
     if "texture" in material:

@@ -1,41 +1,66 @@
 """Materials and lights of a scene."""
 
+import math
 from dataclasses import dataclass
 
 POINT, DIRECTIONAL = 0, 1
+RANGES = {
+    "metallic": (-1.0, 1.0), "roughness": (0.0, 1.0), "opacity": (0.0, 1.0),
+    "transmission": (0.0, 1.0), "ior": (1.0, 1e6), "attenuation_distance_m": (0.0, 1e12),
+    "clearcoat": (0.0, 1.0), "clearcoat_roughness": (0.0, 1.0),
+}  # fmt: skip
+"""The least and the largest value of numbers of a material."""
+LATER = (
+    "opacity", "alpha_blend", "transmission", "ior", "thin_walled", "attenuation_distance_m",
+    "attenuation_colour", "clearcoat", "clearcoat_roughness",
+)  # fmt: skip
+"""The fields of a material that scene files omit where they have their default."""
+DARKEST = 1e-6
+"""The least attenuation colour: white light that passed through black glass is not quite 0."""
 
 
-@dataclass(frozen=True)
-class Dielectric:
-    """A glTF file's values for glass and clear coats.  They are kept, and not drawn yet.
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """The fields that a :class:`Material` and a surface with textures as arrays share."""
 
-    Parameters
-    ----------
-    ior : float
-        Index of refraction.
-    transmission : float
-        Share of light that enters, 0 to 1.
-    thickness : float
-        Thickness of the volume below the surface in the file's units; 0 is a thin wall.
-    attenuation_distance : float
-        Distance in the file's units after which white light has ``attenuation_colour``; 0: never.
-    attenuation_colour : (float, float, float)
-        Linear RGB.
-    clearcoat, clearcoat_roughness : float
-        Strength and roughness of a clear coat, 0 to 1.
-    """
-
-    ior: float = 1.5
+    name: str = "default"
+    diffuse: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shininess: float = 32.0
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    alpha_cutoff: float = 0.0
+    metallic: float = -1.0
+    roughness: float = 1.0
+    normal_scale: float = 1.0
+    curved: bool = False
+    opacity: float = 1.0
+    alpha_blend: bool = False
     transmission: float = 0.0
-    thickness: float = 0.0
-    attenuation_distance: float = 0.0
+    ior: float = 1.5
+    thin_walled: bool = False
+    attenuation_distance_m: float = 0.0
     attenuation_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
 
+    @property
+    def is_metallic(self) -> bool:
+        return self.metallic >= 0
+
+    @property
+    def absorption(self) -> tuple[float, float, float]:
+        """The coefficients of Beer's law in the volume, linear RGB, 1 / metre."""
+        if self.thin_walled or not self.attenuation_distance_m:
+            return 0.0, 0.0, 0.0
+        distance = self.attenuation_distance_m
+        red, green, blue = (
+            -math.log(max(share, DARKEST)) / distance for share in self.attenuation_colour
+        )
+        return red, green, blue
+
 
 @dataclass(frozen=True)
-class Material:
+class Material(Appearance):
     """A material: Blinn-Phong, or glTF's metallic-roughness model.
 
     Colours are linear RGB in [0, 1].  Textures index :attr:`Scene.textures`; -1 is none.
@@ -71,29 +96,34 @@ class Material:
     curved : bool
         Shadow rays start on the curved surface that the smooth normals describe, so that a coarse
         mesh casts no jagged shadows on itself.
-    dielectric : Dielectric, optional
-        A file's values for glass and clear coats.
+    opacity : float
+        Share of light that meets the surface, 0 to 1; the rest passes straight through.
+    alpha_blend : bool
+        The texture's alpha multiplies ``opacity``.
+    transmission : float
+        Share of light, 0 to 1, that enters in place of the diffuse reflection, multiplied by the
+        diffuse colour: 1 is smooth glass.
+    ior : float
+        Index of refraction of transmission, and of the reflection of a metallic-roughness material
+        that is no metal, at least 1.
+    thin_walled : bool
+        The surface is a pane without thickness, which light crosses straight.  Otherwise it
+        bounds a volume, which is behind its front: the side from which corners are
+        counter-clockwise.
+    attenuation_distance_m : float
+        Metres in the volume after which white light has ``attenuation_colour``; 0: never.
+    attenuation_colour : (float, float, float)
+        Linear RGB, 0 to 1.
+    clearcoat : float
+        Strength of a clear coat over everything else, 0 to 1; its index of refraction is 1.5.
+    clearcoat_roughness : float
+        Roughness of the coat, 0 to 1.
     """
 
-    name: str
-    diffuse: tuple[float, float, float] = (0.8, 0.8, 0.8)
-    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    shininess: float = 32.0
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: int = -1
-    alpha_cutoff: float = 0.0
-    metallic: float = -1.0
-    roughness: float = 1.0
     metal_texture: int = -1
     normal_texture: int = -1
-    normal_scale: float = 1.0
     emission_texture: int = -1
-    curved: bool = False
-    dielectric: Dielectric | None = None
-
-    @property
-    def is_metallic(self) -> bool:
-        return self.metallic >= 0
 
     @property
     def data_textures(self) -> tuple[int, int]:

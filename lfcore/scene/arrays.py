@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.scene.appearance import RANGES
 
 KINDS = {"floats": "f", "integers": "iu", "uint8": "u"}
 
@@ -42,3 +43,24 @@ def check_triple(key: str, values: Any) -> None:
         fits = False
     if not fits:
         raise SceneError(f"must be three numbers, not {values!r}", key=key)
+
+
+def check_appearance(key: str, owner: Any) -> None:
+    """Raise :class:`SceneError` unless colours and numbers of a material or surface make sense."""
+    place = f"{key}." if key else ""
+    for name in ("diffuse", "specular", "emission", "attenuation_colour"):
+        check_triple(f"{place}{name}", getattr(owner, name))
+    for channel in owner.attenuation_colour:
+        check_range(f"{place}attenuation_colour", channel, 0.0, 1.0)
+    for name, (least, most) in RANGES.items():
+        check_range(f"{place}{name}", getattr(owner, name), least, most)
+
+
+def check_range(key: str, value: Any, least: float, most: float) -> None:
+    """Raise :class:`SceneError` unless it is a number from ``least`` to ``most``."""
+    try:
+        fits = bool(least <= value <= most)
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise SceneError(f"must be a number from {least:g} to {most:g}, not {value!r}", key=key)

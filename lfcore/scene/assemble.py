@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.reading import Where
-from lfcore.scene.appearance import Material
+from lfcore.scene.appearance import RANGES, Material
 from lfcore.scene.surface_mesh import (
     Surface,
     SurfaceMesh,
@@ -34,8 +34,9 @@ TEXTURES = {
     "emission_texture": "sRGB",
 }
 """The textures of a surface, and whether their codes are sRGB or linear data."""
-COLOURS = "diffuse", "specular", "emission"
-NUMBERS = "shininess", "alpha_cutoff", "metallic", "roughness", "normal_scale"
+COLOURS = "diffuse", "specular", "emission", "attenuation_colour"
+NUMBERS = "shininess", "alpha_cutoff", "normal_scale", *RANGES
+FLAGS = "curved", "alpha_blend", "thin_walled"
 
 
 @dataclass
@@ -158,5 +159,5 @@ def _materials(parts: list[SurfaceMesh]) -> tuple[list[Material], list[np.ndarra
 def _material(surface: Surface, textures: Any) -> Material:
     colours: Any = {name: triple(getattr(surface, name)) for name in COLOURS}
     numbers: Any = {name: float(getattr(surface, name)) for name in NUMBERS}
-    flags: Any = {"curved": bool(surface.curved), "dielectric": surface.dielectric}
+    flags: Any = {name: bool(getattr(surface, name)) for name in FLAGS}
     return Material(surface.name, **colours, **numbers, **flags, **textures)

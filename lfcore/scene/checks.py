@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.errors import SceneError, check_kind
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import Light, Material
-from lfcore.scene.arrays import check_array, check_texture, check_triple
+from lfcore.scene.arrays import check_appearance, check_array, check_texture, check_triple
 from lfcore.scene.baked import BakedLight
 
 if TYPE_CHECKING:
@@ -57,8 +57,7 @@ def check_scene(scene: Scene) -> None:
 
 def _check_material(key: str, material: Material, textures: int) -> None:
     check_kind(material, Material, key)
-    for name in ("diffuse", "specular", "emission"):
-        check_triple(f"{key}.{name}", getattr(material, name))
+    check_appearance(key, material)
     for name in ("texture", "metal_texture", "normal_texture", "emission_texture"):
         number = getattr(material, name)
         if not isinstance(number, Integral):

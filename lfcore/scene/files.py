@@ -14,7 +14,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import Dielectric, Light, Material
+from lfcore.scene.appearance import LATER, Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
 from lfcore.scene.model import Motion, Scene
 from lfcore.scene.notes import Note
@@ -83,15 +83,9 @@ def _header(scene: Scene) -> dict:
 
 
 def _material_json(material: Material) -> dict:
-    """The fields of a material, without an empty dielectric: earlier files have none."""
-    data = asdict(material)
-    return data if material.dielectric else {key: data[key] for key in data if key != "dielectric"}
-
-
-def _material(data: dict) -> Material:
-    data = _tuples(data)
-    glass = data.pop("dielectric", None)
-    return Material(**data, dielectric=glass and Dielectric(**_tuples(glass)))
+    """The fields of a material, without the defaults of those that earlier files lack."""
+    data, default = asdict(material), Material("")
+    return {k: v for k, v in data.items() if k not in LATER or v != getattr(default, k)}
 
 
 def read_header(path: str | Path) -> dict:
@@ -125,7 +119,7 @@ def _scene(archive: Any) -> Scene:
         lengths = (count,) if every else (0, count)
         if array.dtype != dtype or array.shape[1:] != shape or len(array) not in lengths:
             raise ValueError(f"array {name!r} is {array.dtype} {array.shape}")
-    materials = [_material(material) for material in header["materials"]]
+    materials = [Material(**_tuples(material)) for material in header["materials"]]
     return Scene(
         **_tuples({name: header[name] for name in PLAIN}),
         camera=Camera.from_json(header["camera"]),

@@ -412,7 +412,14 @@ class Scene:
 
     def has_alpha_test(self, material: Material) -> bool:
         """Whether the alpha of its texture cuts holes into the material's surfaces."""
-        if material.alpha_cutoff <= 0 or material.texture < 0 or not len(self.uvs):
+        return material.alpha_cutoff > 0 and self._has_alpha(material)
+
+    def has_alpha_blend(self, material: Material) -> bool:
+        """Whether the alpha of its texture makes the material's surfaces transparent."""
+        return material.alpha_blend and self._has_alpha(material)
+
+    def _has_alpha(self, material: Material) -> bool:
+        if material.texture < 0 or not len(self.uvs):
             return False
         return self.textures[material.texture].shape[2] == 4
 

@@ -20,6 +20,10 @@ LEAST_ROUGHNESS = 0.05
 """The least roughness that is shaded: the highlight of a smoother surface falls between rays."""
 DIELECTRIC = 0.04
 """The reflectance of dielectrics at normal incidence: an index of refraction of 1.5."""
+MIRROR_ROUGHNESS = 0.1
+"""The largest roughness of a mirror or a coat whose reflections are traced."""
+SPECULAR_TRACED = False
+"""Whether the tracer follows specular rays; if not, readers note what is missing."""
 MOST_DISTANCES = 1 << 26
 """The most pairs of light and triangle whose distance is measured; beyond, lights count as near."""
 
@@ -96,6 +100,8 @@ class Needs:
         Whether a material has metal and roughness, or textures beside its colour's.
     curved : bool
         Whether shadow rays start beside hit points, on curved surfaces.
+    specular : bool
+        Whether rays go on from a surface: see :func:`is_specular`.
     stops : int
         The stops above white of the brightest ray.
     """
@@ -109,6 +115,7 @@ class Needs:
     shadows: bool
     baked: bool
     sky: bool
+    specular: bool
     stops: int
 
     @classmethod
@@ -126,8 +133,26 @@ class Needs:
             shadows=casting,
             baked=scene.light is not None,
             sky=len(scene.sky) > 0,
+            specular=any(is_specular(scene, material) for material in used),
             stops=stops_above_white(scene),
         )
+
+
+def is_specular(scene: Scene, material: Material) -> bool:
+    """Whether rays go on from a material's surfaces: mirrored, refracted or straight through."""
+    return (
+        material.transmission > 0
+        or material.opacity < 1
+        or (material.clearcoat > 0 and material.clearcoat_roughness <= MIRROR_ROUGHNESS)
+        or (material.is_metallic and _least_roughness(scene, material) <= MIRROR_ROUGHNESS)
+        or scene.has_alpha_blend(material)
+    )
+
+
+def _least_roughness(scene: Scene, material: Material) -> float:
+    if material.metal_texture < 0 or not len(scene.uvs):
+        return material.roughness
+    return material.roughness * int(scene.textures[material.metal_texture][..., 1].min()) / 255
 
 
 def _has_curves(scene: Scene) -> bool:

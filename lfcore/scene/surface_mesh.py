@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lfcore.colour import srgb_decode
-from lfcore.scene.appearance import Dielectric
-from lfcore.scene.arrays import check_texture, check_triple
+from lfcore.scene.appearance import Appearance
+from lfcore.scene.arrays import check_appearance, check_texture
 from lfcore.scene.transforms import chain, translate
 
 Colour = tuple[float, float, float]
@@ -39,7 +39,7 @@ def clipped(colour: ArrayLike) -> Colour:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Appearance):
     """A material with its textures as arrays.
 
     Fields have the meaning of :class:`lfcore.Material`.  Textures are (H, W, 3) uint8, row 0 on
@@ -54,25 +54,13 @@ class Surface:
     (0.6, 0.3, 0.2)
     """
 
-    name: str = "default"
-    diffuse: Colour = (0.8, 0.8, 0.8)
-    specular: Colour = (0.0, 0.0, 0.0)
-    shininess: float = 32.0
-    emission: Colour = (0.0, 0.0, 0.0)
     texture: np.ndarray | None = None
-    alpha_cutoff: float = 0.0
-    metallic: float = -1.0
-    roughness: float = 1.0
     metal_texture: np.ndarray | None = None
     normal_texture: np.ndarray | None = None
-    normal_scale: float = 1.0
     emission_texture: np.ndarray | None = None
-    curved: bool = False
-    dielectric: Dielectric | None = None
 
     def __post_init__(self) -> None:
-        for name in ("diffuse", "specular", "emission"):
-            check_triple(name, getattr(self, name))
+        check_appearance("", self)
         for name in ("texture", "metal_texture", "normal_texture", "emission_texture"):
             if getattr(self, name) is not None:
                 check_texture(name, getattr(self, name))

@@ -358,6 +358,20 @@ def test_material_overrides(write_scene, minimal):
     assert scene.material_ids.tolist() == [0] * 4 + [1] * 4
 
 
+def test_glass_and_coats_have_keys(write_scene, minimal):
+    given = {
+        "opacity": 0.75, "transmission": 1, "ior": 1.25, "thin_walled": True, "clearcoat": 0.5,
+        "attenuation_distance_m": 2, "attenuation_colour": [1, 0.5, 0], "clearcoat_roughness": 0.25,
+    }  # fmt: skip
+    minimal["objects"][0]["material"] = given
+    (material,) = load_scene(write_scene(minimal)).materials
+    for key, value in given.items():
+        assert getattr(material, key) == (tuple(value) if key.endswith("colour") else value)
+    for key, value in (("ior", 0.9), ("attenuation_colour", [1, 2, 0]), ("opacity", 1.5)):
+        minimal["objects"][0]["material"] = {key: value}
+        refused(rf"material\.{key}", load_scene, write_scene(minimal))
+
+
 def test_default_focus_distances_span_what_is_seen(write_scene, minimal):
     scene = load_scene(write_scene(minimal), bare=True)
     distances = np.array(scene.focus_distances_m)

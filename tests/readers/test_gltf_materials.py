@@ -1,14 +1,16 @@
-"""glTF's materials: factors, defaults, texture sets, and what is kept for later."""
+"""glTF's materials: factors, defaults, texture sets, glass and coats."""
+
+import math
 
 import numpy as np
 import pytest
 from gltf_files import UVS, File
 from plain_scenes import refused
 
+from lfcore.readers.gltf import materials
 from lfcore.readers.load import load_scene
-from lfcore.scene.appearance import Dielectric
 from lfcore.scene.files import read_scene, save_scene
-from lfcore.scene.needs import Needs
+from lfcore.scene.needs import SPECULAR_TRACED, Needs
 
 
 @pytest.fixture
@@ -69,15 +71,46 @@ def test_a_picture_that_is_base_and_emission_is_drawn_as_both(scene_of, unlit):
     assert Needs.of(scene).physical, "kernels that read the texture of emission"
 
 
-def test_glass_and_coats_are_kept_and_noted(scene_of, tmp_path):
+def test_glass_and_coats_are_read(scene_of, tmp_path):
     given = {
         "KHR_materials_ior": {"ior": 1.25}, "KHR_materials_transmission": {"transmissionFactor": 1},
-        "KHR_materials_volume": {"thicknessFactor": 2, "attenuationColor": [1, 0.5, 0.25]},
-        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5},
+        "KHR_materials_volume": {"thicknessFactor": 2, "attenuationColor": [1, 0.5, 0.25],
+                                 "attenuationDistance": 0.5},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.05},
     }  # fmt: skip
     scene = scene_of({"extensions": given}, names=given)
-    expected = Dielectric(1.25, 1, 2, attenuation_colour=(1, 0.5, 0.25), clearcoat=0.5)
-    assert scene.materials[0].dielectric == expected
-    assert all(name in scene.summary() for name in given)
+    (material,) = scene.materials
+    assert (material.ior, material.transmission, material.thin_walled) == (1.25, 1, False)
+    assert (material.clearcoat, material.clearcoat_roughness) == (0.5, 0.05)
+    np.testing.assert_allclose(material.absorption, [0, 2 * math.log(2), 4 * math.log(2)])
+    assert Needs.of(scene).specular
+    assert SPECULAR_TRACED != all(name in scene.summary() for name in given)
     save_scene(tmp_path / "scene.npz", scene)
     assert read_scene(tmp_path / "scene.npz").materials == scene.materials
+
+
+def test_a_pane_without_volume_is_thin_and_a_wrong_index_is_refused(scene_of):
+    pane = {"KHR_materials_transmission": {"transmissionFactor": 0.5}}
+    scene = scene_of({"extensions": pane}, names=pane)
+    assert scene.materials[0].thin_walled and scene.materials[0].transmission == 0.5
+    for name, entry, message in (
+        ("ior", {"ior": 0.9}, "ior.*1 to.*0.9"),
+        ("volume", {"attenuationDistance": -1}, "attenuation_distance_m.*-1"),
+        ("volume", {"attenuationColor": [1, 2, 0]}, "attenuation_colour.*2"),
+    ):
+        given = {**pane, f"KHR_materials_{name}": entry}
+        refused(message, scene_of, {"extensions": given}, names=given)
+
+
+@pytest.mark.parametrize("least", [0, 255])
+def test_blended_alpha_is_opacity(scene_of, monkeypatch, least):
+    monkeypatch.setattr(materials, "SPECULAR_TRACED", True)
+    file = File()
+    texels = np.full((2, 2, 4), 255, np.uint8)
+    texels[0, 0, 3] = least
+    base = {"baseColorTexture": file.texture(texels), "baseColorFactor": [1, 1, 1, 0.25]}
+    material = {"alphaMode": "BLEND", "pbrMetallicRoughness": base}
+    scene = scene_of(material, file, TEXCOORD_0=UVS)
+    (read,) = scene.materials
+    assert (read.opacity, read.alpha_cutoff) == (0.25, 0) and Needs.of(scene).specular
+    assert scene.has_alpha_blend(read) == (least < 255) and "transparency" not in scene.summary()

@@ -1,5 +1,6 @@
 """Arrays and numbers of public objects that do not fit each other are refused in one line."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,11 @@ def test_light_on_grids(plain):
         ({"materials": []}, "material_ids: "),
         ({"materials": [Material("a", texture=0)]}, r"materials\[0\].texture: .*not 0 to 0"),
         ({"materials": [Material("a", normal_texture=1.5)]}, "normal_texture: .*not 1.5"),
+        ({"materials": [Material("a", ior=0.5)]}, r"materials\[0\].ior: .* from 1 to .*not 0.5"),
+        ({"materials": [Material("a", opacity=1.5)]}, "opacity: .* from 0 to 1, not 1.5"),
+        ({"materials": [Material("a", clearcoat=math.nan)]}, "clearcoat: .*not nan"),
+        ({"materials": [Material("a", attenuation_distance_m=-1)]}, "distance_m: .*not -1"),
+        ({"materials": [Material("a", attenuation_colour=(1, 2, 0))]}, "colour: .*not 2"),
         ({"materials": [Material("a", diffuse=(1, 2))]}, r"materials\[0\].diffuse: must be three"),
         ({"materials": ["grey"]}, r"materials\[0\]: must be a Material"),
         ({"textures": [np.zeros((4, 4, 3), np.float32)]}, r"textures\[0\]: .*uint8"),

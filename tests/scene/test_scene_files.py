@@ -84,12 +84,34 @@ def test_array_of_the_wrong_shape_is_refused(tmp_path, scene):
 def test_needs(scene):
     assert Needs.of(scene) == Needs(
         textures=True, alpha_tests=False, physical=False, smooth_normals=False, curved=False,
-        vertex_colours=False, shadows=True, baked=False, sky=False, stops=5,
+        vertex_colours=False, shadows=True, baked=False, sky=False, specular=False, stops=5,
     )  # fmt: skip
     # Materials that no triangle has and lights that are black do not count.
     dark = {"lights": [Light(POINT, (0, 0, 0), (0, 0, 0))], "ambient": (0, 0, 0)}
     needs = Needs.of(dataclasses.replace(scene, material_ids=np.zeros(5, np.int32), **dark))
     assert not any(dataclasses.astuple(needs)), needs
+
+
+@pytest.mark.parametrize(
+    ("specular", "changes"),
+    [
+        (True, {"metallic": 1.0, "roughness": 0.0}),
+        (False, {"metallic": 1.0, "roughness": 0.4}),
+        (True, {"transmission": 0.5, "roughness": 0.4}),
+        (True, {"opacity": 0.5}),
+        (True, {"clearcoat": 0.5}),
+        (False, {"clearcoat": 0.5, "clearcoat_roughness": 0.4}),
+        (True, {"metallic": 1.0, "metal_texture": 0}),
+        (True, {"alpha_blend": True}),
+    ],
+)
+def test_rays_that_go_on_are_needed_by_the_materials_in_use(scene, specular, changes):
+    smooth = np.dstack([np.tile(np.uint8([90, 4, 255]), (2, 2, 1)), np.uint8([[0, 9], [0, 9]])])
+    materials = [Material("a"), Material("b", texture=0, **changes)]
+    shown = dataclasses.replace(scene, materials=materials, textures=[smooth])
+    assert Needs.of(shown).specular == specular
+    unused = dataclasses.replace(shown, material_ids=np.zeros(5, np.int32))
+    assert not Needs.of(unused).specular
 
 
 @pytest.fixture(scope="module")

@@ -6,32 +6,37 @@ from typing import Any
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import MESHOPT, Document, extension
 from lfcore.reading import Where
+from lfcore.scene.needs import SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED
 
 DRACO, WEBP, BASIS = "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"
+SPECULAR = {
+    "KHR_materials_clearcoat": (LEFT_OUT, "a clear coat; the scene keeps its numbers"),
+    "KHR_materials_ior": (APPROXIMATED, "drawn as 1.5; the scene keeps its number"),
+    "KHR_materials_transmission": (LEFT_OUT, "glass is opaque; the scene keeps its numbers"),
+    "KHR_materials_volume": (LEFT_OUT, "glass has no depth; the scene keeps its numbers"),
+}
+"""Those of specular rays, and their notes until these are traced."""
 READ = {
     *MESHOPT, DRACO, WEBP, "EXT_mesh_gpu_instancing", "KHR_lights_punctual",
     "KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_mesh_quantization",
-    "KHR_node_visibility", "KHR_texture_transform",
+    "KHR_node_visibility", "KHR_texture_transform", *(SPECULAR if SPECULAR_TRACED else ()),
 }  # fmt: skip
 """Those that are in the picture as they should be."""
 LOST = {
+    **({} if SPECULAR_TRACED else SPECULAR),
     "EXT_lights_ies": (LEFT_OUT, "the profiles of lights"),
     "EXT_lights_image_based": (LEFT_OUT, "light of a picture; give a sky"),
     "EXT_mesh_primitive_restart": (LEFT_OUT, "strips that start anew"),
     "KHR_gaussian_splatting": (LEFT_OUT, "splats"),
     "KHR_materials_anisotropy": (LEFT_OUT, "highlights that are longer than wide"),
-    "KHR_materials_clearcoat": (LEFT_OUT, "a clear coat; the scene keeps its numbers"),
     "KHR_materials_diffuse_transmission": (LEFT_OUT, "light that shines through"),
     "KHR_materials_dispersion": (LEFT_OUT, "dispersion"),
-    "KHR_materials_ior": (APPROXIMATED, "drawn as 1.5; the scene keeps its number"),
     "KHR_materials_iridescence": (LEFT_OUT, "thin films"),
     "KHR_materials_pbrSpecularGlossiness": (APPROXIMATED, "as metal and roughness"),
     "KHR_materials_sheen": (LEFT_OUT, "sheen"),
     "KHR_materials_specular": (LEFT_OUT, "the strength and colour of highlights"),
-    "KHR_materials_transmission": (LEFT_OUT, "glass is opaque; the scene keeps its numbers"),
     "KHR_materials_variants": (NOT_USED, "the materials that are chosen first are shown"),
-    "KHR_materials_volume": (LEFT_OUT, "glass has no depth; the scene keeps its numbers"),
     BASIS: (NOT_USED, "the pictures in its place are shown"),
     "MSFT_lod": (NOT_USED, "the finest level is shown"),
     "MSFT_texture_dds": (NOT_USED, "the pictures in its place are shown"),

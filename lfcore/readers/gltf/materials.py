@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
-from lfcore.errors import LfcoreError
+from lfcore.errors import LfcoreError, SceneError
 from lfcore.pictures import codes_of, decode
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import WEBP
 from lfcore.readers.side_files import SOLID, same_size
 from lfcore.reading import Where
-from lfcore.scene.appearance import Dielectric
-from lfcore.scene.needs import DIELECTRIC
+from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.surface_mesh import Surface, triple
 
@@ -159,17 +158,20 @@ class _Material:
         if "occlusionTexture" in entry:
             self.surfaces.drop(entry["occlusionTexture"])
             self.note(LEFT_OUT, "baked shadows")
-        cutoff = self._cutoff(alpha, colours)
-        if cutoff is None:
+        holes = self._holes(alpha, colours)
+        if holes is None:
             return Look(self.name, entry, None)
-        if cutoff:
-            changes |= {"alpha_cutoff": cutoff, "texture": colours}
+        changes |= holes
         if extension(entry, UNLIT) is not None:
             changes |= {
                 "diffuse": BLACK, "emission": surface.diffuse, "metallic": -1.0,
                 "metal_texture": None, "normal_texture": None, "emission_texture": surface.texture,
             }  # fmt: skip
-        surface = replace(surface, **changes, dielectric=self._dielectric())
+        try:
+            surface = replace(surface, **changes, **self._specular())
+        except SceneError as error:
+            key = f"material {self.name!r}: {error.key}"
+            raise error.named(SceneError, file=document.path, key=key) from None
         texture_set, move = self.first or (0, {})
         return Look(self.name, entry, surface, texture_set, move, self.ends)
 
@@ -247,48 +249,62 @@ class _Material:
     def _sampler(self, texture: dict) -> dict:
         return self.document.entry("samplers", texture["sampler"]) if "sampler" in texture else {}
 
-    def _cutoff(self, alpha: float, colours: np.ndarray | None) -> float | None:
-        """Where its texture's alpha is below this is a hole; 0: nowhere, None: everywhere.
-
-        Transparency (BLEND) is cut out at a half: a ray stops or passes by its place on the surface
-        alone, so that colours, depths and shadows of all rays agree.
-        """
-        mode = self.entry.get("alphaMode", "OPAQUE")
+    def _holes(self, alpha: float, colours: np.ndarray | None) -> dict[str, Any] | None:
+        """The fields by which light passes straight; None if nothing of the surface is seen."""
+        mode, number = self.entry.get("alphaMode", "OPAQUE"), self.document.number
         if mode not in ("MASK", "BLEND"):
-            return 0.0
+            return {}
         least, most = (255, 255) if colours is None else (
             int(colours[..., 3].min(initial=255)), int(colours[..., 3].max(initial=0))
         )  # fmt: skip
-        cutoff = self.document.number(self.entry, "alphaCutoff", 0.5) if mode == "MASK" else 0.5
-        if mode == "BLEND" and alpha * least < SOLID:
+        cutoff = number(self.entry, "alphaCutoff", 0.5) if mode == "MASK" else 0.5
+        if mode == "BLEND" and SPECULAR_TRACED:
+            cutoff = np.nextafter(0, 1)
+        elif mode == "BLEND" and alpha * least < SOLID:
             self.note(APPROXIMATED, "transparency; cut out where most light passes")
         if alpha * most / 255 < cutoff:
             self.note(LEFT_OUT, "cut out wholly")
             return None
-        return cutoff / alpha if alpha * least / 255 < cutoff else 0.0
+        if mode == "BLEND" and SPECULAR_TRACED:
+            blend = {"alpha_blend": True, "texture": colours} if least < SOLID else {}
+            return {"opacity": alpha, **blend}
+        if alpha * least / 255 >= cutoff:
+            return {}
+        return {"alpha_cutoff": cutoff / alpha, "texture": colours}
 
-    def _dielectric(self) -> Dielectric | None:
-        """The extensions' values for glass and coats; None without them."""
+    def _specular(self) -> dict[str, Any]:
+        """The fields of glass and coats, of the extensions' values."""
         names = "ior", "transmission", "volume", "clearcoat"
-        extensions = {name: extension(self.entry, f"KHR_materials_{name}") for name in names}
-        if not any(value is not None for value in extensions.values()):
-            return None
-        ior, glass, volume, coat = (extensions[name] or {} for name in names)
-        number = self.document.number
+        extensions = (extension(self.entry, f"KHR_materials_{name}") for name in names)
+        ior, glass, volume, coat = (entry or {} for entry in extensions)
         for holder in (glass, volume, coat):
             for key, info in holder.items():
                 if key.endswith("Texture"):
                     self.surfaces.drop(info)
                     self.note(LEFT_OUT, key)
-        return Dielectric(
-            ior=number(ior, "ior", 1.5),
-            transmission=number(glass, "transmissionFactor", 0.0),
-            thickness=number(volume, "thicknessFactor", 0.0),
-            attenuation_distance=number(volume, "attenuationDistance", 0.0),
-            attenuation_colour=triple(self.document.numbers(volume, "attenuationColor", WHITE)),
-            clearcoat=number(coat, "clearcoatFactor", 0.0),
-            clearcoat_roughness=number(coat, "clearcoatRoughnessFactor", 0.0),
-        )
+        number, share = self.document.number, self.document.share
+        if ior.get("ior") == 0:
+            self.note(APPROXIMATED, "an ior of 0, which reflects all light, as 1.5")
+            ior = {}
+        values: dict[str, Any] = {
+            "ior": number(ior, "ior", 1.5),
+            "transmission": share(glass, "transmissionFactor", 0.0),
+            "thin_walled": not number(volume, "thicknessFactor", 0.0),
+            "attenuation_distance_m": number(volume, "attenuationDistance", 0.0),
+            "attenuation_colour": triple(self.document.numbers(volume, "attenuationColor", WHITE)),
+            "clearcoat": share(coat, "clearcoatFactor", 0.0),
+            "clearcoat_roughness": share(coat, "clearcoatRoughnessFactor", 0.0),
+        }
+        if values["transmission"]:
+            rough = self.document.share(
+                self.entry.get("pbrMetallicRoughness", {}), "roughnessFactor", 1.0
+            )
+            if SPECULAR_TRACED and rough > MIRROR_ROUGHNESS:
+                self.note(APPROXIMATED, "rough glass, which is smooth")
+            return values
+        return {
+            name: values[name] for name in ("ior", "clearcoat", "clearcoat_roughness")
+        }  # fmt: skip
 
     def note(self, kind: str, what: str) -> None:
         self.surfaces.note(kind, self.name, what)
