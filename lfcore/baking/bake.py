@@ -14,13 +14,14 @@ import numpy as np
 from lfcore.baking.adaptive_refinement import Refinement
 from lfcore.baking.denoising import denoised
 from lfcore.baking.irradiance_cache import IrradianceCache
-from lfcore.baking.mesh_colours import Grids, corner_normals, dot, extent, longest_edge
+from lfcore.baking.mesh_colours import Grids, corner_normals, extent, longest_edge
 from lfcore.baking.surroundings import FIELD, Surroundings
 from lfcore.baking.verification import measured_error
 from lfcore.errors import SceneError
 from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
 from lfcore.progress import Progress
+from lfcore.scene.arrays import dot
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import Needs

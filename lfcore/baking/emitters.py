@@ -14,9 +14,10 @@ import math
 
 import numpy as np
 
-from lfcore.baking.mesh_colours import Points, dot
+from lfcore.baking.mesh_colours import Points
 from lfcore.baking.sampling import directions, samples
 from lfcore.baking.surroundings import Surroundings
+from lfcore.scene.arrays import dot
 
 _MAIN_SHARE = 0.25
 """Emitters are the main light if they give this share of it."""

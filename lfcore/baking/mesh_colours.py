@@ -13,6 +13,7 @@ from functools import cache
 
 import numpy as np
 
+from lfcore.scene.arrays import dot
 from lfcore.scene.model import Scene
 
 _SAME_PLACE = 2.0**-22
@@ -286,12 +287,6 @@ def longest_edge(corners: np.ndarray) -> np.ndarray:
     edges = corners - np.roll(corners, 1, axis=1)
     a, b, c = np.sqrt(dot(edges, edges)).T
     return np.maximum(np.maximum(a, b), c)
-
-
-def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the scalar products of vectors (..., 3), term by term: libraries add in other orders
-    on other processors, and numpy takes longer."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
 def _unit(vectors: np.ndarray, instead: np.ndarray | float = 0.0) -> np.ndarray:

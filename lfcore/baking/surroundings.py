@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from lfcore.baking.mesh_colours import Points, dot
+from lfcore.baking.mesh_colours import Points
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.arrays import dot
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import DIELECTRIC, emitting_triangles

@@ -10,9 +10,10 @@ import math
 import numpy as np
 
 from lfcore.baking.irradiance_cache import IrradianceCache
-from lfcore.baking.mesh_colours import Points, dot, grid_point, longest_edge
+from lfcore.baking.mesh_colours import Points, grid_point, longest_edge
 from lfcore.baking.sampling import samples
 from lfcore.baking.surroundings import Surroundings, mean_colour
+from lfcore.scene.arrays import dot
 from lfcore.scene.baked import DARK, BakedLight
 from lfcore.scene.sky import solid_angles, texel_directions
 

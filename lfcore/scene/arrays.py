@@ -1,11 +1,25 @@
-"""Checks of single arrays that public objects are given."""
+"""Checks of single arrays that public objects are given, and fast arithmetic of their rows."""
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from lfcore.errors import SceneError
 from lfcore.scene.appearance import RANGES
+
+
+def columnwise(ufunc: np.ufunc, rows: np.ndarray) -> np.ndarray:
+    """``ufunc.reduce`` over the short last axis, column by column: numpy takes ten times as long
+    for rows of three."""
+    return reduce(ufunc, np.moveaxis(rows, -1, 0))
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the scalar products of vectors (..., 3), term by term: libraries add in other orders
+    on other processors, and numpy takes longer."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
 
 KINDS = {"floats": "f", "integers": "iu", "uint8": "u"}
 

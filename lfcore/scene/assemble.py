@@ -8,6 +8,7 @@ import numpy as np
 
 from lfcore.reading import Where
 from lfcore.scene.appearance import RANGES, Material
+from lfcore.scene.arrays import columnwise, dot
 from lfcore.scene.surface_mesh import (
     Surface,
     SurfaceMesh,
@@ -89,13 +90,14 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
 
 def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
     """Which of (T, 3, 3) triangles can be traced: (T,) bool, and counts of the others by reason."""
-    flat = triangles.reshape(len(triangles), 9)
-    finite = np.isfinite(flat).all(1)
-    bounded = finite & (np.abs(np.where(finite[:, None], flat, 0)) <= LARGEST_COORDINATE).all(1)
-    rounded = np.where(bounded[:, None, None], triangles, 0).astype(np.float32).astype(np.float64)
-    thin = bounded & ~_has_area(np.where(bounded[:, None, None], triangles, 0), FLAT)
-    thin |= bounded & ~_has_area(rounded, 0.0)
-    volume = _twice_area(rounded) * np.abs(rounded).max((1, 2), initial=0)
+    largest = columnwise(np.maximum, np.abs(triangles).reshape(-1, 9))
+    finite, bounded = np.isfinite(largest), largest <= LARGEST_COORDINATE
+    if not bounded.all():
+        triangles = np.where(bounded[:, None, None], triangles, 0)
+    rounded = triangles.astype(np.float32).astype(np.float64)
+    area = _twice_area(rounded)
+    thin = bounded & ~((_twice_area(triangles) > FLAT * _longest_squared(triangles)) & (area > 0))
+    volume = area * columnwise(np.maximum, np.abs(rounded).reshape(-1, 9))
     small = bounded & ~thin & (volume < SMALLEST_VOLUME)
     counts = {
         "not finite": int((~finite).sum()),
@@ -107,22 +109,22 @@ def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
     return keep, {reason: number for reason, number in counts.items() if number}
 
 
-def _has_area(triangles: np.ndarray, tolerance: float) -> np.ndarray:
-    """(T,) bool: twice the area exceeds ``tolerance`` times the longest edge squared."""
+def _longest_squared(triangles: np.ndarray) -> np.ndarray:
+    """The square (T,) of the longest edge."""
     a, b, c = triangles.swapaxes(0, 1)
-    longest = np.maximum.reduce([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))])
-    return _twice_area(triangles) > tolerance * longest
+    return np.maximum.reduce([dot(p - q, p - q) for p, q in ((a, b), (b, c), (c, a))])
 
 
 def _twice_area(triangles: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(area_vectors(triangles), axis=1)
+    vectors = area_vectors(triangles)
+    return np.sqrt(dot(vectors, vectors))
 
 
 def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Unit normals; corners whose normal is zero or not finite take the geometric normal."""
-    finite = np.isfinite(normals).all(-1, keepdims=True)
-    unit = normalise(np.where(finite, normals, 0.0))
-    bad = ~(unit != 0).any(-1)
+    finite = columnwise(np.logical_and, np.isfinite(normals))[..., None]
+    unit = normalise(normals if finite.all() else np.where(finite, normals, 0.0))
+    bad = columnwise(np.logical_and, unit == 0)
     if bad.any():
         rows = bad.any(1)
         with np.errstate(all="ignore"):

@@ -17,6 +17,7 @@ from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus
 from lfcore.optics.size import Size
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, Light
+from lfcore.scene.arrays import columnwise, dot
 from lfcore.scene.seen import depth_range, focus_at
 from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, normalise, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
@@ -94,13 +95,14 @@ class Bounds:
 def bounds(parts: list[SurfaceMesh], *, file: str | Path) -> Bounds:
     """Raises :class:`SceneError` when no triangle has finite corners."""
     flat = np.concatenate([np.zeros((0, 9)), *(part.triangles.reshape(-1, 9) for part in parts)])
-    finite = (np.isfinite(flat) & (np.abs(np.nan_to_num(flat)) <= 1e18)).all(1)
-    points = flat[finite].reshape(-1, 3)
+    finite = columnwise(np.maximum, np.abs(flat)) <= 1e18  # NaN is not
+    points = (flat if finite.all() else flat[finite]).reshape(-1, 3)
     if not len(points):
         problem = "the scene is empty: no triangle has finite corners"
         remedy = "Check the meshes for NaN or infinite coordinates"
         raise Where(file, "objects").error(problem, remedy)
-    return Bounds(points.min(0), points.max(0), points)
+    low, high = (np.array([of(axis) for axis in points.T]) for of in (np.min, np.max))
+    return Bounds(low, high, points)
 
 
 def place_camera(
@@ -135,11 +137,11 @@ def place_camera(
         to_camera = look_at(pose["position_m"], pose["look_at_m"], pose["up"], at)
     if lens is not None:
         return replace(lens, pose=None), to_camera
-    points = extent.points @ to_camera[:3, :3].T + to_camera[:3, 3]
+    triangles = extent.points.reshape(-1, 3, 3) @ to_camera[:3, :3].T
+    triangles += to_camera[:3, 3]
     width = (FIELD_WIDTH if found is None else found.field_width) / zoom
     if found is None and pose is None:
-        width *= _share_needed(points, size)
-    triangles = points.reshape(-1, 3, 3)
+        width *= _share_needed(triangles.reshape(-1, 3), size)
     try:
         return _lens(description, triangles, width), to_camera
     except OpticsError as error:
@@ -212,7 +214,8 @@ def _share_needed(points: np.ndarray, size: Size) -> float:
 
     It is a share of the field of a square picture.
     """
-    sides = np.abs(points[:, :2] / points[:, 2:]).max(0)
+    x, y, z = points.T
+    sides = np.array([np.abs(across / z).max() for across in (x, y)])
     needed = sides * size.shorter / np.array(size)
     return float(needed.max() / sides.max()) if sides.max() > 0 else 1.0
 
@@ -264,10 +267,16 @@ def _direction(view_from: str, where: Where) -> tuple[np.ndarray, np.ndarray]:
 
 def _balanced(x: np.ndarray, depth: np.ndarray) -> float:
     """The camera's x from which (V,) places ``x`` at ``depth`` reach equally far to both sides."""
-    middle = 0.0
+    middle, near, far = 0.0, float(depth.min()), float(depth.max())
     for _ in range(50):
         tangents = (x - middle) / depth
-        middle += float(tangents.max() + tangents.min()) / 2 * float(depth.min())
+        low, high = float(tangents.min()), float(tangents.max())
+        lacking = (high + low) / 2
+        # The middle moves on by at most |lacking| far: few places can come to reach farthest.
+        change = 1.001 * abs(lacking) * (far / near - 1)
+        outer = (tangents >= high - change) | (tangents <= low + change)
+        x, depth = x[outer], depth[outer]
+        middle += lacking * near
     return middle
 
 
@@ -320,15 +329,16 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
     with path.open("rb") as file:
         if WORDS.search(file.read(HEAD_BYTES)):
             return True
-    triangles = np.concatenate([part.triangles for part in parts])
-    triangles = triangles[np.isfinite(triangles).all((1, 2))]
-    size = float(np.abs(triangles).max(initial=0.0))
+    flat = np.concatenate([part.triangles.reshape(-1, 9) for part in parts])
+    largest = columnwise(np.maximum, np.abs(flat))
+    finite = np.isfinite(largest)
+    size = float(largest[finite].max(initial=0.0))
     if not size:
         return False
-    triangles = triangles / size
-    low, high = triangles.min((0, 1)), triangles.max((0, 1))
+    triangles = (flat if finite.all() else flat[finite]).reshape(-1, 3, 3) / size
+    low, high = (np.array([of(triangles[..., k]) for k in range(3)]) for of in (np.min, np.max))
     normals = area_vectors(triangles) / 2
-    area = np.linalg.norm(normals, axis=1)
+    area = np.sqrt(dot(normals, normals))
     across, deep, height = high - low
     if 0 < height < LOW * min(across, deep) and normals[:, 2].sum() > FACING_UP * area.sum():
         return True
@@ -338,7 +348,8 @@ def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
         return True
 
     def flat_end(axis: int, end: np.ndarray, sign: int) -> float:
-        at_end = (np.abs(triangles[:, :, axis] - end[axis]) <= END * (high - low).max()).all(1)
+        near = np.abs(triangles[:, :, axis] - end[axis]) <= END * (high - low).max()
+        at_end = columnwise(np.logical_and, near)
         return float(area[at_end & (sign * normals[:, axis] > LEVEL * area)].sum())
 
     foot = flat_end(2, low, -1)

@@ -14,6 +14,7 @@ import numpy as np
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import DepthRange, check_place, ends_of
 from lfcore.optics.size import Pixels, Size
+from lfcore.scene.arrays import columnwise
 
 SIDE = 64
 """The rays per side of the coarse picture."""
@@ -62,11 +63,12 @@ def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:
     """Depths (R, C) of the rays; inf for a miss."""
     columns, rows = map(len, ticks)
     nearest = np.full(rows * columns, np.inf)
-    corners = triangles[(triangles[:, :, 2] > 0).any(1)].astype(np.float64)
+    before = columnwise(np.logical_or, triangles[:, :, 2] > 0)
+    corners = (triangles if before.all() else triangles[before]).astype(np.float64, copy=False)
     first, count = _boxes(corners, ticks)
-    met = np.flatnonzero(count.prod(1))
+    met = np.flatnonzero(count[:, 0] * count[:, 1])
     corners, first, count = corners[met], first[met], count[met]
-    pairs = np.concatenate([[0], np.cumsum(count.prod(1))])
+    pairs = np.concatenate([[0], np.cumsum(count[:, 0] * count[:, 1])])
     start = 0
     while start < len(corners):
         end = int(np.searchsorted(pairs, pairs[start] + PAIRS_AT_A_TIME, "right")) - 1
@@ -79,13 +81,15 @@ def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:
 def _boxes(corners: np.ndarray, ticks: Ticks) -> tuple[np.ndarray, np.ndarray]:
     """First column and row, and numbers of columns and rows, (T, 2) each, around triangles."""
     z = corners[:, :, 2]
-    whole = ~(z > 0).all(1)  # triangles that cross the plane of the lens can be anywhere
+    whole = ~columnwise(
+        np.logical_and, z > 0
+    )  # triangles that cross the plane of the lens can be anywhere
     first, count = np.empty((2, len(corners), 2), np.int64)
     for axis, places in enumerate(ticks):
         tangents = corners[:, :, axis] / np.where(z > 0, z, 1.0)
         # Rounding may leave out a ray on an edge, which the neighbour has as well.
-        low = np.searchsorted(places, tangents.min(1), "left")
-        high = np.searchsorted(places, tangents.max(1), "right")
+        low = np.searchsorted(places, columnwise(np.minimum, tangents), "left")
+        high = np.searchsorted(places, columnwise(np.maximum, tangents), "right")
         first[:, axis] = np.where(whole, 0, low)
         count[:, axis] = np.where(whole, len(places), high - low)
     return first, count

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from lfcore.colour import srgb_decode
 from lfcore.scene.appearance import Appearance
-from lfcore.scene.arrays import check_appearance, check_texture
+from lfcore.scene.arrays import check_appearance, check_texture, columnwise, dot
 from lfcore.scene.transforms import chain, translate
 
 Colour = tuple[float, float, float]
@@ -175,12 +175,13 @@ def face_normals(triangles: np.ndarray) -> np.ndarray:
 
 
 def normalise(vectors: np.ndarray) -> np.ndarray:
-    """Unit vectors along the last axis; zero stays zero. Scaled first against overflow."""
+    """Unit vectors (..., 3); zero stays zero. Scaled first against overflow."""
     vectors = np.asarray(vectors, np.float64)
-    largest = np.abs(vectors).max(axis=-1, keepdims=True) if vectors.size else np.ones(1)
+    largest = columnwise(np.maximum, np.abs(vectors))[..., None]
     scaled = vectors / np.where(largest > 0, largest, 1.0)
-    length = np.linalg.norm(scaled, axis=-1, keepdims=True)
-    return scaled / np.where(length > 0, length, 1.0)
+    length = np.sqrt(dot(scaled, scaled))[..., None]
+    scaled /= np.where(length > 0, length, 1.0)
+    return scaled
 
 
 def parse_colour(value: str | list[float]) -> Colour:
@@ -205,13 +206,18 @@ def shaded(part: SurfaceMesh, shading: str, crease_deg: float) -> SurfaceMesh:
     normals = part.normals if shading == "auto" else None
     if normals is None and shading != "flat":
         normals = crease_normals(np.nan_to_num(part.triangles, posinf=0.0, neginf=0.0), crease_deg)
-        if np.ptp(normals, axis=1).max(initial=0.0) < 1e-6:
+        a, b, c = normals.swapaxes(0, 1)
+        if max(np.abs(x - y).max(initial=0.0) for x, y in ((a, b), (b, c), (c, a))) < 1e-6:
             normals = None  # no corner is smooth, so that it stays flat shaded
     surface = replace(part.surface, curved=normals is not None)
     return replace(part, surface=surface, normals=normals)
 
 
 MAX_VALENCE = 512
+MIXING = np.uint64(0x9E3779B97F4A7C15)
+"""An odd multiplier that hashes coordinates."""
+ROUNDING = 1e-6
+"""More than rounding changes a cosine."""
 
 
 def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarray:
@@ -219,29 +225,69 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     and whose normal is within ``crease_deg`` of its own face's; flat where more than
     :data:`MAX_VALENCE` faces meet, as pairs grow with its square."""
     triangles = np.asarray(triangles, np.float64)
-    faces = len(triangles)
-    if faces == 0:
+    if not len(triangles):
         return np.zeros((0, 3, 3))
     doubled = area_vectors(triangles)
     unit = normalise(doubled)
-    points = triangles.reshape(-1, 3)
-    corners = np.lexsort(points.T)  # equal points are neighbours
-    apart = (points[corners[1:]] != points[corners[:-1]]).any(1)
-    starts = np.flatnonzero(np.r_[True, apart])
-    valence = np.diff(np.r_[starts, len(corners)])
+    vertex, valence = _vertices(triangles.reshape(-1, 3))
+    sums = _sums(vertex, np.repeat(doubled, 3, axis=0), len(valence))
+    # All faces are within the angle of one another if each is within half of it of their mean.
+    corners = vertex.reshape(-1, 3)
+    middle, limit = normalise(sums), np.cos(np.radians(crease_deg) / 2) + ROUNDING
+    edged = valence > MAX_VALENCE
+    for k in range(3):
+        edged[corners[dot(middle[corners[:, k]], unit) < limit, k]] = True
+    normals = middle[vertex]
+    if edged.any():
+        chosen = np.flatnonzero(edged[vertex])
+        chosen = chosen[np.argsort(vertex[chosen], kind="stable")]
+        least = np.cos(np.radians(crease_deg))
+        normals[chosen] = _split_normals(doubled, unit, chosen, valence[edged], least)
+    return normals.reshape(-1, 3, 3)
 
+
+def _vertices(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The number (C,) of the vertex of each of the corners at ``points`` (C, 3), and the corners of
+    each vertex."""
+    keys = np.zeros(len(points), np.uint64)
+    for axis in points.T:
+        keys ^= (axis + 0.0).view(np.uint64)  # -0 is 0
+        keys ^= keys >> np.uint64(32)
+        keys *= MIXING
+    order = np.argsort(keys)
+    if (apart := _apart(points[order])).sum() > (np.diff(keys[order]) != 0).sum():
+        apart = _apart(points[order := np.lexsort(points.T)])  # two vertices have one key
+    number = np.cumsum(np.append(False, apart))
+    vertex = np.empty_like(number)
+    vertex[order] = number
+    return vertex, np.bincount(number)
+
+
+def _apart(points: np.ndarray) -> np.ndarray:
+    """Whether points (C, 3) differ from the one before: (C - 1,)."""
+    return columnwise(np.logical_or, points[1:] != points[:-1])
+
+
+def _sums(owner: np.ndarray, vectors: np.ndarray, count: int) -> np.ndarray:
+    """(count, 3) sums of vectors (C, 3) over their owners (C,), in order."""
+    return np.stack([np.bincount(owner, axis, count) for axis in vectors.T], axis=1)
+
+
+def _split_normals(
+    doubled: np.ndarray, unit: np.ndarray, corners: np.ndarray, valence: np.ndarray, least: float
+) -> np.ndarray:
+    """The normals of ``corners``, vertex by vertex, of which not all faces have a like normal.
+
+    ``doubled`` and ``unit`` (T, 3) are the faces' normals, ``least`` the cosine of like ones.
+    """
+    starts = np.cumsum(valence) - valence
     usable = np.where(valence <= MAX_VALENCE, valence, 0)
-    # Every ordered pair of corners at one vertex: corner a gathers from the face of corner b.
+    # Every ordered pair of corners at one vertex: the first gathers from the face of the second.
     repeats = np.repeat(usable, valence)
     first = np.repeat(np.arange(len(corners)), repeats)
     offset = np.arange(len(first)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     second = np.repeat(np.repeat(starts, valence), repeats) + offset
-    corner_a, face_b = corners[first], corners[second] // 3
-    face_a = corner_a // 3
-    cosine = sum(axis[face_a] * axis[face_b] for axis in unit.T)
-    together = cosine >= np.cos(np.radians(crease_deg))
-    corner_a, face_b = corner_a[together], face_b[together]
-    sums = np.stack([np.bincount(corner_a, axis[face_b], 3 * faces) for axis in doubled.T], axis=1)
-    flat = np.repeat(unit, 3, axis=0)
-    smooth = normalise(sums)
-    return np.where((sums != 0).any(1, keepdims=True), smooth, flat).reshape(faces, 3, 3)
+    face = corners // 3
+    together = dot(unit[face[first]], unit[face[second]]) >= least
+    sums = _sums(first[together], doubled[face[second[together]]], len(corners))
+    return np.where(columnwise(np.logical_or, sums != 0)[:, None], normalise(sums), unit[face])

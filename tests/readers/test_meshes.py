@@ -228,6 +228,13 @@ def test_crease_normals_against_the_obvious_way(crease_deg):
     np.testing.assert_allclose(crease_normals(triangles, crease_deg), expected, atol=1e-12)
 
 
+def test_crease_normals_of_vertices_whose_keys_are_equal(monkeypatch):
+    triangles = np.asarray(trimesh.creation.icosphere(1).triangles, np.float64)
+    expected = crease_normals(triangles)
+    monkeypatch.setattr("lfcore.scene.surface_mesh.MIXING", np.uint64(0))
+    np.testing.assert_array_equal(crease_normals(triangles), expected)
+
+
 # Triangles of the thesis, section 7.2.
 SIZES = {"bike": 10_000, "cabin": 15_000, "bedroom": 207_000, "chart": 6}
 
