@@ -239,7 +239,8 @@ def add_staging(glb):
     lens = {"yfov": 0.62, "aspectRatio": 1.0, "znear": 0.1}
     glb.add("cameras", type="perspective", perspective=lens)
     glb.add("nodes", camera=0, **aimed([0.4, 2.6, 4.2], [0, 0.4, -0.1]))
-    end = glb.accessor(np.float32([0, 1])), glb.accessor(np.float32([[0, 0, 0], [0, 1, 0]]))
+    place = np.float32(glb.tree["nodes"][1]["translation"])
+    end = glb.accessor(np.float32([0, 1])), glb.accessor(np.stack([place, place + [0, 1, 0]]))
     glb.tree["animations"] = [{
         "name": "bounce", "samplers": [{"input": end[0], "output": end[1]}],
         "channels": [{"sampler": 0, "target": {"node": 1, "path": "translation"}}],

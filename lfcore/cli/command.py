@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -40,6 +41,9 @@ KINDS: dict[str, dict[str, Any]] = {
         "action": argparse.BooleanOptionalAction,
         "help": "a floor under the scene; without, that of a mesh is left out",
     },
+    "time": {"type": values.number(), "metavar": "T",
+             "help": "the instant of a scene that moves, seconds (its first)"},
+    "animation": {"metavar": "NAME", "help": "the animation of a glTF file to play (its first)"},
     "bare": {"action": "store_true", "help": "no sky and no floor for a mesh that has no lights"},
     "views": {"type": values.views, "metavar": "N"},
     "pixels": {"type": values.pixels, "metavar": "M", "help": "M x M pixels (256), or 1920x1080"},
@@ -107,7 +111,8 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None, **
     """Add the scene, and the device that traces it, for :func:`open_scene`."""
     usual = "scene.yaml, its folder, a mesh or a .pbrt file; or example, which comes with lfcore"
     command.add_argument(name, type=Path, help=help or usual, **more)
-    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "floor", "device")
+    add(command, "light_points", "up", "view_from", "zoom", "sky", "bare", "floor", "animation",
+        "time", "device")  # fmt: skip
 
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
@@ -224,8 +229,11 @@ def _with_flags(
 
 def _as_options(notes: str) -> str:
     """The text with options in place of the library's keywords: ``up="z"`` is ``--up z``."""
-    keyword = re.compile(r'\b(up|view_from|bare)=(?:True|"(\w+)")')
-    return keyword.sub(lambda it: f"{flag(it[1])} {it[2] or ''}".rstrip(), notes)
+    keyword = re.compile(r'\b(up|view_from|bare|animation)=(?:True|"([^"]*)")')
+    notes = notes.replace(".at()", flag("time"))
+    return keyword.sub(
+        lambda it: f"{flag(it[1])} {(it[2] and shlex.quote(it[2])) or ''}".rstrip(), notes
+    )
 
 
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
@@ -238,10 +246,16 @@ def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
 
 def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     """Load the scene, and report its size and what was approximated or left out."""
-    how = given(arguments, "light_points", "up", "view_from", "zoom", "bare", "floor", "pixels")
+    how = given(
+        arguments, "light_points", "up", "view_from", "zoom", "bare", "floor", "animation", "pixels"
+    )
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     for line in _as_options(scene.summary()).splitlines():
         say(line)
+    if arguments.time is not None:
+        if scene.instants is None:
+            refuse("--time", "the scene does not move", "Leave it out")
+        scene = scene.at(arguments.time)
     seen = scene.depth_range
     say(f"{scene.name}: {scene.triangle_count} triangles" + (f", {seen}" if seen else ""))
     note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})

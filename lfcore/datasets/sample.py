@@ -307,7 +307,7 @@ class _Draw:
         scene = Scene(
             name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
             ambient=triple(self.span(keys.lights.ambient) * self._tint()),
-            focus_distances_m=tuple(keys.lens.focus_m), **vars(assemble(parts, to_camera)),
+            focus_distances_m=tuple(keys.lens.focus_m), **assemble(parts, to_camera).arrays,
         )  # fmt: skip
         if self.chance(keys.lights.share_sky):
             horizon = np.array(scene.ambient)

@@ -47,6 +47,7 @@ def load_scene(
     camera: Camera | None = None,
     scale: float | None = None,
     light: Mapping[str, Any] | None = None,
+    animation: str | None = None,
     bare: bool = False,
     floor: bool | None = None,
     pixels: Pixels = 1,
@@ -80,6 +81,8 @@ def load_scene(
     light : mapping, optional
         Keys of a scene.yaml in place of the file's: ``sky``, ``bounces``, ``bake_error``,
         ``bake_cells``, ``bake_mib``.  A file is relative to the scene's.
+    animation : str, optional
+        The animation of a glTF file to play.  Default: its first.
     bare : bool
         Leave a mesh without sky and floor, lit by two lights.  So it is with ``light``, too, and
         where it has lights of its own or the camera is within it.
@@ -114,7 +117,7 @@ def load_scene(
     view = {**pose, "camera": camera, "view_from": view_from, "zoom": zoom, "scale": scale}
     if path.suffix.lower() == ".npz":
         _refuse_view(path, **view, light=light, up=up)
-        _refuse_floor(path, floor)
+        _refuse_of_objects(path, floor=floor, animation=animation)
         return read_scene(path)
     if light is not None:
         check_kind(light, Mapping, "light")
@@ -125,13 +128,15 @@ def load_scene(
     _check_up(up, path)
     if path.name.lower().endswith(PBRT):
         _refuse_view(path, **view, light=light)
-        _refuse_floor(path, floor)
+        _refuse_of_objects(path, floor=floor, animation=animation)
         return _pbrt(path, int(light_points))
     mesh = path.suffix.lower() not in DESCRIPTIONS
     if mesh:
         if not os.path.isfile(path):
             raise Where(path).error("file not found, or no regular file", "Check the path")
         entry: dict = {"file": path.name}
+        if animation is not None:
+            entry["animation"] = animation
         if up == "z":
             entry["transform"] = [{"rotate": {"axis": "x", "angle_deg": -90}}]
         if scale is not None:
@@ -144,9 +149,10 @@ def load_scene(
         description = complete(check(read_yaml(path), file=path))
         own = path.resolve().parent.name if path.stem == "scene" else path.stem
         name = description.get("name") or own or "scene"
-        if scale is not None:
-            remedy = "Give the object a transform: [{scale: ...}] in the file"
-            raise Where(path, "scale").error("belongs to a mesh file", remedy)
+        for key, value in {"scale": scale, "animation": animation}.items():
+            if value is not None:
+                remedy = "Give it to the object in the file, a scale as transform: [{scale: ...}]"
+                raise Where(path, key).error("belongs to a mesh file", remedy)
     if floor is not None:
         description["floor"] = floor
     if bare:
@@ -214,9 +220,10 @@ def _refuse_view(path: Path, **settings: Any) -> None:
             raise Where(path, key).error("the scene has its own camera", remedy)
 
 
-def _refuse_floor(path: Path, floor: bool | None) -> None:
-    if floor is not None:
-        raise Where(path, "floor").error("belongs to a mesh or a scene.yaml", "Leave it out")
+def _refuse_of_objects(path: Path, **settings: Any) -> None:
+    for key, value in settings.items():
+        if value is not None:
+            raise Where(path, key).error("belongs to a mesh or a scene.yaml", "Leave it out")
 
 
 def _check_up(up: str | None, path: Path) -> None:

@@ -31,21 +31,28 @@ def read_mesh(
     *,
     shading: str = "auto",
     crease_deg: float = 40.0,
+    animation: str | None = None,
     notebook: Notebook | None = None,
 ) -> Content:
     """The content of a mesh file, in metres, y up; in its coordinates if it has neither unit nor
     axis.
 
     ``shading`` is ``auto`` (the file's normals; without them glTF is flat, and others are smooth
-    except at edges beyond ``crease_deg``), ``smooth`` or ``flat``. Without its MTL an OBJ has the
-    default material, which is noted.
+    except at edges beyond ``crease_deg``), ``smooth`` or ``flat``.  ``animation`` is the name of
+    the one to play, by default the first.  Without its MTL an OBJ has the default material, which
+    is noted.
     """
     path = Path(path)
     notebook = Notebook() if notebook is None else notebook
     if not os.path.isfile(path):
         raise Where(path).error("mesh file not found", "Check the path")
     if path.suffix.lower() in GLTF:
-        return read_gltf(path, notebook, shading=shading, crease_deg=crease_deg)
+        return read_gltf(
+            path, notebook, shading=shading, crease_deg=crease_deg, animation=animation
+        )
+    if animation is not None:
+        remedy = "Leave it out, or export glTF"
+        raise Where(path, "animation").error("only glTF's animations are read", remedy)
     if (reader := READERS.get(path.suffix.lower())) is not None:
         account, data = Account(notebook, path), read_bytes(path, LARGEST_MESH, "mesh file")
         try:

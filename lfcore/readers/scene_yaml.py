@@ -3,8 +3,7 @@
 import dataclasses
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,39 +14,22 @@ from lfcore.optics.size import Size
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES
 from lfcore.readers.meshes import read_mesh
+from lfcore.readers.replay import Objects, Replay
 from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import COLOURS, assemble
 from lfcore.scene.baked import ASKS, BakeOptions
-from lfcore.scene.framing import FoundCamera, z_seems_up
+from lfcore.scene.framing import z_seems_up
 from lfcore.scene.limits import within_limits
-from lfcore.scene.model import Scene
-from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import APPROXIMATED, ASSUMED, FIRST_POSE, NOT_USED, Note, Notebook
+from lfcore.scene.model import Animation, Scene
+from lfcore.scene.motion import is_rigid, motions
+from lfcore.scene.notes import ASSUMED, NOT_USED, Note, Notebook, first_instant
 from lfcore.scene.reflections import with_reflection_notes
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
-
-
-@dataclass
-class Objects:
-    """What the objects of a description bring, in the world.
-
-    ``still`` are parts that do not move, ``camera`` is the first camera of a file.
-    """
-
-    still: list[SurfaceMesh] = field(default_factory=list)
-    moving: list[Moving] = field(default_factory=list)
-    lights: list[Light] = field(default_factory=list)
-    camera: FoundCamera | None = None
-
-    @property
-    def parts(self) -> list[SurfaceMesh]:
-        """All parts, those that do not move first."""
-        return self.still + [part for part, _ in self.moving]
 
 
 def build(
@@ -64,9 +46,11 @@ def build(
     ``lens`` takes the place of the description's.  A mesh that is ``alone`` is given a studio, and
     a camera that frames the scene fits pictures of ``size``."""
     where, notebook = Where(file), Notebook()
-    placed = _objects(description, file, notebook, has_lens=lens is not None)
-    if placed.moving:
-        notebook.add(APPROXIMATED, file, FIRST_POSE)
+    contents = [
+        _object(entry, notebook, file.parent, where["objects"][index])
+        for index, entry in enumerate(description["objects"])
+    ]
+    placed = _objects(description, contents, file, notebook, has_lens=lens is not None)
     if note_up and z_seems_up(placed.parts, file.parent / description["objects"][0]["file"]):
         notebook.add(ASSUMED, file, 'y is up, but z seems to be; up="z" turns it')
     own = placed.camera and file.suffix.lower() in SUFFIXES
@@ -83,10 +67,7 @@ def build(
         camera = view.camera
     remedy = "Check the meshes for zero-area triangles, NaN and huge coordinates"
     geometry.refuse_none(where["objects"], remedy)
-    moves = [
-        (part.transformed(to_camera), (to_camera @ start, to_camera @ end))
-        for part, (start, end) in placed.moving
-    ]
+    moves = placed.moves(to_camera)
     keys = "bounces", "bake_error", "bake_cells", "bake_mib"
     baking = {key.removeprefix("bake_"): description[key] for key in keys if key in description}
     scene = Scene(
@@ -103,7 +84,7 @@ def build(
         or framing.default_focus_distances(camera, geometry.triangles),
         notes=notebook.notes(),
         account=tuple(count for counts in notebook.counts.values() for count in counts),
-        **vars(geometry),
+        **geometry.arrays,
     )
     if "sky" in description:
         from lfcore.scene.sky import with_sky  # seldom needed
@@ -116,6 +97,19 @@ def build(
     if in_studio if floor is None else floor:
         scene = studio.on_floor(scene, extent, to_camera, apart=not floor)
     scene = with_reflection_notes(scene, file)
+    if any(content.animation for content in contents):
+        follows = placed.camera is not None and "view_from" not in description["camera"]
+        replay = Replay(
+            scene, to_camera, partial(_objects_at, description, contents, file, lens is not None),
+            geometry.kept, 0 if "lights" in description else len(placed.lights), follows,
+            partial(_sky_at, description, file, scene) if len(scene.sky) else None,
+        )  # fmt: skip
+        played = [content.animation for content in contents if content.animation]
+        span = min(each.start_s for each in played), max(each.end_s for each in played)
+        scene = dataclasses.replace(scene, animation=Animation(*span, replay))
+    if scene.instants:
+        note = Note(ASSUMED, file, 0, first_instant(*scene.instants))
+        scene = dataclasses.replace(scene, notes=(*scene.notes, note))
     if alone:
         what = "a sky" if floor is False else "a sky and a floor"
         note = Note(ASSUMED, file, 0, f"{what}; bare=True leaves it out")
@@ -123,12 +117,14 @@ def build(
     return within_limits(scene, file)
 
 
-def _objects(description: dict, file: Path, notebook: Notebook, *, has_lens: bool) -> Objects:
+def _objects(
+    description: dict, contents: list[Content], file: Path, notebook: Notebook, *, has_lens: bool
+) -> Objects:
     """All objects, in the world; overridden parts are noted."""
-    objects = Objects()
+    objects = Objects([], [], [], None)
     for index, entry in enumerate(description["objects"]):
         where = Where(file)["objects"][index]
-        parts, lights, camera = _object(entry, notebook, file.parent, where)
+        parts, lights, camera, _ = contents[index]
         if lights and "lights" in description:
             words = f"{len(lights)} lights: the scene has its own"
             notebook.add(NOT_USED, file.parent / entry["file"], words)
@@ -149,6 +145,23 @@ def _objects(description: dict, file: Path, notebook: Notebook, *, has_lens: boo
         else:
             objects.still += parts
     return objects
+
+
+def _objects_at(
+    description: dict, contents: list[Content], file: Path, has_lens: bool, time_s: float
+) -> Objects:
+    """All objects at an instant."""
+    now = [each.animation.at(time_s) if each.animation else each for each in contents]
+    return _objects(description, now, file, Notebook(), has_lens=has_lens)
+
+
+def _sky_at(description: dict, file: Path, scene: Scene, to_camera: np.ndarray) -> np.ndarray:
+    """The sky before a camera that has turned."""
+    if "sky" not in description:
+        return studio.sky(to_camera)
+    from lfcore.scene.sky import with_sky  # seldom needed
+
+    return with_sky(scene, description["sky"], to_camera, file=file).sky
 
 
 def _focus_distances(description: dict, camera: Camera, where: Where) -> tuple[float, ...]:
@@ -182,8 +195,7 @@ def _view(camera: dict, where: Where) -> View | None:
 
 def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Content:
     """One entry of ``objects``, in the world; its files are relative to ``folder``."""
-    lights: Sequence[Light] = ()
-    eye: FoundCamera | None = None
+    content = Content([])
     if "builder" in entry:
         parts = procedural.build(entry["builder"], entry["parameters"], entry["seed"], where)
         if entry["shading"] == "flat":
@@ -193,9 +205,11 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Cont
         if not os.path.isfile(mesh):  # False, too, for a name too long
             remedy = "Give a path relative to the scene file"
             raise where["file"].error(f"mesh file {str(mesh)!r} not found", remedy)
-        parts, lights, eye = read_mesh(
-            mesh, shading=entry["shading"], crease_deg=entry["crease_deg"], notebook=notebook
-        )
+        content = read_mesh(
+            mesh, shading=entry["shading"], crease_deg=entry["crease_deg"],
+            animation=entry.get("animation"), notebook=notebook,
+        )  # fmt: skip
+        parts = content.parts
     if "material" in entry:
         parts = _with_material(parts, entry["material"], folder, where["material"])
     names = sorted({part.surface.name for part in parts})
@@ -206,12 +220,28 @@ def _object(entry: dict, notebook: Notebook, folder: Path, where: Where) -> Cont
         named = [part for part in parts if part.surface.name == name]
         changed = iter(_with_material(named, material, folder, place))
         parts = [next(changed) if part.surface.name == name else part for part in parts]
-    if "transform" in entry:
-        matrix = parse_transform(entry["transform"], where["transform"])
-        parts = transform_all(parts, matrix)
-        lights = [framing.moved_light(light, matrix) for light in lights]
-        eye = eye and eye.moved(matrix)
-    return Content(parts, lights, eye)
+    matrix = (
+        parse_transform(entry["transform"], where["transform"]) if "transform" in entry else None
+    )
+    surfaces, played = [part.surface for part in parts], content.animation
+
+    def placed(content: Content, parts: list[SurfaceMesh]) -> Content:
+        if matrix is None:
+            return content._replace(parts=parts)
+        lights = [framing.moved_light(light, matrix) for light in content.lights]
+        eye = content.camera and content.camera.moved(matrix)
+        return Content(transform_all(parts, matrix), lights, eye)
+
+    def at(time_s: float) -> Content:
+        assert played is not None
+        now = played.at(time_s)
+        parts = [
+            dataclasses.replace(part, surface=surface)
+            for part, surface in zip(now.parts, surfaces, strict=True)
+        ]
+        return placed(now, parts)
+
+    return placed(content, parts)._replace(animation=played and played._replace(at=at))
 
 
 def _with_material(

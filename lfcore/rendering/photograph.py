@@ -21,7 +21,6 @@ from lfcore.refocus.array import sampling
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.prepared import lit, opened
 from lfcore.scene.model import Scene
-from lfcore.scene.motion import scene_at
 from lfcore.scene.view import LIGHTFIELD
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
@@ -53,7 +52,7 @@ def photograph(
     samples = view.samples_per_pixel if samples_per_pixel is None else samples_per_pixel
     if samples < 1:
         raise OpticsError(f"must be at least 1, not {samples}", key="samples_per_pixel")
-    moves = scene.motions and view.shutter[1] > view.shutter[0]
+    moves = scene.instants and view.shutter[1] > view.shutter[0]
     instants = instants or (min(samples, MOST_INSTANTS) if moves else 1)
     samples_each = -(-samples // instants)
 
@@ -135,11 +134,11 @@ def expose(
     scene = lit(scene, device)
     total: np.ndarray = np.zeros(())
     view = scene.view
-    moves = scene.motions and not (view and view.shutter[0] == view.shutter[1])
+    opened_s, closed_s = (view.shutter if view else scene.instants) or (0.0, 0.0)
+    moves = scene.instants and closed_s > opened_s
     for index, instant in enumerate(instants):
         if moves or tracer is None:
-            motion = view.motion_time(float(instant)) if view else float(instant)
-            still = scene_at(scene, motion)
+            still = scene.at(opened_s + float(instant) * (closed_s - opened_s))
             tracer = Tracer(still, build_bvh(still.triangles), device)
         total = total + picture(tracer, index).astype(np.float64)
         if progress is not None:
@@ -162,7 +161,7 @@ def trace_shutter(
     def picture(tracer: Tracer, index: int) -> np.ndarray:
         return trace_array(tracer, array, samples_per_pixel, seed=index)
 
-    times = times if scene.motions else 1
+    times = times if scene.instants else 1
     return expose(scene, times, picture, device=device, progress=progress)
 
 

@@ -52,6 +52,13 @@ class Geometry:
     materials: list[Material]
     textures: list[np.ndarray]
     dropped: dict[str, int] = field(default_factory=dict)
+    kept: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    """Which of the parts' triangles are there."""
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """The fields of a scene."""
+        return {name: value for name, value in vars(self).items() if name != "kept"}
 
     def refuse_none(self, where: Where, remedy: str | None = None) -> None:
         """Raise :class:`SceneError` where no triangle is left."""
@@ -85,6 +92,7 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
     return Geometry(
         np.ascontiguousarray(triangles[keep], np.float32), **arrays,
         material_ids=material_ids, materials=materials, textures=textures, dropped=dropped,
+        kept=keep,
     )  # fmt: skip
 
 

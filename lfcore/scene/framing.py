@@ -65,6 +65,11 @@ class FoundCamera:
         return replace(self, to_world=pose)
 
 
+def pose_of(camera: FoundCamera) -> np.ndarray:
+    """(4, 4) world to camera space."""
+    return rigid_to_camera(TURNED @ camera.to_world[:3, :3].T, camera.to_world[:3, 3])
+
+
 def moved_light(light: Light, matrix: np.ndarray) -> Light:
     """A light after an affine (4, 4) ``matrix``; its strength stays."""
     turn = matrix[:3, :3]
@@ -126,7 +131,7 @@ def place_camera(
     if pose is not None or "view_from" in description:
         found = None
     if found is not None:
-        to_camera = rigid_to_camera(TURNED @ found.to_world[:3, :3].T, found.to_world[:3, 3])
+        to_camera = pose_of(found)
     elif pose is None:
         own = _own_width(description, lens)
         shape = np.array(size) / size.shorter

@@ -6,7 +6,7 @@ of a :class:`Scene` moves the geometry there in float64 and rounds to float32 on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,7 +31,7 @@ from lfcore.scene.seen import depth_range
 from lfcore.scene.seen import focus_at as focus_at_place
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
 from lfcore.scene.transforms import affine, pose_from_matrix
-from lfcore.scene.view import View
+from lfcore.scene.view import SHUTTER, View
 
 if TYPE_CHECKING:
     import trimesh
@@ -78,6 +78,18 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
+class Animation:
+    """The animation of a scene's files, from ``start_s`` to ``end_s``; it rests before and after.
+
+    ``at(scene, time_s)`` gives the scene at an instant.
+    """
+
+    start_s: float
+    end_s: float
+    at: Callable[[Scene, float], Scene]
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Triangles, materials, lights and the camera.
 
@@ -105,6 +117,7 @@ class Scene:
     view : the film and pinholes of the scene's own camera (pbrt's cameras and scene.yaml's
         ``lightfield``); None: a square picture of ``camera``.
     motions : triangles that move while the shutter is open.
+    animation : what else moves; None for a scene at rest, and for one that was saved.
     floor : the material of the floor under a mesh, numbered after ``materials`` but not one of
         them; ``depth_range`` leaves the floor out.
     notes : differences between the file's scene and this one, with file and line.
@@ -134,6 +147,7 @@ class Scene:
     focus_distances_m: tuple[float, ...] = ()
     view: View | None = None
     motions: tuple[Motion, ...] = ()
+    animation: Animation | None = None
     notes: tuple[Note, ...] = ()
     account: tuple[Count, ...] = ()
     floor: Material | None = None
@@ -285,7 +299,7 @@ class Scene:
             lights=framing.default_lights() if lights is None else list(lights),
             focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),
             **around,
-            **vars(geometry),
+            **geometry.arrays,
         )
         return within_limits(scene, name)
 
@@ -302,6 +316,44 @@ class Scene:
     def every_material(self) -> list[Material]:
         """The materials that ``material_ids`` count, with that of the floor."""
         return [*self.materials, *([self.floor] if self.floor else [])]
+
+    @property
+    def motion_times(self) -> tuple[float, float]:
+        """The times of the first and the last pose of ``motions``, seconds."""
+        return self.view.motion_times if self.view else SHUTTER
+
+    @property
+    def instants(self) -> tuple[float, float] | None:
+        """When the scene begins and ends to move, seconds; None for a scene at rest."""
+        spans = [self.motion_times] if self.motions else []
+        if self.animation:
+            spans.append((self.animation.start_s, self.animation.end_s))
+        return (min(span[0] for span in spans), max(span[1] for span in spans)) if spans else None
+
+    def at(self, time_s: float) -> Scene:
+        """The scene at an instant, which moves no more.
+
+        What moves rests before the first instant of :attr:`instants` and after the last.  The
+        lens, its focus and baked light stay.
+
+        Parameters
+        ----------
+        time_s : float
+            Seconds.
+
+        Raises
+        ------
+        SceneError
+            The time is no finite number.
+
+        Examples
+        --------
+        >>> scene.instants, scene.at(0.5).triangle_count
+        (None, 80)
+        """
+        from lfcore.scene.motion import scene_at  # which imports this module
+
+        return scene_at(self, time_s)
 
     @cached_property
     def depth_range(self) -> DepthRange | None:

@@ -15,7 +15,10 @@ KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
     "left out", "approximated", "not used", "assumed"
 )  # fmt: skip
 
-FIRST_POSE = "motion: pictures through the lens and light fields have the first pose"
+
+def first_instant(start_s: float, end_s: float) -> str:
+    """The words about a scene that moves."""
+    return f"it moves from {start_s:g} to {end_s:g} s, shown is the first instant; .at() has others"
 
 
 @dataclass(frozen=True)

@@ -66,12 +66,6 @@ class View:
             problem, remedy = f"closes at {closed:g}, before it opens", "Let it open first"
             raise OpticsError(problem, key="shutter", remedy=remedy)
 
-    def motion_time(self, instant: float) -> float:
-        """How far motions are, 0 to 1, at ``instant`` of the shutter, 0 open and 1 closed."""
-        (opened, closed), (start, end) = self.shutter, self.motion_times
-        done = (opened + instant * (closed - opened) - start) / (end - start)
-        return min(max(done, 0.0), 1.0)
-
     def to_json(self) -> dict:
         camera = self.camera.to_json()
         if math.isinf(self.camera.focus_m):

@@ -14,9 +14,8 @@ from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.description import check, complete, schema
 from lfcore.scene.framing import default_focus_distances
-from lfcore.scene.motion import scene_at
 from lfcore.scene.needs import Needs
-from lfcore.scene.notes import FIRST_POSE
+from lfcore.scene.notes import first_instant
 from lfcore.scene.transforms import chain, look_at, rotate, scale, translate
 from lfcore.tracing.surfaces import pack_surfaces
 
@@ -414,8 +413,9 @@ def test_yaml_and_pbrt_mean_the_same(tmp_path, write_scene):
     assert ours.view.shutter == (0.0, 0.5) and ours.view.samples_per_pixel == 6
     assert ours.view.array.tile == (16, 16)
     assert len(ours.motions) == len(pbrt.motions) == 1
-    assert FIRST_POSE in ours.summary() and FIRST_POSE in pbrt.summary()
+    said = first_instant(0, 1)
+    assert said in ours.summary() and said in pbrt.summary()
     for time in (0.0, 0.3, 1.0):
-        a, b = (scene_at(scene, time).triangles for scene in (ours, pbrt))
+        a, b = (scene.at(time).triangles for scene in (ours, pbrt))
         np.testing.assert_allclose(a, b, atol=1e-6)
-    assert np.abs(scene_at(ours, 1.0).triangles - ours.triangles).max() > 0.3
+    assert np.abs(ours.at(1.0).triangles - ours.triangles).max() > 0.3

@@ -303,7 +303,7 @@ def test_what_is_left_out_is_listed_by_name(made):
 
     _, notes = made(change)
     assert set(notes) == {
-        "not used: 1 of 1 skins", "left out: animation 'walk'; the file's pose is shown",
+        "not used: 1 of 1 skins", "left out: animation 'walk': it moves no node",
         "left out: lines of mesh 'square'", "left out: extension KHR_xmp: not known",
     }  # fmt: skip
 

@@ -186,7 +186,7 @@ def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
 
 SAID = {
     'assumed: its own camera; view_from="front" frames all of it',
-    "left out: animation 'bounce'; the file's pose is shown",
+    "assumed: it moves from 0 to 1 s, shown is the first instant; .at() has others",
     "left out: extension KHR_materials_clearcoat: a clear coat; the scene keeps its numbers",
     "left out: material 'bumps': baked shadows",
     "left out: reflections of emitting surfaces (lamp, sign) in glossy ones (gold, bands, bumps)",

@@ -24,7 +24,10 @@ SCHEMA = {
     "sparse": "count indices values",
     "sparse.indices": "bufferView byteOffset componentType",
     "sparse.values": "bufferView byteOffset",
-    "animations": "channels samplers",
+    "animations": "channels samplers name",
+    "animations.samplers": "input output interpolation",
+    "channels": "sampler target",
+    "target": "node path",
     "asset": "copyright generator version minVersion",
     "buffers": "uri byteLength",
     "bufferViews": "buffer byteOffset byteLength byteStride target",
@@ -61,7 +64,7 @@ SILENT = {
     "bufferViews": {"target"}, "cameras": {"orthographic", "type"},
     "perspective": {"zfar", "znear"},
     "images": {"mimeType"}, "materials": {"doubleSided"}, "samplers": {"minFilter"},
-    "skins": {"skeleton"}, "animations": {"channels", "samplers"},
+    "skins": {"skeleton"},
 }  # fmt: skip
 """Keys that say nothing of the picture, or what another key says; docs/formats.md lists them."""
 
@@ -147,7 +150,11 @@ def everything():
     file.node(camera=flat)
     file.node(camera=file.add("cameras", type="orthographic"), name="drawing")
     file.node(camera=eye, extensions={"KHR_lights_punctual": {"light": 0}})
-    file.add("animations", channels=[], samplers=[])
+    keys = {"input": file.accessor(np.float32([0, 1])), "interpolation": "STEP"}
+    keys["output"] = file.accessor(np.float32([[1, 2, 3], [5, 6, 7]]))
+    moved = [{"sampler": 0, "target": {"node": joints[0], "path": "translation"}}]
+    for name in ("turn", "rest"):
+        file.add("animations", channels=moved, samplers=[keys], name=name)
     file.tree["asset"] |= {"copyright": "none", "generator": "test", "minVersion": "2.0"}
     file.tree |= {"extensionsUsed": ["KHR_xmp"], "extensionsRequired": ["KHR_texture_transform"]}
     file.tree["scenes"].insert(0, {"nodes": []})
@@ -169,7 +176,8 @@ def found(path):
     plain = [[v.tolist() if isinstance(v, np.ndarray) else v for v in part] for part in parts]
     camera = content.camera and [content.camera.to_world.tolist(), content.camera.field_width]
     counts = [vars(count) for count in notebook.counts[path]]
-    return str([plain, content.lights, camera, notebook.notes(), counts])
+    now = content.animation and [p.triangles.tolist() for p in content.animation.at(0.5).parts]
+    return str([plain, content.lights, camera, notebook.notes(), counts, now])
 
 
 def objects_of(tree, kind):

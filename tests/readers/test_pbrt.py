@@ -21,7 +21,6 @@ from lfcore.oracle.shading import arriving
 from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
-from lfcore.scene.motion import scene_at
 from lfcore.scene.sky import radiance
 
 HEAD = 'LookAt 0 0 0  0 0 1  0 1 0\nCamera "perspective" "float fov" [60]\n'
@@ -490,16 +489,17 @@ def test_rigid_motion_is_kept_and_other_is_noted(read):
     )
     (motion,) = scene.motions
     assert (motion.first, motion.count) == (1, 1)
-    np.testing.assert_array_equal(scene_at(scene, 0).triangles, scene.triangles)
-    still, moved = scene_at(scene, 1).triangles
+    np.testing.assert_array_equal(scene.at(0).triangles, scene.triangles)
+    still, moved = scene.at(1).triangles
     np.testing.assert_array_equal(still, scene.triangles[0])
     # (0, 2, 6) turns to (-2, 0, 6) and moves to (0, 0, 6); (1, 0, 6) to (2, 1, 6).
     corners = {tuple(np.round(c, 5) + 0.0) for c in moved.tolist()}
     assert corners == {(2.0, 0.0, 6.0), (2.0, -1.0, 6.0), (0.0, 0.0, 6.0)}
-    half = scene_at(scene, 0.5).triangles[1].astype(np.float64)
+    half = scene.at(0.5).triangles[1].astype(np.float64)
     lengths = np.linalg.norm(half - np.roll(half, 1, 0), axis=1)
     np.testing.assert_allclose(sorted(lengths), [1, 2, math.sqrt(5)], rtol=1e-6)
-    refused("outside the motion", scene_at, scene, 2)
+    np.testing.assert_array_equal(scene.at(2).triangles, scene.at(1).triangles)
+    refused("finite", scene.at, math.inf)
     scene = read(f"ActiveTransform EndTime Scale 2 1 1\n{TRIANGLE}")
     assert not scene.motions and "not rigid" in scene.summary()
 

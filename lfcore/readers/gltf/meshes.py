@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from lfcore.readers.account import Account
-from lfcore.readers.content import Content
+from lfcore.readers.content import Content, Played
+from lfcore.readers.gltf.animations import Animation
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import DRACO, note_extensions
 from lfcore.readers.gltf.materials import Surfaces
@@ -31,12 +32,17 @@ MOST_TRIANGLES = 1 << 28
 
 
 def read_gltf(
-    path: Path, notebook: Notebook, *, shading: str = "auto", crease_deg: float = 40.0
+    path: Path,
+    notebook: Notebook,
+    *,
+    shading: str = "auto",
+    crease_deg: float = 40.0,
+    animation: str | None = None,
 ) -> Content:
     """Read a glTF or GLB file.
 
     ``shading`` is ``auto`` (the file's normals, else flat, as glTF has it), ``smooth`` (but for
-    edges beyond ``crease_deg``) or ``flat``.
+    edges beyond ``crease_deg``) or ``flat``; ``animation`` is the name of the one that is played.
 
     Raises :class:`SceneError` for what is damaged, and for what needs an unknown extension.
     """
@@ -44,9 +50,12 @@ def read_gltf(
     try:
         document.check_version()
         note_extensions(document, account)
-        nodes = Nodes(document, account)
+        played = Animation(document, account, animation)
+        start, end = played.span or (0.0, 0.0)
+        nodes = Nodes(document, account, played.at(start))
         meshes = Meshes(document, nodes, account, shading, crease_deg)
         content = Content(meshes.parts(), nodes.lights(), nodes.camera())
+        meshes.close()
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"its JSON makes no sense: {type(error).__name__}: {reason}"
@@ -55,7 +64,16 @@ def read_gltf(
         remedy = "Split it, or use a machine with more memory"
         raise document.broken("there is not enough memory for it", remedy) from None
     account.close()
-    return content
+    if not played.curves:
+        return content
+
+    def at(time_s: float) -> Content:
+        unheard = Account(Notebook(), path)
+        nodes = Nodes(document, unheard, played.at(time_s))
+        meshes.move(nodes, unheard)
+        return Content(meshes.parts(), nodes.lights(), nodes.camera())
+
+    return content._replace(animation=Played(start, end, at))
 
 
 class Meshes:
@@ -73,35 +91,40 @@ class Meshes:
 
     def parts(self) -> list[SurfaceMesh]:
         """The parts of all nodes, in the world."""
-        document, account = self.document, self.account
         parts: list[SurfaceMesh] = []
-        shown = [(self.nodes.entries[index], matrix) for index, matrix in self.nodes.shown]
-        for node, matrix in shown:
+        self._drawn = 0
+        for index, matrix in self.nodes.shown:
+            node = self.nodes.entries[index]
             if "mesh" in node:
-                parts += self._of_node(node, self.nodes.instances(node, matrix))
+                parts += self._of_node(index, node, self.nodes.instances(node, matrix))
         if not self._triangles:
             remedy = "Export triangles, not only points or lines"
-            raise Where(document.path).error("mesh holds no triangles", remedy)
-        for what, key in (("meshes", "mesh"), ("skins", "skin")):
-            account.hold(what, len(document.entries(what)))
-            account.use(what, len({node[key] for node, _ in shown if key in node}))
-        for number, entry in enumerate(document.entries("animations")):
-            account.hold("animations")
-            what = f"animation {entry.get('name', number)!r}; the file's pose is shown"
-            account.lose("animations", LEFT_OUT, what)
-        self.surfaces.close()
+            raise Where(self.document.path).error("mesh holds no triangles", remedy)
         return parts
 
-    def _of_node(self, node: dict, matrices: list[np.ndarray]) -> list[SurfaceMesh]:
+    def close(self) -> None:
+        """Count what is used."""
+        shown = [self.nodes.entries[index] for index, _ in self.nodes.shown]
+        for what, key in (("meshes", "mesh"), ("skins", "skin")):
+            self.account.hold(what, len(self.document.entries(what)))
+            self.account.use(what, len({node[key] for node in shown if key in node}))
+        self.surfaces.close()
+
+    def move(self, nodes: Nodes, account: Account) -> None:
+        """Take another pose of the nodes."""
+        self.nodes, self.account, self.surfaces.account = nodes, account, account
+
+    def _of_node(self, index: int, node: dict, matrices: list[np.ndarray]) -> list[SurfaceMesh]:
         mesh, parts = self.document.entry("meshes", node["mesh"]), []
+        weights = self.nodes.pose.get((index, "weights"), node.get("weights"))
         for number, primitive in enumerate(mesh["primitives"]):
             key = node["mesh"], number
             skinned = "skin" in node and {"JOINTS_0", "WEIGHTS_0"} <= set(primitive["attributes"])
-            if skinned or "weights" in node:
-                part = self._part(key, node, mesh, primitive, skinned)
+            if skinned or weights is not None:
+                part = self._part(key, node, mesh, primitive, skinned, weights)
             else:
                 if key not in self._plain:
-                    self._plain[key] = self._part(key, node, mesh, primitive, skinned)
+                    self._plain[key] = self._part(key, node, mesh, primitive, skinned, weights)
                 part = self._plain[key]
             if part is None:
                 continue
@@ -115,7 +138,13 @@ class Meshes:
         return parts
 
     def _part(
-        self, key: tuple[int, int], node: dict, mesh: dict, primitive: dict, skinned: bool
+        self,
+        key: tuple[int, int],
+        node: dict,
+        mesh: dict,
+        primitive: dict,
+        skinned: bool,
+        weights: Any,
     ) -> SurfaceMesh | None:
         """A primitive in its mesh's coordinates, or in the world if it is ``skinned``.
 
@@ -131,7 +160,8 @@ class Meshes:
             words = NOT_FACES.get(mode, "triangles without positions")
             count.lose("primitives", LEFT_OUT, f"{words} of mesh {name!r}")
             return None
-        weights = node.get("weights", mesh.get("weights", ()))
+        if weights is None:
+            weights = mesh.get("weights", ())
         data = Primitive(self.document, primitive, weights)
         faces = data.faces(mode)
         self._triangles |= len(faces) > 0
@@ -163,16 +193,22 @@ class Meshes:
             self.surfaces.note_colours(look, colours)
             colours = np.clip(colours[faces][..., :3].astype(np.float64), 0, 1)
         count.use("primitives")
-        data.count(count, bent=look.surface.normal_texture is not None)
+        moved = any(path == "weights" for _, path in self.nodes.pose)
+        data.count(count, bent=look.surface.normal_texture is not None, moved=moved)
         part = SurfaceMesh(triangles, look.surface, normals, uvs, colours)
         return shaded(part, shading, self.crease_deg)
 
     def _bones(self, skin: Any, data: "Primitive") -> np.ndarray:
         """(V, 3, 4) from each vertex to the world, of a skin's pose."""
         entry = self.document.entry("skins", skin)
+        if not entry.get("joints"):
+            raise self.document.broken(f"skin {skin} has no joints")
         to_world = np.stack([self.nodes.world(joint) for joint in entry["joints"]])
         if "inverseBindMatrices" in entry:
-            inverse = self.document.accessor(entry["inverseBindMatrices"])
+            inverse = self.document.accessor(entry["inverseBindMatrices"]).astype(np.float64)
+            if len(inverse) < len(to_world):
+                problem = f"skin {skin} has {len(inverse)} bind matrices for {len(to_world)} joints"
+                raise self.document.broken(problem)
             to_world = to_world @ inverse[: len(to_world)].reshape(-1, 4, 4).swapaxes(1, 2)
         bones: Any = 0.0
         total: Any = 0.0
@@ -237,7 +273,8 @@ class Primitive:
         )  # fmt: skip
         for target, weight in self.targets:
             if weight and name in target:
-                values = values + float(weight) * document.accessor(target[name], unit=unit)
+                added = document.accessor(target[name], unit=unit).astype(np.float64)
+                values = values + weight * added
         if values.shape[1] not in VALUES[name.partition("_")[0]]:
             raise document.broken(f"{name} has {values.shape[1]} numbers per vertex")
         return values
@@ -257,15 +294,17 @@ class Primitive:
             raise self.document.broken(f"a primitive of mode {mode!r}")
         return (strip_faces if mode == STRIP else fan_faces)(indices)
 
-    def count(self, account: Account, *, bent: bool) -> None:
-        """Count the attributes and morph targets, and those that are used; tangents
-        matter only if a texture bends the normals (``bent``)."""
+    def count(self, account: Account, *, bent: bool, moved: bool) -> None:
+        """Count the attributes and morph targets, and those that are used.
+
+        Tangents matter only if a texture bends the normals (``bent``); all targets may be used if
+        weights are ``moved`` by an animation."""
         for name in self.entry["attributes"]:
             account.hold(f"attributes {name}")
             used = name in self.names or (name == "TANGENT" and not bent)
             account.use(f"attributes {name}", int(used))
         account.hold("morph targets", len(self.entry.get("targets", ())))
-        account.use("morph targets", sum(bool(weight) for _, weight in self.targets))
+        account.use("morph targets", sum(moved or bool(weight) for _, weight in self.targets))
 
     def _unpack(self, packed: dict) -> tuple[dict[str, np.ndarray], np.ndarray]:
         """The attributes and faces of a mesh that Draco compressed."""

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from lfcore.readers.account import Account
+from lfcore.readers.gltf.animations import Pose
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.framing import FoundCamera
@@ -24,13 +25,13 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 class Nodes:
-    """The nodes of the scene that is shown.
+    """The nodes of the scene that is shown, in the pose of an animation.
 
     ``shown`` are their indices and their (4, 4) matrices to the world, in order.
     """
 
-    def __init__(self, document: Document, account: Account):
-        self.document, self.account = document, account
+    def __init__(self, document: Document, account: Account, pose: Pose):
+        self.document, self.account, self.pose = document, account, pose
         self.entries = document.entries("nodes")
         self.shown = list(self._below(self._roots()))
         self._world = dict(self.shown)
@@ -60,17 +61,21 @@ class Nodes:
             ):
                 continue
             visited.add(index)
-            matrix = above @ self._pose(node)
+            matrix = above @ self._matrix(index)
             yield index, matrix
             waiting += [(child, matrix) for child in reversed(node.get("children", []))]
 
-    def _pose(self, node: dict) -> np.ndarray:
-        numbers = self.document.numbers
+    def _matrix(self, index: int) -> np.ndarray:
+        node = self.document.entry("nodes", index)
         if "matrix" in node:
-            return numbers(node, "matrix", [0] * 16).reshape(4, 4).T
-        turned = self.turns(numbers(node, "rotation", IDENTITY)[None])[0]
-        size = numbers(node, "scale", (1.0, 1, 1))
-        return affine(turned * size, numbers(node, "translation", (0.0, 0, 0)))
+            return self.document.numbers(node, "matrix", [0] * 16).reshape(4, 4).T
+
+        def now(name: str, default: tuple[float, ...]) -> np.ndarray:
+            moved = self.pose.get((index, name))
+            return self.document.numbers(node, name, default) if moved is None else moved
+
+        turned = self.turns(now("rotation", IDENTITY)[None])[0]
+        return affine(turned * now("scale", (1.0, 1, 1)), now("translation", (0.0, 0, 0)))
 
     def turns(self, quaternions: np.ndarray) -> np.ndarray:
         """(N, 3, 3) of quaternions (N, 4) of any length, w last."""
@@ -92,7 +97,7 @@ class Nodes:
             at = self._parents.get(at)
         for node in reversed(chain):
             above = self._world.get(self._parents.get(node, -1), np.eye(4))
-            self._world[node] = above @ self._pose(self.document.entry("nodes", node))
+            self._world[node] = above @ self._matrix(node)
         return self._world[index]
 
     def instances(self, node: dict, matrix: np.ndarray) -> list[np.ndarray]:

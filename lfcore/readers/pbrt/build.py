@@ -13,7 +13,7 @@ from lfcore.scene.baked import BakeOptions
 from lfcore.scene.emitters import POINTS
 from lfcore.scene.model import Scene
 from lfcore.scene.motion import Moving, is_rigid, motions
-from lfcore.scene.notes import APPROXIMATED, FIRST_POSE, LEFT_OUT, Notebook
+from lfcore.scene.notes import APPROXIMATED, ASSUMED, LEFT_OUT, Notebook, first_instant
 from lfcore.scene.sky import under
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, merge
 
@@ -47,10 +47,10 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
             notebook.add(APPROXIMATED, item.place, words)
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (motion.first, motion.first + motion.count))
-    if moves:
-        notebook.add(APPROXIMATED, path, FIRST_POSE)
     rig, view = interpreter.rig, interpreter.view
     assert view is not None  # set by WorldBegin
+    if moves:
+        notebook.add(ASSUMED, path, first_instant(*view.motion_times))
     scene = Scene(
         name=path.name.removesuffix(".gz").removesuffix(".pbrt"),
         camera=view.camera,
@@ -59,7 +59,7 @@ def build_pbrt_scene(path: str | Path, *, light_points: int = POINTS) -> Scene:
         view=view,
         notes=notebook.notes(),
         motions=moves,
-        **vars(geometry),
+        **geometry.arrays,
     )
     return replace(under(scene, rig.sky), bake=BakeOptions()) if len(rig.sky) else scene
 
