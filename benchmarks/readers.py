@@ -30,8 +30,9 @@ from lfcore.colour import srgb_decode
 from lfcore.errors import LfcoreError
 from lfcore.readers.gltf.document import SUFFIXES as GLTF
 from lfcore.readers.meshes import read_mesh
-from lfcore.readers.others import MANUFACTURING, UNITS
 from lfcore.readers.side_files import beside
+from lfcore.readers.threemf import SUFFIXES as MANUFACTURING
+from lfcore.readers.threemf import UNITS
 from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import area_vectors, normalise
 

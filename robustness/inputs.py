@@ -83,7 +83,8 @@ def damaged_text(seeds: Sequence[bytes]) -> Inputs:
 
 def _change_token(draw: DrawFn, tokens: list[str], others: list[str]) -> None:
     places = [index for index, token in enumerate(tokens) if _NUMBER.fullmatch(token)]
-    if places and draw(st.integers(0, 1)):
+    takes_number = draw(st.booleans())
+    if places and takes_number:
         tokens[draw(st.sampled_from(places))] = draw(number_texts)
         return
     at = draw(st.integers(0, len(tokens)))

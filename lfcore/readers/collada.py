@@ -17,6 +17,7 @@ from lfcore.readers.account import Account
 from lfcore.readers.collada_materials import Materials, below, floats
 from lfcore.readers.polygons import fan_faces, strip_faces, triangulate
 from lfcore.readers.text import whole
+from lfcore.readers.xml import parse
 from lfcore.readers.zips import opened, unpacked
 from lfcore.reading import Where
 from lfcore.scene.notes import LEFT_OUT, Notebook
@@ -34,10 +35,7 @@ LOST = {
     "brep": "curved surfaces",
 }  # fmt: skip
 """The elements that are not read, and what they are."""
-DAMAGED = (
-    ET.ParseError, LookupError, TypeError, ValueError, ArithmeticError, AttributeError,
-    RecursionError,
-)  # fmt: skip
+DAMAGED = LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError
 """What a file raises that is no COLLADA."""
 MOST_NODES = 1 << 20
 """The most nodes of a scene, those that are shown again counted."""
@@ -74,11 +72,7 @@ class _File:
             if not inner:
                 raise ValueError("its archive has no COLLADA file")
             data = unpacked(path, self.archive, inner[0])
-        if b"<!ENTITY" in data:
-            raise ValueError("it defines entities")
-        self.root = ET.fromstring(data)
-        for element in self.root.iter():
-            element.tag = str(element.tag).rpartition("}")[2]
+        self.root = parse(data)
         self.known = {e.get("id", ""): e for e in self.root.iter()}
         self.materials = Materials(path, self.known, account, self.archive)
         self._read: dict[int, list[_Polygons]] = {}

@@ -1,10 +1,10 @@
-"""Mesh files: the common formats by readers of their own, all others through trimesh."""
+"""Mesh files: the reader of each format."""
 
 import os
 from collections.abc import Callable
 from pathlib import Path
 
-from lfcore.readers import collada, others
+from lfcore.readers import collada, threemf
 from lfcore.readers.account import Account
 from lfcore.readers.content import Content
 from lfcore.readers.gltf.document import SUFFIXES as GLTF
@@ -20,9 +20,10 @@ from lfcore.scene.surface_mesh import SurfaceMesh, shaded
 READERS: dict[str, Callable[[bytes, Path, Notebook, Account], list[SurfaceMesh]]] = {
     ".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off,
     **dict.fromkeys(collada.SUFFIXES, collada.read_collada),
+    **dict.fromkeys(threemf.SUFFIXES, threemf.read_3mf),
 }  # fmt: skip
 """They raise ValueError for what makes no sense."""
-WITH_AXIS = (*GLTF, *collada.SUFFIXES, *others.MANUFACTURING)
+WITH_AXIS = (*GLTF, *collada.SUFFIXES, *threemf.SUFFIXES)
 """The formats that say where up is."""
 
 
@@ -53,16 +54,17 @@ def read_mesh(
     if animation is not None:
         remedy = "Leave it out, or export glTF"
         raise Where(path, "animation").error("only glTF's animations are read", remedy)
-    if (reader := READERS.get(path.suffix.lower())) is not None:
-        account, data = Account(notebook, path), read_bytes(path, LARGEST_MESH, "mesh file")
-        try:
-            parts = reader(data, path, notebook, account)
-        except ValueError as error:
-            remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
-            raise Where(path).error(f"mesh cannot be read: {error}", remedy) from None
-        if not any(part.count for part in parts):
-            remedy = "Export triangles, not only points, lines or curves"
-            raise Where(path).error("mesh holds no triangles", remedy)
-        account.close()
-        return Content([shaded(part, shading, crease_deg) for part in parts])
-    return Content(others.read_other(path, notebook, shading, crease_deg))
+    if (reader := READERS.get(path.suffix.lower())) is None:
+        remedy = "Convert it to GLB, e.g. with Blender"
+        raise Where(path).error(f"no reader for mesh files named *{path.suffix}", remedy)
+    account, data = Account(notebook, path), read_bytes(path, LARGEST_MESH, "mesh file")
+    try:
+        parts = reader(data, path, notebook, account)
+    except ValueError as error:
+        remedy = "Export it again, or open it in a mesh viewer to see what is damaged"
+        raise Where(path).error(f"mesh cannot be read: {error}", remedy) from None
+    if not any(part.count for part in parts):
+        remedy = "Export triangles, not only points, lines or curves"
+        raise Where(path).error("mesh holds no triangles", remedy)
+    account.close()
+    return Content([shaded(part, shading, crease_deg) for part in parts])

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -262,7 +261,7 @@ class Scene:
         from lfcore.scene.trimesh_parts import parts_of
 
         meshes = scene if hasattr(scene, "geometry") else scene.scene()
-        parts = parts_of(meshes, Path("trimesh"))
+        parts = parts_of(meshes)
         return cls._of_parts(parts, name, camera, lights, ambient=ambient, background=background)
 
     @classmethod

@@ -1,10 +1,11 @@
-"""Mesh files of the common formats: OBJ with MTL, PLY, STL, OFF, GLB."""
+"""Mesh files of the common formats: OBJ with MTL, PLY, STL, OFF, COLLADA, 3MF, GLB."""
 
+import io
 import runpy
 from collections.abc import Sequence
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
+from zipfile import ZipFile
 
 import trimesh
 from hypothesis import strategies as st
@@ -17,8 +18,6 @@ from robustness.targets import Target
 from robustness.targets.scenes import MTL, OBJ, PLY, write_sides
 
 FEATURES = Path(__file__).parents[2] / "docs/examples/gltf_features.py"
-OTHERS = {"dae": "collada", "3mf": "lxml"}
-"""The formats for which trimesh needs a package, and its module."""
 MATERIALS = b"\n#### material library\n"
 """The line before the MTL in an input of the target ``obj``."""
 
@@ -34,8 +33,12 @@ def seeds_of(kind: str, folder: Path) -> list[bytes]:
         return [colours, box.export(file_type="off").encode()]
     if kind == "stl":
         return [(SEEDS / "one.stl").read_bytes(), box.export(file_type="stl")]
-    if kind in OTHERS:
-        return [box.export(file_type=kind)]
+    if kind == "dae":
+        return [(SEEDS / "one.dae").read_bytes()]
+    if kind == "3mf":
+        with ZipFile(folder / "one.3mf", "w") as archive:
+            archive.write(SEEDS / "one.model", "3D/3dmodel.model")
+        return [(folder / "one.3mf").read_bytes()]
     write_sides(folder)
     textured = trimesh.load_scene(folder / "mesh.obj").export(file_type="glb")
     return [box.export(file_type="glb"), textured, every_feature(folder / "features.glb")]
@@ -60,6 +63,17 @@ def judge(kind: str, data: bytes, folder: Path) -> Outcome:
     return outcome_of(lambda: check_scene(load_scene(file, bare=True)), names=str(folder))
 
 
+def damaged_3mf(seeds: Sequence[bytes]) -> Inputs:
+    """Return archives with damaged bytes, or with a damaged model."""
+
+    def packed(model: bytes) -> bytes:
+        with ZipFile(file := io.BytesIO(), "w") as archive:
+            archive.writestr("3D/3dmodel.model", model)
+        return file.getvalue()
+
+    return damaged_bytes(seeds) | damaged_text([(SEEDS / "one.model").read_bytes()]).map(packed)
+
+
 def damaged_glb(seeds: Sequence[bytes]) -> Inputs:
     """Return seeds with damaged bytes, or a damaged JSON part, whose length is corrected."""
     texts = [damaged_text([_json(seed)]).map(partial(_with_json, seed)) for seed in seeds]
@@ -79,19 +93,11 @@ def _with_json(glb: bytes, text: bytes) -> bytes:
 
 
 def targets() -> list[Target]:
-    kinds = [
-        "obj",
-        "ply",
-        "stl",
-        "off",
-        "glb",
-        *(OTHERS if all(map(find_spec, OTHERS.values())) else ()),
-    ]
-    inputs = {"glb": damaged_glb, "3mf": damaged_bytes}
+    inputs = {
+        "obj": damaged_text, "ply": damaged_text, "stl": damaged_text, "off": damaged_text,
+        "dae": damaged_text, "3mf": damaged_3mf, "glb": damaged_glb,
+    }  # fmt: skip
     return [
-        Target(
-            kind, partial(seeds_of, kind), inputs.get(kind, damaged_text), partial(judge, kind),
-            write_sides,
-        )
-        for kind in kinds
-    ]  # fmt: skip
+        Target(kind, partial(seeds_of, kind), damaged, partial(judge, kind), write_sides)
+        for kind, damaged in inputs.items()
+    ]
