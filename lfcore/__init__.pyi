@@ -1,7 +1,9 @@
 from .api import bake, load_scene, record, render, render_to_quality, trace_array
 from .colour import exposed
 from .datasets.description import Description
+from .datasets.making import make_dataset
 from .datasets.sample import sample_scene
+from .datasets.stacks import Stacks
 from .errors import (
     DeviceError,
     LfcoreError,
@@ -42,12 +44,12 @@ __version__: str
 __all__ = [
     "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "exposed", "import_lightfield", "export_lightfield", "open_device",
-    "sample_scene", "disparity", "read_exr",
+    "sample_scene", "make_dataset", "disparity", "read_exr",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",
     "DepthRange",
     "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",
-    "Metadata", "StoredDepth", "Description",
+    "Metadata", "StoredDepth", "Description", "Stacks",
     "LfcoreError", "SceneError", "OpticsError", "StorageError", "DeviceError", "SettingsError",
 ]  # fmt: skip

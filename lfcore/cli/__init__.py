@@ -31,6 +31,7 @@ COMMANDS = {
     "plenoptic": ("plenoptic", "the photograph of a plenoptic camera, from a scene"),
     "import": ("exchange", "a light field file from another program's light field"),
     "export": ("exchange", "a light field file in another program's format"),
+    "dataset": ("dataset", "a data set to learn from, of many scenes"),
     "imgtool": ("imgtool", "camera arrays: synthesise pictures, convert EXR"),
     "devices": ("inspect", "OpenCL devices; check each"),
 }

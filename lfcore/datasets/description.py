@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from lfcore.checked_keys import refusal
 from lfcore.errors import SettingsError
+from lfcore.files import file_digest
 from lfcore.reading import read_yaml
 
 SPLITS = ("train", "validation", "test")
@@ -214,6 +215,12 @@ class Description(_Keys):
         keys = self.model_dump(exclude={"licence", "scenes", "shards", "scenes_per_job"})
         del keys["shapes"]["licence"]
         return keys
+
+    def sources(self) -> str:
+        """Return the digest of each mesh and texture, as JSON."""
+        files = {"meshes": self.mesh_files(), "textures": self.texture_files()}
+        digests = {kind: {file.name: file_digest(file) for file in files[kind]} for kind in files}
+        return json.dumps(digests, indent=2)
 
     def digest(self, sources: str) -> str:
         """Return the digest of these keys and of ``sources``, the digests of all files."""

@@ -26,7 +26,7 @@ from lfcore.datasets.stored import Finished, members, write_tar
 from lfcore.errors import OpticsError, SceneError
 from lfcore.exchange import arrays, hci
 from lfcore.files import make_folder, write_json
-from lfcore.opencl.device import Device
+from lfcore.opencl.device import Device, open_device
 from lfcore.optics import bundles
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import KnownGeometry
@@ -38,6 +38,7 @@ from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
+from lfcore.versions import version
 
 DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """The edges of the records' histogram of depths, metres."""
@@ -54,22 +55,55 @@ PROPERTIES = {
 
 @dataclass
 class Item:
-    """An item: files by field, in order, its record, and core seconds of parts of the work."""
+    """An item.
 
+    Attributes
+    ----------
+    files : dict
+        The files by field, in order; empty unless ``encoded``.
+    arrays : dict
+        The files' content by field without number: uint8 sRGB codes, or floats; lists of those with
+        numbers.
+    record : dict
+        The facts of the item.
+    watch : Stopwatch
+        Core seconds of parts of the work.
+    """
+
+    encoded: bool = True
     files: dict[str, bytes] = field(default_factory=dict)
+    arrays: dict[str, Any] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
     watch: Stopwatch = field(default_factory=lambda: Stopwatch(clock=time.process_time))
 
     def add(self, name: str, picture: np.ndarray, *, half: bool = False) -> None:
+        """Add a file: of a picture in linear light or codes, or of numbers in EXR or PFM; ``half``
+        makes half floats in three channels."""
+        stem, _, suffix = name.rpartition(".")
         with self.watch.part("files"):
-            self.files[name] = picture_bytes(name[name.rindex(".") :], picture, half=half)
+            if suffix not in ("exr", "pfm") and picture.dtype.kind == "f":
+                picture = srgb_codes(picture)
+            elif half:
+                picture = picture.astype(np.float16)
+            field = stem.rstrip("0123456789")
+            if field == stem:
+                self.arrays[field] = picture
+            else:
+                self.arrays.setdefault(field, []).append(picture)
+            if self.encoded:
+                channels = np.repeat(picture[..., None], 3, 2) if half else picture
+                self.files[name] = picture_bytes(f".{suffix}", channels, half=half)
 
 
 def make_item(
-    description: Description, index: int, device: Device | str | None = None, made_of: str = ""
-) -> Item:
-    """Sample, trace and encode scene ``index``; its record has ``made_of``, the sources' digest."""
-    item = Item()
+    description: Description, index: int, device: Device | str | None = None, made_of: str = "",
+    *, encoded: bool = True,
+) -> Item:  # fmt: skip
+    """Sample, trace and encode scene ``index``; its record has ``made_of``, the sources' digest.
+
+    Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item.
+    """
+    item = Item(encoded)
     with item.watch.part("scene"):
         scene, names, dropped = sample(description, index)
         tracer = open_tracer(scene, device)
@@ -92,7 +126,8 @@ def make_item(
     # The worst picture counts.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
     item.record["fields"] = list(item.files)
-    item.files["json"] = json.dumps(item.record).encode()
+    if encoded:
+        item.files["json"] = json.dumps(item.record).encode()
     return item
 
 
@@ -103,7 +138,7 @@ def _focal_stack(item: Item, description: Description, tracer: Tracer, depth: np
     for number, picture in enumerate(rendering.pictures):
         item.add(f"focus{number:02d}.tif", picture)
     _add_sharp(item, "sharp.tif", description, tracer)
-    item.add("depth.exr", np.repeat(depth[..., None], 3, 2), half=True)
+    item.add("depth.exr", depth, half=True)
     _note(item, description, tracer.scene.camera, depth, focus, rendering)
 
 
@@ -184,12 +219,12 @@ def _light_field(item: Item, description: Description, tracer: Tracer, depth: np
     reach = float(depths.min()), float(depths.max())
     _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
-        if "mat" in description.also:
+        if item.encoded and "mat" in description.also:
             # Values from 0 to 1, as in BasicLFSR's scripts.
             shares = codes / np.float32(255)
             arrays.mat_array(file := io.BytesIO(), shares, small=True)
             item.files["mat"] = file.getvalue()
-        if "hdf5" in description.also:
+        if item.encoded and "hdf5" in description.also:
             by_view = depths.reshape(codes.shape[:-1])
             arrays.hdf5_arrays(
                 file := io.BytesIO(), LF=codes, depth_lowres=by_view,
@@ -255,6 +290,29 @@ def make_batch(
     write_json(records, all_records)
     shutil.rmtree(drafts, ignore_errors=True)
     return all_records
+
+
+def made_of(description: Description, sources: str) -> str:
+    """Return the digest of all that items depend on: keys, files and the library's code."""
+    return f"{description.digest(sources)}-{version(Path(__file__))}"
+
+
+def run_batch(
+    description: Description, scenes: range, shard: Path, folder: Path, sources: str,
+    device: Device | str | None, threads: int | None = None,
+) -> None:  # fmt: skip
+    """Make the items of one job: ``shard``, and a JSON file of records beside it.
+
+    Complete items of a killed job, or of the finished data set in ``folder``, are kept.
+    """
+    digest = made_of(description, sources)
+    if not isinstance(device, Device):
+        device = open_device(device, threads=threads)
+    make_batch(
+        description, scenes, shard, shard.with_suffix(".json"),
+        shard.with_name(f"drafts-{digest}-{shard.stem}"), device, made_of=digest,
+        finished=Finished.at(folder),
+    )  # fmt: skip
 
 
 def _make_or_refuse(

@@ -3,9 +3,11 @@
 import csv
 import json
 import re
+import shutil
 
 import pytest
 
+import lfcore
 from tests.workflow.conftest import checkout_in
 
 pytestmark = pytest.mark.workflow
@@ -87,3 +89,13 @@ def test_more_scenes_another_licence_and_an_edited_page_make_no_item_again(made)
     assert json.loads((folder / "croissant.json").read_text())["license"] == "CC0"
     record = json.loads((folder / "data/000003.json").read_text())
     assert record["split"] == "train"  # it was for validation
+
+
+def test_the_library_makes_the_same_set_and_keeps_the_workflows_items(made, tmp_path):
+    folder = made.folder / "results/datasets/micro"
+    made.made(*MICRO, *TARGET)  # after other tests
+    copy = tmp_path / "micro"
+    shutil.copytree(folder, copy)
+    lfcore.make_dataset(copy / "description.yaml", copy)
+    assert files(copy / "data") == files(folder / "data")
+    assert (copy / "seconds.csv").read_bytes() == (folder / "seconds.csv").read_bytes()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lfcore.workflow import versions
+from lfcore import versions
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "workflow/scripts"

@@ -102,7 +102,7 @@ def version(script):
     file = Path(workflow.source_path(f"../scripts/{script}.py"))
 
     def planned(wildcards):
-        from lfcore.workflow.versions import version
+        from lfcore.versions import version
 
         return version(file)
 

@@ -17,6 +17,7 @@ if PLAN and PLAN.dataset:
         conda:
             "../envs/lfcore.yaml"
         params:
+            description=SET.of_scenes(),
             version=version("dataset_sources"),
         script:
             "../scripts/dataset_sources.py"

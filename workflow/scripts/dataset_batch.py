@@ -3,23 +3,17 @@
 from pathlib import Path
 
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import make_batch
-from lfcore.datasets.stored import Finished
-from lfcore.opencl.device import open_device
+from lfcore.datasets.items import run_batch
 from lfcore.workflow.job import job
 
 with job(snakemake) as (inputs, params, output):
-    description = Description.check(params.description)
-    folder = Path(output.shard).parent.parent
-    sources = Path(inputs[0]).read_text(encoding="utf-8")
-    made_of = f"{description.digest(sources)}-{params.version}"
-    make_batch(
-        description,
+    shard, sources = Path(output.shard), Path(inputs[0]).read_text(encoding="utf-8")
+    run_batch(
+        Description.check(params.description),
         range(*params.scenes),
-        output.shard,
-        output.records,
-        folder / f"drafts-{made_of}-{snakemake.wildcards.batch}",
-        open_device(params.device or None, threads=snakemake.threads),
-        made_of=made_of,
-        finished=Finished.at(folder),
+        shard,
+        shard.parent.parent,
+        sources,
+        params.device or None,
+        snakemake.threads,
     )

@@ -21,9 +21,12 @@ NAMES = re.compile(r"[\w.-]+\.(?:css|csv|html|json|js|yaml|cl|h)\b|kernels")
 
 @functools.cache
 def version(script: Path) -> str:
-    """Return the hex digest of the modules that a script imports, and of files that they read."""
+    """Return the hex digest of the modules that a script imports, and of files that they read.
+
+    A module of the library counts itself.
+    """
     total = hashlib.sha256()
-    for file in sorted(_imported(script) - {script}):
+    for file in sorted(file for file in _imported(script) if LIBRARY in file.parents):
         total.update(f"{file.relative_to(LIBRARY).as_posix()}\0".encode())
         total.update(hashlib.sha256(file.read_bytes()).digest())
     return total.hexdigest()[:16]
