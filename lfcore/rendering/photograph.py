@@ -19,10 +19,9 @@ from lfcore.optics.bundles import Bundles, texture_width
 from lfcore.progress import Progress
 from lfcore.refocus.array import sampling
 from lfcore.refocus.array.virtual_camera import VirtualCamera
-from lfcore.rendering.prepared import lit, opened
+from lfcore.rendering.prepared import tracers_at
 from lfcore.scene.model import Scene
 from lfcore.scene.view import LIGHTFIELD
-from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 MOST_INSTANTS = 16
@@ -129,17 +128,12 @@ def expose(
     Every instant has its own hierarchy if something moves.  Light is baked once, for the first
     poses.
     """
-    instants, tracer = shutter_times(times), None
-    device = opened(device)
-    scene = lit(scene, device)
+    opened_s, closed_s = (scene.view.shutter if scene.view else scene.instants) or (0.0, 0.0)
+    if closed_s == opened_s:
+        scene = scene.at(opened_s)
+    instants = opened_s + shutter_times(times) * (closed_s - opened_s)
     total: np.ndarray = np.zeros(())
-    view = scene.view
-    opened_s, closed_s = (view.shutter if view else scene.instants) or (0.0, 0.0)
-    moves = scene.instants and closed_s > opened_s
-    for index, instant in enumerate(instants):
-        if moves or tracer is None:
-            still = scene.at(opened_s + float(instant) * (closed_s - opened_s))
-            tracer = Tracer(still, build_bvh(still.triangles), device)
+    for index, tracer in enumerate(tracers_at(scene, instants.tolist(), device)):
         total = total + picture(tracer, index).astype(np.float64)
         if progress is not None:
             progress(index + 1, len(instants))

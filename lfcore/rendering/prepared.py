@@ -1,5 +1,6 @@
 """Tracers of scenes: hierarchies are built once for a scene, devices opened by name."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -8,6 +9,7 @@ from lfcore.progress import BAKING, Progress, stage
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
+from lfcore.tracing.bvh_refit import MovingTree
 from lfcore.tracing.tracer import Tracer
 
 _built = WeakKeyDictionary[Scene, Bvh]()
@@ -52,6 +54,30 @@ def open_tracer(
     whole = opened(device)
     scene = lit(scene, whole, progress)
     return Tracer(scene, hierarchy_of(scene), whole)
+
+
+def tracers_at(
+    scene: Scene,
+    times: Iterable[float],
+    device: Device | str | None = None,
+    *,
+    bake_each: bool = False,
+    progress: Progress | None = None,
+) -> Iterator[Tracer]:
+    """A tracer of the scene at each instant, in seconds, one after another.
+
+    What does not move is set up once; light is baked as the scene stands, or for every instant.
+    A scene at rest has one tracer.
+    """
+    whole, tree = opened(device), MovingTree()
+    if scene.instants is None:
+        tracer = open_tracer(scene, whole, progress)
+        yield from (tracer for _ in times)
+        return
+    scene = scene if bake_each else lit(scene, whole, progress)
+    for time in times:
+        now = lit(scene.at(time), whole)
+        yield Tracer(now, tree.at(now.triangles), whole)
 
 
 def open_dark_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:

@@ -9,6 +9,7 @@ from tracing_scenes import mesh
 
 from lfcore.tracing import bvh_binary, bvh_split, bvh_wide
 from lfcore.tracing.bvh import build_bvh, depths, in_one_order, load_bvh, save_bvh, shape_problem
+from lfcore.tracing.bvh_refit import MovingTree, refit
 from lfcore.tracing.bvh_wide import LARGEST, UNUSED
 
 FIELDS = ("boxes", "children", "leaves", "leaf_ids", "leaf_boxes")
@@ -86,6 +87,24 @@ def test_invariants(name):
     check(bvh, triangles)
     # Never a chain: SAH_DEPTH binary levels and then halves.
     assert len(depths(bvh)) <= bvh_binary.SAH_DEPTH + 12
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_invariants_hold_when_triangles_move(name):
+    moved = np.float32([1, -1, 1]) * CASES[name][::-1]
+    check(refit(build_bvh(CASES[name]), moved), moved)
+
+
+def test_a_tree_is_built_anew_once_its_boxes_overlap():
+    ball, tree = soup(3000), MovingTree()
+    check(tree.at(ball), ball)
+    turned = (ball @ np.float32([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]])) * np.float32(3)
+    check(tree.at(turned), turned)
+    assert tree.built == 1
+    mixed = np.random.default_rng(1).permutation(ball)
+    check(tree.at(mixed), mixed)
+    check(tree.at(ball[:-1]), ball[:-1])
+    assert tree.built == 3
 
 
 def half_area(points):
