@@ -15,6 +15,7 @@ Solid = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(C,) bool of triangles (C,) and weights (C, 3): whether the triangle stops a ray there."""
 # The relative distance below which crossings are equal: t is known to 1e-10.
 SAME = 4e-10
+TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -50,27 +51,28 @@ def closest_hits(
     directions: np.ndarray,
     *,
     near: float = 64.0,
+    after: np.ndarray | float = 0.0,
     exclude: np.ndarray | None = None,
     solid: Solid | None = None,
 ) -> Hits:
-    """First crossings at t > 0 of rays (R, 3) and triangles (T, 3, 3), from both sides.
+    """First crossings at t > ``after`` of rays (R, 3) and triangles (T, 3, 3), from both sides.
 
-    ``near`` is the largest ``margin`` reported, in units of 2^-24.  Each ray ignores the triangle
-    ``exclude`` (R,), -1 for none.  ``solid`` tests for holes.
+    ``near`` is the largest ``margin`` reported, in units of 2^-24.  Each ray ignores the triangles
+    ``exclude`` (R,) or (R, K), -1 for none.  ``solid`` tests for holes.
     """
     rays = len(origins)
     best, far, weights = np.full(rays, np.inf), np.full(rays, np.inf), np.full((rays, 3), np.nan)
     margin = np.full(rays, float(near))
     hits = Hits(np.full(rays, -1), best, weights, margin, far, far.copy(), float(near))
+    after = np.broadcast_to(after, rays)
+    ignored = np.full((rays, 1), -1) if exclude is None else np.reshape(exclude, (rays, -1))
     for pairs in crossings(triangles, origins, directions, near=near):
-        allowed = np.ones(len(pairs.ray), bool)
-        if exclude is not None:
-            allowed = pairs.triangle != np.asarray(exclude)[pairs.ray]
-        hit = np.flatnonzero(pairs.inside & (pairs.t > 0) & allowed)
+        allowed = (pairs.triangle[:, None] != ignored[pairs.ray]).all(1)
+        hit = np.flatnonzero(pairs.inside & (pairs.t > after[pairs.ray]) & allowed)
         if solid is not None:
             hit = hit[solid(pairs.triangle[hit], pairs.weights[hit])]
         np.minimum.at(best, pairs.ray[hit], pairs.t[hit])
-        first = hit[pairs.t[hit] <= best[pairs.ray[hit]] * (1 + SAME)]
+        first = hit[pairs.t[hit] <= (best + SAME * np.abs(best))[pairs.ray[hit]]]
         _take_lowest(hits, pairs, first)
         _gaps(hits, pairs, hit)
         # NaN, a ray in the plane of the triangle, counts as not behind.
@@ -93,7 +95,7 @@ def _take_lowest(hits: Hits, pairs: Crossings, first: np.ndarray) -> None:
 def _gaps(hits: Hits, pairs: Crossings, hit: np.ndarray) -> None:
     behind = hit[pairs.triangle[hit] != hits.triangle[pairs.ray[hit]]]
     ray = pairs.ray[behind]
-    gap = np.abs(pairs.t[behind] - hits.t[ray]) / hits.t[ray] / ULP
+    gap = np.abs(pairs.t[behind] - hits.t[ray]) / np.maximum(np.abs(hits.t[ray]), TINY) / ULP
     np.minimum.at(hits.gap, ray, gap)
 
 

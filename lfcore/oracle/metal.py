@@ -41,8 +41,11 @@ class Metals:
         """(R, 3): the reflected share of uniform light, c_diff + f0."""
         return (1 - self.metal) * self.base + self.straight
 
-    def reflected(self, normal: np.ndarray, towards: np.ndarray, view: np.ndarray) -> np.ndarray:
-        """(R, 3): pi f cos of unit vectors (R, 3); 0 for light from behind."""
+    def reflected(
+        self, normal: np.ndarray, towards: np.ndarray, view: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(R, 3) each: the diffuse part of pi f cos of unit vectors (R, 3), and the highlight; 0
+        for light from behind."""
         half = towards + view
         half /= np.linalg.norm(half, axis=1, keepdims=True)
         light, view_cosine = np.maximum(_dot(normal, towards), 0), np.abs(_dot(normal, view))
@@ -52,7 +55,7 @@ class Metals:
         visible = 1 / (shadowed[0] * shadowed[1])
         fresnel = self.straight + (1 - self.straight) * (1 - _dot(view, half)) ** 5
         diffuse = (1 - fresnel) * (1 - self.metal) * self.base
-        return (diffuse + fresnel * peaks * visible) * light
+        return diffuse * light, fresnel * peaks * visible * light
 
 
 def metals(spots: Spots, base: np.ndarray) -> Metals:

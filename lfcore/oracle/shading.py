@@ -13,10 +13,12 @@ viewer.  Textures are filtered bilinearly at full size: no mip levels.
 Source: J. F. Blinn, "Models of light reflection for computer synthesized pictures", 1977.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
-from lfcore.oracle.metal import bent_normals, metals, reflected_sky
+from lfcore.oracle.metal import Metals, bent_normals, metals, reflected_sky
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
@@ -43,11 +45,28 @@ def shade(scene: Scene, directions: np.ndarray, hits: Hits) -> np.ndarray:
     hit = np.flatnonzero(hits.triangle >= 0)
     if len(hit):
         view = -_unit(np.asarray(directions, np.float64)[hit])
-        colours[hit] = _shade(Spots(scene, hits.triangle[hit], hits.weights[hit], view))
+        colours[hit] = own_light(Spots(scene, hits.triangle[hit], hits.weights[hit], view))
     return np.clip(colours, 0, 1 if scene.clip else 2.0**16)
 
 
-def _shade(spots: Spots) -> np.ndarray:
+@dataclass(frozen=True)
+class Traced:
+    """What other rays bring to R points: their own light lacks it.
+
+    ``mirrors`` and ``coats`` (R, 1) bool tell where the reflection of the base and of its coat is
+    traced, ``reflected`` (R, 1) what the base reflects before light is scattered below, and
+    ``transmitted`` (R, 1) the share of that which is replaced by light from behind.
+    """
+
+    mirrors: np.ndarray
+    coats: np.ndarray
+    reflected: np.ndarray
+    transmitted: np.ndarray
+
+
+def own_light(spots: Spots, traced: Traced | None = None) -> np.ndarray:
+    """(R, 3) linear RGB of points by emission and diffuse reflection, highlights of lights and,
+    unless they are ``traced``, reflections of the sky."""
     scene, view, point = spots.scene, spots.view, spots.interpolated(spots.scene.triangles)
     normal = normals(spots)
     start = shadow_origins(spots, point, normal)
@@ -55,11 +74,8 @@ def _shade(spots: Spots) -> np.ndarray:
     bent, metal = bent_normals(spots, normal), metals(spots, diffuse)
     is_metal = spots.of_material("metallic")[:, None] >= 0
     colour = spots.of_material("emission") * spots.sampled("emission_texture", encoded=True)
-    around = surroundings(spots)
-    metal_light = around * metal.surrounded()
-    if len(scene.sky):
-        metal_light = reflected_sky(scene, metal, around, bent, view)
-    colour += np.where(is_metal, metal_light, around * diffuse)
+    colour += _of_surroundings(spots, metal, diffuse, bent, traced)
+    matt = 1.0 if traced is None else 1 - traced.transmitted
     for light in scene.lights:
         towards, strength = arriving(light, point)
         cosine = (bent * towards).sum(1)
@@ -68,10 +84,29 @@ def _shade(spots: Spots) -> np.ndarray:
         visible = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
             visible &= ~_in_shadow(scene, light, start, spots.triangle)
-        plain = diffuse * cosine[:, None] + specular * gloss[:, None]
-        reflected = np.where(is_metal, metal.reflected(bent, towards, view), plain)
-        colour += np.where(visible[:, None], strength * reflected, 0)
+        of_metal, shine_of_metal = metal.reflected(bent, towards, view)
+        plain = np.where(is_metal, of_metal, diffuse * cosine[:, None])
+        shine = np.where(is_metal, shine_of_metal, specular * gloss[:, None])
+        if traced is not None and light.is_of_emitter:  # mirrored rays meet the emitter
+            shine = np.where(traced.mirrors | (traced.coats & ~is_metal), 0.0, shine)
+        colour += np.where(visible[:, None], strength * (matt * plain + shine), 0)
     return colour
+
+
+def _of_surroundings(
+    spots: Spots, metal: Metals, diffuse: np.ndarray, bent: np.ndarray, traced: Traced | None
+) -> np.ndarray:
+    """(R, 3) reflection of ambient or baked light, and of the sky."""
+    scene, around = spots.scene, surroundings(spots)
+    is_metal = spots.of_material("metallic")[:, None] >= 0
+    glossy = around * metal.surrounded()
+    if len(scene.sky):
+        glossy = reflected_sky(scene, metal, around, bent, spots.view)
+    if traced is None:
+        return np.where(is_metal, glossy, around * diffuse)
+    matt = (1 - np.where(is_metal, metal.metal, 0)) * diffuse * (1 - traced.reflected)
+    matt *= (1 - traced.transmitted) * around
+    return np.where(is_metal & ~traced.mirrors, glossy, matt)
 
 
 def surroundings(spots: Spots) -> np.ndarray:

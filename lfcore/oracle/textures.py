@@ -41,6 +41,17 @@ class Spots:
         corners = self.scene.triangles[self.triangle].astype(np.float64)
         return corners[:, 1:] - corners[:, :1]
 
+    def opacity(self) -> np.ndarray:
+        """(R, 1) shares of light that meet the surface."""
+        share = self.of_material("opacity")
+        for number, material in enumerate(self.scene.every_material):
+            mine = self.scene.material_ids[self.triangle] == number
+            if self.scene.has_alpha_blend(material) and mine.any():
+                alpha = self.scene.textures[material.texture][..., 3:]
+                uv = self.some(mine).interpolated(self.scene.uvs)
+                share[mine] *= bilinear(alpha, uv, encoded=False)[:, 0]
+        return share[:, None]
+
     def face_normals(self) -> np.ndarray:
         """(R, 3) geometric normals, not unit."""
         return np.cross(self.edges[:, 0], self.edges[:, 1])

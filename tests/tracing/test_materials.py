@@ -165,10 +165,10 @@ def test_what_the_oracle_gives_back():
             for tilt in (0.1, 1.2):
                 view = np.tile([np.sin(tilt), 0.0, np.cos(tilt)], (len(z), 1))
                 # The mean over the hemisphere of pi f cos, times 2 pi / pi.
-                back = 2 * surface.reflected(normal, towards, view).mean()
+                back = 2 * sum(surface.reflected(normal, towards, view)).mean()
                 assert 0.01 < back < (1 if metallic else 1.09)
     rough = metal.Metals(np.full((1, 3), 0.5), np.zeros((1, 1)), np.ones((1, 1)))
-    straight = rough.reflected(normal[:1], normal[:1], normal[:1])
+    straight = sum(rough.reflected(normal[:1], normal[:1], normal[:1]))
     # Looked at and lit straight: F = 0.04, D = 1 / pi, V = 1 / 4.
     np.testing.assert_allclose(straight, 0.96 * 0.5 + 0.04 / 4)
 
