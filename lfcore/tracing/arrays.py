@@ -63,7 +63,7 @@ def fill_arrays(
         parts = [replace(whole, elements=whole.elements[start:stop]) for whole in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
         for order, bundles in enumerate(parts):
-            if job.sink == "IMAGE":
+            if job.sink != "HITS":
                 mode = (ADD if order else 0) | (STREAM if stream else 0)
                 inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
             job.launch(bundles, _groups(job.shape, bundles, places), **written, **inputs)

@@ -38,6 +38,7 @@ class DeviceScene:
     arguments : of kernels, by name: TREE and SURFACES of :mod:`lfcore.tracing.layouts`.
     defines : the macros of programs.
     kernels : the built kernels, by sink and defines.
+    triangle_count : the number of triangles.
     shadow_lights : the number of lights that cast shadows.
 
     Raises
@@ -51,7 +52,7 @@ class DeviceScene:
                 f"its hierarchy has more than {MOST_LEVELS} levels",
                 remedy="Remove overlapping triangles",
             )
-        self.device = device
+        self.device, self.triangle_count = device, scene.triangle_count
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
         arrays = {**vars(bvh), **pack_alpha_tests(scene, needs), **vars(s)}

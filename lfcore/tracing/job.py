@@ -1,4 +1,4 @@
-"""One job: rays of any source, packet by packet, into one sink."""
+"""Jobs: bundles packet by packet, or given rays, into one sink."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lfcore.opencl.device import build_program, cl
-from lfcore.opencl.interface import record
+from lfcore.opencl.interface import BLOCK, record
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.layouts import (
@@ -57,11 +57,34 @@ def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> En
         scene_defines = dict.fromkeys(scene_defines, 0) | {
             "TEXTURES": scene_defines["TEXTURES"] & ALPHA_TESTS
         }
+    elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
+        scene_defines = scene_defines | {"SHADOWS": 0, "CURVED": 0, "BAKED": 0}
     values = {**scene_defines, **values}
     key = (sink, *sorted(values.items()))
     if key not in scene.kernels:
         scene.kernels[key] = EntryKernel(scene, sink, values)
     return scene.kernels[key]
+
+
+def launch_given(
+    scene: DeviceScene, sink: str, count: int, pixel_pitch: float = 0.0, **arguments: Any
+) -> None:
+    """Trace or shade ``count`` rays that are given one by one, before the queue is done.
+
+    ``arguments`` are the sink's; ``pixel_pitch`` is the tangent over which textures are filtered.
+    """
+    kernel, device = _kernel_of(scene, sink, {"OUTER": 1, "SINGLE_RAYS": 1}), scene.device
+    numbers = np.zeros((), RAY_ARGUMENTS)
+    numbers["columns"], numbers["pixel_pitch"] = count, pixel_pitch
+    numbers["packets"] = packets = -(-count // BLOCK**2)
+    kernel(
+        max(1, min(device.threads, packets)),
+        **scene.arguments,
+        ray_numbers=numbers,
+        next_packet=device.buffer(np.zeros(1, np.int32)),
+        scratch=device.empty(kernel.scratch_bytes),
+        **arguments,
+    )
 
 
 class PacketJob:

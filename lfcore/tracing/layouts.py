@@ -103,17 +103,23 @@ SURFACES = read(
     corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
     lights="LightRecord", levels="Level", texels="uint", grids="int", light="uint", sky="float",
 ) | given(scene_numbers="SceneArguments")  # fmt: skip
-RAYS = {
-    **read(centre_rays="float4", members="int"),
-    **given(ray_numbers="RayArguments"),
-    **write(next_packet="int", scratch="uint"),
+RAYS = given(ray_numbers="RayArguments") | write(next_packet="int", scratch="uint")
+BUNDLES = read(centre_rays="float4", members="int")
+IMAGE = given(image="ImageArguments") | write(radiance="float", depth="float")
+GIVEN = {
+    **read(origins="float", directions="float"),
+    **write(triangle="int", depth="float", weights="float"),
 }
+GIVEN_LIGHT = GIVEN | read(footprints="float") | write(radiance="float")
+SURFACE = write(albedo="float", normal="float")
 SINKS = {
-    "HITS": write(triangle="int", depth="float"),
-    "IMAGE": given(image="ImageArguments") | write(radiance="float", depth="float"),
-    "GIVEN": read(origins="float", directions="float")
-    | write(triangle="int", depth="float", weights="float"),
-}  # fmt: skip
+    "HITS": BUNDLES | write(triangle="int", depth="float"),
+    "IMAGE": BUNDLES | IMAGE,
+    "SURFACE": BUNDLES | IMAGE | SURFACE,
+    "GIVEN": GIVEN,
+    "GIVEN_LIGHT": GIVEN_LIGHT,
+    "GIVEN_SURFACE": GIVEN_LIGHT | SURFACE,
+}
 """The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
 PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
 """The parameters of the kernel: those of all sinks."""

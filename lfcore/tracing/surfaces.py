@@ -85,7 +85,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     }
     grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
-    if len(colours) and needs.physical:
+    if len(colours) and needs.physical and scene.light is not None:
         colours = np.concatenate([colours, sky_gloss(scene.sky)])
     return Surfaces(
         corners=np.ascontiguousarray(scene.triangles, np.float32),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.errors import OpticsError, SceneError
+from lfcore.errors import SceneError
 from lfcore.opencl.device import Device, open_device, page_aligned
 from lfcore.optics import bundles as rays
 from lfcore.optics.bundles import Bundles
@@ -15,8 +15,8 @@ from lfcore.scene.needs import Needs
 from lfcore.tracing.arrays import RepeatedPlaceError, check_sets, fill_arrays
 from lfcore.tracing.bvh import Bvh
 from lfcore.tracing.device_scene import DeviceScene
+from lfcore.tracing.given_rays import GivenRays, HitSurfaces, RayHits
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.packets import PacketShape
 from lfcore.tracing.plan import Plan, probe
 
 SMALLEST_SCENE = 1e-12
@@ -155,49 +155,74 @@ class Tracer:
         self._fill_image(sets, coordinates, {"radiance": image}, across=across)
         return image
 
-    def closest_hit(
-        self, origins: np.ndarray, directions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The first hits of arbitrary rays.
+    def bundle_surfaces(
+        self, bundles: Bundles, coordinates: np.ndarray | None = None
+    ) -> HitSurfaces:
+        """The surfaces that the rays of bundles hit, (E, rows, columns, 3) each.
+
+        ``coordinates`` as for :meth:`bundle_hits`.
+        """
+        shape = len(bundles.elements), bundles.traced_rows, bundles.columns, 3
+        values = HitSurfaces(*(page_aligned(shape) for _ in HitSurfaces._fields))
+        arrays = dict(zip(("radiance", "albedo", "normal"), values, strict=True))
+        self._fill_image([bundles], coordinates, arrays, sink="SURFACE")
+        return values
+
+    def closest_hit(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
+        """The first hits of given rays.
 
         Parameters
         ----------
-        origins, directions : (R, 3) float32; directions need not be of unit length.
-
-        Returns
-        -------
-        triangle : (R,) int32, -1 for a miss; at equal distance the lowest number.  Rays that
-            are not finite, or have no direction, miss.
-        distance : (R,) float32, the parameter: the hit is ``origin + distance * direction``;
-            infinity for a miss.
-        barycentric : (R, 3) float32, weights of the corners p, q, r; equal triangles have the
-            corner order of the first.  NaN for a miss.
+        origins, directions : (R, 3) float32; directions need not be of unit length.  Rays that are
+            not finite, or have no direction, miss.
         """
-        origins = np.ascontiguousarray(origins, np.float32).reshape(-1, 3)
-        directions = np.ascontiguousarray(directions, np.float32).reshape(-1, 3)
-        if origins.shape != directions.shape:
-            raise OpticsError(f"{len(origins)} origins for {len(directions)} directions")
-        count = len(origins)
-        triangle, depth = page_aligned((count,), np.int32), page_aligned((count,))
-        weights = page_aligned((count, 3))
-        if count:
-            zeros = np.zeros((2, 4), np.float32)
-            row = Bundles(zeros[:1], zeros[1], count, 1, 0.0)
-            job = PacketJob(self._on_device, PacketShape(side=4, group_side=1), "GIVEN")
-            fill_arrays(
-                job, [row], None, {"triangle": triangle, "depth": depth, "weights": weights},
-                origins=self.device.shown(origins), directions=self.device.shown(directions),
-            )  # fmt: skip
-        return triangle, depth, weights
+        return GivenRays(self._on_device, origins, directions).hits()
+
+    def hit_radiance(
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        hits: RayHits,
+        *,
+        filtered: float | np.ndarray = 0.0,
+    ) -> np.ndarray:
+        """Linear RGB radiance of given rays, not clamped: (R, 3) float32.
+
+        Parameters
+        ----------
+        origins, directions : as for :meth:`closest_hit`.
+        hits : what the rays hit.
+        filtered : textures are filtered over this tangent, or over widths (R,) across the rays,
+            metres.
+
+        Raises
+        ------
+        OpticsError
+            for hits of other rays or of another scene.
+        """
+        return GivenRays(self._on_device, origins, directions).radiance(hits, filtered)
+
+    def hit_surfaces(
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        hits: RayHits,
+        *,
+        filtered: float | np.ndarray = 0.0,
+    ) -> HitSurfaces:
+        """The surfaces that given rays hit; parameters and errors as for :meth:`hit_radiance`."""
+        return GivenRays(self._on_device, origins, directions).surfaces(hits, filtered)
 
     def _fill_image(
         self,
         sets: Sequence[Bundles],
         coordinates: np.ndarray | None,
         arrays: dict[str, np.ndarray],
+        *,
+        sink: str = "IMAGE",
         **options: Any,
     ) -> None:
-        job = self.job("IMAGE", sets[0], grouped=coordinates is not None)
+        job = self.job(sink, sets[0], grouped=coordinates is not None)
         inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
         fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
 

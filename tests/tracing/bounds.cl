@@ -1,6 +1,7 @@
 // What kernels compute where a bound counts its error, of one candidate of CANDIDATE numbers per
 // work-item: a number that has the error, and the bound.  `leaf` holds equal triangles.
 #include "numerics.cl"
+#include "rectangles.cl"
 #include "shadows.cl"
 
 #define CANDIDATE 16
@@ -151,11 +152,11 @@ kernel void pictures(global const float *in, global const Leaf *leaf, global flo
 kernel void spans(global const float *origins, global int *active, global int *out)
 {
     const Shadows s = {.active = active, .origins = origins};
-    const Block b = {.bundle = {.sx = 1.0e-4f, .tx = 1.0e-3f}};
+    const Bundle bundle = {.sx = 1.0e-4f, .tx = 1.0e-3f};
     global int *wanted = active + BLOCK_RAYS;
     for (int at = 0; at < BLOCK_RAYS; ++at) wanted[at] = -1;
     int count = 0, taken = 0;
-    for (Box box; count <= BLOCK_RAYS && next_span(&s, &b, wanted, &box); ++count)
+    for (Box box; count <= BLOCK_RAYS && next_span(&s, &bundle, wanted, &box); ++count)
         for (int at = 0; at < BLOCK_RAYS; ++at) taken -= active[at];
     vstore2((int2)(count, taken), 0, out);
 }

@@ -130,6 +130,19 @@ def light_and_depth(views: int, pixels: int) -> Case:
     return run
 
 
+def given(kind: str) -> Case:
+    """Light or surfaces of rays from anywhere to anywhere."""
+
+    def run(tracer: Tracer) -> Iterator[np.ndarray]:
+        rng = np.random.default_rng(7)
+        origins, ends = rng.random((2, 2000, 3)) * [2, 2, 4] - [1, 1, 0]
+        rays = origins, ends - origins
+        found = getattr(tracer, f"hit_{kind}")(*rays, tracer.closest_hit(*rays), filtered=0.01)
+        yield from found if kind == "surfaces" else [found]
+
+    return run
+
+
 def tiles(kind: str, views: int, pixels: int, form: str = "yuv420p") -> Case:
     """Frames of two tiles in the middle, and what they add to planes."""
 
@@ -185,6 +198,8 @@ CASES: dict[tuple[str, str], Case] = {
     ("lit", "frames and planes, N = 8"): tiles("macropixels", 8, 24),
     ("lit", "frames and planes, N = 64"): tiles("macropixels", 64, 5),
     **{(world, "light and depth"): light_and_depth(5, 40) for world in WORLDS},
+    **{(world, "light of given rays"): given("radiance") for world in ("lit", "holes", "sky")},
+    ("holes", "surfaces of given rays"): given("surfaces"),
     ("textured", "frames and planes, N = 16"): tiles("macropixels", 16, 12, "yuv444p10le"),
     ("textured", "views, N = 4"): tiles("views", 4, 40),
     ("textured", "a file with depth"): files(True),

@@ -15,7 +15,7 @@ BOUNDS = {
     r"next_leaf\(|next_hiding\(|stack(->|\.)size": "a node or leaf of the tree, each once",
     r"atomic_inc\(next\w*\)": "a piece of work: the counter only grows",
     r"next_span\(": "a ray of a block: a span takes the nearest (test_bounds.py)",
-    r"left && row_inside": "a bit of the mask: each turn clears at least the lowest",
+    r"left && row_inside|left = row_bits\(": "a bit of the mask: turns clear the lowest",
     r"^bits$": "a bit of the mask: each turn clears the highest",
 }
 """What a turn of the other loops uses up, by the loop's head."""

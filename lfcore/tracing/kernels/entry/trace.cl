@@ -1,19 +1,22 @@
 // The kernel: traces one packet after the other into a sink.
 //
-// A program has one SINK: HITS writes triangles and depths; IMAGE radiance and optionally depths;
-// GIVEN the hits of single rays.
-#include "shade.cl"
+// A program has one SINK.  Of bundles, HITS writes triangles and depths, IMAGE radiance and
+// optionally depths, SURFACE what surfaces emit and reflect, and normals.  Of rays given one by one,
+// GIVEN writes hits; GIVEN_LIGHT and GIVEN_SURFACE read hits and write radiance, or surfaces.
+#include "block_hits.cl"
 #include "shadows.cl"
 #include "arrays.cl"
 
-// A worker's memory; its Block's `lit` follows.
+// A worker's memory; a bit for each ray that sees a light follows, (shadow lights, BLOCK).
 typedef struct {
-    float colours[COLOURS];
+    float shaded[SHADED * COLOURS];
+    Hits hits;
+    ShadowMemory shadows;
+#if SINK < GIVEN
     VisibilityMemory visibility;
     Region regions[BLOCK_RAYS];
     PlaneEquations equations[BLOCK_RAYS];
-    Samples samples;
-    ShadowMemory shadows;
+#endif
 } Memory;
 
 // Words of a worker's memory, with the masks of its shadow rays.
@@ -23,33 +26,55 @@ typedef struct {
     const Scene *scene;
     float pixel_pitch;  // tangent between neighbouring pixels
     global Memory *memory;
-    Visibility visibility;
-    Block block;
     Shadows shadows;
+    const Arrays *out;
 } Pipeline;
 
-// Linear colours, not clamped, of one block after find_visible: (3, BLOCK_RAYS).
-inline void colour_block(const Packet *packet, int number, Pipeline *p, global float *colours)
+// Shade the record of hits; `bundle` as for find_lit.
+inline void shade_record(Pipeline *p, const Bundle *bundle)
 {
-    Block *b = &p->block;
-    b->bundle = block_bundle(packet, number);
-    find_regions(p->visibility.block + number, block_inside(packet, number), &b->regions);
-    sample_block(p->scene, p->pixel_pitch, b);
-    if (SHADOWS && b->regions.count) find_lit(&p->shadows, b, p->memory->shadows.origins);
-    shade_background(p->scene, b, colours);
-    private int keys[BLOCK_RAYS];
-    for (int left = list_keys(b, keys); left; --left)
-        shade_key(p->scene, b, keys[left - 1], colours);
+    global Memory *m = p->memory;
+    global int *lit = (global int *)(m + 1);
+    if (SHADOWS && m->hits.key_count)
+        find_lit(&p->shadows, &m->hits, bundle, m->shadows.origins, lit);
+    shade_hits(p->scene, &m->hits, lit, m->shaded);
 }
 
-inline void take_block(const Packet *packet, int block, Pipeline *p, const Arrays *out)
+#if SINK < GIVEN
+inline void take_packet(const Tree *tree, const Packet *packet, Pipeline *p)
 {
-    global float *colours = p->memory->colours;
-    if (SINK == IMAGE) colour_block(packet, block, p, colours);
-    write_arrays(packet, block, p->visibility.block + block, colours, out);
+    global Memory *m = p->memory;
+    Visibility visibility = {.memory = &m->visibility};
+    Block b = {.regions = {m->regions}, .equations = m->equations};
+    if (packet->blocks) find_visible(tree, packet, &visibility);
+    for (int block = 0; block < packet->rays->blocks; ++block) {
+        if (!has_block(packet, block)) continue;
+        const Coverage *coverage = visibility.block + block;
+        if (SINK != HITS) {
+            b.bundle = block_bundle(packet, block);
+            find_regions(coverage, block_inside(packet, block), &b.regions);
+            find_block_hits(p->scene, p->pixel_pitch, &b, &m->hits);
+            shade_record(p, &b.bundle);
+        }
+        write_arrays(packet, block, coverage, m->shaded, p->out);
+    }
+}
+#endif
+
+// Take given rays [first, end).
+inline void take_given(const Tree *tree, const GivenRays *rays, int first, int end, Pipeline *p)
+{
+    if (SINK == GIVEN) {
+        hit_given_rays(tree, rays, first, end);
+        return;
+    }
+    find_given_hits(p->scene, rays, p->pixel_pitch, first, end, &p->memory->hits);
+    shade_record(p, 0);
+    write_given(first, end, p->memory->shaded, p->out);
 }
 
-// `centre_rays` and `members`: see Rays.  `next_packet` counts from 0.
+// `centre_rays` and `members`: see Rays.  `next_packet` counts from 0; a packet of given rays has
+// BLOCK_RAYS of them.
 KERNEL void trace_packets(trace_packets_PARAMETERS)
 {
     const Tree tree = {.boxes = boxes, .children = children, .leaves = leaves,
@@ -58,29 +83,29 @@ KERNEL void trace_packets(trace_packets_PARAMETERS)
                          .material_ids = material_ids, .materials = materials, .lights = lights,
                          .levels = levels, .texels = texels, .grids = grids, .light = light,
                          .sky = sky, .numbers = &scene_numbers};
-    const Rays rays = make_rays(centre_rays, members, &ray_numbers);
-    const ulong worker = get_global_id(0);
+    const Arrays arrays = {.triangle = triangle, .depth = depth, .image = &image,
+                           .shaded = {radiance, albedo, normal}};
     const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
-    global Memory *memory = (global Memory *)(scratch + worker * words);
+    global Memory *memory = (global Memory *)(scratch + get_global_id(0) * words);
     global ShadowMemory *shadows = &memory->shadows;
     Pipeline pipeline = {
-        &scene, ray_numbers.pixel_pitch, memory,
-        .visibility = {.memory = &memory->visibility},
-        .block = {.regions = {memory->regions}, .equations = memory->equations,
-                  .samples = &memory->samples, .lit = (global int *)(memory + 1)},
-        .shadows = {&tree, &scene, shadows->active, shadows->projected}};
-    const Arrays arrays = {triangle, depth, &image, radiance};
+        .scene = &scene, .pixel_pitch = ray_numbers.pixel_pitch, .memory = memory, .out = &arrays,
+        .shadows = {.tree = &tree, .scene = &scene, .active = shadows->active,
+                    .projected = shadows->projected}};
+#if SINK < GIVEN
+    const Rays rays = make_rays(centre_rays, members, &ray_numbers);
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Packet packet = make_packet(&rays, number);
-        if (SINK == GIVEN) {
-            hit_given_rays(&tree, &packet, origins, directions, triangle, depth, weights);
-            continue;
-        }
-        if (!packet.blocks) continue;
-        find_visible(&tree, &packet, &pipeline.visibility);
-        for (int block = 0; block < rays.blocks; ++block)
-            if (has_block(&packet, block)) take_block(&packet, block, &pipeline, &arrays);
+        take_packet(&tree, &packet, &pipeline);
     }
+#else
+    const GivenRays rays = {.origin = origins, .direction = directions, .triangle = triangle,
+                            .distance = depth, .weights = weights, .footprint = footprints};
+    for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
+        const int first = number * BLOCK_RAYS;
+        take_given(&tree, &rays, first, min(first + BLOCK_RAYS, ray_numbers.columns), &pipeline);
+    }
+#endif
 }
 
 kernel void scratch_words(const int lights, global int *words)

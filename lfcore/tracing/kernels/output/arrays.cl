@@ -1,6 +1,7 @@
-// Results in arrays: blocks' triangles, depths and linear radiance, not clamped, and the hits of
-// single rays.
+// Results in arrays: triangles, depths and linear colours, not clamped, of blocks and of given rays.
 #pragma once
+#include "given_hits.cl"
+#include "shade.cl"
 #include "visibility.cl"
 
 // The number of an element's row in the results, which have the traced rows of all elements in
@@ -57,7 +58,7 @@ inline void write_row(global const float *c, int mode, global float *to)
 // Write the block's colours inside the inner grid to `radiance` (E / across *
 // rows, across * columns, 3), a mosaic of the elements' pictures: element e is in row e / across,
 // column e % across.
-inline void write_radiance(const Packet *packet, int block, global const float *colours,
+inline void write_colours(const Packet *packet, int block, global const float *colours,
                            const ImageArguments *image, global float *radiance)
 {
     const Rays *rays = packet->rays;
@@ -84,36 +85,43 @@ inline void write_radiance(const Packet *packet, int block, global const float *
     }
 }
 
-// Results.
+// The results of a sink; 0: not asked for.
 typedef struct {
     global int *triangle;  // (E, rows, columns)
     global float *depth;   // (E, rows, columns)
     const ImageArguments *image;
-    global float *radiance;
+    global float *shaded[SHADED];  // (E, rows, columns, 3), as in shade.cl
 } Arrays;
 
 inline void write_arrays(const Packet *packet, int block, const Coverage *coverage,
-                         global const float *colours, const Arrays *to)
+                         global const float *shaded, const Arrays *to)
 {
-    if (SINK == IMAGE) write_radiance(packet, block, colours, to->image, to->radiance);
+    for (int k = 0; k < SHADED && SINK != HITS; ++k)
+        write_colours(packet, block, shaded + k * COLOURS, to->image, to->shaded[k]);
     if (to->depth) write_rays(packet, block, (global uint *)coverage->z, (global uint *)to->depth);
     if (SINK == HITS)
         write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);
 }
 
-// Trace single rays, whose numbers are the columns of one element.  `origins`, `directions` and
-// `weights` are (R, 3).  Depth is the parameter of the given ray.
-inline void hit_given_rays(const Tree *tree, const Packet *p, global const float *origins,
-                           global const float *directions, global int *triangle,
-                           global float *depth, global float *weights)
+// Write what given rays [first, end) give.
+inline void write_given(int first, int end, global const float *shaded, const Arrays *to)
 {
-    const int end = min(p->at.x + p->rays->packet_side, p->rays->columns);
-    for (int ray = p->at.x; ray < end; ++ray) {
-        const float3 o = vload3(ray, origins), d = vload3(ray, directions);
+    for (int k = 0; k < SHADED; ++k, shaded += COLOURS)
+        for (int ray = first; ray < end; ++ray) {
+            global const float *c = shaded + ray - first;
+            vstore3((float3)(c[0], c[BLOCK_RAYS], c[2 * BLOCK_RAYS]), ray, to->shaded[k]);
+        }
+}
+
+// Find the first hits of given rays [first, end).  Depth is the parameter of the given ray.
+inline void hit_given_rays(const Tree *tree, const GivenRays *rays, int first, int end)
+{
+    for (int ray = first; ray < end; ++ray) {
+        const float3 o = vload3(ray, rays->origin), d = vload3(ray, rays->direction);
         const int is_valid = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
         const Hit hit = is_valid ? closest_hit(tree, o, d) : MISS;
-        triangle[ray] = hit.id;
-        depth[ray] = hit.t;
-        vstore3(hit.weights, ray, weights);
+        rays->triangle[ray] = hit.id;
+        rays->distance[ray] = hit.t;
+        vstore3(hit.weights, ray, rays->weights);
     }
 }

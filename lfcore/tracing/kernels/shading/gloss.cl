@@ -1,5 +1,4 @@
-// Highlights of Blinn-Phong materials; metallic-roughness materials: microfacets (GGX), and their
-// textures and normal maps.
+// Highlights of Blinn-Phong materials, and microfacets (GGX) of metallic-roughness materials.
 //
 // Source: J. F. Blinn, "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH
 // 1977; Khronos, "glTF 2.0 Specification", appendix B; B. Walter et al., "Microfacet Models for
@@ -7,7 +6,7 @@
 // Physically-based Rendering", 1994.
 #pragma once
 #include "powers.cl"
-#include "samples.cl"
+#include "surface.cl"
 
 // A highlight: a power of the cosine between the normal and halfway to the viewer.
 inline vf highlight(const Surface *s, Vec towards, vi facing)
@@ -19,57 +18,6 @@ inline vf highlight(const Surface *s, Vec towards, vi facing)
     const vf cosine = max(halfway, (vf)(NOTHING_LEFT));
     const vf power = exp2_fast(s->material->record.shininess * log2_fast(cosine));
     return pick((vf)(0.0f), power, glossy);
-}
-
-inline int is_metallic(const Material *m) { return m->record.metallic >= 0.0f; }
-
-inline Vec map_row(const Scene *scene, const Material *m, int map, global const Samples *samples,
-                   int at)
-{
-    const vf u = VLOAD(samples->value[COORDINATES] + at);
-    const vf v = VLOAD(samples->value[COORDINATES + 1] + at);
-    return sample_texture(scene->texels, m->maps[map], u, v);
-}
-
-// Turn the normals by their map, whose colours are (x, y, z) / 2 + 1 / 2 along tangent, v and
-// normal.
-inline Vec map_normals(const Scene *scene, const Material *m, global const Samples *samples,
-                        int at, Vec n)
-{
-    const Vec c = map_row(scene, m, MAP_NORMAL, samples, at);
-    const Vec along = load3(samples->value[TANGENT], at);
-    const vf handedness = VLOAD(samples->value[TANGENT + 3] + at);
-    Vec t = fma3(-dot3(along, n), n, along);
-    const vf square = dot3(t, t);
-    t = scale3(t, inverse_sqrt(max(square, (vf)(LEAST_LENGTH))));
-    const Vec b = scale3(cross3(n, t), handedness);
-    const Vec d = fma3((vf)(2.0f), c, spread3((float3)(-1.0f)));
-    const float scale = m->record.normal_scale;
-    Vec turned = fma3(d.x * scale, t, fma3(d.y * scale, b, scale3(n, d.z)));
-    turned = scale3(turned, inverse_sqrt(max(dot3(turned, turned), (vf)(LEAST_LENGTH))));
-    // Without texture coordinates there is no tangent, and normals stay.
-    return pick3(n, turned, GT(square, (vf)(NOTHING_LEFT)));
-}
-
-// Read the material's other textures for a row of rays.
-inline void read_row_maps(const Scene *scene, global const Samples *samples, int at, Surface *s)
-{
-    const Material *m = s->material;
-    vf roughness = m->record.roughness;
-    s->emission = spread3(vload3(0, m->record.emission));
-    s->metallic = m->record.metallic;
-    s->normal = s->geometric_normal = load3(samples->value[NORMAL], at);
-    if (m->maps[MAP_NORMAL].height)
-        s->normal = map_normals(scene, m, samples, at, s->geometric_normal);
-    if (m->maps[MAP_METAL].height) {
-        const Vec c = map_row(scene, m, MAP_METAL, samples, at);
-        s->metallic = c.z * m->record.metallic;
-        roughness = c.y * m->record.roughness;
-    }
-    if (m->maps[MAP_EMISSION].height)
-        s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, samples, at));
-    const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
-    s->alpha2 = alpha * alpha;
 }
 
 // The Fresnel reflectance at normal incidence, of metals and of dielectrics.

@@ -28,8 +28,6 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
     return l;
 }
 
-inline int is_glossy(const Material *m) { return any(vload3(0, m->record.specular) > 0.0f); }
-
 // Add the reflection of a light on the rays `seeing` it.
 inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
 {
@@ -47,66 +45,100 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
     *sum = plus3(*sum, times3(c, spread3(vload3(0, light->colour))));
 }
 
+inline Vec emission_of(const Surface *s)
+{
+    return PHYSICAL ? s->emission : spread3(vload3(0, s->material->record.emission));
+}
+
+// The reflected share of ambient light.
+inline Vec ambient_share(const Surface *s)
+{
+    return PHYSICAL && is_metallic(s->material) ? ambient_reflectance(s) : s->albedo;
+}
+
 // Ambient or baked light, and emission.
 inline Vec ambient_and_emission(const Scene *scene, const Surface *s)
 {
     const Vec ambient = BAKED ? s->light : spread3(vload3(0, scene->numbers->ambient));
-    const Vec emission = PHYSICAL ? s->emission : spread3(vload3(0, s->material->record.emission));
-    const int metallic = PHYSICAL && is_metallic(s->material);
-    if (SKY && metallic) return plus3(reflect_sky(scene, s), emission);
-    return plus3(times3(metallic ? ambient_reflectance(s) : s->albedo, ambient), emission);
-}
-
-// The material's colour times the texture's and the corners'.
-inline Vec albedo_row(const Scene *scene, const Material *m, global const Samples *samples, int at)
-{
-    Vec c = spread3(vload3(0, m->record.diffuse));
-    if (TEXTURED && m->maps[MAP_BASE].height)
-        c = times3(c, map_row(scene, m, MAP_BASE, samples, at));
-    if (VERTEX_COLOURS) c = times3(c, load3(samples->value[TINT], at));
-    return c;
+    if (SKY && PHYSICAL && is_metallic(s->material))
+        return plus3(reflect_sky(scene, s), emission_of(s));
+    return plus3(times3(ambient_share(s), ambient), emission_of(s));
 }
 
 // The radiance of a row of rays of one material: lights without shadows, then lights with shadows.
-inline Vec light_row(const Scene *scene, const Block *b, const Surface *s, int at)
+inline Vec light_row(const Scene *scene, const Surface *s, global const int *lit, int at)
 {
     const SceneArguments *n = scene->numbers;
     Vec sum = ambient_and_emission(scene, s);
     for (int k = 0; k < n->unshadowed_lights; ++k)
         add_light(scene->lights + k, s, (vi)(-1), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
-        const int lit = b->lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
-        if (lit & ((1 << LANES) - 1))
-            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(lit), &sum);
+        const int seen = lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
+        if (seen & ((1 << LANES) - 1))
+            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen), &sum);
     }
     return sum;
 }
 
-// The colours of rows with rays that hit nothing.
-inline void shade_background(const Scene *scene, const Block *b, global float *colours)
+// What becomes of hits: radiance; or emitted radiance, the share of ambient light that is
+// reflected, and normals.
+#define RADIANCE 0
+#if SINK == SURFACE || SINK == GIVEN_SURFACE
+enum { ALBEDO = RADIANCE + 1, SHADING_NORMAL, SHADED };
+inline void shade_row(const Scene *scene, const Surface *s, global const int *lit, int at,
+                      Vec *values)
 {
-    Vec background = spread3(vload3(0, scene->numbers->background));
+    values[RADIANCE] = emission_of(s);
+    values[ALBEDO] = ambient_share(s);
+    values[SHADING_NORMAL] = s->normal;
+}
+#else
+enum { SHADED = RADIANCE + 1 };
+inline void shade_row(const Scene *scene, const Surface *s, global const int *lit, int at,
+                      Vec *values)
+{
+    values[RADIANCE] = light_row(scene, s, lit, at);
+}
+#endif
+
+// Write the rays in `mask` of a row to (SHADED, 3, BLOCK_RAYS).
+inline void write_shaded(const Vec *values, vi mask, int at, global float *out)
+{
+    for (int k = 0; k < SHADED; ++k, out += 3 * BLOCK_RAYS)
+        store3(pick3(load3(out, at), values[k], mask), out, at);
+}
+
+// The rays that hit nothing, in the rows that have some.
+inline void shade_background(const Scene *scene, global const Hits *hits, global float *out)
+{
+    Vec values[SHADED] = {spread3(vload3(0, scene->numbers->background))};
+    for (int k = 1; k < SHADED; ++k) values[k] = spread3(0.0f);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        if (!row_any(LT(VLOAD(b->samples->key + at), (vi)(0)))) continue;
-        if (SKY) background = sky_row(scene, &b->bundle, row_at(at, b->bundle.half_extent));
-        store3(background, colours, at);
+        if (!row_any(LT(VLOAD(hits->key + at), (vi)(0)))) continue;
+        if (SKY) values[0] = sky_row(scene, load3(hits->direction, at));
+        write_shaded(values, (vi)(-1), at, out);
     }
 }
 
-// List the distinct shading keys of a block; returns their number.
-inline int list_keys(const Block *b, private int *keys)
+// Read the surfaces of a row.
+inline void read_surface(const Scene *scene, global const Hits *hits, int at, Surface *s)
 {
-    int count = 0;
-    for (int k = 0; k < b->regions.count; ++k) {
-        const int key = b->equations[k].key;
-        int at = 0;
-        while (at < count && keys[at] != key) ++at;
-        if (at == count) keys[count++] = key;
+    s->point = load3(hits->point, at);
+    s->normal = load3(hits->value[NORMAL], at);
+    if (PHYSICAL || is_glossy(s->material)) {
+        const Vec d = load3(hits->direction, at);
+        s->to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
     }
-    return count;
+    if (BAKED) s->light = load3(hits->value[BAKED_LIGHT], at);
+    s->albedo = albedo_row(scene, s->material, hits, at);
+    if (PHYSICAL) read_row_maps(scene, hits, at, s);
+    if (PHYSICAL && BAKED && SKY && s->material->maps[MAP_NORMAL].height) map_light(scene, s);
 }
 
-inline void shade_key(const Scene *scene, const Block *b, int key, global float *colours)
+// The rays that hit surfaces of one shading key.  `lit` has, for each light with shadows, a bit per
+// ray that sees it.
+inline void shade_key(const Scene *scene, global const Hits *hits, global const int *lit, int key,
+                      global float *out)
 {
     global const MaterialRecord *record = scene->materials + key / MIP_LEVELS;
     Material material = {*record};
@@ -114,18 +146,19 @@ inline void shade_key(const Scene *scene, const Block *b, int key, global float 
     Surface s;
     s.material = &material;
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const vi mine = EQ(VLOAD(b->samples->key + at), (vi)(key));
+        const vi mine = EQ(VLOAD(hits->key + at), (vi)(key));
         if (!row_any(mine)) continue;
-        s.point = load3(b->samples->point, at);
-        s.normal = load3(b->samples->value[NORMAL], at);
-        if (PHYSICAL || is_glossy(&material)) {
-            const Vec d = direction_row(&b->bundle, row_at(at, b->bundle.half_extent));
-            s.to_viewer = scale3(d, -inverse_sqrt(dot3(d, d)));
-        }
-        if (BAKED) s.light = load3(b->samples->value[BAKED_LIGHT], at);
-        s.albedo = albedo_row(scene, &material, b->samples, at);
-        if (PHYSICAL) read_row_maps(scene, b->samples, at, &s);
-        if (PHYSICAL && BAKED && SKY && material.maps[MAP_NORMAL].height) map_light(scene, &s);
-        store3(pick3(load3(colours, at), light_row(scene, b, &s, at), mine), colours, at);
+        read_surface(scene, hits, at, &s);
+        Vec values[SHADED];
+        shade_row(scene, &s, lit, at, values);
+        write_shaded(values, mine, at, out);
     }
+}
+
+// Shade hits: (SHADED, 3, BLOCK_RAYS), linear, not clamped.
+inline void shade_hits(const Scene *scene, global const Hits *hits, global const int *lit,
+                       global float *out)
+{
+    shade_background(scene, hits, out);
+    for (int k = 0; k < hits->key_count; ++k) shade_key(scene, hits, lit, hits->keys[k], out);
 }

@@ -1,6 +1,24 @@
-// Reflection of the sky by metallic-roughness materials: see lfcore/scene/sky_gloss.py.
+// The sky, and its reflection by metallic-roughness materials: see lfcore/scene/sky_gloss.py.
 #pragma once
 #include "gloss.cl"
+
+// The sky's radiance along a row of rays.  Its map is octahedral: a forward direction d in camera
+// space is at d.xy / (|d.x| + |d.y| + |d.z|); the others are folded outwards.
+inline Vec sky_row(const Scene *s, Vec d)
+{
+    const int side = s->numbers->sky_side;
+    Vec light;
+    for (int k = 0; k < LANES; ++k) {
+        const float3 along = ray_vector(&d, k);
+        const float sum = fabs(along.x) + fabs(along.y) + fabs(along.z);
+        const float2 folded = copysign(sum - fabs(along.yx), along.xy);
+        const float2 at = fma(along.z < 0.0f ? folded : along.xy, 0.5f * side / sum,
+                              0.5f * side - 0.5f);
+        const float2 inside = clamp(at, 0.0f, side - 1.0f);
+        set_ray_vector(&light, k, map_between(s->sky, side, inside.x, inside.y).xyz);
+    }
+    return light;
+}
 
 // A map of the sky's gloss in a direction.
 inline float4 gloss_between(global const float *gloss, int map, float3 d)
@@ -20,6 +38,8 @@ inline float4 lobe_of(global const float *gloss, float3 mirrored, float roughnes
     return sharp + (level - k) * (gloss_between(gloss, k + 1, mirrored) - sharp);
 }
 
+// The least irradiance of the open sky that others are divided by.
+#define LEAST_SKY 1e-20f
 // The largest factor of a normal map on baked light: seams of normals must not look like emitters.
 #define MOST_BRIGHTENED 4.0f
 
@@ -33,7 +53,7 @@ inline void map_light(const Scene *scene, Surface *s)
         const float3 n = ray_vector(&s->geometric_normal, k);
         const float3 unmapped = gloss_between(gloss, GLOSS_LEVELS, n).xyz;
         const float3 mapped = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
-        const float3 share = min(mapped / max(unmapped, 1e-20f), MOST_BRIGHTENED);
+        const float3 share = min(mapped / max(unmapped, LEAST_SKY), MOST_BRIGHTENED);
         set_ray_vector(&s->light, k, ray_vector(&s->light, k) * share);
     }
 }
@@ -52,7 +72,7 @@ inline Vec reflect_sky(const Scene *scene, const Surface *s)
     VSTORE(min(sqrt(sqrt(s->alpha2)), (vf)(1.0f)), rough);
     for (int k = 0; k < LANES; ++k) {
         const float3 whole = gloss_between(gloss, GLOSS_LEVELS, ray_vector(&s->normal, k)).xyz;
-        const float3 unhidden = clamp(ray_vector(&s->light, k) / max(whole, 1e-20f), 0.0f, 1.0f);
+        const float3 unhidden = clamp(ray_vector(&s->light, k) / max(whole, LEAST_SKY), 0.0f, 1.0f);
         const float4 ab = map_between(shares, GLOSS_SHARES, cosines[k] * (GLOSS_SHARES - 1),
                                       rough[k] * (GLOSS_SHARES - 1));
         set_ray_vector(&sky, k, lobe_of(gloss, ray_vector(&mirrored, k), rough[k]).xyz * unhidden);

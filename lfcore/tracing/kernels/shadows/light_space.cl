@@ -38,7 +38,7 @@ typedef struct {
     int triangle[BLOCK_RAYS];        // on which they start
     int active[BLOCK_RAYS];          // masks
     global float *projected;              // u, v, d of hit points: (3, BLOCK_RAYS)
-    global const Samples *samples;   // of the block
+    global const Hits *hits;
 } LightSpaceRays;
 
 inline LightSpace make_light_space(const ShadowRays *r)
@@ -132,7 +132,7 @@ inline void sort_hits(const Shadows *s, global const float *projected, const Box
         if (!s->active[ray]) continue;
         const int at = end[bin[ray]]++;
         l->ray[at] = ray;
-        l->triangle[at] = l->samples->triangle[ray];
+        l->triangle[at] = l->hits->triangle[ray];
         for (int k = 0; k < 3; ++k)
             l->projected[k * BLOCK_RAYS + at] = projected[k * BLOCK_RAYS + ray];
     }
@@ -313,12 +313,12 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
 }
 
 // Remove from s->active the rays that are occluded; false if the light has no picture of them.
-inline int cast_light_space(const Shadows *s, const Block *b, const ShadowRays *rays)
+inline int cast_light_space(const Shadows *s, global const Hits *hits, const ShadowRays *rays)
 {
     LightSpaceRays l;
     l.rays = *rays;
     l.space = make_light_space(rays);
-    l.samples = b->samples;
+    l.hits = hits;
     if (!project_hits(s, &l)) return 0;
     Stack stack;
     start_walk(&stack);

@@ -5,6 +5,7 @@
 // plane.  Affine functions and hit points are relative to the apex.
 #pragma once
 #include "shadow_rays.cl"
+#include "triangles.cl"
 
 // An affine function n . P + c of the hit point relative to the apex.
 typedef struct { Vec n; vf c; } HalfSpace;

@@ -6,7 +6,7 @@
 //
 // Source: J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4, 2021.
 #pragma once
-#include "samples.cl"
+#include "hits.cl"
 
 // A triangle with the gradients of its barycentric weights; the first corner's is not used.
 typedef struct { float3 corner[3], normal[3], gradient[3]; } CurvedTriangle;
@@ -50,22 +50,25 @@ inline Vec offset_row(const CurvedTriangle *c, Vec point, Vec normal)
     return offset;
 }
 
-// Write the origins of a block's shadow rays to `origins`; false if they are the hit points.
-inline int offset_origins(const Scene *scene, const Block *b, global float *origins)
+// Write the origins of shadow rays to `origins`; false if they are the hit points.
+inline int offset_origins(const Scene *scene, global const Hits *hits, global float *origins)
 {
-    global const Samples *samples = b->samples;
-    int any_curved = 0;
-    for (int k = 0; k < b->regions.count; ++k) {
-        global const Region *r = b->regions.region + k;
-        CurvedTriangle c;
-        if (!read_curved(scene, r->triangle, &c)) continue;
-        for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-            const Vec point = load3(samples->point, at);
-            const Vec old = any_curved ? load3(origins, at) : point;
-            const Vec new = offset_row(&c, point, load3(samples->value[NORMAL], at));
-            store3(pick3(old, new, region_row(r, at)), origins, at);
+    CurvedTriangle c;
+    int last = -1, is_curved = 0, any_curved = 0;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
+        const vi triangle = VLOAD(hits->triangle + at);
+        const Vec point = load3(hits->point, at);
+        Vec origin = point;
+        for (uint left = row_bits(GE(triangle, (vi)(0))); left;) {
+            const int id = hits->triangle[at + lowest(left)];
+            const vi mine = EQ(triangle, (vi)(id));
+            left &= ~row_bits(mine);
+            if (id != last) is_curved = read_curved(scene, last = id, &c);
+            if (!is_curved) continue;
+            any_curved = 1;
+            origin = pick3(origin, offset_row(&c, point, load3(hits->value[NORMAL], at)), mine);
         }
-        any_curved = 1;
+        store3(origin, origins, at);
     }
     return any_curved;
 }

@@ -9,7 +9,7 @@ typedef struct {
     const Scene *scene;
     global int *active;                     // scratch: (2, BLOCK_RAYS)
     global float *projected;                  // scratch: (2, 3, BLOCK_RAYS)
-    global const float *origins;            // of the block's shadow rays: (3, BLOCK_RAYS)
+    global const float *origins;            // of the shadow rays: (3, BLOCK_RAYS)
 } Shadows;
 
 inline global const LightRecord *shadow_light(const Scene *s, int number)
@@ -19,7 +19,7 @@ inline global const LightRecord *shadow_light(const Scene *s, int number)
 
 // Mask of the rays, in the row from ray `at` on, whose hit point faces the light and is on the side
 // to which the light emits.
-inline vi facing_row(global const Samples *s, global const LightRecord *light, int at)
+inline vi facing_row(global const Hits *s, global const LightRecord *light, int at)
 {
     const vi hit = GE(VLOAD(s->key + at), (vi)(0));
     Vec towards = spread3(vload3(0, light->vector));

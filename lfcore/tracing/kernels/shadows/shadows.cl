@@ -1,4 +1,4 @@
-// Shadows: find the rays of a block that see each light.
+// Shadows: find the rays that see each light.
 #pragma once
 #include "light_space.cl"
 #include "single_rays.cl"
@@ -8,9 +8,8 @@
 // Move the rays of the next span of depths from `wanted` to s->active, and bound their hit points.
 // Without spans, the box of a near and a far surface would contain everything between them.  A span
 // starts at the nearest wanted hit point.  Returns false if no ray is wanted.
-inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *box)
+inline int next_span(const Shadows *s, const Bundle *r, global int *wanted, Box *box)
 {
-    const Bundle *r = &b->bundle;
     global const float *z = s->origins + 2 * BLOCK_RAYS;
     vf nearest = FAR;
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
@@ -35,19 +34,29 @@ inline int next_span(const Shadows *s, const Block *b, global int *wanted, Box *
     return 1;
 }
 
-// Find the rays of a block that see a light.
-inline void light_block(const Shadows *s, const Block *b, global const LightRecord *light,
-                        global int *lit)
+inline void add_lit(const Shadows *s, global int *lit)
 {
-    global int *wanted = s->active + BLOCK_RAYS;
+    for (int at = 0; at < BLOCK_RAYS; at += LANES)
+        lit[at / BLOCK] |= row_bits(VLOAD(s->active + at)) << at % BLOCK;
+}
+
+// Find the rays that see a light.
+inline void light_rays(const Shadows *s, global const Hits *hits, const Bundle *bundle,
+                       global const LightRecord *light, global int *lit)
+{
+    global int *wanted = SINGLE_RAYS ? s->active : s->active + BLOCK_RAYS;
     clear_lit(lit);
     for (int at = 0; at < BLOCK_RAYS; at += LANES)
-        VSTORE(facing_row(b->samples, light, at), wanted + at);
-    for (Box box; next_span(s, b, wanted, &box);) {
+        VSTORE(facing_row(hits, light, at), wanted + at);
+    if (SINGLE_RAYS) {
+        cast_single_rays(s, hits, light);
+        add_lit(s, lit);
+        return;
+    }
+    for (Box box; next_span(s, bundle, wanted, &box);) {
         const ShadowRays rays = make_shadow_rays(light, &box);
-        if (SINGLE_RAYS || !cast_light_space(s, b, &rays)) cast_single_rays(s, b, light);
-        for (int at = 0; at < BLOCK_RAYS; at += LANES)
-            lit[at / BLOCK] |= row_bits(VLOAD(s->active + at)) << at % BLOCK;
+        if (!cast_light_space(s, hits, &rays)) cast_single_rays(s, hits, light);
+        add_lit(s, lit);
     }
 }
 
@@ -58,11 +67,12 @@ typedef struct {
     float origins[CURVED ? 3 * BLOCK_RAYS : 1];
 } ShadowMemory;
 
-// Find which of a block's rays see each light.
-inline void find_lit(Shadows *s, const Block *b, global float *origins)
+// Find which rays see each light: single rays need no `bundle`.
+inline void find_lit(Shadows *s, global const Hits *hits, const Bundle *bundle,
+                     global float *origins, global int *lit)
 {
-    const int curved = CURVED && offset_origins(s->scene, b, origins);
-    s->origins = curved ? origins : b->samples->point;
+    const int curved = CURVED && offset_origins(s->scene, hits, origins);
+    s->origins = curved ? origins : hits->point;
     for (int k = 0; k < s->scene->numbers->shadow_lights; ++k)
-        light_block(s, b, shadow_light(s->scene, k), b->lit + k * BLOCK);
+        light_rays(s, hits, bundle, shadow_light(s->scene, k), lit + k * BLOCK);
 }

@@ -1,6 +1,7 @@
-// Shadow rays of a block, traced one by one: for blocks with so many triangles that rays share
+// Shadow rays traced one by one: of given rays, and of blocks with so many triangles that rays share
 // little.
 #pragma once
+#include "camera_rays.cl"
 #include "occluders.cl"
 
 // Whether a triangle of a leaf, neither the receiver nor the light's, occludes the ray nearer than
@@ -34,8 +35,9 @@ inline int occluding_leaf(const Tree *tree, const Ray *r, float far, int receive
     return leaf;
 }
 
-// Remove from s->active the rays of a block that are occluded from a light.
-inline void cast_single_rays(const Shadows *s, const Block *b, global const LightRecord *light)
+// Remove from s->active the rays that are occluded from a light.
+inline void cast_single_rays(const Shadows *s, global const Hits *hits,
+                             global const LightRecord *light)
 {
     global const float *point = s->origins;
     const int2 triangles = vload2(0, light->triangles);
@@ -43,7 +45,7 @@ inline void cast_single_rays(const Shadows *s, const Block *b, global const Ligh
     for (int at = 0; at < BLOCK_RAYS; ++at) {
         if (!s->active[at]) continue;
         const float3 p = (float3)(point[at], point[BLOCK_RAYS + at], point[2 * BLOCK_RAYS + at]);
-        const int receiver = b->samples->triangle[at];
+        const int receiver = hits->triangle[at];
         int exponent;
         const Ray ray = scaled_ray(p, vload3(0, light->vector) - (light->is_point ? p : 0.0f),
                                    &exponent);

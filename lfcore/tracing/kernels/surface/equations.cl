@@ -1,36 +1,8 @@
-// A scene's surfaces and lights, and plane equations: the quantities that a triangle interpolates
-// over a block, as quotients of affine functions.
+// Plane equations: the quantities that a triangle interpolates over a block, as quotients of affine
+// functions.
 #pragma once
+#include "hits.cl"
 #include "visibility.cl"
-
-#define TEXTURED ((TEXTURES & TEXTURED_BIT) != 0)
-// Materials of metal and roughness or of several textures: a bit of TEXTURES.
-#define PHYSICAL ((TEXTURES & PHYSICAL_BIT) != 0)
-
-typedef struct {
-    global const float *corners;     // (T, 9)
-    global const float *attributes;  // (T, ATTRIBUTES) see texture.cl
-    global const int *material_ids;  // (T,)
-    global const MaterialRecord *materials;
-    global const LightRecord *lights;
-    global const Level *levels;      // (textures, MIP_LEVELS)
-    global const uint *texels;
-    global const int *grids;         // (T, 3) see baked.cl
-    global const uint *light;        // (P,) of the points of all grids
-    global const float *sky;         // (side, side, 3)
-    const SceneArguments *numbers;
-} Scene;
-
-// The slots of the interpolated quantities.  Flat triangles have one normal, towards the viewer;
-// colours are differences from the first corner's, so that equal corners give exactly theirs.
-enum {
-    NORMAL = 0,
-    COORDINATES = 3,
-    TINT = COORDINATES + 2 * TEXTURED,
-    WEIGHT = TINT + 3 * VERTEX_COLOURS,  // barycentric, of the second and the third corner
-    SLOTS = WEIGHT + 2 * BAKED,
-    FIRST_ATTRIBUTE = SMOOTH ? NORMAL : COORDINATES
-};
 
 typedef struct {
     Affine weights;                 // sum of the barycentric weights: twice n . D
@@ -42,52 +14,17 @@ typedef struct {
     int grid[3];  // of baked light: first point in front and behind, and cells along an edge
 } PlaneEquations;
 
-// The quantities of a hit: the slots, with baked light in place of WEIGHT, and the tangent with its
-// sign.
-enum { BAKED_LIGHT = WEIGHT, TANGENT = SLOTS + BAKED, QUANTITIES = TANGENT + 4 * PHYSICAL };
-
-// A row of rays that hit one triangle.
-typedef struct {
-    vf depth, value[QUANTITIES];
-    vi key, triangle;
-    vi first, side;  // of the grid of baked light
-} SampleRow;
-
 // The members of PlaneEquations up to `first`, in the same order, for LANES triangles.
 typedef struct { WideAffine weights, numerator, denominator, slot[SLOTS]; vf first[3]; }
     WideEquations;
-
-// Up to LANES triangles; lanes beyond `count` repeat a triangle.
-typedef struct { int count, ids[LANES]; } TriangleRow;
-
-// Read a number per triangle, from an array with `pitch` numbers per triangle.
-inline vf read_lanes(global const float *from, const TriangleRow *triangles, int pitch)
-{
-    if (triangles->count == 1) return from[(long)triangles->ids[0] * pitch];
-    private float values[LANES];
-    for (int k = 0; k < LANES; ++k) values[k] = from[(long)triangles->ids[k] * pitch];
-    return VLOAD(values);
-}
-
-// Unit vectors along a; 0 for 0.  The squares of a may overflow or underflow.
-inline Vec directions_of(Vec a)
-{
-    const Vec size = absolute3(a);
-    const vf most = max(max(size.x, max(size.y, size.z)), (vf)(LEAST_LENGTH));
-    a = (Vec){a.x / most, a.y / most, a.z / most};
-    const vf length = max(sqrt(a.x * a.x + a.y * a.y + a.z * a.z), (vf)(LEAST_LENGTH));
-    return (Vec){a.x / length, a.y / length, a.z / length};
-}
 
 // Set up everything except attributes; `e` receives the corners' weights.
 inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *triangles,
                          WideAffine *e, WideEquations *out)
 {
     Vec at[3], v[3];
-    global const float *from = s->corners;
-    for (int k = 0; k < 3; ++k, from += 3)
-        v[k] = at[k] = (Vec){read_lanes(from, triangles, 9), read_lanes(from + 1, triangles, 9),
-                             read_lanes(from + 2, triangles, 9)};
+    read_corners(s, triangles, at);
+    for (int k = 0; k < 3; ++k) v[k] = at[k];
     shear_corners(r, v);
     out->weights = edge_functions(r, v, e);
     // The sum of the weights is negative when the corners turn towards the viewer.
@@ -99,4 +36,72 @@ inline void set_up_lanes(const Scene *s, const Bundle *r, const TriangleRow *tri
         const vf component[3] = {n.x, n.y, n.z};
         for (int k = 0; k < 3; ++k) out->slot[NORMAL + k] = (WideAffine){{component[k]}};
     }
+}
+
+// A slot as an affine function over the block, from the corners' weights `e`.
+inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
+                              const WideAffine *e)
+{
+    vf at[3];
+    read_slot(s, triangles, slot, at);
+    WideAffine f;
+    for (int k = 0; k < AFFINE_TERMS; ++k)
+        f.term[k] = at[0] * e[0].term[k] + at[1] * e[1].term[k] + at[2] * e[2].term[k];
+    return f;
+}
+
+// Values of an affine function with BILINEAR at a row of rays.
+inline vf bilinear_row(Affine f, Row at)
+{
+    if (OUTER == 1) return affine_row(f, at);
+    const float base = AT_OFFSETS(at.y, at.v, f.term[ONE], f.term[Y], f.term[V]);
+    const float along = fma(-at.v, f.term[BILINEAR], f.term[X]);
+    const float across = fma(at.y, f.term[BILINEAR], f.term[U]);
+    return AT_OFFSETS(at.x, at.u, base, along, across);
+}
+
+// All slots of attributes.
+inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, const WideAffine *e,
+                              WideEquations *out)
+{
+    for (int slot = FIRST_ATTRIBUTE; slot < WEIGHT; ++slot)
+        out->slot[slot] = set_up_slot(s, triangles, slot, e);
+    for (int slot = WEIGHT; slot < SLOTS; ++slot) out->slot[slot] = e[slot - WEIGHT + 1];
+    read_first(s, triangles, out->first);
+}
+
+// A row of attributes, tangents and weights; `back` is the sign of n . D.
+inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, HitRow *s)
+{
+    const vf weights = affine_row(p->weights, at);
+    for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->value[k] = bilinear_row(p->slot[k], at);
+    // Seen from behind, a flat triangle's tangent is negated with its normal; smooth ones follow
+    // later.
+    const vi behind = sign_of(SMOOTH ? weights : -weights);
+    for (int k = 0; k < 4 && PHYSICAL; ++k)
+        s->value[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
+    if (SLOTS == COORDINATES) return;
+    const vf inverse = reciprocal(weights);
+    for (int k = COORDINATES; k < TINT; ++k) s->value[k] *= inverse;
+    for (int k = TINT; k < WEIGHT; ++k)
+        s->value[k] = fma(inverse, s->value[k], (vf)(p->first[k - TINT]));
+    for (int k = WEIGHT; k < SLOTS; ++k)
+        s->value[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
+    // The corners turn to the viewer where the weights are negative.
+    s->first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
+    s->side = p->grid[2];
+}
+
+// Add mip level and, for PHYSICAL, the tangent to a triangle's plane equations.
+inline void set_up_texture(const Scene *s, int triangle, float pixel_pitch,
+                           global PlaneEquations *p)
+{
+    const float3 at = corner(s, triangle, 0);
+    const float3 a = corner(s, triangle, 1) - at, b = corner(s, triangle, 2) - at;
+    if (PHYSICAL) {
+        const float3 n = cross_product(a, b), towards = p->weights.term[ONE] < 0.0f ? n : -n;
+        vstore4(find_tangent(s, triangle, a, b, towards), 0, p->tangent);
+    }
+    const float depth = p->numerator.term[ONE] / p->denominator.term[ONE];
+    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.term[ONE], depth * pixel_pitch);
 }

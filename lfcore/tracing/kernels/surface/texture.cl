@@ -1,97 +1,10 @@
-// Attributes of corners: normals, texture coordinates and colours; and textures: the mip level for
-// a pixel's footprint, the direction in which coordinates grow, and colours: bilinear, wrapping, in
-// linear light, from one buffer of packed texels.
+// Textures: the mip level for a footprint, the direction in which coordinates grow, and colours:
+// bilinear, wrapping, in linear light, from one buffer of packed texels.
 //
 // A texel holds the square roots of its three linear values in 10 bits each.  Decoding takes one
 // load and one multiplication per channel, and steps are no coarser than those of 8-bit sRGB.
 #pragma once
-#include "equations.cl"
-
-// The numbers per triangle: corners' normals, texture coordinates and colours, if a scene has them.
-#define ATTRIBUTES (9 * SMOOTH + 6 * TEXTURED + 9 * VERTEX_COLOURS)
-
-inline float3 corner(const Scene *s, int triangle, int k)
-{
-    return vload3(k, s->corners + triangle * 9);
-}
-inline global const float *attributes_of(const Scene *s, int triangle)
-{
-    return s->attributes + (long)triangle * ATTRIBUTES;
-}
-
-// A slot as an affine function over the block, from the corners' weights `e`.
-inline WideAffine set_up_slot(const Scene *s, const TriangleRow *triangles, int slot,
-                              const WideAffine *e)
-{
-    const int of_uv = TEXTURED && slot >= COORDINATES && slot < TINT;
-    const int begin = slot < COORDINATES ? NORMAL : of_uv ? COORDINATES : TINT;
-    global const float *from = s->attributes + 3 * (begin - FIRST_ATTRIBUTE) + slot - begin;
-    vf at[3];
-    for (int k = 0; k < 3; ++k)
-        at[k] = read_lanes(from + k * (of_uv ? 2 : 3), triangles, ATTRIBUTES);
-    for (int k = 2; k >= 0 && slot >= TINT; --k) at[k] -= at[0];
-    WideAffine f;
-    for (int k = 0; k < AFFINE_TERMS; ++k)
-        f.term[k] = at[0] * e[0].term[k] + at[1] * e[1].term[k] + at[2] * e[2].term[k];
-    return f;
-}
-
-// Values of an affine function with BILINEAR at a row of rays.
-inline vf bilinear_row(Affine f, Row at)
-{
-    if (OUTER == 1) return affine_row(f, at);
-    const float base = AT_OFFSETS(at.y, at.v, f.term[ONE], f.term[Y], f.term[V]);
-    const float along = fma(-at.v, f.term[BILINEAR], f.term[X]);
-    const float across = fma(at.y, f.term[BILINEAR], f.term[U]);
-    return AT_OFFSETS(at.x, at.u, base, along, across);
-}
-
-// All slots of attributes.
-inline void set_up_attributes(const Scene *s, const TriangleRow *triangles, const WideAffine *e,
-                              WideEquations *out)
-{
-    for (int slot = FIRST_ATTRIBUTE; slot < WEIGHT; ++slot)
-        out->slot[slot] = set_up_slot(s, triangles, slot, e);
-    for (int slot = WEIGHT; slot < SLOTS; ++slot) out->slot[slot] = e[slot - WEIGHT + 1];
-    for (int k = 0; k < 3 && VERTEX_COLOURS; ++k)
-        out->first[k] = read_lanes(s->attributes + 3 * (TINT - FIRST_ATTRIBUTE) + k, triangles,
-                                   ATTRIBUTES);
-}
-
-// A row of attributes, tangents and weights; `back` is the sign of n . D.
-inline void interpolate_attributes(global const PlaneEquations *p, Row at, vi back, SampleRow *s)
-{
-    const vf weights = affine_row(p->weights, at);
-    for (int k = FIRST_ATTRIBUTE; k < WEIGHT; ++k) s->value[k] = bilinear_row(p->slot[k], at);
-    // Seen from behind, a flat triangle's tangent is negated with its normal; smooth ones follow
-    // later.
-    const vi behind = sign_of(SMOOTH ? weights : -weights);
-    for (int k = 0; k < 4 && PHYSICAL; ++k)
-        s->value[TANGENT + k] = flip_sign(p->tangent[k], k < 3 ? behind : back);
-    if (SLOTS == COORDINATES) return;
-    const vf inverse = reciprocal(weights);
-    for (int k = COORDINATES; k < TINT; ++k) s->value[k] *= inverse;
-    for (int k = TINT; k < WEIGHT; ++k)
-        s->value[k] = fma(inverse, s->value[k], (vf)(p->first[k - TINT]));
-    for (int k = WEIGHT; k < SLOTS; ++k)
-        s->value[k] = bilinear_row(p->slot[k], at) * (inverse * (float)p->grid[2]);
-    // The corners turn to the viewer where the weights are negative.
-    s->first = pick_int((vi)(p->grid[1]), (vi)(p->grid[0]), LT(weights, (vf)(0.0f)));
-    s->side = p->grid[2];
-}
-
-// Three quantities, from `first` on.
-inline Vec *vectors_at(SampleRow *s, int first) { return (Vec *)(s->value + first); }
-
-// Normalise interpolated normals, and turn normals and tangents to the viewer.
-inline void turn_to_viewer(Vec direction, SampleRow *s)
-{
-    Vec *n = vectors_at(s, NORMAL), *tangent = vectors_at(s, TANGENT);
-    *n = scale3(*n, inverse_sqrt(max(dot3(*n, *n), (vf)(LEAST_LENGTH))));
-    const vi away = GT(dot3(*n, direction), (vf)(0.0f)) & (vi)(0x80000000);
-    *n = turn_vectors(*n, away);
-    if (PHYSICAL) *tangent = turn_vectors(*tangent, away);
-}
+#include "surfaces.cl"
 
 // A material's texture for a map; -1: none.
 inline int map_of(global const MaterialRecord *material, int map)
@@ -159,20 +72,6 @@ inline float4 find_tangent(const Scene *s, int triangle, float3 a, float3 b, flo
     const float3 along = ray_vector(&tangent, 0), up = turn * (e.x * b - e.z * a);
     const float side = inner_product(cross_product(towards, along), up);
     return (float4)(along, side < 0.0f ? -1.0f : 1.0f);
-}
-
-// Add mip level and, for PHYSICAL, the tangent to a triangle's plane equations.
-inline void set_up_texture(const Scene *s, int triangle, float pixel_pitch,
-                           global PlaneEquations *p)
-{
-    const float3 at = corner(s, triangle, 0);
-    const float3 a = corner(s, triangle, 1) - at, b = corner(s, triangle, 2) - at;
-    if (PHYSICAL) {
-        const float3 n = cross_product(a, b), towards = p->weights.term[ONE] < 0.0f ? n : -n;
-        vstore4(find_tangent(s, triangle, a, b, towards), 0, p->tangent);
-    }
-    const float depth = p->numerator.term[ONE] / p->denominator.term[ONE];
-    if (TEXTURED) p->key += mip_level(s, triangle, p->weights.term[ONE], depth * pixel_pitch);
 }
 
 #define TEXEL_MOST ((1u << TEXEL_BITS) - 1u)
