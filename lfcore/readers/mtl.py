@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from lfcore.readers.account import Account
-from lfcore.readers.side_files import SOLID, beside, read_texture, same_size
+from lfcore.readers.side_files import SOLID, beside, is_mask, read_texture, same_size
 from lfcore.readers.text import plain
 from lfcore.reading import LARGEST_TEXT, Where, read_bytes
+from lfcore.scene.needs import SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, ASSUMED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, clipped, triple
 
@@ -30,6 +31,8 @@ SEEN = {"-mm": "range", "-t": "turbulence", "-cc": "colour correction", "-imfcha
 """Options that change what is seen and are not followed."""
 PLAIN = {"illum": (1.0, 2.0), "d": (1.0,), "tr": (0.0,), "ni": (1.0,), "tf": (1.0,), "ka": (0.0,)}
 """Values that say what is so anyway; illumination models 1 and 2 are matt and glossy."""
+REFRACTIVE = 6, 7
+"""Illumination models of glass that refracts."""
 MOST_WORDS = 8
 """The most words of a library's name among several on a line."""
 WHITE = np.full((1, 1, 4), 255, np.uint8)
@@ -198,7 +201,12 @@ class _Material:
             self._used -= {"ks", "ns"}
         if "norm" in self.maps:
             changes["normal_scale"] = self._factor("norm")
-        changes |= self._cutoff(textures["texture"])
+        changes |= self._transparency(diffuse, textures["texture"])
+        if SPECULAR_TRACED:
+            changes["clearcoat"], changes["clearcoat_roughness"] = (
+                float(np.clip(self._numbers(key, 0.0)[0], 0, 1)) for key in ("pc", "pcr")
+            )
+        diffuse = changes.pop("diffuse", diffuse)
         self._account_for_all()
         surface = Surface(
             self.name, clipped(diffuse), clipped(specular), float(np.clip(shininess, 1, 1000)),
@@ -264,8 +272,8 @@ class _Material:
             self._note(NOT_USED, f"alpha of texture {map_.name!r}, which no map_d asks for")
         return np.ascontiguousarray(codes[..., :3])
 
-    def _cutoff(self, texture: np.ndarray | None) -> dict[str, Any]:
-        """Texture and cutoff of a surface with holes, where its alpha is below a half."""
+    def _transparency(self, diffuse: np.ndarray, texture: np.ndarray | None) -> dict[str, Any]:
+        """The fields of veils, of glass, and of holes, where alpha is below a half."""
         opacity = float(np.clip(self._numbers("d", 1.0)[-1], 0, 1))
         if "tr" in self.statements and "d" not in self.statements:
             opacity = 1 - float(np.clip(self._numbers("tr", 0.0)[0], 0, 1))
@@ -283,14 +291,24 @@ class _Material:
             else:
                 alpha = np.rint(picture[..., :3].mean(-1)).astype(np.uint8)
         least, most = int(alpha.min()) / 255, int(alpha.max()) / 255
-        if opacity * least < SOLID / 255:
+        base = WHITE[..., :3] if texture is None else texture
+        soft = opacity * least < SOLID / 255 and (opacity < 1 or not is_mask(alpha))
+        if SPECULAR_TRACED and soft and opacity * most > 0:
+            if least == 1 and int(self._numbers("illum", 2.0)[0]) in REFRACTIVE:
+                index = max(float(self._numbers("ni", 1.0)[0]), 1.0)
+                colour = opacity * diffuse + (1 - opacity) * self._numbers("tf", 1.0)
+                return {"transmission": 1 - opacity, "ior": index, "diffuse": colour}
+            if least == most:
+                return {"opacity": opacity * least}
+            codes = np.dstack(same_size(base, alpha))
+            return {"opacity": opacity, "alpha_blend": True, "texture": codes}
+        if opacity * least < SOLID / 255 and not SPECULAR_TRACED:
             self._note(APPROXIMATED, "transparency; cut out where most light passes")
         if opacity * most < 0.5:
             self._note(LEFT_OUT, "cut out wholly")
             return {"texture": np.zeros((1, 1, 4), np.uint8), "alpha_cutoff": 0.5}
         if opacity * least >= 0.5:
             return {}
-        base = WHITE[..., :3] if texture is None else texture
         codes = np.dstack(same_size(base, alpha))
         return {"texture": codes, "alpha_cutoff": 0.5 / opacity}
 

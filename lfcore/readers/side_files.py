@@ -13,6 +13,15 @@ SOLID = 250
 """The least code of alpha that is solid: encoders blur an alpha of one."""
 
 
+SOFT = 0.05
+"""The largest share of texels on the edges of holes; with more, a texture is transparent."""
+
+
+def is_mask(alpha: np.ndarray) -> bool:
+    """Whether codes of alpha cut holes: nearly all of them stop or pass all light."""
+    return float(((alpha > 255 - SOLID) & (alpha < SOLID)).mean()) <= SOFT
+
+
 def beside(name: str, *files: Path) -> Path | None:
     """The file of a name that one of ``files`` has: in its folder, or in that of the next.
 

@@ -6,6 +6,7 @@ from PIL import Image
 from plain_scenes import load_mesh, refused
 
 from lfcore.colour import srgb_decode
+from lfcore.readers import mtl
 from lfcore.readers.load import load_scene
 from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import area_vectors
@@ -204,6 +205,24 @@ def test_opacity(read, lines, cutoff, noted):
     assert bool(notes) == noted and part.surface.alpha_cutoff == cutoff
     if cutoff:  # of a surface that lets most light pass nothing is left
         assert part.surface.texture[..., 3].max() == 0
+
+
+@pytest.mark.parametrize(
+    ("lines", "fields"),
+    [("d 0.3", {"opacity": 0.3}), ("Tr 0.25", {"opacity": 0.75}),
+     ("d 0.25\nNi 1.25\nillum 6\nTf 1 0.5 0", {"transmission": 0.75, "ior": 1.25,
+                                               "diffuse": (1, 0.625, 0.25)}),
+     ("Pc 0.5\nPcr 0.25", {"clearcoat": 0.5, "clearcoat_roughness": 0.25}),
+     ("d 0.5\nmap_d grey.png", {"opacity": 0.5, "alpha_blend": True}),
+     ("map_d grey.png", {"opacity": 1, "alpha_blend": False, "alpha_cutoff": 0.5})],
+)  # fmt: skip
+def test_veils_glass_and_coats(read, monkeypatch, lines, fields):
+    monkeypatch.setattr(mtl, "SPECULAR_TRACED", True)
+    alpha_picture(read.folder)
+    (part,), notes = read(mtl=f"newmtl m\nKd 1 1 1\n{lines}\n")
+    for name, value in fields.items():
+        assert getattr(part.surface, name) == value
+    assert not notes
 
 
 def test_alpha_that_nothing_asks_for_is_noted(read):

@@ -18,6 +18,7 @@ from lfcore.cli import main
 from lfcore.colour import srgb_decode
 from lfcore.exr import read_exr_picture
 from lfcore.oracle.shading import arriving
+from lfcore.readers.pbrt import materials
 from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
@@ -200,6 +201,43 @@ def test_materials_become_blinn_phong(read):
     assert mirror.shininess > 1000 and uber.diffuse == (0.2, 0.2, 0.2)
     text = scene.summary()
     assert 'Material "mirror"' in text and "opaque instead" in text
+
+
+def test_mirrors_glass_coats_and_veils(read, monkeypatch):
+    monkeypatch.setattr(materials, "SPECULAR_TRACED", True)
+    words = {
+        "mirror": '"mirror" "rgb Kr" [.9 .8 .7]',
+        "metal": '"conductor" "rgb reflectance" [.5 .6 .7]',
+        "glass": '"glass" "float index" 1.25 "rgb Kt" [1 .5 1]',
+        "named": '"dielectric" "spectrum eta" "glass-BK7"',
+        "pane": '"thindielectric"',
+        "coat": '"coateddiffuse" "rgb reflectance" [.2 .3 .4]',
+        "veil": '"uber" "rgb opacity" [.3 .3 .3] "rgb Kr" [.5 .5 .5]',
+        "tinted": '"uber" "rgb Kd" [.1 .1 .1] "rgb Kt" [.2 .3 .4] "float eta" 1.4',
+        "shade": '"translucent" "rgb Kd" [.8 .8 .8]',
+    }
+    text = "".join(f"Material {kind}\n{TRIANGLE}" for kind in words.values())
+    scene = read(text)
+    found = dict(zip(words, (scene.materials[i] for i in scene.material_ids), strict=True))
+    for name, colour in (("mirror", (0.9, 0.8, 0.7)), ("metal", (0.5, 0.6, 0.7))):
+        assert found[name].diffuse == colour
+        assert (found[name].metallic, found[name].roughness) == (1, 0)
+    glass, pane = found["glass"], found["pane"]
+    assert (glass.transmission, glass.ior, glass.diffuse) == (1, 1.25, (1, 0.5, 1))
+    assert pane.transmission == 1 and pane.thin_walled and not glass.thin_walled
+    assert found["named"].ior == 1.5168
+    assert found["coat"].clearcoat == 1 and found["coat"].diffuse == (0.2, 0.3, 0.4)
+    assert (found["veil"].opacity, found["veil"].clearcoat) == (pytest.approx(0.3), 0.5)
+    tinted = found["tinted"]
+    assert tinted.ior == 1.4 and tinted.transmission == pytest.approx(0.75)
+    np.testing.assert_allclose(tinted.diffuse, (0.3, 0.4, 0.5))
+    assert found["shade"].diffuse == (0.4, 0.4, 0.4) and "shines through" in scene.summary()
+    refused("index.*0.5", read, f'Material "glass" "float index" 0.5\n{TRIANGLE}')
+    mixed = read(
+        'MakeNamedMaterial "a" "string type" "glass"\nMakeNamedMaterial "b" "string type" "matte"\n'
+        'Material "mix" "string materials" ["a" "b"] "float amount" .25\n' + TRIANGLE
+    )
+    assert mixed.materials[0].transmission == 0.75
 
 
 def test_named_and_mixed_materials(read):

@@ -18,7 +18,7 @@ from lfcore.pictures import codes_of, decode
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import WEBP
-from lfcore.readers.side_files import SOLID, same_size
+from lfcore.readers.side_files import SOLID, is_mask, same_size
 from lfcore.reading import Where
 from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
@@ -257,17 +257,20 @@ class _Material:
         least, most = (255, 255) if colours is None else (
             int(colours[..., 3].min(initial=255)), int(colours[..., 3].max(initial=0))
         )  # fmt: skip
-        cutoff = number(self.entry, "alphaCutoff", 0.5) if mode == "MASK" else 0.5
-        if mode == "BLEND" and SPECULAR_TRACED:
-            cutoff = np.nextafter(0, 1)
-        elif mode == "BLEND" and alpha * least < SOLID:
+        blends = mode == "BLEND"
+        if blends and SPECULAR_TRACED and not (alpha == 1 and colours is not None
+                                               and is_mask(colours[..., 3])):  # fmt: skip
+            if not alpha * most:
+                self.note(LEFT_OUT, "cut out wholly")
+                return None
+            shown = {"alpha_blend": True, "texture": colours} if least < SOLID else {}
+            return {"opacity": alpha, **shown}
+        cutoff = 0.5 if blends else number(self.entry, "alphaCutoff", 0.5)
+        if blends and not SPECULAR_TRACED and alpha * least < SOLID:
             self.note(APPROXIMATED, "transparency; cut out where most light passes")
         if alpha * most / 255 < cutoff:
             self.note(LEFT_OUT, "cut out wholly")
             return None
-        if mode == "BLEND" and SPECULAR_TRACED:
-            blend = {"alpha_blend": True, "texture": colours} if least < SOLID else {}
-            return {"opacity": alpha, **blend}
         if alpha * least / 255 >= cutoff:
             return {}
         return {"alpha_cutoff": cutoff / alpha, "texture": colours}

@@ -1,13 +1,15 @@
-"""Converts pbrt's materials to Blinn-Phong surfaces.
+"""Converts pbrt's materials to surfaces: Blinn-Phong, mirrors, glass, coats and veils.
 
 With the lights divided by pi (``lights.py``) the diffuse colour is pbrt's Kd.  A microfacet lobe of
 roughness ``alpha`` becomes the Blinn-Phong lobe of the same peak: exponent ``2 / alpha^2 - 2``
 (Walter et al. 2007) and specular colour ``R / (4 alpha^2)``, R the reflectance at normal
-incidence, clipped to one.  Mirror images, refraction, transparency and bumps, which Blinn-Phong
-lacks, are noted.
+incidence, clipped to one.  Smooth metals are mirrors, smooth coats reflect as glass of index 1.5.
+Rough glass, coloured opacity, bumps and light that shines through are noted.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from lfcore.readers.pbrt.lexer import Place
 from lfcore.readers.pbrt.parameters import ParameterSet
 from lfcore.readers.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
-from lfcore.scene.needs import DIELECTRIC
+from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, SPECULAR_TRACED
 from lfcore.scene.surface_mesh import Surface
 
 METAL_DIFFUSE = 0.4
@@ -23,8 +25,12 @@ METAL_DIFFUSE = 0.4
 Blinn-Phong cannot: outside the highlight a metal would be black."""
 MIRROR_SHININESS = 2000.0
 """The exponent of a mirror's highlight."""
-Look = tuple[Texture, np.ndarray, float]
-"""The diffuse texture, specular colour, and shininess."""
+GLASSES = {
+    "BK7": 1.5168, "BAF10": 1.6700, "FK51A": 1.4866, "LASF9": 1.8503, "F5": 1.6727,
+    "SF10": 1.7283, "F10": 1.7283, "SF11": 1.7847, "F11": 1.7847,
+}  # fmt: skip
+"""The index of refraction, at 588 nm, of glasses given by name (Schott's data sheets); pbrt calls
+SF5, SF10 and SF11 F5, F10 and F11."""
 Resolved = tuple[Surface, Texture] | None
 """A surface with its texture and the image's uv transform; None if the material is no surface."""
 
@@ -35,6 +41,24 @@ class Definition:
 
     kind: str
     parameters: ParameterSet
+
+
+@dataclass(frozen=True)
+class Look:
+    """The diffuse texture, specular colour and shininess, and other fields of a surface."""
+
+    diffuse: Texture
+    specular: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    shininess: float = 32.0
+    fields: dict[str, Any] = field(default_factory=dict)
+
+
+MIRROR: dict[str, Any] = {"metallic": 1.0, "roughness": 0.0}
+
+
+def is_smooth(alpha: float) -> bool:
+    """Whether the tracer follows what microfacets of this width reflect."""
+    return SPECULAR_TRACED and math.sqrt(alpha) <= MIRROR_ROUGHNESS
 
 
 def roughness_to_alpha(roughness: float) -> float:
@@ -84,24 +108,27 @@ class MaterialTable:
         makers = {
             "matte": self._matte, "uber": self._uber, "coateddiffuse": self._coated,
             "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
-            "mix": self._mix,
+            "mix": self._mix, "translucent": self._translucent,
+            **(dict.fromkeys(("glass", "dielectric", "thindielectric"), self._glass)
+               if SPECULAR_TRACED else {}),
             "diffuse": lambda entry: self._lambert(entry, "reflectance"),
             "plastic": lambda entry: self._glossy(entry, 0.25, DIELECTRIC),
             "substrate": lambda entry: self._glossy(entry, 0.5, 1.0),
         }  # fmt: skip
-        texture, specular, shininess = makers.get(kind, self._unknown)(parameters)
+        look = makers.get(kind, self._unknown)(parameters)
         if parameters.get("bumpmap") or parameters.get("displacement"):
             parameters.left_out("bumps")
         parameters.note_unused()
         surface = Surface(
             name=parameters.owner.replace('"', ""),
-            diffuse=tuple(np.clip(texture.factor, 0, None).tolist()),
-            specular=tuple(np.asarray(specular, np.float64).tolist()),
-            shininess=shininess,
+            diffuse=tuple(np.clip(look.diffuse.factor, 0, None).tolist()),
+            specular=tuple(np.asarray(look.specular, np.float64).tolist()),
+            shininess=look.shininess,
             emission=emission,
-            texture=texture.image,
+            texture=look.diffuse.image,
+            **look.fields,
         )
-        return surface, texture
+        return surface, look.diffuse
 
     def _matte(self, parameters: ParameterSet) -> Look:
         if self.textures.number(parameters, "sigma", 0.0) > 0:
@@ -109,7 +136,7 @@ class MaterialTable:
         return self._lambert(parameters, "Kd")
 
     def _lambert(self, parameters: ParameterSet, name: str) -> Look:
-        return self.textures.colour(parameters, name, 0.5), np.zeros(3), 32.0
+        return Look(self.textures.colour(parameters, name, 0.5))
 
     def _alpha(self, parameters: ParameterSet, default: float, version4: bool = False) -> float:
         rough = self.textures.number(parameters, "roughness", default)
@@ -118,6 +145,8 @@ class MaterialTable:
         if u != v:
             parameters.approximated("anisotropy, mean roughness")
         rough = (u + v) / 2
+        if not rough:
+            return 0.0
         if not parameters.bool("remaproughness", True):
             return rough
         return float(np.sqrt(rough)) if version4 else roughness_to_alpha(rough)
@@ -125,27 +154,95 @@ class MaterialTable:
     def _glossy(self, parameters: ParameterSet, default: float, reflectance: float) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", default)
         gloss = self.textures.rgb(parameters, "Ks", default)
-        return diffuse, *lobe(gloss * reflectance, self._alpha(parameters, 0.1))
+        alpha = self._alpha(parameters, 0.1)
+        coat = float(gloss.max()) * reflectance / DIELECTRIC
+        fields = {"clearcoat": min(coat, 1.0)} if coat and is_smooth(alpha) else {}
+        if fields and coat > 1:
+            parameters.approximated("a coat of index 1.5")
+        return Look(diffuse, *lobe(gloss * reflectance, alpha), fields)
 
     def _coated(self, parameters: ParameterSet) -> Look:
         diffuse = self.textures.colour(parameters, "reflectance", 0.5)
-        return diffuse, *lobe(np.full(3, DIELECTRIC), self._alpha(parameters, 0.0, True))
+        alpha = self._alpha(parameters, 0.0, True)
+        fields = {"clearcoat": 1.0} if is_smooth(alpha) else {}
+        return Look(diffuse, *lobe(np.full(3, DIELECTRIC), alpha), fields)
 
     def _uber(self, parameters: ParameterSet) -> Look:
-        for name, effect in (("Kr", "mirror image"), ("Kt", "transmission")):
-            if self.textures.rgb(parameters, name, 0.0).any():
-                parameters.left_out(f"{effect} ({name})")
-        if (self.textures.rgb(parameters, "opacity", 1.0) < 1).any():
-            parameters.approximated("opaque instead")
+        mirrored, passed = (self.textures.rgb(parameters, name, 0.0) for name in ("Kr", "Kt"))
+        opacity = np.clip(self.textures.rgb(parameters, "opacity", 1.0), 0, 1)
+        index = self._index(parameters)
+        look = self._glossy(parameters, 0.25, DIELECTRIC)
+        if not SPECULAR_TRACED:
+            for share, effect in ((mirrored, "mirror image (Kr)"), (passed, "transmission (Kt)")):
+                if share.any():
+                    parameters.left_out(effect)
+            if (opacity < 1).any():
+                parameters.approximated("opaque instead")
+            return look
+        fields: dict[str, Any] = {**look.fields, "opacity": float(opacity.mean())}
+        if np.ptp(opacity):
+            parameters.approximated("opacity without colour")
+        if mirrored.any():
+            fields["clearcoat"] = min(float(mirrored.max()), 1.0)
+        diffuse = look.diffuse
+        if passed.any():
+            # The colours of both are their sum, shared so that the mean light of each is right.
+            share = passed.mean() / (passed + diffuse.mean()).mean()
+            fields |= {"transmission": float(share), "ior": index}
+            brighter = (passed + diffuse.mean()) / np.maximum(diffuse.mean(), 1e-6)
+            diffuse = replace(diffuse, factor=diffuse.factor * brighter)
+            if not diffuse.factor.any():
+                diffuse = constant(passed)
+        return Look(diffuse, look.specular, look.shininess, fields)
+
+    def _glass(self, parameters: ParameterSet) -> Look:
+        passed = self.textures.rgb(parameters, "Kt", 1.0)
+        mirrored = self.textures.rgb(parameters, "Kr", 1.0)
+        if not np.allclose(mirrored, 1):
+            parameters.approximated("all light that Fresnel's equations reflect (Kr)")
+        version4 = "dielectric" in parameters.owner
+        if not is_smooth(self._alpha(parameters, 0.0, version4)):
+            parameters.approximated("smooth instead")
+        thin = "thindielectric" in parameters.owner
+        fields = {"transmission": 1.0, "ior": self._index(parameters), "thin_walled": thin}
+        return Look(constant(np.clip(passed, 0, 1)), fields=fields)
+
+    def _index(self, parameters: ParameterSet) -> float:
+        """The index of refraction, of a number or a glass's name."""
+        found = 1.5
         for name in ("eta", "index"):
-            parameters.get(name)
-        return self._glossy(parameters, 0.25, DIELECTRIC)
+            parameter = parameters.get(name)
+            if parameter is None:
+                continue
+            if isinstance(parameter.values, list):
+                words = str(parameter.values[0]).replace("-", " ").replace(".", " ").split()
+                found = next((GLASSES[word] for word in words if word in GLASSES), found)
+                if not any(word in GLASSES for word in words):
+                    parameters.approximated(f"index of refraction {found:g}", name)
+            elif parameter.type == "spectrum":
+                found = float(np.mean(parameter.values[1::2]))
+            else:
+                found = float(np.mean(parameter.values))
+        if not found >= 1:
+            key = "eta" if "eta" in parameters.items else "index"
+            raise parameters.error(key, f"is {found:g}", "Give an index of at least 1")
+        return found
+
+    def _translucent(self, parameters: ParameterSet) -> Look:
+        share = self.textures.rgb(parameters, "reflect", 0.5)
+        if self.textures.rgb(parameters, "transmit", 0.5).any():
+            parameters.left_out("light that shines through")
+        look = self._glossy(parameters, 0.25, DIELECTRIC)
+        diffuse = replace(look.diffuse, factor=look.diffuse.factor * share)
+        return replace(look, diffuse=diffuse, specular=look.specular * share)
 
     def _metal(self, parameters: ParameterSet) -> Look:
         version4 = "conductor" in parameters.owner
         alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
-        reflectance = self._metal_colour(parameters)
-        return _metal_diffuse(parameters, reflectance), *lobe(reflectance, alpha)
+        reflectance = np.clip(self._metal_colour(parameters), 0, 1)
+        if is_smooth(alpha):
+            return Look(constant(reflectance), fields=MIRROR)
+        return Look(_metal_diffuse(parameters, reflectance), *lobe(reflectance, alpha))
 
     def _metal_colour(self, parameters: ParameterSet) -> np.ndarray:
         if "reflectance" in parameters.items:
@@ -162,8 +259,10 @@ class MaterialTable:
 
     def _mirror(self, parameters: ParameterSet) -> Look:
         reflectance = self.textures.rgb(parameters, "Kr", 0.9)
+        if SPECULAR_TRACED:
+            return Look(constant(np.clip(reflectance, 0, 1)), fields=MIRROR)
         diffuse = _metal_diffuse(parameters, reflectance)
-        return diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS
+        return Look(diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS)
 
     def _mix(self, parameters: ParameterSet) -> Look:
         pair = parameters.get("materials", "string")
@@ -197,11 +296,26 @@ class MaterialTable:
             texture = Texture(halves[0].factor + halves[1].factor)
         specular = weight * np.array(a.specular) + (1 - weight) * np.array(b.specular)
         glossier = max((a, b), key=lambda surface: sum(surface.specular))
-        return texture, specular, glossier.shininess
+        return Look(texture, specular, glossier.shininess, _mixed(a, b, weight))
 
     def _unknown(self, parameters: ParameterSet) -> Look:
         parameters.approximated("as matte grey of 0.5")
         for name in ("Kd", "reflectance", "color", "Kr"):
             if name in parameters.items:
                 return self._lambert(parameters, name)
-        return constant(0.5), np.zeros(3), 32.0
+        return Look(constant(0.5))
+
+
+def _mixed(first: Surface, second: Surface, weight: float) -> dict[str, Any]:
+    """The fields of mirrors, glass, coats and veils of a mixture; ``weight`` is the first's."""
+    pairs = ((first, weight), (second, 1 - weight))
+    fields: dict[str, Any] = {
+        name: sum(share * getattr(surface, name) for surface, share in pairs)
+        for name in ("transmission", "clearcoat", "opacity")
+    }
+    clearer = max(pairs, key=lambda pair: pair[1] * pair[0].transmission)[0]
+    fields |= {"ior": clearer.ior, "thin_walled": clearer.thin_walled}
+    if first.is_metallic or second.is_metallic:
+        fields["metallic"] = sum(share * max(surface.metallic, 0) for surface, share in pairs)
+        fields["roughness"] = min(first.roughness, second.roughness)
+    return fields
