@@ -1,7 +1,5 @@
-"""What our pictures stand beside: camera arrays, plenoptic cameras, other renderers, less of us."""
+"""What our pictures stand beside: camera arrays, plenoptic cameras, other renderers."""
 
-import dataclasses
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -13,13 +11,12 @@ from hypothesis import strategies as st
 from PIL import Image
 from plain_scenes import SCENES, in_even_light, refused
 
-from lfcore import CameraArray, SensorPlane, load_scene, open_device
+from lfcore import CameraArray, SensorPlane, load_scene
 from lfcore.evaluation import renderers
 from lfcore.evaluation.assignment.arrays import array_of, errors, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.figures import shrunk
-from lfcore.evaluation.left_out import FEATURES, LeftOutError, check_identical, full_needs, left_out
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of
@@ -28,11 +25,7 @@ from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 from lfcore.rendering.photograph import direct_thin_lens, trace_array
 from lfcore.rendering.prepared import open_tracer
-from lfcore.scene.appearance import DIRECTIONAL, Light, Material
-from lfcore.scene.needs import Needs
 from lfcore.scene.view import lightfield_view
-from lfcore.tracing.bvh import build_bvh
-from lfcore.tracing.surfaces import pack_surfaces
 
 PLANES = [SensorPlane(1.33, 1.0), SensorPlane(1.2, 1.4, "square"), SensorPlane(1.6, 1.0)]
 
@@ -124,76 +117,6 @@ def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     renderers.renderers_sheet(tmp_path / "sheet.png", rendered, (1.0, 2.0))
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.width < 2.5 * 256 and sheet.height > 4 * 256
-
-
-TRIANGLES = np.array(
-    [[[-1, -1, 2], [1, -1, 2.5], [0, 1, 2]], [[-2, -2, 4], [2, -2, 4], [0, 2, 4]]], np.float32
-)
-BEHIND = [[[-1, -1, -2], [1, -1, -2], [0, 1, -2]]]
-
-
-@pytest.fixture(scope="module")
-def plain():
-    """A scene that needs nothing but one light, and has a triangle that nobody can see.
-
-    The light casts no shadow: of the programs with all that the scene lacks, those with shadows are
-    the dearest to build, and now two have them.
-    """
-    light = Light(DIRECTIONAL, (0.0, -0.6, -0.8), (1.0, 1.0, 1.0), casts_shadows=False)
-    triangles = [*TRIANGLES, *BEHIND]
-    return bare_scene(triangles, lights=[light], materials=[Material("grey")], ambient=(0.0,) * 3)
-
-
-def test_every_feature_has_its_place():
-    """A new field of Needs, or a new define, fails here until the registry says what it saves."""
-    scene = bare_scene(TRIANGLES)
-    assert {feature.field for feature in FEATURES} == {f.name for f in dataclasses.fields(Needs)}
-    defines = {define for feature in FEATURES for define in feature.defines}
-    assert defines == set(pack_surfaces(scene, Needs.of(scene)).defines)
-
-
-@pytest.mark.parametrize("feature", FEATURES, ids=lambda feature: feature.field)
-def test_the_full_program_is_fuller(feature):
-    """Filling in a feature switches its define on: else full and lean would be one program."""
-    scene = bare_scene(TRIANGLES, ambient=(0.0,) * 3)
-    needs, filled = Needs.of(scene), feature.fill(scene)
-    assert feature.missing(needs)
-    lean = pack_surfaces(scene, needs).defines
-    full = pack_surfaces(filled, full_needs(filled, feature.field)).defines
-    assert all(full[define] > lean[define] for define in feature.defines)
-    assert all(full[define] >= lean[define] for define in full)
-
-
-@pytest.mark.kernels
-def test_pictures_are_identical_without_what_is_left_out(plain):
-    device = open_device(threads=1)
-    bvh = build_bvh(plain.triangles)
-    made = left_out(plain, bvh, device, views=16, pixels=16, repeats=1)
-    found = {row["feature"]: row for row in made}
-    assert set(found) == {f.field for f in FEATURES} | {
-        "frames", "planes", "lens_blocks",
-    }  # fmt: skip
-    assert [name for name, row in found.items() if not row["identical"]] == []
-    assert found["vertex_colours"]["bytes_saved"] >= 4 * 9 * len(plain.triangles)
-    assert all(row["bytes_saved"] >= 0 for row in made)
-
-
-def test_a_picture_loads_no_video_library_and_none_that_filters_textures():
-    program = f"""if True:
-        import sys, lfcore
-        scene = lfcore.Scene.from_triangles({TRIANGLES.tolist()})
-        assert lfcore.render(scene, pixels=16, views=2, filter="nearest").any()
-        print({{"av", "cv2"}} & set(sys.modules))
-        """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout == "set()\n", done.stderr
-
-
-def test_a_row_that_differs_is_an_error():
-    rows = [{"scene": "s", "feature": name, "identical": name != "fog"} for name in ("a", "fog")]
-    check_identical(rows[:1])
-    with pytest.raises(LeftOutError, match="s, fog"):
-        check_identical(rows)
 
 
 # A bright and a dark half of a wall at z = 4, a red bar before it at z = 2; ambient light alone.

@@ -117,24 +117,6 @@ rule stability:
         "../scripts/stability.py"
 
 
-rule left_out_scene:
-    input:
-        **of_scene("{scene}"),
-    output:
-        "results/{scene}/analysis/left_out.json",
-    log:
-        "logs/left_out/{scene}.log",
-    priority: LONG
-    conda:
-        "../envs/lfcore.yaml"
-    params:
-        version=version("left_out_scene"),
-        measured=SETTINGS["left_out"],
-        device=DEVICE,
-    script:
-        "../scripts/left_out_scene.py"
-
-
 # Tables of all scenes' rows; two have a figure of all scenes.
 for name, rows, light_fields, figures in (
     (
@@ -145,7 +127,6 @@ for name, rows, light_fields, figures in (
     ),
     ("retrieval", "storage/retrieval.json", [], ["results/tables/figures/retrieval.png"]),
     ("equivalence", "storage/equivalence.json", [], []),
-    ("left_out", "analysis/left_out.json", [], []),
     # A new quality has no file yet, which runs the scenes' jobs again.
     ("chosen_rays", f"M{PIXELS}/chosen/chosen_rays.json", expand(CHOSEN_FIELDS, scene=SCENES), []),
 ):
