@@ -28,8 +28,7 @@ import pandas as pd
 from benchmarks.lit_scenes import MADE, made_scene
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
-from benchmarks.peers.mitsuba_path import mitsuba_path
-from benchmarks.peers.mitsuba_picture import denoised
+from benchmarks.peers.mitsuba import denoised, mitsuba_path
 from benchmarks.results import parser_of, report, say, with_kept
 from benchmarks.sample import SCENES
 from docs.examples.sky import sky

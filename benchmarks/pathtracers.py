@@ -27,7 +27,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Samples, SkippedError
-from benchmarks.peers.mitsuba_lens import mitsuba_lens
+from benchmarks.peers.mitsuba import mitsuba_lens
 from benchmarks.results import parser_of, report, say
 from benchmarks.sample import SCENES
 from lfcore.evaluation.figures import contact_sheet, save_figure

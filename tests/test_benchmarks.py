@@ -12,8 +12,7 @@ import pytest
 
 from benchmarks import pathtracers, readers, results, tracer
 from benchmarks.peers.method import SkippedError
-from benchmarks.peers.mitsuba_lens import check_plain
-from benchmarks.peers.mitsuba_path import Lit
+from benchmarks.peers.mitsuba import Lit, check_plain
 from lfcore import Material, SensorPlane
 from lfcore.rendering.prepared import open_tracer
 from robustness.outcome import ROOT
@@ -133,7 +132,7 @@ def test_lamps_alone_emit_in_mitsuba(ambient):
         material_ids=np.int32([0, 0, 1, 1]), ambient=ambient,
     )  # fmt: skip
     mitsuba = MagicMock()
-    Lit(mitsuba, room).all({})
+    Lit(mitsuba, room).all()
     loaded = [call.args[0] for call in mitsuba.load_dict.call_args_list]
     emitters = [given["radiance"] for given in loaded if given["type"] == "area"]
     assert emitters == [{"type": "rgb", "value": [2.0, 1.0, 1.0]}]

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers.method import Renderer, Samples, check_installed
-from benchmarks.peers.mitsuba_lens import check_plain
-from benchmarks.peers.mitsuba_path import panorama, without_suns
+from benchmarks.peers.mitsuba import check_plain, panorama, without_suns
 from lfcore.exr import read_exr_picture
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT

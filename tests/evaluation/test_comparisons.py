@@ -12,12 +12,12 @@ from PIL import Image
 from plain_scenes import SCENES, in_even_light, refused
 
 from lfcore import CameraArray, SensorPlane, load_scene
-from lfcore.evaluation import renderers
 from lfcore.evaluation.assignment.arrays import array_of, errors, square_field
 from lfcore.evaluation.assignment.reconstruction import convergence, reconstructions, slope
 from lfcore.evaluation.equivalence import equivalence
 from lfcore.evaluation.figures import shrunk
 from lfcore.evaluation.plenoptic_figure import panels, plenoptic_sheet, take
+from lfcore.evaluation.renderers import comparison, povray
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.table_files import table_of
 from lfcore.pictures import write_picture
@@ -102,9 +102,9 @@ def test_sheet_and_whole_photograph(pictures, chart, tmp_path):
 
 @pytest.mark.kernels
 def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
-    monkeypatch.setattr(renderers.shutil, "which", lambda name: None)
+    monkeypatch.setattr(povray.shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "mitsuba", None)
-    rows, rendered = renderers.compare(chart, (1.0, 2.0), pixels=32, views=4)
+    rows, rendered = comparison.compare(chart, (1.0, 2.0), pixels=32, views=4)
     table = table_of(rows)
     assert len(table) == 8
     missing = table[table.method.isin(["POV-Ray", "Mitsuba 3"])]
@@ -114,7 +114,7 @@ def test_missing_renderers_are_left_out_aloud(monkeypatch, chart, tmp_path):
     assert (ours.psnr_db > 20).all() and (ours.mrays_per_second > 0).all()
     # Rays spread over the pixels are nearer the reference.
     assert ours.psnr_db.iloc[1] > ours.psnr_db.iloc[0]
-    renderers.renderers_sheet(tmp_path / "sheet.png", rendered, (1.0, 2.0))
+    comparison.renderers_sheet(tmp_path / "sheet.png", rendered, (1.0, 2.0))
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert sheet.width < 2.5 * 256 and sheet.height > 4 * 256
 

@@ -8,7 +8,7 @@ from lfcore import DeviceError, Lattice, LightField, OpticsError, SensorPlane, S
 from lfcore.errors import SettingsError
 from lfcore.evaluation import chosen_rays
 from lfcore.evaluation.chosen_rays import chosen_rays_table, chosen_row, thesis_row
-from lfcore.evaluation.renderers import Rendered
+from lfcore.evaluation.renderers.rendered import Rendered
 from lfcore.evaluation.stability.tested_tracer import bare_scene
 from lfcore.evaluation.true_picture import Reference, inner_psnr, true_pictures
 from lfcore.evaluation.work_precision import figure, in_memory, points, study

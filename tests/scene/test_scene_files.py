@@ -15,16 +15,17 @@ from plain_scenes import CHART, refused
 from lfcore import Camera, Light, Material, Motion, Scene, SensorPlane, open_device
 from lfcore.colour import srgb_encode
 from lfcore.evaluation.metrics import psnr
-from lfcore.evaluation.renderers import mitsuba, or_left_out, povray, spread_picture
+from lfcore.evaluation.renderers.comparison import spread_picture
+from lfcore.evaluation.renderers.mitsuba import Description, render_mitsuba
+from lfcore.evaluation.renderers.povray import render_povray, write_mesh, write_view
+from lfcore.evaluation.renderers.rendered import or_left_out
 from lfcore.readers.load import load_scene
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.files import ARRAYS, read_header, read_scene, save_scene
-from lfcore.scene.mitsuba import Description
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
-from lfcore.scene.povray import write_mesh, write_view
 from lfcore.scene.transforms import rotate
 from lfcore.scene.view import lightfield_view
 
@@ -185,8 +186,8 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
 @pytest.mark.parametrize(
     ("render", "installed"),
     [
-        pytest.param(povray, shutil.which("povray"), id="povray"),
-        pytest.param(mitsuba, importlib.util.find_spec("mitsuba"), id="mitsuba"),
+        pytest.param(render_povray, shutil.which("povray"), id="povray"),
+        pytest.param(render_mitsuba, importlib.util.find_spec("mitsuba"), id="mitsuba"),
     ],
 )
 def test_other_programs_see_the_same_picture(chart, render, installed):

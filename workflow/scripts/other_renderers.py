@@ -1,6 +1,6 @@
 """Render the same pictures by lfcore, POV-Ray and Mitsuba 3, as far as these are installed."""
 
-from lfcore.evaluation.renderers import compare, renderers_sheet
+from lfcore.evaluation.renderers.comparison import compare, renderers_sheet
 from lfcore.evaluation.table_files import table_of, write_csv
 from lfcore.workflow.batch import open_tracer
 from lfcore.workflow.job import job

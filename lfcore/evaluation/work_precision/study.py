@@ -22,7 +22,8 @@ import numpy as np
 
 import lfcore
 from lfcore.errors import OpticsError
-from lfcore.evaluation.renderers import PEERS, Rendered, or_left_out
+from lfcore.evaluation.renderers.comparison import PEERS
+from lfcore.evaluation.renderers.rendered import Rendered, or_left_out
 from lfcore.evaluation.true_picture import Reference, inner_psnr
 from lfcore.evaluation.work_precision.in_memory import memory_rows
 from lfcore.evaluation.work_precision.points import (

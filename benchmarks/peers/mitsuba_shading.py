@@ -1,73 +1,19 @@
-"""Mitsuba 3 through a thin lens with our shading, and Intel's denoiser (OIDN).
+"""Our shading as an integrator of Mitsuba, as `lfcore.oracle.shading`.
 
-The same: triangles, normals, textures, materials, light, lens, focus, box filter of a pixel, values
-clipped to [0, 1] per ray.  Different: rays are random samples of pixel and lens, and textures are
-not filtered by a footprint.  A small integrator shades as `lfcore.oracle.shading`.
+Values are clipped to [0, 1] per ray; textures are not filtered by a footprint.
 """
-
-from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.method import Renderer, Samples, SkippedError, check_installed
-from benchmarks.peers.mitsuba_picture import NEEDS, chosen_llvm, render, start
 from lfcore.colour import srgb_decode
-from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import POINT
-from lfcore.scene.mitsuba import mesh_of, thin_lens
 from lfcore.scene.model import Scene
 
 LEAST_ROUGHNESS = 0.05
-_here: dict[str, Any] = {}
+"""The least roughness of metal, as in our kernels."""
 
 
-def mitsuba_lens(scene: Scene, threads: int) -> Renderer:
-    """Open Mitsuba with a scene.
-
-    Raises :class:`SkippedError` for a missing package, or a scene that the integrator cannot shade.
-    """
-    check_installed("mitsuba", "mitsuba_oidn")
-    check_plain(scene)
-    return Renderer(_open, (scene, threads, chosen_llvm()), _picture, NEEDS)
-
-
-def check_plain(scene: Scene, *, may_bounce: bool = False) -> None:
-    """Raise :class:`SkippedError` for a scene that the integrator cannot shade as we do."""
-    maps = ("metal_texture", "normal_texture", "emission_texture")
-    left_out = {
-        "colours at corners": len(scene.colours) > 0,
-        "cut-outs": any(scene.has_alpha_test(m) for m in scene.every_material),
-        "maps of metal, normals or emission": any(
-            getattr(m, name) >= 0 for m in scene.every_material for name in maps
-        ),
-        "area lights and spots": any(x.is_of_emitter or x.is_spot for x in scene.lights),
-        "a sky or bounces": not may_bounce and (len(scene.sky) > 0 or scene.bake is not None),
-    }
-    for feature, present in left_out.items():
-        if present:
-            raise SkippedError(f"{scene.name} has {feature}, which the integrator lacks")
-
-
-def _open(scene: Scene, threads: int, llvm: str | None) -> None:
-    mitsuba = start(threads, llvm)
-    mitsuba.register_integrator("shading", lambda properties: _integrator(scene)(properties))
-    mesh = mesh_of(mitsuba, "triangles", scene.triangles, scene.normals, scene.uvs)
-    _here.update(mitsuba=mitsuba, geometry=mesh, loaded={})
-
-
-def _picture(camera: Camera, pixels: int, samples: Samples, seed: int):
-    mitsuba, loaded = _here["mitsuba"], _here["loaded"]
-    key = camera, pixels, samples.sampler, samples.denoise == "auxiliary"
-    if key not in loaded:
-        sensor = thin_lens(mitsuba, camera, pixels, samples.sampler)
-        integrator = {"type": "shading", "auxiliary": key[3]}
-        loaded[key] = mitsuba.load_dict(
-            {"type": "scene", "sensor": sensor, "integrator": integrator, "all": _here["geometry"]}
-        )
-    return render(mitsuba, loaded[key], pixels, samples, seed)
-
-
-def _integrator(scene: Scene):
+def shading_of(scene: Scene):
     """Return the class of the integrator, with the scene's tables on Mitsuba's device."""
     import drjit as dr
     import mitsuba as mi
@@ -126,7 +72,7 @@ def _integrator(scene: Scene):
         return ((1 - fresnel) * (1 - metal) * base + fresnel * peak) * light
 
     class Shading(mi.SamplingIntegrator):
-        """Blinn-Phong shading with ambient light and shadows, as `lfcore.oracle.shading`."""
+        """Blinn-Phong and microfacets, ambient light and shadows."""
 
         def __init__(self, properties):
             super().__init__(properties)

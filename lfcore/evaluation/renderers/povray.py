@@ -1,11 +1,16 @@
-"""Export of a scene to POV-Ray: the same triangles, materials, lights and thin lens.
+"""POV-Ray: a scene with the same triangles, materials, lights and thin lens, and its picture.
 
 POV-Ray's axes are camera space with y upwards.  Its focal blur is a thin lens; its Blinn highlight
 (``specular``) is the scene's, with the strongest channel of the specular colour.
 Colours are linear (``assumed_gamma 1``); lens points and pixel sampling are POV-Ray's own.
 """
 
+import functools
 import math
+import re
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -13,9 +18,12 @@ import numpy as np
 
 from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.errors import SceneError
+from lfcore.evaluation.renderers.rendered import NotRenderedError, Rendered
 from lfcore.files import write_text
 from lfcore.optics.camera import Camera
-from lfcore.pictures import write_picture
+from lfcore.optics.planes import SensorPlane
+from lfcore.pictures import read_picture, write_picture
+from lfcore.rendering.direct import focused_camera
 from lfcore.scene.appearance import POINT
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import check_exportable
@@ -26,6 +34,8 @@ FAR_M = 1e4
 """The distance of a directional light, metres; POV-Ray makes its rays parallel."""
 FADE = 1000.0
 """The reference distance of a point light over POV-Ray's fade distance."""
+TIMEOUT_S = 600
+"""The seconds after which a run is ended."""
 
 
 def write_mesh(folder: str | Path, scene: Scene) -> None:
@@ -128,3 +138,43 @@ def _block(name: str, rows: np.ndarray) -> str:
     form = "<" + ",".join(["%.7g"] * rows.shape[1]) + ">"
     vectors = ",\n".join([form % tuple(row) for row in rows.tolist()])
     return f"{name} {{ {len(rows)},\n{vectors}\n}}"
+
+
+@functools.lru_cache(1)  # pictures of one scene follow each other
+def _mesh_folder(scene: Scene) -> tempfile.TemporaryDirectory:
+    """Return the folder of the scene's mesh."""
+    folder = tempfile.TemporaryDirectory(prefix="povray-")
+    write_mesh(folder.name, scene)
+    return folder
+
+
+def render_povray(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    """Render by POV-Ray; seconds are its measurement, without parsing."""
+    program = shutil.which("povray")
+    if program is None:
+        raise NotRenderedError("povray is not installed")
+    folder = Path(_mesh_folder(scene).name)
+    rays = views**2
+    write_view(folder, scene, focused_camera(scene.camera, plane), samples=rays)
+    output = folder / "out.png"
+    output.unlink(missing_ok=True)
+    # 16-bit PNG without a gamma curve: linear light.
+    command = [
+        program, f"+I{FILE}", f"+W{pixels}", f"+H{pixels}", "+WT1", "+FN16", "File_Gamma=1.0",
+        f"+O{output.name}", "-D", "-A",
+    ]  # fmt: skip
+    try:
+        process = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, errors="replace",
+            check=False, timeout=TIMEOUT_S,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NotRenderedError(f"povray does not run here: {error}") from None
+    seconds = re.search(r"Trace Time:.*?\(([\d.]+) seconds\)", process.stderr)
+    if process.returncode or not seconds:
+        raise NotRenderedError(f"povray failed: {' '.join(process.stderr.split())[-200:]}")
+    codes = read_picture(output)
+    version = re.search(r"POV-Ray ([\d.]+)", process.stderr)
+    picture = codes.astype(np.float32) / np.iinfo(codes.dtype).max
+    note = f"POV-Ray {version[1].rstrip('.') if version else ''}, its own lens points"
+    return Rendered("POV-Ray", picture, rays, float(seconds[1]), note)

@@ -1,11 +1,12 @@
-"""Export of a scene to Mitsuba 3: the same triangles, materials, lights and thin lens.
+"""Mitsuba 3: a scene with the same triangles, materials, lights and thin lens, and its picture.
 
-The caller imports the package ``mitsuba`` and hands it over.  Mitsuba has
-no Blinn-Phong lobe (materials with a highlight become its rough plastic of a similar width), no
-ambient light and no lights without shadows (left out); it draws lens points of the round lens at
-random.  A scene without lights is ambient light alone, which is exact: surfaces become emitters.
+Mitsuba has no Blinn-Phong lobe (materials with a highlight become its rough plastic of a similar
+width), no ambient light and no lights without shadows (left out); it draws lens points of the round
+lens at random.  A scene without lights is ambient light alone, which is exact: surfaces become
+emitters.
 """
 
+import importlib
 import math
 from types import ModuleType
 from typing import Any
@@ -14,10 +15,33 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import SceneError
+from lfcore.evaluation.renderers.rendered import NotRenderedError, Rendered, timed
 from lfcore.optics.camera import Camera
+from lfcore.optics.planes import SensorPlane
+from lfcore.rendering.direct import focused_camera
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import check_exportable
+
+
+def start(variant: str, threads: int) -> ModuleType:
+    """Import Mitsuba with a variant, e.g. ``scalar_rgb``, and as many threads beside our own."""
+    mitsuba = importlib.import_module("mitsuba")
+    mitsuba.set_variant(variant)
+    importlib.import_module("drjit").set_thread_count(threads)
+    return mitsuba
+
+
+def render_mitsuba(scene: Scene, plane: SensorPlane, pixels: int, views: int) -> Rendered:
+    """Render by Mitsuba's scalar variant, which runs on every processor, on one thread."""
+    try:
+        mitsuba = start("scalar_rgb", 0)
+    except (ImportError, RuntimeError) as error:
+        raise NotRenderedError(f"mitsuba is not installed, or does not run here: {error}") from None
+    lens = thin_lens(mitsuba, focused_camera(scene.camera, plane), pixels)
+    loaded = mitsuba.load_dict(Description(mitsuba, scene).all() | {"sensor": lens})
+    note, rays = f"Mitsuba {mitsuba.__version__} scalar_rgb, random lens points", views**2
+    return timed(lambda: np.asarray(mitsuba.render(loaded, spp=rays)), "Mitsuba 3", rays, note)
 
 
 def thin_lens(
@@ -63,7 +87,7 @@ def mesh_of(
 
 
 class Description:
-    """Turns a scene and a camera into Mitsuba's dictionary.
+    """Turns a scene into Mitsuba's dictionary.
 
     ``mitsuba`` is the module, its variant set.
     """
@@ -77,12 +101,12 @@ class Description:
             remedy = "Leave it out, or compare a scene that has no other light"
             raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
 
-    def all(self, sensor: dict) -> dict:
-        """The dictionary for ``mitsuba.load_dict``, for the pictures of a sensor."""
+    def all(self) -> dict:
+        """The dictionary for ``mitsuba.load_dict``, without a sensor."""
         integrator = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
         if self._is_ambient:
             integrator = {"type": "path", "max_depth": 1}
-        out = {"type": "scene", "integrator": integrator, "sensor": sensor}
+        out = {"type": "scene", "integrator": integrator}
         for index, light in enumerate(self._scene.lights):
             if light.casts_shadows and any(light.colour):
                 out[f"light_{index}"] = self._light(light)
