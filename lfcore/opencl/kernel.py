@@ -6,7 +6,7 @@ from typing import Any
 from lfcore.opencl.device import Device, build_program, cl
 from lfcore.opencl.interface import FLOAT, INT, UINT, Interface
 
-_NUMBERS = {"const int ": INT, "const uint ": UINT, "const float ": FLOAT}
+_NUMBERS: dict[str, Any] = {"const int ": INT, "const uint ": UINT, "const float ": FLOAT}
 
 
 class Kernel:

@@ -20,6 +20,8 @@ from lfcore.errors import OpticsError
 from lfcore.optics.camera import Camera
 from lfcore.optics.size import MOST_PIXELS, Pixels, Size, whole_number
 
+Ends = tuple[int, int, int, int]
+"""The first column and row, and the column and row after the last."""
 Rectangle = tuple[int, int, int, int]
 """First column, first row, columns, rows."""
 MOST_SUBPIXELS = 64

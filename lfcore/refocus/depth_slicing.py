@@ -14,44 +14,41 @@ depth); Soler et al., "Fourier Depth of Field", TOG 2009 (the number of samples)
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
+from lfcore.opencl.device import Device, cl, open_device, page_aligned
+from lfcore.opencl.interface import record
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.ray_cells import LensCells, ViewSet, lens_cells
+from lfcore.optics.ray_cells import ViewSet
 from lfcore.optics.size import Size
+from lfcore.refocus.depth_program import (
+    COARSE_PX,
+    FILES,
+    FULL_LAYERS,
+    INTERFACE,
+    MOST_BOUNDS,
+    PATCH_COLUMNS,
+    PATCH_ROWS,
+    SLICING_ARGUMENTS,
+    SQUARES,
+)
+from lfcore.refocus.placed_views import PlacedViews
 from lfcore.storage.depth_stream import DepthCodes
 
-IN_FOCUS_PX = 0.5
-"""The largest sweep in focus, pixels of the picture."""
-WIDE_PX = 2.0
-"""The smallest sweep of wide blur, pixels of the picture."""
-WIDE_LAYERS = 5
-"""Layers of wide blur on each side of the plane (measured, docs/decisions.md)."""
 LEAST_OF_RAY = 0.5
 """The least side of a box, in distances between neighbouring rays of a view (measured there)."""
 LEAST_OF_ALL = 2.0
 """The least side of a box, in distances between neighbouring rays of all views together, which
 counts if it is less (measured there)."""
-COARSE_PX = 1.25
-"""The largest pixel of a view, in pixels of the picture, whose pattern a pixel averages away."""
 LARGE_FROM = 2048
 """The longer side, in pixels, from which pictures are large: 4 x 4 rays share boxes 32 rays wide,
 which smaller pictures hardly have, and sums of wide blur have pixels of 2 x 2."""
-FULL_LAYERS = 3
-"""Layers on each side of the plane with all pixels in large pictures; with two, pictures lose up to
-3 dB."""
-TILE_ROWS = 4
-"""The rows of rays that the kernel joins to squares at a time."""
-TILE_COLUMNS = 64
-"""The columns of rays that the kernel joins to squares at a time."""
-TILE_BYTES = 6 * 64
-"""The memory of the squares of a tile."""
 STRIPS_A_THREAD = 2
 """The least number of a picture's strips per thread, so that threads end together."""
 STRIP_ROWS = 256
@@ -59,13 +56,10 @@ STRIP_ROWS = 256
 SUMS_BYTES = 1 << 33
 """The most bytes of sums at a time.  A pixel has few of the layers, so that about an eighth is
 written to; a CPU allocates no memory for the rest."""
+KERNELS = "add_rays", "compose", "join_rays"
+"""The kernels, the last of which sums squares of rays for large pictures."""
 MOST_RAYS_A_PIXEL = 1 << 20
 """The most rays per pixel whose sums fit in 32 bits."""
-LONG_RAY_BITS = 40
-"""The bits of a ray in sums of 64 bits; light above white uses bits that few rays leave free, or
-drops its last ones."""
-SUM_BITS = 29
-"""The bits of all rays of a pixel in sums of 32 bits: boxes may add up to eight times as much."""
 
 HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
 """Colours and depths of views on a device, and the least and largest depth of each row."""
@@ -76,25 +70,6 @@ def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
     light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
     return device.shown(light), device.shown(depth), ranges
-
-
-def layer_bounds(widest_px: float) -> tuple[float, ...]:
-    """The sweeps between the layers on each side of a plane; infinity has ``widest_px``.
-
-    They double from layer to layer, or grow faster, so that the last layer begins at half the
-    widest sweep or above.
-    """
-    last = WIDE_LAYERS - 1
-    ratio = max(2.0, (widest_px / 2 / WIDE_PX) ** (1 / last))
-    return (IN_FOCUS_PX, *(WIDE_PX * ratio**number for number in range(WIDE_LAYERS)))
-
-
-def typical_sweep(bounds_px: Sequence[float], away: int) -> float:
-    """A layer's typical sweep, by its number from the plane; 0 for the layers around focus."""
-    if away < 2:
-        return 0.0
-    ends = *bounds_px, 2 * bounds_px[-1]
-    return math.sqrt(ends[away - 1] * ends[away])
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
@@ -149,66 +124,56 @@ class DepthSlicer:
                 f"{rays:,.0f} rays per pixel are more than {MOST_RAYS_A_PIXEL:,}",
                 remedy="Give fewer views, or more pixels",
             )
-        self.views, self.planes, self.pixels = views, list(planes), pixels
+        self.views, self.planes = views, list(planes)
         self.device = device or open_device()
-        self.least_px = min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels
+        placed = [self._place(plane, pixels, bounds_px, long_sums=stops > 0) for plane in planes]
+        self._placed = placed
+        bounds, large = len(placed[0].bounds_px), pixels >= LARGE_FROM
+        coarse = any(each.step > COARSE_PX for each in placed)
+        fours = large and not coarse
+        defines: dict[str, Any] = {
+            "N_BOUNDS": bounds, "LONG_SUMS": stops > 0, "COARSE": coarse,
+            "FOURS": fours, "HALVED": large, "STORED": codes is not None,
+        }  # fmt: skip
         self._table = np.ones(1, np.float32) if codes is None else codes.table
         self._codes = np.zeros((0, 0, 0), self._table.dtype)
-        self._cells = [self._cells_of(plane) for plane in self.planes]
-        self._ones = [self._one(*each, stops) for each in zip(planes, self._cells, strict=True)]
-        self._records = self._cell_records()
-        self.bounds_px = [
-            layer_bounds(plane.delta * self._scale(plane) * slab.lens_pitch_m)
-            if bounds_px is None else tuple(bounds_px)
-            for plane in self.planes
-        ]  # fmt: skip
-        bounds = len(self.bounds_px[0])
-        coarse = any(self._step(plane) > COARSE_PX for plane in self.planes)
-        large = pixels >= LARGE_FROM
-        fours = large and not coarse
-        defines: dict[str, object] = {
-            "N_BOUNDS": bounds,
-            "STOPS": stops,
-            "DROPPED": max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays))),
-            "STORED": 0,
-            "COARSE": int(coarse),
-            "COARSE_PX": f"{COARSE_PX}f",
-            "FOURS": int(fours),
-            "HALVED": int(large),
-            "FULL_LAYERS": FULL_LAYERS,
-        }
         if codes is not None:
             code = "uchar" if codes.format.bits == 8 else "ushort"
-            defines |= {"STORED": 1, "CODE": code, "LIGHT_ONE": one}
-        program = build_program(self.device, ["refocus/kernels/depth_slicing.cl"], defines)
-        self._add = cl.Kernel(program, "add_rays")
-        self._join = cl.Kernel(program, "join_rays") if fours else None
+            defines |= {"CODE": code, "LIGHT_ONE": one}
+        kernels = [
+            Kernel(self.device, FILES, name, defines, INTERFACE) for name in KERNELS[: 2 + fours]
+        ]
+        self._add, self._compose, *self._join = kernels
         self._fours = self.device.empty(0)
-        self._compose = cl.Kernel(program, "compose")
-        ends = [(*each, np.inf) for each in self.bounds_px]
-        self._bounds = self.device.buffer(np.array(ends, np.float32))
         strips = STRIPS_A_THREAD * self.device.threads
         rows = min(STRIP_ROWS, -(-self.size.height // min(strips, self.size.height)))
-        self._rows = rows + rows % 2 * large
-        self._strips = -(-self.size.height // self._rows)
-        each = [[p.delta, self._scale(p), self._step(p), slab.lens_pitch_m] for p in planes]
-        self._planes = self.device.buffer(np.array(each, np.float32))
-        size = self.sums_bytes(len(planes), self.size, stops, bounds, self._rows)
+        rows += rows % 2 * large
+        dropped = max(0, stops - math.floor(math.log2(MOST_RAYS_A_PIXEL / rays)))
+        self._numbers = record(
+            SLICING_ARGUMENTS, views=0, columns=slab.size.width, rows=0, first_row=0,
+            strip_rows=rows, width=width, height=height, white=2.0**-dropped,
+            brightest=2.0**stops,
+            least_box=min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels,
+        )  # fmt: skip
+        self._strips = -(-self.size.height // rows)
+        self._view_records = np.stack([each.view_records for each in placed])
+        self._planes = self.device.buffer(np.stack([each.plane_record for each in placed]))
+        size = self.sums_bytes(len(planes), self.size, stops, bounds, rows)
         self._sums = self.device.zeros(size, sparse=True)
         self._used = self.device.zeros(4 * len(planes) * self._strips)
 
-    def _cells_of(self, plane: SensorPlane) -> LensCells:
-        """The views' cells in a plane's aperture."""
-        return lens_cells(self.views.slab, plane.lens_aperture(self.views.slab))
+    def _place(self, *where: Any, long_sums: bool) -> PlacedViews:
+        """The views on a plane; ``where`` and ``long_sums`` are as for :class:`PlacedViews`."""
+        return PlacedViews(self.views, *where, long_sums=long_sums)
 
     @property
-    def _middle(self) -> np.ndarray:
-        """The axis's position in the pictures, (2,) float64 pixels."""
-        return self.pixels / 2 - np.array([self.left, self.top])
+    def bounds_px(self) -> list[tuple[float, ...]]:
+        """The sweeps between the layers of each plane."""
+        return [placed.bounds_px for placed in self._placed]
 
     @staticmethod
     def sums_bytes(
-        planes: int, size: Size, stops: int, bounds: int = 1 + WIDE_LAYERS, rows: int | None = None
+        planes: int, size: Size, stops: int, bounds: int = MOST_BOUNDS, rows: int | None = None
     ) -> int:
         """The bytes of the sums, in strips of ``rows``; by default one strip."""
         rows = rows or size.height
@@ -216,47 +181,6 @@ class DepthSlicer:
         pixels = (2 * whole + 1) * (rows + 1) * (size.width + 1)
         pixels += 2 * (bounds - whole) * (-(-rows // 2) + 3) * (-(-size.width // 2) + 3)
         return planes * -(-size.height // rows) * pixels * (32 if stops else 16)
-
-    def _scale(self, plane: SensorPlane) -> float:
-        """Pixels of a picture per metre of the lens and dioptre."""
-        slab = self.views.slab
-        return plane.magnification(slab) * self.pixels / slab.camera.field_width
-
-    def _step(self, plane: SensorPlane) -> float:
-        """Pixels of a picture per pixel of the slab."""
-        slab = self.views.slab
-        return plane.magnification(slab) * self.pixels / slab.pixels
-
-    def _one(self, plane: SensorPlane, cells: LensCells, stops: int) -> float:
-        """The weight, in units of the sums, of a ray whose cell is open."""
-        rays = max(1.0, self._rays_a_pixel(plane, cells))
-        return 2.0 ** (LONG_RAY_BITS if stops else SUM_BITS - math.ceil(math.log2(rays)))
-
-    def _rays_a_pixel(self, plane: SensorPlane, cells: LensCells) -> float:
-        """Rays, by their share, of an even surface in a pixel; sums hold eight times more."""
-        return cells.share.sum() / self._step(plane) ** 2
-
-    def _first(self, plane: SensorPlane) -> np.ndarray:
-        """The pixel that the ray of pixel (0, 0) of each view hits, (K, 2) float64."""
-        views = self.views
-        corner = np.array(views.slab.held.pixels[:2])
-        moved = views.displacement + corner - (views.slab.pixels - 1) / 2
-        shift = views.positions * (plane.delta - views.slab.camera.delta)
-        return moved * self._step(plane) + shift * self._scale(plane) + self._middle
-
-    def _cell_records(self) -> np.ndarray:
-        """The kernel's Cell records, (planes, views, 8) float32."""
-        views = self.views.positions
-        records = np.zeros((len(self.planes), len(views), 8), np.float32)
-        for record, plane, cells, one in zip(
-            records, self.planes, self._cells, self._ones, strict=True
-        ):
-            record[:, 0:2] = self._first(plane)
-            record[:, 2:4] = cells.middle - views
-            record[:, 4:6] = cells.extent
-            record[:, 6] = cells.share * one
-            record[:, 7] = np.arange(len(views)) * 0.6180340 % 1
-        return records
 
     def add(
         self, part: slice | np.ndarray, light: np.ndarray, depth: np.ndarray, first_row: int = 0
@@ -299,35 +223,25 @@ class DepthSlicer:
         first_row: int = 0,
     ) -> None:  # fmt: skip
         """As :meth:`add`, with :func:`held_rays`."""
-        device, (views, rows, _), columns = self.device, ranges.shape, self.views.slab.size.width
-        rays = light, depth, device.buffer(1 / self._table)
-        if self._join:
-            tiles = -(-rows // TILE_ROWS), views
-            size = math.prod(tiles) * -(-columns // TILE_COLUMNS) * TILE_BYTES
+        device, (views, rows, _) = self.device, ranges.shape
+        numbers = self._numbers.copy()
+        numbers["views"], numbers["rows"], numbers["first_row"] = views, rows, first_row
+        rays: dict[str, Any] = {
+            "light": light,
+            "depth": depth,
+            "dioptres": device.buffer(1 / self._table),
+        }
+        for join in self._join:
+            patches = -(-rows // PATCH_ROWS), -(-int(numbers["columns"]) // PATCH_COLUMNS)
+            size = views * math.prod(patches) * SQUARES.itemsize
             if size > self._fours.size:
                 self._fours = device.empty(size)
-            shape = np.int32(columns), np.int32(rows)
-            self._join(device.queue, tiles, (1, 1), *rays, *shape, self._fours)
+            join(patches[0], views, numbers=numbers, fours=self._fours, **rays)
         self._add(
-            device.queue,
-            (self._strips, len(self.planes)),
-            (1, 1),
-            *rays,
-            self._fours,
-            device.buffer(ranges),
-            device.buffer(np.ascontiguousarray(self._records[:, part])),
-            self._planes,
-            self._bounds,
-            np.int32(views),
-            np.int32(columns),
-            np.int32(rows),
-            np.int32(first_row),
-            np.float32(self.least_px),
-            np.int32(self._rows),
-            *map(np.int32, self.size),
-            self._sums,
-            self._used,
-        )
+            self._strips, len(self.planes), numbers=numbers, fours=self._fours,
+            ranges=device.buffer(ranges), planes=self._planes, sums=self._sums, used=self._used,
+            views=device.buffer(np.ascontiguousarray(self._view_records[:, part])), **rays,
+        )  # fmt: skip
         device.queue.finish()
 
     def pictures(self) -> np.ndarray:
@@ -340,76 +254,17 @@ class DepthSlicer:
         pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
         with device.mapped(self._used, (len(self.planes), self._strips), np.int32) as used:
             layers = np.bitwise_or.reduce(used, axis=1).tolist()
-        for number, (picture, plane, cells) in enumerate(
-            zip(pictures, self.planes, self._cells, strict=True)
-        ):
-            rooms, row_of = self._rooms(number, layers[number])  # kept until the kernel has run
+        for number, (picture, placed) in enumerate(zip(pictures, self._placed, strict=True)):
+            rooms, room_rows = placed.rooms(layers[number])
             target = device.target_buffer(picture)
             self._compose(
-                device.queue,
-                (self._strips, 1),
-                (1, 1),
-                self._sums,
-                self._used,
-                device.shown(rooms),
-                device.shown(row_of),
-                np.int32(self._rows),
-                *map(np.int32, self.size),
-                target,
-                global_offset=(0, number),
-            )
-            device.collect(target, picture)
+                self._strips, 1, offset=(0, number), numbers=self._numbers, sums=self._sums,
+                used=self._used, rooms=device.shown(rooms), room_rows=device.shown(room_rows),
+                picture=target,
+            )  # fmt: skip
+            device.collect(target, picture)  # rooms are kept until the kernel has run
             device.forget(self._sums, number, len(self.planes))
+            plane = placed.plane
             if plane.normalise == "lens":
-                picture *= cells.share.mean() / plane.magnification(self.views.slab) ** 2
+                picture *= placed.cells.share.mean() / plane.magnification(self.views.slab) ** 2
         return pictures
-
-    def _rooms(self, number: int, layers: int) -> tuple[np.ndarray, np.ndarray]:
-        """The weight of all rays per pixel, as if each had a layer's typical sweep.
-
-        Returns different rows of weights, (rows, width) float32, and the row of each pixel row,
-        (layers, height) int32.  ``layers`` has a bit per layer in use.
-        """
-        cells, one = self._cells[number], self._ones[number]
-        bounds = self.bounds_px[number]
-        row_of = np.zeros((2 * len(bounds) + 1, self.size.height), np.int32)
-        rooms: list[np.ndarray] = []
-        share = cells.share[:, None] / self._step(self.planes[number]) ** 2
-        layers_of = defaultdict(list)
-        for layer in range(len(row_of)):
-            if layers >> layer & 1:
-                layers_of[typical_sweep(bounds, abs(layer - len(bounds)))].append(layer)
-        for sweep, same in layers_of.items():
-            across, down = self._coverage(number, sweep)
-            # Most rows are inside all views, and equal.
-            differs = np.append(True, np.any(np.diff(down, axis=1), axis=0))
-            row_of[same] = np.cumsum(differs) - 1 + sum(map(len, rooms))
-            rows = down[:, differs] * share
-            # Without BLAS: its threads spin, and its order of sums depends on the processor.
-            rooms.append(np.einsum("kv,ku->vu", rows, across) * one)
-        empty = np.zeros((1, self.size.width))
-        return np.concatenate([*rooms, empty]).astype(np.float32), row_of
-
-    def _coverage(self, number: int, sweep: float) -> list[np.ndarray]:
-        """The share of each column and row that a view's rays cover, (K, width) and (K, height).
-
-        Each ray is spread over its cell's part of ``sweep``.
-        """
-        plane, slab = self.planes[number], self.views.slab
-        step, coverage = self._step(plane), []
-        sides = self._cells[number].extent / slab.lens_pitch_m * sweep
-        for low, side, rays, count in zip(
-            (self._first(plane) - step / 2).T, sides.T, slab.size, self.size, strict=True
-        ):
-            half = np.maximum(side, 1e-3)[:, None] / 2
-            left, ends = np.arange(count), np.stack([low, low + step * rays])[..., None]
-
-            def integral(place: np.ndarray, ends: np.ndarray = ends) -> np.ndarray:
-                """The second integral of a view's extent up to a place."""
-                ramp = np.square(np.maximum(place - ends, 0)) / 2
-                return ramp[0] - ramp[1]
-
-            swept = integral(left + 1 + half) - integral(left + half)
-            swept -= integral(left + 1 - half) - integral(left - half)
-            coverage.append(np.round(swept / (2 * half), 6))  # full coverage is exactly equal
-        return coverage

@@ -21,12 +21,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.opencl.device import Device, cl, open_device
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.refocus.resampling import crop, normalise
-from lfcore.refocus.shift_sum import GROUP_BYTES, MOST_VIEWS, add_views, launch_add, read_sums
+from lfcore.refocus.shift_sum import (
+    FILE,
+    GROUP_BYTES,
+    INTERFACE,
+    MOST_VIEWS,
+    SHIFTED_VIEW,
+    add_views,
+    launch_add,
+    lists_of,
+    read_sums,
+)
 from lfcore.refocus.stored_views import add_frames
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
@@ -35,7 +46,6 @@ MOST_BYTES = 1 << 30
 """The most bytes of block pictures."""
 MOST_BLOCKS = 63
 """The most blocks per side: 32-bit sums hold no more block pictures."""
-_SOURCE = "refocus/kernels/shift_sum.cl"
 
 
 @dataclass(frozen=True)
@@ -142,9 +152,11 @@ class FocalStackSummer:
         self._centre = np.array([lens[blocks == b].mean() for b in range(self.schedule.blocks)])
         self._size = slab.pixels + 2 * self.schedule.pad
         defines = {"BILINEAR": 0, "MAGNIFIED": 0}
-        program = build_program(self.device, [_SOURCE], {**defines, "SUM": "uint"})
-        self._gather, self._scale = (cl.Kernel(program, n) for n in ("add_views", "scale_views"))
-        self._spread = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
+        kernels = ("add_views", "uint"), ("scale_views", "uint"), ("add_views", "ulong")
+        self._gather, self._scale, self._spread = (
+            Kernel(self.device, [FILE], name, {**defines, "SUM": sum_type}, INTERFACE)
+            for name, sum_type in kernels
+        )
         self._blocks = self.device.zeros(self.schedule.pictures * 12 * self._size**2)
 
     def group_size(self, width: int, height: int) -> int:
@@ -155,7 +167,7 @@ class FocalStackSummer:
         """Add (K, 3, h, w) uint32 fixed point to the block pictures."""
         if self._divisor > 1:
             length = 3 * len(samples) * region[2] * region[3]
-            self._scale(self.device.queue, (length,), None, views, np.uint32(self._divisor))
+            self._scale(length, grouped=True, views=views, divisor=self._divisor)
         blocks, pad, lens = self.schedule.blocks, self.schedule.pad, self.slab.lens_positions()
         place = self._block[samples]
         block = place[:, 1] * blocks + place[:, 0]
@@ -164,10 +176,10 @@ class FocalStackSummer:
         lists, entries = [], []
         for k, shear in enumerate(self.schedule.shears):
             shift = np.floor(shear * (lens[samples] - self._centre[place]) + 0.5).astype(np.int32)
-            entry = np.zeros((len(samples), 4), np.int32)
-            entry[:, 0] = order
-            entry[:, 1:3] = -shift[order] - pad
-            lists.append(np.stack([cuts[:-1], cuts[1:]], 1) + k * len(samples))
+            entry = np.zeros(len(samples), SHIFTED_VIEW)
+            entry["view"] = order
+            entry["x"], entry["y"] = (-shift[order] - pad).T
+            lists.append(lists_of(cuts[:-1] + k * len(samples), cuts[1:] + k * len(samples)))
             entries.append(entry)
         column, row, width, height = region
         reached = (column, row, column + width + 2 * pad, row + height + 2 * pad)
@@ -182,23 +194,23 @@ class FocalStackSummer:
         size, pad, blocks = self.slab.pixels, self.schedule.pad, self.schedule.blocks
         length = self.schedule.pictures * 3 * self._size**2
         divisor = self._side**2
-        self._scale(self.device.queue, (length,), None, self._blocks, np.uint32(divisor))
-        lists, entries = [], []
+        self._scale(length, grouped=True, views=self._blocks, divisor=divisor)
+        entries = []
         column = np.tile(np.arange(blocks), blocks)
         row = np.repeat(np.arange(blocks), blocks)
-        for k, plane in enumerate(self.planes):
+        for plane in self.planes:
             shear = _shear(self.slab, plane)
             coarse = int(np.abs(self.schedule.shears - shear).argmin())
             shift = np.floor(shear * self._centre + 0.5).astype(np.int32)
-            entry = np.zeros((blocks**2, 4), np.int32)
-            entry[:, 0] = coarse * blocks**2 + np.arange(blocks**2)
-            entry[:, 1], entry[:, 2] = pad - shift[column], pad - shift[row]
-            lists.append((k * blocks**2, (k + 1) * blocks**2))
+            entry = np.zeros(blocks**2, SHIFTED_VIEW)
+            entry["view"] = coarse * blocks**2 + np.arange(blocks**2)
+            entry["x"], entry["y"] = pad - shift[column], pad - shift[row]
             entries.append(entry)
+        ends = np.arange(len(self.planes) + 1) * blocks**2
         sums = self.device.zeros(len(self.planes) * 24 * size**2)
         launch_add(
             self._spread, self.device, self._blocks, (0, 0, self._size, self._size),
-            (0, 0, size, size), size, np.array(lists), np.concatenate(entries), sums,
+            (0, 0, size, size), size, lists_of(ends[:-1], ends[1:]), np.concatenate(entries), sums,
         )  # fmt: skip
         out = np.empty((len(self.planes), size, size, 3), np.float32)
         lights = read_sums(self.device, sums, len(self.planes), self.slab)

@@ -8,16 +8,20 @@ composed from front to back.
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from lfcore.colour import srgb_encode
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.opencl.device import Device, cl, open_device
+from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, record, write
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import LensCells, ViewSet
 from lfcore.optics.size import Pixels
 from lfcore.refocus.depth_slicing import DepthSlicer, HeldRays, held_rays
+from lfcore.refocus.placed_views import PlacedViews
 from lfcore.refocus.stored_depth import picture_side, read_depths, read_rays
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
@@ -36,6 +40,29 @@ HELD_BACK = 3
 HELD_BACK_DB = 4.5
 """The dB by which views between recorded ones are better than views that were held back, which are
 twice as far from their neighbours.  On five scenes it was 4.7 to 7.2 dB."""
+SEEN_VIEW = np.dtype([
+    ("number", INT),  # of the view in `depth`
+    ("x", FLOAT),  # of pixel (0, 0)'s ray at depth infinity, pixels of the picture
+    ("y", FLOAT),
+    ("move_x", FLOAT),  # pixels per dioptre
+    ("move_y", FLOAT),
+])  # fmt: skip
+NEAREST_ARGUMENTS = np.dtype([
+    ("columns", INT),  # of a view
+    ("rows", INT),
+    ("width", INT),  # of the picture
+    ("height", INT),
+    ("step", FLOAT),  # pixels of the picture from ray to ray
+])  # fmt: skip
+INTERFACE = SHARED | Interface(
+    records={"SeenView": SEEN_VIEW, "NearestArguments": NEAREST_ARGUMENTS},
+    kernels={
+        "nearest": read(depth="float", views="SeenView")
+        | given(numbers="NearestArguments")
+        | write(found="uint")
+    },
+)
+"""What the kernel shares with the host; `depth` is (views, rows, columns), metres."""
 
 
 class FreeViews:
@@ -160,12 +187,17 @@ class FreeViews:
         move = (self.views.positions[numbers] - point) * (step / slab.pixel_pitch)
         first = (self.views.displacement[numbers] + slab.held.pixels[:2] + 0.5) * step
         first -= move * slab.camera.delta + self.made.held.pixels[:2]
+        seen = np.zeros(len(numbers), SEEN_VIEW)
+        seen["number"] = places
+        seen["x"], seen["y"] = first.T
+        seen["move_x"], seen["move_y"] = move.T
         codes = device.zeros(8 * width * height)
-        cl.Kernel(build_program(device, ["refocus/kernels/nearest.cl"]), "nearest")(
-            device.queue, (rows, len(numbers)), None, depth,
-            device.buffer(np.concatenate([first, move], 1).astype(np.float32)),
-            device.buffer(places.astype(np.int32)), np.int32(columns), np.int32(rows),
-            np.float32(step), np.int32(width), np.int32(height), codes,
+        kernel = Kernel(device, ["refocus/kernels/nearest.cl"], "nearest", {}, INTERFACE)
+        kernel(
+            rows, len(numbers), grouped=True, depth=depth, views=device.buffer(seen), found=codes,
+            numbers=record(
+                NEAREST_ARGUMENTS, columns=columns, rows=rows, width=width, height=height, step=step
+            ),
         )  # fmt: skip
         levels = np.empty((2, height, width), np.uint32)
         cl.enqueue_copy(device.queue, levels, codes)
@@ -267,23 +299,40 @@ class _PointSlicer(DepthSlicer):
         slab = views.slab
         self.point, self.share = point, share
         plane = SensorPlane(1 / codes.far if codes.far else np.inf, slab.camera.f_number, "square")
-        scale = pixels / slab.camera.field_width
         # All surfaces are before the plane: sweeps are from 0 to the nearest surface's.
-        widest = (codes.near - codes.far) * slab.lens_pitch_m * scale
+        widest = (codes.near - codes.far) * slab.lens_pitch_m * pixels / slab.camera.field_width
         bounds = np.arange(1, LAYERS) * widest / LAYERS
-        self._piled_px = widest / LAYERS * np.abs(views.positions - point) / slab.lens_pitch_m
+        self._layer_px = widest / LAYERS
         super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops)
 
-    def _cells_of(self, plane: SensorPlane) -> LensCells:
+    def _place(self, *where: Any, long_sums: bool) -> PlacedViews:
+        seen = self.point, self.share, self._layer_px
+        return _ViewsFromPoint(*seen, self.views, *where, long_sums=long_sums)
+
+
+class _ViewsFromPoint(PlacedViews):
+    """Views seen from a ``point`` of the lens, weighted by ``share``; layers sweep ``layer_px``."""
+
+    def __init__(
+        self, point: np.ndarray, share: np.ndarray, layer_px: float, *where: Any, **more: Any
+    ):
+        super().__init__(*where, **more)
+        self.point, self.share, self.layer_px = point, share, layer_px
+
+    @cached_property
+    def cells(self) -> LensCells:
         count = len(self.share)
         return LensCells(np.tile(self.point, (count, 1)), np.zeros((count, 2)), self.share)
 
-    def _rays_a_pixel(self, plane: SensorPlane, cells: LensCells) -> float:
+    @property
+    def rays_a_pixel(self) -> float:
         """Rays of a surface that is seen edge-on from the point pile up in one of its pixels: all
         that a layer's depths move by, along the line from the view to the point."""
-        return float(cells.share @ (1 + self._piled_px.sum(axis=1))) / self._step(plane) ** 2
-
-    def _first(self, plane: SensorPlane) -> np.ndarray:
         views = self.views
-        moved = self.point * (plane.delta - views.slab.camera.delta) * self._scale(plane)
-        return super()._first(plane) - moved
+        piled = self.layer_px * np.abs(views.positions - self.point) / views.slab.lens_pitch_m
+        return float(self.share @ (1 + piled.sum(axis=1))) / self.step**2
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        moved = self.point * (self.plane.delta - self.views.slab.camera.delta) * self.scale
+        return super().first - moved

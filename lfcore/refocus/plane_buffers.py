@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -56,30 +57,31 @@ class PlaneBuffers:
         one: float = FIXED_ONE,
     ):
         self.device, self.slab, self.planes, self.one = device, slab, planes, one
-        self.tables = t = tables
-        self.workers = workers_that_fit(device, len(planes) * t.height * t.width * 4 * 8)
-        self._shape = (self.workers, len(planes), t.height, t.width, 4)
+        self.tables = tables
+        *_, width, height = tables.region
+        self.workers = workers_that_fit(device, len(planes) * height * width * 4 * 8)
+        self._shape = (self.workers, len(planes), height, width, 4)
         self._sums = device.zeros(8 * math.prod(self._shape))
-        self._tables = [device.buffer(a) for a in t.arrays]
+        self._tables = {name: device.buffer(array) for name, array in tables.arrays.items()}
 
-    def arguments(self) -> list:
-        """PLANE_ARGUMENTS, tables and sums: the last arguments of the kernels that form planes."""
-        t, slab = self.tables, self.slab
+    def arguments(self, **rays: int) -> dict[str, Any]:
+        """Arguments of the kernels that form planes; ``rays`` are PLANE_ARGUMENTS of the rays."""
+        slab, (left, top, width, height) = self.slab, self.tables.region
         column, row, columns, rows = slab.held.pixels
         numbers = record(
-            PLANE_ARGUMENTS, left=t.left, top=t.top, width=t.width, height=t.height,
-            size=slab.pixels, column=column, row=row, columns=columns, rows=rows,
-            strips=t.strips, views=slab.views, planes=len(self.planes),
+            PLANE_ARGUMENTS, left=left, top=top, width=width, height=height, size=slab.pixels,
+            column=column, row=row, columns=columns, rows=rows, strips=self.tables.strips,
+            views=slab.views, planes=len(self.planes), **rays,
         )  # fmt: skip
-        return [numbers, *self._tables, self._sums]
+        return {"numbers": numbers, "sums": self._sums, **self._tables}
 
     def collect(self) -> PlaneSums:
         """Read back what was added so far."""
-        t = self.tables
-        sums = np.empty((len(self.planes), 3, t.height, t.width), np.uint64)
+        left, top, width, height = self.tables.region
+        sums = np.empty((len(self.planes), 3, height, width), np.uint64)
         if sums.size:
             with self.device.mapped(self._sums, self._shape, np.uint64) as workers:
-                for number, plane in enumerate(t.order):
+                for number, plane in enumerate(self.tables.order):
                     of_plane = np.moveaxis(workers[:, number, ..., :3], -1, 1)
                     np.add.reduce(of_plane, axis=0, out=sums[plane])
-        return PlaneSums(self.slab, self.planes, sums, t.left, t.top, self.one)
+        return PlaneSums(self.slab, self.planes, sums, left, top, self.one)

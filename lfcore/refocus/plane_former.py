@@ -9,22 +9,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lfcore.opencl.device import Device, build_program, cl, open_device
-from lfcore.opencl.interface import Interface
-from lfcore.optics.plane_sums import FIXED_ONE, SPARE_STOPS, PlaneSums, one_of_sums
+from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.interface import BLOCK, Interface
+from lfcore.opencl.kernel import Kernel
+from lfcore.optics.plane_sums import PlaneSums, one_of_sums
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
-from lfcore.refocus import strip_tables
+from lfcore.refocus import fixed_light, strip_tables
 from lfcore.refocus.plane_buffers import PlaneBuffers
-from lfcore.refocus.plane_tables import PLANE, PLANE_ARGUMENTS, PlaneTables, view_tables
+from lfcore.refocus.plane_tables import PLANE, PLANE_ARGUMENTS, VIEW_KERNEL, view_tables
 from lfcore.storage import frame_memory
 from lfcore.storage.layout import Tile
 
-RECORDS = strip_tables.RECORDS | {"SensorPlane": PLANE, "SensorPlaneArguments": PLANE_ARGUMENTS}
-INTERFACE = frame_memory.INTERFACE | Interface(
-    ("refocus/kernels",), {"FIXED_ONE": float(FIXED_ONE), "SPARE_STOPS": SPARE_STOPS}, RECORDS
+INTERFACE = (
+    fixed_light.INTERFACE
+    | strip_tables.INTERFACE
+    | Interface(
+        records={"SensorPlane": PLANE, "SensorPlaneArguments": PLANE_ARGUMENTS},
+        kernels={"form_view_planes": VIEW_KERNEL},
+    )
 )
 """What kernels that form planes share with the host."""
+FILES = {
+    "views": ("refocus/kernels/slicing_views.cl", "form_view_planes"),
+    "macropixels": ("refocus/kernels/slicing_macropixels.cl", "form_strip_planes"),
+}
+"""The file and the kernel of each layout."""
+BLOCK_WORDS = 3 * BLOCK**2
+"""The 32-bit words of a block's colours."""
 
 
 class PlaneFormer:
@@ -48,23 +60,18 @@ class PlaneFormer:
             plane.check(slab)
         self.tile, self.device, self._traced = tile, device or open_device(), stops is not None
         layout, views = tile.layout, tile.layout.kind == "views"
-        defines: dict[str, int] = layout.defines | {"TRACED": 0}
-        if stops is not None:
-            defines = {"TRACED": 1, "STOPS": stops}
+        defines = layout.defines | {"TRACED": 0} if stops is None else {"TRACED": 1, "STOPS": stops}
         if not views:
             # Samples are bytes: 16 lanes are faster than 8, even if they take two registers.
-            lanes = 16 if self.device.lanes > 1 else 1
-            defines |= {"STRIP": strip_tables.STRIP, "LANES": lanes}
-        file = "refocus/kernels/" + ("slicing_views.cl" if views else "slicing.cl")
-        program = build_program(self.device, [file], defines, INTERFACE)
-        self._kernel = cl.Kernel(program, "form_planes")
+            defines["LANES"] = 16 if self.device.lanes > 1 else 1
+        file, name = FILES[layout.kind]
+        self._kernel = Kernel(self.device, [file], name, defines, INTERFACE)
         planes, wide = list(planes), layout.peak is not None if stops is None else stops > 0
-        tables: PlaneTables
         if views:
-            tables, self._words = view_tables(slab, planes), 3 * 256
+            tables, self._words = view_tables(slab, planes), BLOCK_WORDS
         else:
-            corners = frame_memory.tile_corners(tile, slab)
-            tables = strip_tables.strip_tables(slab, planes, *corners)
+            ends = frame_memory.tile_ends(tile, slab)
+            tables = strip_tables.strip_tables(slab, planes, ends)
             self._words = strip_tables.table_words(slab.views) * (2 if wide else 1)
         one = layout.one if stops is None else one_of_sums(stops)
         self._sums = PlaneBuffers(self.device, slab, planes, tables, one)
@@ -74,7 +81,6 @@ class PlaneFormer:
             left, top = layout.corner(slab)
             self._placements["x"] += left
             self._placements["y"] += top
-        self._inner = () if views else (np.int32(slab.views),)
 
     def add(self, frames: np.ndarray, first: int) -> None:
         """Add consecutive frames (F, frame_bytes) uint8 of the tile, from number ``first`` on.
@@ -96,19 +102,19 @@ class PlaneFormer:
         the lens, without as many whole chunks of lens samples on each side.
         """
         rows, columns = light.shape[1:3]
-        size = columns, rows
-        if self.tile.layout.kind == "macropixels":
-            size = (self.tile.layout.views - rows) // 2, rows
-        self._run(light, size, self._placements[first : first + len(light)])
+        self._run(light, (columns, rows), self._placements[first : first + len(light)])
 
     def _run(self, rays: np.ndarray, size: tuple[int, int], placements: np.ndarray) -> None:
         device = self.device
+        width, height = size
+        arguments = self._sums.arguments(
+            elements=len(placements), rays_width=width, rays_height=height,
+            scratch_words=self._words,
+        )  # fmt: skip
         self._kernel(
-            device.queue, (self._sums.workers,), (1,), device.shown(np.ascontiguousarray(rays)),
-            np.array(size, np.int32),
-            device.buffer(placements), np.int32(len(placements)), *self._inner,
-            device.buffer(np.zeros(1, np.int32)), self._scratch, np.int32(self._words),
-            *self._sums.arguments(),
+            self._sums.workers, rays=device.shown(np.ascontiguousarray(rays)),
+            placements=device.buffer(placements), next=device.changed(np.zeros(1, np.int32)),
+            scratch=self._scratch, **arguments,
         )  # fmt: skip
         device.queue.finish()
 

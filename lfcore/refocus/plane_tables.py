@@ -5,70 +5,67 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.opencl.interface import INT, given, read, write
 from lfcore.optics.plane_sums import shown, targets
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Rectangle, Slab
+from lfcore.optics.slab import Ends, Rectangle, Slab
 
-PLANE = np.dtype([("mask", np.int32), ("targets", np.int32)])
-"""A plane: its mask, and its offset into the tables' ``runs``."""
+PLANE = np.dtype([("mask", INT), ("targets", INT)])
+"""A plane of views: its mask, and its first target."""
 PLANE_ARGUMENTS = np.dtype([
-    ("left", np.int32),  # region of the sums in pixels of the planes
-    ("top", np.int32),
-    ("width", np.int32),
-    ("height", np.int32),
-    ("size", np.int32),  # side M of the square grid of pixels
-    ("column", np.int32),  # the pixels of a view: first column and row, and their numbers
-    ("row", np.int32),
-    ("columns", np.int32),
-    ("rows", np.int32),
-    ("strips", np.int32),  # of the rows of a macropixel
-    ("views", np.int32),  # side N of the lens
-    ("planes", np.int32),  # sorted by mask
+    ("left", INT),  # region of the sums in pixels of the planes
+    ("top", INT),
+    ("width", INT),
+    ("height", INT),
+    ("size", INT),  # side M of the square grid of pixels
+    ("column", INT),  # the pixels of a view: first column and row, and their numbers
+    ("row", INT),
+    ("columns", INT),
+    ("rows", INT),
+    ("strips", INT),  # of the rows of a macropixel
+    ("views", INT),  # side N of the lens
+    ("planes", INT),  # sorted by mask
+    ("elements", INT),  # whose rays are added
+    ("rays_width", INT),  # of a frame, of a traced view, or of the traced rays of a macropixel
+    ("rays_height", INT),
+    ("scratch_words", INT),  # of a worker
 ])  # fmt: skip
 """The arguments of kernels that form planes."""
-
-Corners = tuple[int, int, int, int]
-"""First column and row, and the column and row after the last."""
+# placements (E,); sums (workers, planes, height, width) of red, green, blue and 0.
+KERNEL = (
+    read(rays="stored", placements="Placement", masks="uchar")
+    | given(numbers="SensorPlaneArguments")
+    | write(next="int", scratch="uint", sums="ulong4")
+)
+"""The parameters of all kernels that form planes."""
+VIEW_KERNEL = KERNEL | read(planes="SensorPlane", targets="int")
+"""Those of views, with the tables of :func:`view_tables`."""
 
 
 @dataclass(frozen=True)
 class PlaneTables:
-    """Planes of a slab, for views.
+    """Tables of a slab's planes.
 
     Attributes
     ----------
     order : ndarray
         The kernel's plane k is ``planes[order[k]]``.  Planes with the same mask are neighbours.
-    info : ndarray
-        A record PLANE per plane of the kernel.
-    runs : ndarray
-        int32: the targets of all pixels, per plane and lens column.
-    masks : ndarray
-        (masks, N, N) uint8, indexed [j, i]: 255 where open.
-    left, top, width, height : int
-        The region of the planes that the rays can hit.
+    region : tuple of int
+        The left and top, width and height of the part of the planes that the rays can hit.
+    arrays : dict
+        The kernel's arguments.  ``masks`` (masks, N, N) is uint8, indexed [j, i]: 255 where open.
+    strips : int
+        The strips of lens rows in a macropixel; views have none.
     """
 
     order: np.ndarray
-    info: np.ndarray
-    runs: np.ndarray
-    masks: np.ndarray
-    left: int
-    top: int
-    width: int
-    height: int
-
-    strips = 0
-    """The strips of lens rows in a macropixel; views have none."""
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The kernel's arguments, in its order."""
-        return self.info, self.runs, self.masks
+    region: Rectangle
+    arrays: dict[str, np.ndarray]
+    strips: int = 0
 
 
 def reached_region(
-    slab: Slab, planes: Sequence[SensorPlane], moves_of: Sequence[np.ndarray], corners: Corners
+    slab: Slab, planes: Sequence[SensorPlane], moves_of: Sequence[np.ndarray], corners: Ends
 ) -> Rectangle:
     """The pixels that a tile's rays can hit; ``moves_of`` are each plane's :func:`offsets`."""
     u0, v0, u1, v1 = corners
@@ -86,15 +83,16 @@ def reached_region(
 
 
 def view_tables(slab: Slab, planes: Sequence[SensorPlane]) -> PlaneTables:
-    """Tables for views: ``runs`` has the target of every pixel, per plane and lens column."""
+    """Tables for views: ``targets`` of all pixel columns, per plane and lens column; rows alike."""
     masks, mask_of = distinct_masks(slab, planes)
     order = np.argsort(mask_of, kind="stable")
-    info = np.zeros(len(planes), PLANE)
-    info["mask"] = mask_of[order]
-    info["targets"] = np.arange(len(planes)) * (slab.views * slab.pixels)
-    runs = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
-    flat = np.concatenate(runs) if runs else np.zeros(0, np.int32)
-    return PlaneTables(order, info, flat, masks, *shown(slab, planes))
+    records = np.zeros(len(planes), PLANE)
+    records["mask"] = mask_of[order]
+    records["targets"] = np.arange(len(planes)) * (slab.views * slab.pixels)
+    parts = [np.ascontiguousarray(targets(slab, planes[k]).T).reshape(-1) for k in order]
+    flat = np.concatenate([*parts, np.zeros(0, np.int32)])
+    arrays = {"planes": records, "targets": flat, "masks": masks}
+    return PlaneTables(order, shown(slab, planes), arrays)
 
 
 def distinct_masks(slab: Slab, planes: Sequence[SensorPlane]) -> tuple[np.ndarray, np.ndarray]:

@@ -11,17 +11,54 @@ import numpy as np
 
 from lfcore.colour import srgb_decode
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device
+from lfcore.opencl.device import Device, cl, open_device
+from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, record, write
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Ends, Rectangle, Slab
 from lfcore.refocus.resampling import crop, normalise, taps
 from lfcore.refocus.stored_views import GROUP_BYTES, TakesViews, add_frames
 from lfcore.storage.lightfield import LightFieldFile
 
 MOST_VIEWS = 4095
 """The most views of a group: 32-bit sums hold no more."""
-_SOURCE = "refocus/kernels/shift_sum.cl"
+FILE = "refocus/kernels/shift_sum.cl"
+SHIFT_SUM_ARGUMENTS = np.dtype([
+    ("column", INT),  # the views' rectangle of the grid of pixels
+    ("row", INT),
+    ("width", INT),
+    ("height", INT),
+    ("left", INT),  # the rectangle of the planes to which they are added
+    ("top", INT),
+    ("right", INT),
+    ("bottom", INT),
+    ("size", INT),  # side M of a plane
+    ("lens", INT),  # side N of the lens, for MAGNIFIED
+])  # fmt: skip
+SHIFTED_VIEW = np.dtype([
+    ("view", INT),
+    ("x", INT),  # shift from a plane's pixel to the view's; of MAGNIFIED the lens sample (i, j)
+    ("y", INT),
+    ("right", FLOAT),  # shares of the right and the lower tap
+    ("below", FLOAT),
+])  # fmt: skip
+ENTRIES = np.dtype([("first", INT), ("end", INT)])
+"""A plane's entries: the first, and the one after the last."""
+# views (K, 3, height, width); lists per plane, of entries; of MAGNIFIED, the source pixel and the
+# share of the next one, first and share (planes, N, M); sums (planes, 3, M, M).
+INTERFACE = SHARED | Interface(
+    records={
+        "ShiftSumArguments": SHIFT_SUM_ARGUMENTS, "ShiftedView": SHIFTED_VIEW, "Entries": ENTRIES,
+    },
+    kernels={
+        "add_views": given(numbers="ShiftSumArguments")
+        | read(views="uint", lists="Entries", entries="ShiftedView", first="int", share="float")
+        | write(sums="SUM"),
+        "scale_views": given(divisor="uint") | write(views="uint"),
+    },
+)  # fmt: skip
+"""What the kernels share with the host."""
 
 
 class ViewSummer:
@@ -61,13 +98,15 @@ class ViewSummer:
         self.open_samples = np.argwhere(np.any(self._masks, axis=0))[:, ::-1].astype(np.int32)
         # Without magnification each view has one shift; else tables have an entry per pixel.
         self._magnified = any(plane.magnification(slab) != 1.0 for plane in planes)
-        defines = {"BILINEAR": int(filter == "bilinear"), "MAGNIFIED": int(self._magnified)}
-        self._kernel = cl.Kernel(build_program(self.device, [_SOURCE], defines), "add_views")
+        defines = {
+            "BILINEAR": filter == "bilinear", "MAGNIFIED": self._magnified, "SUM": "ulong",
+        }  # fmt: skip
+        self._kernel = Kernel(self.device, [FILE], "add_views", defines, INTERFACE)
         tables_of = [taps(slab, plane, filter) for plane in planes]
         self._first = np.stack([first for first, _ in tables_of])  # (planes, N, M)
         self._share = np.stack([share for _, share in tables_of])
-        tables = (self._first, self._share) if self._magnified else (np.zeros(1, np.int32),) * 2
-        self._tables = [self.device.buffer(table) for table in tables]
+        tables = {"first": self._first, "share": self._share} if self._magnified else {}
+        self._tables = {name: self.device.buffer(table) for name, table in tables.items()}
         self._sums = self.device.zeros(len(planes) * 24 * slab.pixels**2)
 
     def group_size(self, width: int, height: int) -> int:
@@ -76,35 +115,30 @@ class ViewSummer:
 
     def add_fixed(self, views: cl.Buffer, samples: np.ndarray, region: tuple) -> None:
         """Add (K, 3, h, w) uint32 fixed point on the device; region is (column, row, w, h)."""
-        lists, entries, shares = self._entries(samples)
+        lists, entries = self._entries(samples)
         spans = [self._reach(samples[:, axis], region[axis], region[2 + axis]) for axis in (0, 1)]
         if not len(entries) or any(low >= high for low, high in spans):
             return
         (left, right), (top, bottom) = spans
         launch_add(
             self._kernel, self.device, views, region, (left, top, right, bottom), self.slab.pixels,
-            lists, entries, self._sums, shares, self._tables, self.slab.views,
+            lists, entries, self._sums, lens=self.slab.views, **self._tables,
         )  # fmt: skip
         self.device.queue.finish()
 
-    def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The open views of each plane, and their shifts."""
-        lists, entries, shares = [], [], []
-        i, j = samples.T
-        count = 0
-        for first, part, mask in zip(self._first, self._share, self._masks, strict=True):
-            views = np.flatnonzero(mask[j, i])
-            entry = np.zeros((len(views), 4), np.int32)
-            share = np.zeros((len(views), 2), np.float32)
-            entry[:, 0] = views
-            for axis, lens in enumerate((i[views], j[views])):
-                entry[:, 1 + axis] = lens if self._magnified else first[lens, 0]
-                share[:, axis] = part[lens, 0]
-            lists.append((count, count + len(views)))
-            count += len(views)
+    def _entries(self, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The lists of planes, and their open views with shifts."""
+        entries = []
+        for first, share, mask in zip(self._first, self._share, self._masks, strict=True):
+            views = np.flatnonzero(mask[samples[:, 1], samples[:, 0]])
+            entry = np.zeros(len(views), SHIFTED_VIEW)
+            entry["view"] = views
+            for place, tap, lens in zip("xy", ("right", "below"), samples[views].T, strict=True):
+                entry[place] = lens if self._magnified else first[lens, 0]
+                entry[tap] = share[lens, 0]
             entries.append(entry)
-            shares.append(share)
-        return np.array(lists, np.int32), np.concatenate(entries), np.concatenate(shares)
+        ends = np.cumsum([0, *map(len, entries)])
+        return lists_of(ends[:-1], ends[1:]), np.concatenate(entries)
 
     def _reach(self, lens: np.ndarray, first: int, length: int) -> tuple[int, int]:
         """The output pixels of an axis that can read pixels first ... first + length - 1."""
@@ -140,40 +174,41 @@ def read_sums(device: Device, sums: cl.Buffer, count: int, slab: Slab) -> Iterat
         yield host
 
 
+def lists_of(firsts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(P,) ENTRIES."""
+    lists = np.zeros(len(firsts), ENTRIES)
+    lists["first"], lists["end"] = firsts, ends
+    return lists
+
+
 def launch_add(
-    kernel: cl.Kernel,
+    kernel: Kernel,
     device: Device,
     views: cl.Buffer,
-    region: tuple,
-    output: tuple,
+    region: Rectangle,
+    output: Ends,
     size: int,
     lists: np.ndarray,
     entries: np.ndarray,
     sums: cl.Buffer,
-    shares: np.ndarray | None = None,
-    tables: Sequence[cl.Buffer] | None = None,
+    *,
     lens: int = 0,
+    first: cl.Buffer | None = None,
+    share: cl.Buffer | None = None,
 ) -> None:
-    """Start the kernel ``add_views`` of kernels/shift_sum.cl, which explains its arguments."""
-    nothing = np.zeros(1, np.int32)
-    left, top, right, bottom = output
+    """Start the kernel ``add_views``; arguments are as in :data:`INTERFACE`."""
+    (column, row, width, height), (left, top, right, bottom) = region, output
+    numbers = record(
+        SHIFT_SUM_ARGUMENTS, column=column, row=row, width=width, height=height, left=left, top=top,
+        right=right, bottom=bottom, size=size, lens=lens,
+    )  # fmt: skip
     # A GPU needs many work-items, a CPU long ones.
     across = 1 if device.is_cpu else -(-(right - left) // device.lanes)
     kernel(
-        device.queue,
-        (across, len(lists), bottom - top),
-        (1, 1, 1),
-        views,
-        np.array(region, np.int32),
-        np.array(output, np.int32),
-        np.int32(size),
-        device.buffer(np.ascontiguousarray(lists, np.int32)),
-        device.buffer(np.ascontiguousarray(entries, np.int32)),
-        device.buffer(nothing if shares is None else shares),
-        *(tables or [device.buffer(nothing)] * 2),
-        np.int32(lens),
-        sums,
-    )
+        across, len(lists), bottom - top, numbers=numbers, views=views,
+        lists=device.buffer(lists), entries=device.buffer(entries), first=first, share=share,
+        sums=sums,
+    )  # fmt: skip
 
 
 def shift_sum(

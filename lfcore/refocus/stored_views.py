@@ -8,11 +8,14 @@ from typing import Protocol
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.device import Device, build_program, cl, open_device, page_aligned
+from lfcore.opencl.device import Device, cl, open_device, page_aligned
+from lfcore.opencl.interface import INT, Interface, given, read, record, write
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.array import CameraArray
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
 from lfcore.optics.slab import Rectangle
-from lfcore.refocus.plane_former import INTERFACE
+from lfcore.refocus import fixed_light
+from lfcore.storage.frame_memory import PLACEMENT
 from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.lightfield import LightFieldFile
@@ -22,7 +25,23 @@ CHUNK_BYTES = 8 << 20
 """The bytes of frames with views that are decoded at a time."""
 GROUP_BYTES = 64 << 20
 """The bytes of a group of views in fixed point."""
-_SOURCE = "refocus/kernels/shift_sum.cl"
+_SOURCE = "refocus/kernels/unpack_views.cl"
+UNPACKING_ARGUMENTS = np.dtype([
+    ("frame_width", INT),
+    ("frame_height", INT),
+    ("width", INT),  # of a view
+    ("height", INT),
+])  # fmt: skip
+# placements per element; samples (K,): lens sample (i, j) of each view, for macropixels.
+INTERFACE = fixed_light.INTERFACE | Interface(
+    records={"UnpackingArguments": UNPACKING_ARGUMENTS},
+    kernels={
+        "unpack_views": read(frames="sample", placements="Placement", samples="int2")
+        | given(numbers="UnpackingArguments")
+        | write(views="uint")
+    },
+)
+"""What the kernel shares with the host."""
 
 
 class TakesViews(Protocol):
@@ -44,8 +63,8 @@ class TakesViews(Protocol):
         """
 
 
-class FrameSummer:
-    """Unpacks frames on the device, and passes their views to ``summer``.
+class FrameUnpacker:
+    """Unpacks frames on the device, and passes their views to ``receiver``.
 
     ``pixels`` is the views' rectangle of the slab's square grid, by default the whole grid; in
     frames it begins at ``corner``.
@@ -53,23 +72,22 @@ class FrameSummer:
 
     def __init__(
         self,
-        summer: TakesViews,
+        receiver: TakesViews,
         layout: FrameLayout,
         pixels: Rectangle | None = None,
         corner: tuple[int, int] = (0, 0),
     ):
-        self.summer, self.layout = summer, layout
+        self.receiver, self.layout = receiver, layout
         self._pixels = pixels or (0, 0, layout.pixels, layout.pixels)
         self._corner = np.array(corner, np.int32)
         defines = layout.defines | {"VIEWS": int(layout.kind == "views")}
-        program = build_program(summer.device, [_SOURCE], defines, INTERFACE)
-        self._kernel = cl.Kernel(program, "unpack_views")
-        self._open, self._views = summer.open_samples, summer.device.empty(0)
+        self._kernel = Kernel(receiver.device, [_SOURCE], "unpack_views", defines, INTERFACE)
+        self._open, self._views = receiver.open_samples, receiver.device.empty(0)
         self._band = page_aligned((0,), layout.format.dtype.type)
         self._is_open = np.zeros((layout.views, layout.views), bool)
         self._is_open[self._open[:, 1], self._open[:, 0]] = True
         _, _, width, height = self._pixels
-        self.in_rows = layout.kind == "views" and not summer.group_size(width, height)
+        self.in_rows = layout.kind == "views" and not receiver.group_size(width, height)
         """Whether views are passed by bands of rows, from frames' planes."""
 
     def add_planes(self, planes: list[np.ndarray], tile: Tile, number: int) -> None:
@@ -78,7 +96,7 @@ class FrameSummer:
         places = tile.placement(elements)
         here = (places[:, 0] == number) & self._is_open[elements[:, 1], elements[:, 0]]
         left, top, width, height = self._pixels
-        step = 4 * max(1, self.summer.group_size(width, 4))  # whole tiles of slicing by depth
+        step = 4 * max(1, self.receiver.group_size(width, 4))  # whole tiles of slicing by depth
         for element, (x, y) in zip(elements[here], places[here, 1:] + self._corner, strict=True):
             for row in range(0, height, step):
                 rows = min(step, height - row)
@@ -89,12 +107,13 @@ class FrameSummer:
                 if size > self._band.size:
                     self._band = page_aligned((size,), self.layout.format.dtype.type)
                 joined = np.concatenate([part.ravel() for part in band], out=self._band[:size])
-                place = np.array([[0, x, y + row - first, 0]], np.int32)
+                place = np.zeros(1, PLACEMENT)
+                place["x"], place["y"] = x, y + row - first
                 region = left, top + row, width, rows
                 self._unpack(
-                    self.summer.device.shown(joined), len(band[0]), place, element[None], region
+                    self.receiver.device.shown(joined), len(band[0]), place, element[None], region
                 )
-                self.summer.device.queue.finish()
+                self.receiver.device.queue.finish()
 
     def add(self, frames: np.ndarray, tile: Tile, first: int) -> None:
         """Add consecutive frames (F, frame_bytes) uint8 of a tile, from number ``first`` on.
@@ -103,63 +122,59 @@ class FrameSummer:
         the frames.
         """
         elements = tile.elements()
-        places = np.zeros((len(elements), 4), np.int32)
-        places[:, :3] = tile.placement(elements)
-        here = (places[:, 0] >= first) & (places[:, 0] < first + len(frames))
+        places = np.zeros(len(elements), PLACEMENT)
+        places["frame"], places["x"], places["y"] = tile.placement(elements).T
+        here = (places["frame"] >= first) & (places["frame"] < first + len(frames))
         elements, places = elements[here], places[here]
-        places[:, 0] -= first
-        buffer = self.summer.device.shown(np.ascontiguousarray(frames))
+        places["frame"] -= first
+        buffer = self.receiver.device.shown(np.ascontiguousarray(frames))
         by_views = self.layout.kind == "views"
         if by_views:
             wanted = self._is_open[elements[:, 1], elements[:, 0]]
             samples, places, region = elements[wanted], places[wanted], self._pixels
-            places[:, 1:3] += self._corner
+            places["x"] += self._corner[0]
+            places["y"] += self._corner[1]
         else:
             left, top = self._pixels[:2]
             region = (tile.column + left, tile.row + top, tile.columns, tile.rows)
             samples, places = self._open, places[np.lexsort((elements[:, 0], elements[:, 1]))]
-        step = self.summer.group_size(*region[2:])
+        step = self.receiver.group_size(*region[2:])
         for start in range(0, len(samples), step):
             part = slice(start, start + step)
             chosen = places[part] if by_views else places
             self._unpack(buffer, self.layout.frame_height, chosen, samples[part], region)
-        self.summer.device.queue.finish()
+        self.receiver.device.queue.finish()
 
     def _unpack(
         self, frames: cl.Buffer, rows: int, places: np.ndarray, samples: np.ndarray, region: tuple
     ) -> None:
-        device, layout = self.summer.device, self.layout
+        device, layout = self.receiver.device, self.layout
         (width, height), count = region[2:], len(samples)
         if (size := 12 * count * width * height) > self._views.size:
             self._views = device.empty(size)  # kept: new pages cost as much as filling them
-        views_layout = layout.kind == "views"
+        by_views = layout.kind == "views"
         self._kernel(
-            device.queue,
-            (width, height, count) if views_layout else (count, width, height),
-            None,
-            frames,
-            np.int32(layout.frame_width),
-            np.int32(rows),
-            device.buffer(np.ascontiguousarray(places)),
-            device.buffer(np.ascontiguousarray(samples)),
-            np.int32(width),
-            np.int32(height),
-            np.int32(count),
-            self._views,
-        )
-        self.summer.add_fixed(self._views, samples, region)
+            *((width, height, count) if by_views else (count, width, height)), grouped=True,
+            frames=frames, placements=device.buffer(np.ascontiguousarray(places)),
+            samples=device.buffer(np.ascontiguousarray(samples)), views=self._views,
+            numbers=record(
+                UNPACKING_ARGUMENTS, frame_width=layout.frame_width, frame_height=rows,
+                width=width, height=height,
+            ),
+        )  # fmt: skip
+        self.receiver.add_fixed(self._views, samples, region)
 
 
 def add_frames(
-    summer: TakesViews,
+    receiver: TakesViews,
     field: LightFieldFile,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Pass all wanted views of a file to ``summer``, while the next frames are decoded.
+    """Pass all wanted views of a file to ``receiver``, while the next frames are decoded.
 
     ``progress`` is called with (frames done, total).
     """
-    frames, done = FrameSummer(summer, field.layout, field.extent.pixels, field.corner), 0
+    frames, done = FrameUnpacker(receiver, field.layout, field.extent.pixels, field.corner), 0
     total = sum(part.frames for part in field.segments)
     add = frames.add_planes if frames.in_rows else frames.add
     read = frame_planes if frames.in_rows else frame_chunks

@@ -7,13 +7,14 @@ columns, so that sums fit in 32 bits.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.opencl.interface import INT, Interface, read
 from lfcore.optics.plane_sums import offsets
 from lfcore.optics.planes import SensorPlane
-from lfcore.optics.slab import Slab
+from lfcore.optics.slab import Ends, Slab
+from lfcore.refocus import plane_tables
 from lfcore.refocus.plane_tables import PlaneTables, distinct_masks, reached_region
 
 STRIP = 32
@@ -22,7 +23,11 @@ CHUNK = 16
 """The number of columns that share one kind: open, partly open or closed."""
 MOST_COLUMNS = 112
 """The most columns of a run: STRIP * MOST_COLUMNS samples of at most 2^20 are less than 2^32."""
-INT = np.int32
+TABLE_LEAD = 3
+"""Entries before the 0 of a table's row, so that its sums begin at a multiple of 64 bytes."""
+TABLE_PADDING = 68
+"""Entries of a table's row that are no sums: TABLE_LEAD before it, and behind it so many that rows
+do not share sets of the cache."""
 PLANE = np.dtype([("mask", INT), ("columns", INT), ("rows", INT), ("per_pixel", INT)])
 """A plane: its mask, its first pointers of columns and of rows, and whether each pixel has its own
 runs, as with magnification."""
@@ -31,80 +36,61 @@ RUN = np.dtype([("end", INT), ("target", INT)])
 or the table's row of its last lens row."""
 TABLE_ROWS = np.dtype([("count", INT), ("end", INT, STRIP)])
 """The rows of a strip's table; each sums the strip's lens rows before its end."""
-RECORDS = {"StripPlane": PLANE, "StripRun": RUN, "TableRows": TABLE_ROWS}
-"""The structs of ``slicing.cl`` alone."""
+KERNEL = plane_tables.KERNEL | read(
+    planes="StripPlane", pointers="int", runs="StripRun", kinds="uchar", table_rows="TableRows"
+)
+"""The parameters of the kernel, with the tables of :func:`strip_tables`."""
+INTERFACE = Interface(
+    constants={
+        "STRIP": STRIP, "CHUNK": CHUNK, "TABLE_LEAD": TABLE_LEAD, "TABLE_PADDING": TABLE_PADDING,
+    },
+    records={"StripPlane": PLANE, "StripRun": RUN, "TableRows": TABLE_ROWS},
+    kernels={"form_strip_planes": KERNEL},
+)  # fmt: skip
+"""What ``slicing_macropixels.cl`` alone shares with the host."""
 
 
 def table_words(views: int) -> int:
-    """The 32-bit words of a summed-area table: four per entry, rows padded as in slicing.cl.
+    """The 32-bit words of a summed-area table: four per entry.
 
     A multiple of 16, so that each worker's table begins at a cache line.
     """
-    return 4 * (STRIP + 1) * (-(-views // CHUNK) * CHUNK + 68)
+    return 4 * (STRIP + 1) * (-(-views // CHUNK) * CHUNK + TABLE_PADDING)
 
 
-@dataclass(frozen=True)
-class StripTables(PlaneTables):
-    """Planes of a slab over the tile of pixels [u0, u1) x [v0, v1), for strips of lens rows.
+def strip_tables(slab: Slab, planes: Sequence[SensorPlane], ends: Ends) -> PlaneTables:
+    """Tables for the macropixels of a tile of pixels, by strips of lens rows.
 
-    Attributes
-    ----------
-    info, runs, masks : ndarray
-        (P,) PLANE, (R,) RUN, and (masks, N, N) uint8 indexed [j, i], 255 where open.
-    kinds : ndarray
-        (masks, strips, chunks) uint8 per 16 columns of a strip: 0 closed, 1 partly open, 2 open.
-    pointers : ndarray
-        int32 lists: per pixel, or once for all, the first of its runs of columns; per pixel and
-        strip the first of its runs of rows.  A list ends with the run after its last.
-    table_rows : ndarray
-        (masks, strips) TABLE_ROWS.
+    ``planes`` (P,) are PLANE, ``runs`` (R,) RUN, ``table_rows`` (masks, strips) TABLE_ROWS.
+    ``kinds`` (masks, strips, chunks) uint8 are those of 16 columns of a strip: 0 closed, 1 partly
+    open, 2 open.  ``pointers`` are int32 lists: per pixel, or once for all, the first of its runs
+    of columns; per pixel and strip the first of its runs of rows.  A list ends with the run after
+    its last.
     """
-
-    kinds: np.ndarray
-    pointers: np.ndarray
-    table_rows: np.ndarray
-
-    @property
-    def strips(self) -> int:  # type: ignore[override]
-        return self.kinds.shape[1]
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The kernel's arguments, in its order."""
-        return self.info, self.pointers, self.runs, self.masks, self.kinds, self.table_rows
-
-
-def strip_tables(
-    slab: Slab, planes: Sequence[SensorPlane], u0: int, v0: int, u1: int, v1: int
-) -> StripTables:
-    """Tables for a tile of macropixels."""
     masks, mask_of = distinct_masks(slab, list(planes))
     order = np.argsort(mask_of, kind="stable")
-    info = np.zeros(len(planes), PLANE)
+    records = np.zeros(len(planes), PLANE)
     moves_of = [offsets(slab, planes[plane]) for plane in order]
     columns = [runs_of(moves, MOST_COLUMNS, slab.views) for moves in moves_of]
     rows = [runs_of(moves, STRIP, STRIP) for moves in moves_of]
     numbered = table_rows(mask_of[order], [runs for _, runs in rows], slab.views, len(masks))
     pointers, runs = [np.zeros(0, np.int32)], [np.zeros(0, RUN)]
     pointed = used = 0
-    info["mask"] = mask_of[order]
-    info["per_pixel"] = [len(moves) > 1 for moves in moves_of]
+    records["mask"] = mask_of[order]
+    records["per_pixel"] = [len(moves) > 1 for moves in moves_of]
     for row in range(len(planes)):
         for axis, (starts, axis_runs) in (("columns", columns[row]), ("rows", rows[row])):
-            info[axis][row] = pointed
+            records[axis][row] = pointed
             pointers.append(starts + used)
             runs.append(axis_runs)
             pointed, used = pointed + len(starts), used + len(axis_runs)
-    return StripTables(
-        order,
-        info,
-        np.concatenate(runs),
-        masks,
-        *reached_region(slab, planes, moves_of, (u0, v0, u1, v1)),
-        chunk_kinds(masks),
-        np.concatenate(pointers).astype(np.int32),
-        numbered,
-    )
+    arrays = {
+        "planes": records, "runs": np.concatenate(runs), "masks": masks,
+        "kinds": chunk_kinds(masks), "table_rows": numbered,
+        "pointers": np.concatenate(pointers).astype(np.int32),
+    }  # fmt: skip
+    region = reached_region(slab, planes, moves_of, ends)
+    return PlaneTables(order, region, arrays, strips=numbered.shape[1])
 
 
 def chunk_kinds(masks: np.ndarray) -> np.ndarray:
@@ -123,7 +109,7 @@ def chunk_kinds(masks: np.ndarray) -> np.ndarray:
 
 
 def table_rows(mask_of: np.ndarray, runs_of_rows: list, size: int, masks: int) -> np.ndarray:
-    """The rows that each strip's table needs: ``table_rows`` of :class:`StripTables`.
+    """The rows that each strip's table needs: ``table_rows`` of :func:`strip_tables`.
 
     ``mask_of`` has the mask of each plane, ``runs_of_rows`` its runs (R,), which are changed: the
     end of a run, a lens row, becomes the number of the table's row that ends there, from 1.

@@ -16,7 +16,8 @@ from lfcore.rendering.tiles import trace_tile
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing.tracer import Tracer
 
-TILE_RAYS = 1 << 26
+PLANES_RAYS = 1 << 26
+"""The rays of a tile, whose parts of planes are in memory."""
 
 
 def trace_planes(
@@ -28,7 +29,7 @@ def trace_planes(
         "macropixels", slab.views, slab.pixels, pixel_format="yuv444p", picture=slab.size
     )
     traced, parts, pixels = 0, [], math.prod(slab.size)
-    for tile in layout.tiles(TILE_RAYS, least=1):
+    for tile in layout.tiles(PLANES_RAYS, least=1):
         count = (lambda n, _, before=traced: progress(before + n, pixels)) if progress else None
         tracing = trace_tile(tracer, slab, tile, planes, frames=False, progress=count).finished()
         assert tracing.plane_sums is not None  # the tracing has ended

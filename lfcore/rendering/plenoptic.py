@@ -15,8 +15,10 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.ycbcr import rgb_from_planes
 from lfcore.tracing.tracer import Tracer
 
-TILE_RAYS = 1 << 24
+PHOTOGRAPH_RAYS = 1 << 24
+"""The rays of a tile of the photograph, whose frames are in memory."""
 BLOCK_PX = 512
+"""The side of a frame, pixels of the photograph."""
 
 
 def photograph(
@@ -33,7 +35,7 @@ def photograph(
     )
     out = np.empty((camera.photograph_side, camera.photograph_side, 3), np.uint8)
     traced = 0
-    for tile in layout.tiles(TILE_RAYS):
+    for tile in layout.tiles(PHOTOGRAPH_RAYS):
         elements = tile.elements()
         firsts = np.unique(tile.placement(elements)[:, 0], return_index=True)[1]
         corners = elements[firsts] * camera.samples  # of each frame in the photograph

@@ -26,6 +26,7 @@ from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 
 TILE_RAYS = 1 << 27
+"""The rays of a tile, which becomes a segment of the file."""
 HEADROOM = 2.0
 """The largest ratio of the brightest highlight of all rays to that of a few rays."""
 

@@ -6,14 +6,13 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from lfcore.colour import srgb_codes, to_uint8
+from lfcore.optics.slab import Ends
 from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.pixels import pixel_format
 from lfcore.storage.stored_video import StoredVideo
 from lfcore.storage.ycbcr import rgb_from_planes
 
-Rectangle = tuple[int, int, int, int]
-"""The first column and row, and the column and row after the last."""
 CHUNK_BYTES = 4 << 20
 """The bytes of frames that are decoded at a time; their rays take some 50 MB as floats."""
 FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
@@ -22,8 +21,8 @@ FULL = {8: "yuv444p", 10: "yuv444p10le", 12: "yuv444p12le"}
 
 def read_block(
     video: StoredVideo,
-    outer: Rectangle,
-    inner: Rectangle,
+    outer: Ends,
+    inner: Ends,
     *,
     codes: bool,
     damaged: Collection[int] = (),
@@ -85,7 +84,7 @@ def windows(
     frames: np.ndarray,
     which: np.ndarray,
     corners: np.ndarray,
-    inner: Rectangle,
+    inner: Ends,
 ) -> np.ndarray:
     """Take the rectangle ``inner`` of each of E elements out of frames.
 

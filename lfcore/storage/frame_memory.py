@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfcore.opencl.device import PAGE, Device, build_program, cl, page_aligned
-from lfcore.opencl.interface import BLOCK, INT, SHARED, Interface, record
-from lfcore.optics.slab import Slab
+from lfcore.opencl.device import PAGE, Device, cl, page_aligned
+from lfcore.opencl.interface import (
+    BLOCK,
+    FLOAT,
+    INT,
+    SHARED,
+    Interface,
+    given,
+    read,
+    record,
+    write,
+)
+from lfcore.opencl.kernel import Kernel
+from lfcore.optics.slab import Ends, Slab
 from lfcore.storage.layout import FrameLayout, Tile
 
 if TYPE_CHECKING:
@@ -18,15 +29,33 @@ if TYPE_CHECKING:
 
 PLACEMENT = np.dtype([("frame", INT), ("x", INT), ("y", INT), ("column", INT), ("row", INT)])
 """The position of an element in frames, and its column and row on the outer grid."""
-FRAME_ARGUMENTS = np.dtype([
+FRAME_FORMAT = np.dtype([
     ("width", INT),
     ("height", INT),
     ("subsampling", INT),  # of chroma: 1 (4:4:4) or 2 (4:2:0, means of 2 x 2)
     ("rgb", INT),
 ])  # fmt: skip
-INTERFACE = SHARED | Interface(
-    ("storage/kernels",), records={"Placement": PLACEMENT, "FrameArguments": FRAME_ARGUMENTS}
+ENCODED_RAYS = np.dtype([
+    ("columns", INT),  # of the rays of an element
+    ("rows", INT),
+    ("first_row", INT),  # of these rows in the whole elements
+    ("far", FLOAT),  # the inverse depth of code 0, 1/m
+    ("steps", FLOAT),  # codes per dioptre
+])  # fmt: skip
+# light (E, rows, columns, 3) is linear, depth (E, rows, columns) in metres; placements (E,);
+# scratch has COLOURS for each work-item.
+_ENCODE_ROWS = (
+    given(rays="EncodedRays", format="FrameFormat", code_format="FrameFormat")
+    | read(light="float", depth="float", placements="Placement", code_placements="Placement")
+    | write(frames="sample", codes="CODE", scratch="float")
 )
+INTERFACE = SHARED | Interface(
+    ("storage/kernels",),
+    records={
+        "Placement": PLACEMENT, "FrameFormat": FRAME_FORMAT, "EncodedRays": ENCODED_RAYS,
+    },
+    kernels={"encode_rows": _ENCODE_ROWS},
+)  # fmt: skip
 """What kernels that read or write frames share with the host."""
 
 
@@ -39,7 +68,7 @@ def grid_corner(tile: Tile, slab: Slab) -> np.ndarray:
     return np.array(corner, np.int32)
 
 
-def tile_corners(tile: Tile, slab: Slab) -> tuple[int, int, int, int]:
+def tile_ends(tile: Tile, slab: Slab) -> Ends:
     """Return u0, v0, u1, v1 of a tile's elements [u0, u1) x [v0, v1) on the slab's square grid."""
     left, top = (grid_corner(tile, slab) + [tile.column, tile.row]).tolist()
     return left, top, left + tile.columns, top + tile.rows
@@ -86,11 +115,11 @@ class FrameMemory:
             return self.memory[: count * self.layout.frame_bytes].reshape(count, -1)
 
     @property
-    def arguments(self) -> np.ndarray:
-        """The size and format of frames, for kernels."""
+    def format(self) -> np.ndarray:
+        """The size and format of frames, FRAME_FORMAT."""
         layout = self.layout
         return record(
-            FRAME_ARGUMENTS, width=layout.frame_width, height=layout.frame_height,
+            FRAME_FORMAT, width=layout.frame_width, height=layout.frame_height,
             subsampling=layout.format.subsampling, rgb=layout.format.rgb,
         )  # fmt: skip
 
@@ -111,6 +140,7 @@ class FrameWriter:
         self._tiles = [tile]
         defines: dict[str, object] = {"BITS": layout.format.bits}
         defines |= {"PEAK": layout.peak or 0, "DEPTH": int(codes is not None)}
+        defines["CODE"] = "uchar"
         if codes:
             grey = replace(layout, pixel_format=codes.pixel_format, peak=None)
             self._tiles.append(replace(tile, layout=grey))
@@ -119,8 +149,8 @@ class FrameWriter:
         memory = [FrameMemory(device, part.layout, frames) for part in self._tiles]
         self.colours, self.depths = memory[0], memory[1] if codes else None
         self._memory, self.count = memory, 0
-        files = ["storage/kernels/encode.cl"]
-        self._kernel = cl.Kernel(build_program(device, files, defines, INTERFACE), "encode_rows")
+        file = "storage/kernels/encode.cl"
+        self._kernel = Kernel(device, [file], "encode_rows", defines, INTERFACE)
 
     def write(
         self,
@@ -135,22 +165,25 @@ class FrameWriter:
         ``light`` (E, rows, columns, 3) is linear, ``depth`` (E, rows, columns) in metres; float32.
         """
         device, codes, (count, rows, columns) = self._device, self._codes, light.shape[:3]
-        strips, targets = -(-rows // BLOCK), list[Any]()
+        strips, targets = -(-rows // BLOCK), list[tuple]()
         for tile, memory in zip(self._tiles, self._memory, strict=True):
             placed = np.zeros(count, PLACEMENT)
             placed["frame"], placed["x"], placed["y"] = tile.placement(elements).T
             placed["frame"] -= placed["frame"].min()
-            targets += [memory.arguments, device.buffer(placed), memory.buffer]
-        scratch = device.empty(12 * BLOCK**2 * strips * count)
-        targets.insert(3, scratch)
-        if codes:
-            steps = codes.last / (codes.near - codes.far)
-            assert depth is not None  # callers that give codes give depth
-            targets.insert(4, device.shown(np.ascontiguousarray(depth)))
-            targets += [np.float32(codes.far), np.float32(steps)]
+            targets.append((memory.format, device.buffer(placed), memory.buffer))
+        (format_, placements, frames), (code_format, code_placements, code_frames) = (
+            targets[0], targets[1] if codes else (np.zeros((), FRAME_FORMAT), None, None),
+        )  # fmt: skip
+        far, steps = (codes.far, codes.last / (codes.near - codes.far)) if codes else (0, 0)
+        numbers = record(
+            ENCODED_RAYS, columns=columns, rows=rows, first_row=first_row, far=far, steps=steps
+        )
         self._kernel(
-            device.queue, (strips, count), (1, 1), device.shown(np.ascontiguousarray(light)),
-            *map(np.int32, (columns, rows, first_row)), *targets,
+            strips, count, rays=numbers, light=device.shown(np.ascontiguousarray(light)),
+            depth=None if depth is None else device.shown(np.ascontiguousarray(depth)),
+            format=format_, placements=placements, frames=frames,
+            code_format=code_format, code_placements=code_placements, codes=code_frames,
+            scratch=device.empty(12 * BLOCK**2 * strips * count),
         )  # fmt: skip
         device.queue.finish()
         self.count = int(placed["frame"].max()) + 1

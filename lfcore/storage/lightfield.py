@@ -16,9 +16,9 @@ from lfcore.errors import OpticsError, StorageError, suggest_keywords
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.grid_geometry import GIVE_GEOMETRY
-from lfcore.optics.slab import Extent, Slab
+from lfcore.optics.slab import Ends, Extent, Slab
 from lfcore.progress import Progress
-from lfcore.storage.blocks import Rectangle, read_block
+from lfcore.storage.blocks import read_block
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.depth_stream import StoredDepth
 from lfcore.storage.from_views import store_arrays
@@ -402,7 +402,7 @@ class LightFieldFile:
         rays = self.block((0, 0, columns, rows), (u0, v0, u1, v1), codes=codes)
         return np.ascontiguousarray(rays.transpose(2, 3, 0, 1, 4))
 
-    def block(self, lens: Rectangle, film: Rectangle, *, codes: bool = False) -> np.ndarray:
+    def block(self, lens: Ends, film: Ends, *, codes: bool = False) -> np.ndarray:
         """Read the rectangle of pixels ``film`` of a rectangle of views, as :meth:`views` does.
 
         Both are (first column, first row, column after the last, row after the last).
@@ -422,7 +422,7 @@ class LightFieldFile:
             return self._rays(*moved, codes=codes)
         return self._rays(*moved[::-1], codes=codes).transpose(2, 3, 0, 1, 4)
 
-    def _rays(self, outer: Rectangle, inner: Rectangle, *, codes: bool) -> np.ndarray:
+    def _rays(self, outer: Ends, inner: Ends, *, codes: bool) -> np.ndarray:
         damaged = {damage.segment.index for damage in self.damage}
         rays = read_block(self.video, outer, inner, codes=codes, damaged=damaged)
         return rays if codes or self.white == 1.0 else rays * np.float32(self.white)

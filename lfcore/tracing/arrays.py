@@ -16,7 +16,7 @@ from lfcore.tracing.job import PacketJob
 from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM
 from lfcore.tracing.packets import Groups, PacketShape
 
-CHUNK_RAYS = 1 << 24
+DEVICE_RAYS = 1 << 24
 """The rays whose results a device with its own memory holds at a time."""
 STREAM_BYTES = 32 << 20
 """The size of images, bytes, above which kernels write past the caches, which cannot hold them."""
@@ -49,7 +49,7 @@ def fill_arrays(
     first, device = sets[0], job.scene.device
     count, rays = len(first.elements), first.columns * first.traced_rows
     # A CPU writes the host's memory without copies, so one chunk suffices.
-    step = count if device.is_cpu else max(1, CHUNK_RAYS // (across * rays)) * across
+    step = count if device.is_cpu else max(1, DEVICE_RAYS // (across * rays)) * across
     for start in range(0, count, max(1, step)):
         stop = min(start + step, count)
         pieces = {

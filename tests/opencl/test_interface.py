@@ -7,14 +7,15 @@ from lfcore.baking import gather
 from lfcore.opencl.device import build_program, cl
 from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
-from lfcore.refocus import plane_former
+from lfcore.refocus import depth_program, free_views, plane_former, shift_sum, stored_views
 from lfcore.refocus.array import device_field
 from lfcore.tracing import layouts
 
 INTERFACES = [
     (interface, name)
     for interface in (
-        layouts.INTERFACE, plane_former.INTERFACE, device_field.INTERFACE, gather.INTERFACE,
+        layouts.INTERFACE, gather.INTERFACE, depth_program.INTERFACE, plane_former.INTERFACE,
+        shift_sum.INTERFACE, stored_views.INTERFACE, free_views.INTERFACE, device_field.INTERFACE,
     )
     for name in interface.records
 ]  # fmt: skip

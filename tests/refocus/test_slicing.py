@@ -19,13 +19,13 @@ from lfcore.optics.plane_sums import FIXED_ONE
 from lfcore.refocus.plane_former import PlaneFormer
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
-from lfcore.refocus.stored_views import FrameSummer, frame_chunks
+from lfcore.refocus.stored_views import FrameUnpacker, frame_chunks
 from lfcore.rendering.direct import trace_planes
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.record import record_slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
-from lfcore.storage.frame_memory import tile_corners
+from lfcore.storage.frame_memory import tile_ends
 from lfcore.storage.layout import FrameLayout
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -66,7 +66,7 @@ class Light:
 
 def light_of(frames, tile, device):
     light = Light(tile, device)
-    FrameSummer(light, tile.layout).add(frames, tile, 0)
+    FrameUnpacker(light, tile.layout).add(frames, tile, 0)
     return light.rays
 
 
@@ -100,7 +100,7 @@ def test_sums_are_those_of_every_ray(form, views, pixels, pack, lanes):
     former.add(frames[:half], 0)
     former.add(frames[half:], half)
     got, rays = former.plane_sums(), light_of(frames, tile, open_device())
-    (height, width), corner = got.sums.shape[2:], tile_corners(tile, slab)
+    (height, width), corner = got.sums.shape[2:], tile_ends(tile, slab)
     for plane, found in zip(planes, got.sums, strict=True):
         whole, own = np.zeros((3, 12, 12), np.uint64), slab.picture(plane.side(slab))
         whole[:, got.top : got.top + height, got.left : got.left + width] = found

@@ -184,7 +184,7 @@ def test_the_image_is_what_cameras_one_by_one_give(traced, monkeypatch, tile, sa
     np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
     # As on a device with memory of its own: rows of tiles at a time, copied back.
     monkeypatch.setattr(Device, "is_cpu", False)
-    monkeypatch.setattr(arrays, "CHUNK_RAYS", 1)
+    monkeypatch.setattr(arrays, "DEVICE_RAYS", 1)
     np.testing.assert_array_equal(trace_array(tracer, array, samples), expected)
 
 

@@ -1,6 +1,5 @@
 """A camera array's picture on an OpenCL device, for many syntheses."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -8,11 +7,23 @@ import numpy as np
 import pyopencl as cl
 
 from lfcore.errors import DeviceError
-from lfcore.opencl.device import Device, build_program
-from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface
+from lfcore.opencl.device import Device
+from lfcore.opencl.interface import (
+    FLOAT,
+    INT,
+    SHARED,
+    UINT,
+    Interface,
+    given,
+    read,
+    record,
+    write,
+)
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.array import CameraArray
 from lfcore.refocus.array import focal_surface as surfaces
 from lfcore.refocus.array.focal_surface import FocalSurface
+from lfcore.refocus.array.sampling import HALTON, QUADRATURE, STRATIFIED
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
 ARRAY = np.dtype([
@@ -43,7 +54,43 @@ SURFACE = np.dtype([
     ("normal", FLOAT, 3),  # of the plane
     ("radius", FLOAT),
 ])  # fmt: skip
-INTERFACE = SHARED | Interface(records={"Array": ARRAY, "View": VIEW, "Surface": SURFACE})
+SAMPLING = np.dtype([
+    ("count", INT),  # samples per pixel
+    ("columns", INT),  # strata
+    ("rows", INT),
+    ("film_bits", INT),  # of count - 1, at least 1
+    ("seed", UINT),
+])  # fmt: skip
+GIVEN_RAY = np.dtype([
+    ("origin", FLOAT, 3),  # array space
+    ("direction", FLOAT, 3),
+    ("weight", FLOAT),  # 0: stopped inside the lens, black, but a sample
+    ("film", FLOAT, 2),  # pixels
+])  # fmt: skip
+# image; positions of the cameras' columns and rows; map: inverse depths of a DEPTH_MAP.
+FIELD = read(image="NUMBER", columns="float", rows="float", map="float") | given(
+    array="Array", view="View", surface="Surface"
+)
+"""The parameters of all kernels of a light field; :meth:`DeviceField.arguments` has the values."""
+_OUTPUT = given(first_row="int") | write(out="float4")
+INTERFACE = SHARED | Interface(
+    constants={
+        "PLANE": surfaces.PLANE, "SPHERE": surfaces.SPHERE, "DEPTH_MAP": surfaces.DEPTH_MAP,
+        "QUADRATURE": QUADRATURE, "HALTON": HALTON, "STRATIFIED": STRATIFIED,
+    },
+    records={
+        "Array": ARRAY, "View": VIEW, "Surface": SURFACE, "Sampling": SAMPLING,
+        "GivenRay": GIVEN_RAY,
+    },
+    kernels={
+        "isaksen": FIELD | given(filter_width="float") | _OUTPUT,
+        "thin_lens": FIELD | read(table="float4") | given(sampling="Sampling") | _OUTPUT,
+        "given_rays": FIELD
+        | read(rays="GivenRay")
+        | given(count="int", pixels="int")
+        | write(out="float4"),
+    },
+)  # fmt: skip
 """What the kernels share with the host."""
 _FOLDER = "refocus/array/kernels"
 
@@ -106,43 +153,50 @@ class DeviceField:
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
         )
-        sizes, pitch = (*array.cameras, *array.tile), array.pixel_pitch
-        self.record = np.array((*sizes, 1.0 / pitch, array.delta, *array.bounds()), ARRAY)
+        (columns, rows), (width, height) = array.cameras, array.tile
+        low_x, high_x, low_y, high_y = array.bounds()
+        self.record = record(
+            ARRAY, columns=columns, rows=rows, width=width, height=height,
+            inv_pitch=1.0 / array.pixel_pitch, delta=array.delta,
+            low_x=low_x, high_x=high_x, low_y=low_y, high_y=high_y,
+        )  # fmt: skip
 
-    def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
+    def kernel(self, name: str, **defines: int) -> Kernel:
         """A kernel for this field's number format."""
         values = {"HALF": int(self.image.dtype == np.float16), **defines}
-        source = [f"{_FOLDER}/{file}"]
-        return cl.Kernel(build_program(self.device, source, values, INTERFACE), name)
+        return Kernel(self.device, [f"{_FOLDER}/{name}.cl"], name, values, INTERFACE)
 
-    def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> tuple:
-        """The first arguments of all kernels."""
-        lens = camera.pixel_pitch, camera.lens_radius_m
-        view = np.array((camera.position_m, camera.rotation.ravel(), *camera.size, *lens), VIEW)
-        record, inverse = np.zeros((), SURFACE), np.zeros(0, np.float32)
+    def arguments(self, camera: VirtualCamera, surface: FocalSurface) -> dict[str, Any]:
+        """The arguments FIELD."""
+        width, height = camera.size
+        view = record(
+            VIEW, position=camera.position_m, rotation=camera.rotation.ravel(), width=width,
+            height=height, pitch=camera.pixel_pitch, lens_radius=camera.lens_radius_m,
+        )  # fmt: skip
+        shape, inverse = np.zeros((), SURFACE), np.zeros(0, np.float32)
         if isinstance(surface, surfaces.DepthMapSurface):
-            record["kind"] = surfaces.DEPTH_MAP
-            record["map_height"], record["map_width"] = surface.depth.shape
+            shape["kind"] = surfaces.DEPTH_MAP
+            shape["map_height"], shape["map_width"] = surface.depth.shape
             inverse = np.ascontiguousarray(1.0 / surface.depth, np.float32)
         elif isinstance(surface, surfaces.SphereSurface):
-            record["kind"], record["radius"] = surfaces.SPHERE, surface.radius
-            record["point"] = surface.centre
+            shape["kind"], shape["radius"] = surfaces.SPHERE, surface.radius
+            shape["point"] = surface.centre
         else:
-            record["kind"] = surfaces.PLANE
-            record["point"], record["normal"] = surface.point, surface.normal
-        depths = self.device.buffer(inverse)
-        return self.buffer, self.record, self.columns, self.rows, view, record, depths
+            shape["kind"] = surfaces.PLANE
+            shape["point"], shape["normal"] = surface.point, surface.normal
+        return {
+            "image": self.buffer, "array": self.record, "columns": self.columns, "rows": self.rows,
+            "view": view, "surface": shape, "map": self.device.buffer(inverse),
+        }  # fmt: skip
 
-    def run_rows(
-        self, kernel: cl.Kernel, camera: VirtualCamera, arguments: Sequence[Any]
-    ) -> Synthesis:
-        """Run a per-pixel kernel by bands of rows; its last arguments are first_row and out."""
+    def run_rows(self, kernel: Kernel, camera: VirtualCamera, **arguments: Any) -> Synthesis:
+        """Run a per-pixel kernel by bands of rows, with all arguments but first_row and out."""
         width, height = camera.size
         out = np.empty((height, width, 4), np.float32)
         target = self.device.empty(out.nbytes)
         band = max(1, min(height, 65536 // width))
         for first in range(0, height, band):
             count = min(band, height - first)
-            kernel(self.device.queue, (width, count), None, *arguments, np.int32(first), target)
+            kernel(width, count, grouped=True, first_row=first, out=target, **arguments)
         cl.enqueue_copy(self.device.queue, out, target)
         return Synthesis.of(out, camera.size)

@@ -10,9 +10,10 @@ import numpy as np
 import pyopencl as cl
 
 from lfcore.errors import OpticsError, check_known
+from lfcore.opencl.interface import record
 from lfcore.optics.lens_system import LensSampler, LensSystem
 from lfcore.refocus.array import sampling
-from lfcore.refocus.array.device_field import DeviceField, Synthesis
+from lfcore.refocus.array.device_field import GIVEN_RAY, SAMPLING, DeviceField, Synthesis
 from lfcore.refocus.array.focal_surface import FocalSurface
 from lfcore.refocus.array.virtual_camera import VirtualCamera
 
@@ -33,9 +34,8 @@ def isaksen(
     """
     if not filter_width_m > 0:
         raise OpticsError(f"must be above 0, not {filter_width_m}", key="filter_width_m")
-    kernel = field.kernel("isaksen.cl", "isaksen")
-    arguments = (*field.arguments(camera, surface), np.float32(filter_width_m))
-    return field.run_rows(kernel, camera, arguments)
+    arguments = field.arguments(camera, surface)
+    return field.run_rows(field.kernel("isaksen"), camera, filter_width=filter_width_m, **arguments)
 
 
 def monte_carlo(
@@ -88,15 +88,16 @@ def thin_lens(
     seed: int = 0,
 ) -> Synthesis:
     """Run the thin lens kernel with any sampler of :mod:`lfcore.refocus.array.sampling`."""
-    kernel = field.kernel("thin_lens.cl", "thin_lens", SAMPLER=sampler)
-    empty = np.zeros((0, 4), np.float32)
-    table_buffer = field.device.buffer(empty if table is None else table)
     columns, rows = sampling.strata(count)
-    arguments = (
-        *field.arguments(camera, surface), table_buffer, np.int32(count), np.int32(columns),
-        np.int32(rows), np.int32(max(1, (count - 1).bit_length())), np.uint32(seed),
+    samples = record(
+        SAMPLING, count=count, columns=columns, rows=rows, seed=np.uint32(seed),
+        film_bits=max(1, (count - 1).bit_length()),
     )  # fmt: skip
-    return field.run_rows(kernel, camera, arguments)
+    return field.run_rows(
+        field.kernel("thin_lens", SAMPLER=sampler), camera, sampling=samples,
+        table=None if table is None else field.device.buffer(table),
+        **field.arguments(camera, surface),
+    )  # fmt: skip
 
 
 def realistic(
@@ -128,13 +129,13 @@ def realistic(
         pixels = first + np.arange(len(part))
         rays = film_rays(camera, shooter, pixels, samples_per_pixel, code, seed)
         origins, directions, weights, film = rays
-        packed = np.zeros((*weights.shape, 8), np.float32)
-        packed[..., :3], packed[..., 3:6], packed[..., 6] = origins, directions, weights
+        packed = np.zeros(weights.shape, GIVEN_RAY)
+        packed["origin"], packed["direction"] = origins, directions
+        packed["weight"], packed["film"] = weights, film
         target = device.empty(part.nbytes)
-        field.kernel("rays.cl", "given_rays")(
-            device.queue, (len(part),), None, *field.arguments(camera, surface),
-            device.buffer(packed), device.buffer(film.astype(np.float32)),
-            np.int32(samples_per_pixel), np.int32(len(part)), target,
+        field.kernel("given_rays")(
+            len(part), grouped=True, rays=device.buffer(packed), count=samples_per_pixel,
+            pixels=len(part), out=target, **field.arguments(camera, surface),
         )  # fmt: skip
         cl.enqueue_copy(device.queue, part, target)
     return Synthesis.of(out, camera.size)

@@ -1,4 +1,5 @@
-// Rays of a macropixel from decoded frames.  BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4) or 2 (4:2:0).
+// Rays of a macropixel from decoded frames.  BITS and RGB are as in light.cl, CHROMA is 1 (4:4:4)
+// or 2 (4:2:0).
 #pragma once
 #include "light.cl"
 
@@ -11,11 +12,13 @@ typedef struct {
     int x0, y0;                                   // corner of the macropixel
 } Macropixel;
 
-inline Macropixel macropixel_at(global const sample *frames, int2 size, int element, Placement placed)
+inline Macropixel macropixel_at(global const sample *frames, const SensorPlaneArguments *n,
+                                int element, Placement placed)
 {
-    const ulong pixels = (ulong)size.x * size.y, small = pixels / (CHROMA * CHROMA);
+    const ulong pixels = (ulong)n->rays_width * n->rays_height, small = pixels / (CHROMA * CHROMA);
     global const sample *frame = frames + placed.frame * (pixels + 2 * small);
-    return (Macropixel){frame, frame + pixels, frame + pixels + small, size.x, placed.x, placed.y};
+    return (Macropixel){frame, frame + pixels, frame + pixels + small, n->rays_width,
+                        placed.x, placed.y};
 }
 
 #if LANES == 1
@@ -55,12 +58,14 @@ inline samples load_tail(global const sample *at, int step, int count)
     return VLOAD(row);
 }
 
-// The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of smooth
-// pictures are the same for many columns; decoding is expensive, so only changed columns are decoded.
+// The light of row y from column x, `count` rays of them in the macropixel.  Neighbouring rows of
+// smooth pictures are the same for many columns; decoding is expensive, so only changed columns are
+// decoded.
 inline void next_row(const Macropixel *m, int x, int y, int count, int begins, Row *row)
 {
     const ulong full = (ulong)(m->y0 + y) * m->width + m->x0 + x;
-    const ulong small = (ulong)((m->y0 + y) / CHROMA) * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
+    const ulong line = (m->y0 + y) / CHROMA;
+    const ulong small = line * (m->width / CHROMA) + (m->x0 + x) / CHROMA;
     samples first, second, third;
     if (count >= LANES) {
         first = load_samples(m->first + full, 0);
@@ -71,7 +76,9 @@ inline void next_row(const Macropixel *m, int x, int y, int count, int begins, R
         second = load_tail(m->second + small, CHROMA, count);
         third = load_tail(m->third + small, CHROMA, count);
     }
-    if (!begins && !DIFFERS((first ^ row->first) | (second ^ row->second) | (third ^ row->third))) return;
+    const samples changed =
+        (first ^ row->first) | (second ^ row->second) | (third ^ row->third);
+    if (!begins && !DIFFERS(changed)) return;
     row->first = first, row->second = second, row->third = third;
     TO_RGB(vf, TO_LIGHT(first), TO_LIGHT(second), TO_LIGHT(third), red, green, blue);
     row->r = linear_row(red), row->g = linear_row(green), row->b = linear_row(blue);

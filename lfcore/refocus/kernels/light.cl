@@ -1,38 +1,31 @@
 // Linear light of video frames: BITS is 8, or 10 or 12 (in 16-bit samples), RGB 1 for planar
 // green, blue, red, else BT.709 YCbCr of limited range; PQ 1 for PQ, else sRGB.
-#ifndef LFCORE_LIGHT_CL
-#define LFCORE_LIGHT_CL
-#include "powers.cl"
+#pragma once
+#include "pq.cl"
 #include "samples.cl"
 
 #define SCALE (1.0f / CODES)
-#define LIGHT_ONE (PQ ? 67108864.0f : FIXED_ONE)  // of the brightest code; 2^26 is layout.PQ_ONE
+#define LIGHT_ONE (PQ ? PQ_ONE : FIXED_ONE)  // of the brightest code
 
-// IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.  Above
-// the knee a minimax polynomial with an error of 2e-6, below it the straight line.
+// IEC 61966-2-1 decoding of sRGB-encoded values to fixed point; those outside [0, 1] are clamped.
+// Above the knee a minimax polynomial with an error of 2e-6, below it the straight line.
 #define KNEE 0.04045f
 #define POWER(T, x)                                                                            \
     fma(fma(fma(fma(fma(fma(fma((T)(6.519284021e+04f), x, (T)(-2.910779674e+05f)), x,     \
         (T)(5.707602639e+05f)), x, (T)(-6.955071952e+05f)), x, (T)(8.436951737e+05f)), x, \
         (T)(5.182544125e+05f)), x, (T)(3.634786102e+04f)), x, (T)(-2.369988653e+03f))
-// Below 0 the line continues, and is cut at the end; TOP is where the polynomial reaches one, 7e-7 below 1.
+// Below 0 the line continues, and is cut at the end; TOP is where the polynomial reaches one.
 #define TOP 0.9999993f
 #define LINEAR(T, x)                                          \
     max(fma(min(x, (T)(KNEE)), (T)(FIXED_ONE / 12.92f),       \
             POWER(T, clamp(x, (T)(KNEE), (T)(TOP)))),         \
         (T)(0.0f))
 
-// Light in [0, 1] of codes, which are clamped.
-inline vf decode_pq(vf code)
-{
-    const vf held = clamp(code, (vf)(1.0e-30f), (vf)(1.0f));
-    const vf power = exp2_fast((1.0f / PQ_M2) * log2_fast(held));
-    const vf share = max(power - PQ_C1, (vf)(1.0e-30f)) / fma(power, (vf)(-PQ_C3), (vf)(PQ_C2));
-    return exp2_fast((1.0f / PQ_M1) * log2_fast(share));
-}
-
 // By way of signed integers: every processor converts to them in one instruction.
-inline vu linear_row(vf x) { return AS_VU(TO_VI(PQ ? fma(decode_pq(x), (vf)(LIGHT_ONE), (vf)(0.5f)) : LINEAR(vf, x))); }
+inline vu linear_row(vf x)
+{
+    return AS_VU(TO_VI(PQ ? fma(decode_pq(x), (vf)(LIGHT_ONE), (vf)(0.5f)) : LINEAR(vf, x)));
+}
 
 // Three colours of one ray.
 inline void linear_ray(float r, float g, float b, uint light[3])
@@ -52,7 +45,8 @@ inline void linear_ray(float r, float g, float b, uint light[3])
 // Red, green and blue of the three samples of a ray (T is vf or float), encoded, not clamped.
 #if RGB
 #define TO_RGB(T, first, second, third, r, g, b) \
-    const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f), b = (second) * (1.0f / 255.0f)
+    const T r = (third) * (1.0f / 255.0f), g = (first) * (1.0f / 255.0f); \
+    const T b = (second) * (1.0f / 255.0f)
 #else
 #define TO_RGB(T, first, second, third, r, g, b)                                                \
     const T luma = fma((first), (T)(1.0f / 219.0f), (T)(-16.0f / 219.0f));                      \
@@ -60,6 +54,4 @@ inline void linear_ray(float r, float g, float b, uint light[3])
     const T r = fma(cr, (T)(1.5748f / 224.0f), luma), b = fma(cb, (T)(1.8556f / 224.0f), luma); \
     const T g = fma(cr, (T)(-0.2126f * 1.5748f / 0.7152f / 224.0f),                             \
                     fma(cb, (T)(-0.0722f * 1.8556f / 0.7152f / 224.0f), luma))
-#endif
-
 #endif

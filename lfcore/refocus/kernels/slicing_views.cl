@@ -1,5 +1,5 @@
-// Algorithms 1 and 4: sensor planes from views, traced or decoded.  TRACED is 1 for traced light, 0 for
-// frames, whose BITS and RGB are as in light.cl, and CHROMA is 1 (4:4:4) or 2 (4:2:0).
+// Algorithms 1 and 4: sensor planes from views, traced or decoded.  TRACED is 1 for traced light,
+// 0 for frames, whose BITS and RGB are as in light.cl, and CHROMA is 1 (4:4:4) or 2 (4:2:0).
 #if TRACED
 #include "fixed_point.cl"
 #include "blocks.cl"
@@ -8,7 +8,8 @@
 typedef float stored;
 
 // Columns and rows of linear light (height, width, 3) from `at` on as a block (3, BLOCK_RAYS).
-inline void load_block(global const float *light, int2 size, int2 at, int columns, int rows, global float *colours)
+inline void load_block(global const float *light, int2 size, int2 at, int columns, int rows,
+                       global float *colours)
 {
     global const float *from = light + 3 * ((ulong)at.y * size.x + at.x);
     for (int y = 0; y < min(rows, BLOCK); ++y, from += 3 * size.x, colours += BLOCK)
@@ -16,7 +17,8 @@ inline void load_block(global const float *light, int2 size, int2 at, int column
             colours[k % 3 * BLOCK_RAYS + k / 3] = clamp(from[k], 0.0f, BRIGHTEST);
 }
 
-inline global const float *element_at(global const float *light, int2 size, int element, Placement placed)
+inline global const float *element_at(global const float *light, int2 size, int element,
+                                      Placement placed)
 {
     return light + (ulong)element * 3 * size.x * size.y;
 }
@@ -36,15 +38,19 @@ inline vf load_row(global const sample *at, int step, int count)
 }
 
 // Decode a block to linear colours (3, BLOCK_RAYS); rays beyond columns and rows repeat the last.
-inline void load_block(global const sample *frame, int2 size, int2 at, int columns, int rows, global float *colours)
+inline void load_block(global const sample *frame, int2 size, int2 at, int columns, int rows,
+                       global float *colours)
 {
     const int width = size.x, x0 = at.x, y0 = at.y;
     const ulong pixels = (ulong)width * size.y, chroma = pixels / (CHROMA * CHROMA);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const int x = min(at % BLOCK, columns - 1), y = min(at / BLOCK, rows - 1), count = max(1, columns - x);
+        const int x = min(at % BLOCK, columns - 1), y = min(at / BLOCK, rows - 1);
+        const int count = max(1, columns - x);
         const vf first = load_row(frame + (ulong)(y0 + y) * width + x0 + x, 1, count);
-        global const sample *small = frame + pixels + (ulong)((y0 + y) / CHROMA) * (width / CHROMA) + (x0 + x) / CHROMA;
-        const vf second = load_row(small, CHROMA, count), third = load_row(small + chroma, CHROMA, count);
+        const ulong line = (y0 + y) / CHROMA;
+        global const sample *small = frame + pixels + line * (width / CHROMA) + (x0 + x) / CHROMA;
+        const vf second = load_row(small, CHROMA, count);
+        const vf third = load_row(small + chroma, CHROMA, count);
         TO_RGB(vf, first, second, third, r, g, b);
         // Multiples of the fixed-point unit; division by a power of two is exact.
         VSTORE(TO_VF(linear_row(r)) / ONE, colours + at);
@@ -53,7 +59,8 @@ inline void load_block(global const sample *frame, int2 size, int2 at, int colum
     }
 }
 
-inline global const sample *element_at(global const sample *frames, int2 size, int element, Placement placed)
+inline global const sample *element_at(global const sample *frames, int2 size, int element,
+                                       Placement placed)
 {
     const ulong chroma = (ulong)(size.x / CHROMA) * (size.y / CHROMA);
     return frames + placed.frame * ((ulong)size.x * size.y + 2 * chroma);
@@ -63,14 +70,13 @@ inline int2 corner_of(Placement placed) { return (int2)(placed.x, placed.y); }
 
 typedef struct {
     const SensorPlaneArguments *numbers;
-    global const SensorPlane *plane;  // (planes,)
-    global const int *targets;        // the pixels of rays, see add_view
-    global const uchar *masks;        // (masks, N, N) 255 where open
-    global ulong4 *sums;              // (planes, height, width) of this worker: red, green, blue, 0
+    global const SensorPlane *planes;
+    global const int *targets;
+    global const uchar *masks;
+    global ulong4 *sums;  // (planes, height, width) of this worker: red, green, blue, 0
 } SensorPlanes;
 
-// Add a block of pixels of the view of lens sample `view`, whose first pixel is `at`.  `targets` has the
-// target of every pixel column for each lens column; rows alike.
+// Add a block of pixels of the view of lens sample `view`, whose first pixel is `at`.
 inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const float *colours)
 {
     const SensorPlaneArguments *n = p->numbers;
@@ -78,10 +84,11 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
     // Added before fractions are dropped: one half; in coarse sums unlike numbers with that mean.
     const float part = FEW_BITS ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
     for (int plane = 0; plane < n->planes; ++plane) {
-        const SensorPlane info = p->plane[plane];
+        const SensorPlane info = p->planes[plane];
         if (!p->masks[((ulong)info.mask * n->views + view.y) * n->views + view.x]) continue;
-        global const int *columns_to = p->targets + info.targets + view.x * n->size + n->column + at.x;
-        global const int *rows_to = p->targets + info.targets + view.y * n->size + n->row + at.y;
+        global const int *targets = p->targets + info.targets;
+        global const int *columns_to = targets + view.x * n->size + n->column + at.x;
+        global const int *rows_to = targets + view.y * n->size + n->row + at.y;
         global ulong4 *sums = p->sums + (ulong)plane * n->width * n->height;
         for (int y = 0; y < rows; ++y) {
             const int line_y = rows_to[y] - n->top;
@@ -90,39 +97,31 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
             for (int x = 0; x < columns; ++x) {
                 const int line_x = columns_to[x] - n->left;
                 if (line_x < 0 || line_x >= n->width) continue;
-                const float4 colour = (float4)(c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x], 0.0f);
-                const int4 fixed = convert_int4(fma(colour, (float4)(ONE), (float4)((float3)(part), 0.0f)));
+                const float4 colour = {c[x], c[BLOCK_RAYS + x], c[2 * BLOCK_RAYS + x], 0.0f};
+                const float4 rounded = (float4)((float3)(part), 0.0f);
+                const int4 fixed = convert_int4(fma(colour, (float4)(ONE), rounded));
                 sums[(ulong)line_y * n->width + line_x] += convert_ulong4(as_uint4(fixed));
             }
         }
     }
 }
 
-KERNEL
-void form_planes(global const stored *restrict rays,
-                 const int2 size,                     // of a frame, or of a traced view
-                 global const Placement *restrict placements,  // (E,)
-                 const int n_elements,
-                 global int *restrict next,
-                 global uint *restrict scratch,       // (workers, 3 * BLOCK_RAYS)
-                 const int scratch_words,
-                 const SensorPlaneArguments numbers,
-                 global const SensorPlane *restrict plane_records,
-                 global const int *restrict targets,
-                 global const uchar *restrict masks,
-                 global ulong4 *restrict sums)
+KERNEL void form_view_planes(form_view_planes_PARAMETERS)
 {
     const ulong own = get_global_id(0) * (ulong)numbers.planes * numbers.width * numbers.height;
-    const SensorPlanes planes = {&numbers, plane_records, targets, masks, sums + own};
-    global float *colours = (global float *)(scratch + get_global_id(0) * (ulong)scratch_words);
-    for (int element = atomic_inc(next); element < n_elements; element = atomic_inc(next)) {
+    const SensorPlanes to = {&numbers, planes, targets, masks, sums + own};
+    const ulong words = get_global_id(0) * (ulong)numbers.scratch_words;
+    global float *colours = (global float *)(scratch + words);
+    const int2 size = (int2)(numbers.rays_width, numbers.rays_height);
+    const int columns = numbers.columns, rows = numbers.rows, elements = numbers.elements;
+    for (int element = atomic_inc(next); element < elements; element = atomic_inc(next)) {
         const Placement placed = placements[element];
+        const int2 sample = (int2)(placed.column, placed.row), corner = corner_of(placed);
         global const stored *view = element_at(rays, size, element, placed);
-        for (int y = 0; y < numbers.rows; y += BLOCK)
-            for (int x = 0; x < numbers.columns; x += BLOCK) {
-                load_block(view, size, corner_of(placed) + (int2)(x, y), numbers.columns - x, numbers.rows - y,
-                           colours);
-                add_view(&planes, (int2)(placed.column, placed.row), (int2)(x, y), colours);
+        for (int y = 0; y < rows; y += BLOCK)
+            for (int x = 0; x < columns; x += BLOCK) {
+                load_block(view, size, corner + (int2)(x, y), columns - x, rows - y, colours);
+                add_view(&to, sample, (int2)(x, y), colours);
             }
     }
 }

@@ -8,10 +8,11 @@ typedef float stored;
 
 typedef struct { global const float *light; int beside, side; } Macropixel;
 
-// `size` is (beside, side).
-inline Macropixel macropixel_at(global const float *light, int2 size, int element, Placement placed)
+inline Macropixel macropixel_at(global const float *light, const SensorPlaneArguments *n,
+                                int element, Placement placed)
 {
-    return (Macropixel){light + (ulong)element * 3 * size.y * size.y, size.x, size.y};
+    const int side = n->rays_width;
+    return (Macropixel){light + (ulong)element * 3 * side * side, (n->views - side) / 2, side};
 }
 
 // The fixed-point light of a run of LANES columns.

@@ -3,7 +3,7 @@
 // not 0.
 #pragma once
 #include "blocks.cl"
-#include "powers.cl"
+#include "pq.cl"
 #include "samples.cl"
 
 // IEC 61966-2-1 encoding of values clamped to [0, 1]: a polynomial (least largest error, 7e-6) in
@@ -33,7 +33,7 @@ inline Vec encode_row(Vec c)
 typedef struct {
     global const Placement *placements;  // (E,)
     global sample *frames;               // (F, 3 channels)
-    const FrameArguments *numbers;
+    const FrameFormat *format;
 } Frames;
 
 // Codes lie in [0, 2^BITS); a sum with ROUNDER rounds them to the nearest even into the low bits.
@@ -56,7 +56,7 @@ inline void store_codes(uint16 sums, int columns, global sample *to)
 }
 
 // Such sums of three channels of encoded colours.  Chroma that is to be averaged is not rounded.
-inline Vec codes_of(Vec c, const FrameArguments *n)
+inline Vec codes_of(Vec c, const FrameFormat *n)
 {
     if (n->rgb) return fma3((vf)(WHITE), (Vec){c.y, c.z, c.x}, spread3(ROUNDER));
     const vf luma = fma(c.x, (vf)(0.2126f), fma(c.y, (vf)(0.7152f), c.z * 0.0722f));
@@ -67,7 +67,7 @@ inline Vec codes_of(Vec c, const FrameArguments *n)
 }
 
 // Write columns and rows of a block to a frame.  Codes replace the colours in memory.
-inline void write_rows(const FrameArguments *n, int columns, int rows, global float *colours,
+inline void write_rows(const FrameFormat *n, int columns, int rows, global float *colours,
                        global sample *to)
 {
     const ulong pixels = (ulong)n->width * n->height;
@@ -95,12 +95,12 @@ inline void average_chroma(global float *chroma, int2 inside, global sample *to,
     }
 }
 
-// Write a cell of linear colours (3, BLOCK_RAYS), and overwrite them.  Its first ray is at `at` of
+// Write a block of linear colours (3, BLOCK_RAYS), and overwrite them.  Its first ray is at `at` of
 // the inner grid, in which `inside` columns and rows lie.
 inline void write_frames(const Frames *out, int element, int2 at, int2 inside,
                          global float *colours)
 {
-    const FrameArguments *n = out->numbers;
+    const FrameFormat *n = out->format;
     global const Placement *placed = out->placements + element;
     const int step = n->subsampling, pitch = n->width / 2;
     const ulong pixels = (ulong)n->width * n->height, chroma = pixels / (step * step);

@@ -2,11 +2,7 @@
 
 #include "lookup.cl"
 
-kernel void isaksen(
-    FIELD_PARAMETERS,
-    const float filter_width,
-    const int first_row,
-    global float4 *restrict out)
+kernel void isaksen(isaksen_PARAMETERS)
 {
     const int u = get_global_id(0);
     const int v = get_global_id(1) + first_row;

@@ -1,7 +1,7 @@
 // Radiance along rays from the tiles of a camera array.  The float64 reference is
 // tests/refocus/array_reference.py; names agree.
 //
-// -DHALF=1: the image holds 16-bit floats.  Array, View and Surface are records of device_field.py.
+// HALF: the image holds 16-bit floats.
 
 #define EDGE 1e-5f
 #define NEAREST 1e6f
@@ -13,16 +13,6 @@
 #define NUMBER float
 #define TEXEL(image, index) image[index]
 #endif
-
-// The common beginning of all kernels of a light field.
-#define FIELD_PARAMETERS \
-    global const NUMBER *restrict image, \
-    const Array array, \
-    global const float *restrict columns, \
-    global const float *restrict rows, \
-    const View view, \
-    const Surface surface, \
-    global const float *restrict map
 
 inline float3 to_array(const View *view, float3 v)
 {
@@ -72,7 +62,7 @@ inline float surface_inverse_depth(
     float u,
     float v)
 {
-    if (surface->kind == 2) {
+    if (surface->kind == DEPTH_MAP) {
         const float near = map_lookup(map, surface, u / view->width, v / view->height);
         const float3 axis = (float3)(view->rotation[2], view->rotation[5], view->rotation[8]);
         const float start = dot(origin - view_position(view), axis);
@@ -81,7 +71,7 @@ inline float surface_inverse_depth(
     }
     const float3 point = (float3)(surface->point[0], surface->point[1], surface->point[2]);
     const float3 offset = point - origin;
-    if (surface->kind == 0) {
+    if (surface->kind == PLANE) {
         const float3 normal =
             (float3)(surface->normal[0], surface->normal[1], surface->normal[2]);
         const float distance = dot(offset, normal);

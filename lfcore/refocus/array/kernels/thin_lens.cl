@@ -1,7 +1,7 @@
 // Average over film and lens samples of a thin lens; one work-item per pixel.
 //
-// -DSAMPLER: 0 fixed table (quadrature), 1 Halton table with a random shift per pixel,
-// 2 stratified, 3 independent; as in lfcore/refocus/array/sampling.py.
+// SAMPLER is QUADRATURE (a fixed table), HALTON (a table with a random shift per pixel), STRATIFIED
+// or INDEPENDENT, as in lfcore/refocus/array/sampling.py.
 
 #include "lookup.cl"
 
@@ -61,44 +61,37 @@ inline uint permute(uint index, uint count, int bits, uint key)
     return x;
 }
 
-kernel void thin_lens(
-    FIELD_PARAMETERS,
-    global const float4 *restrict table,
-    const int count,
-    const int strata_columns,
-    const int strata_rows,
-    const int film_bits,  // of count - 1, at least 1
-    const uint seed,
-    const int first_row,
-    global float4 *restrict out)
+kernel void thin_lens(thin_lens_PARAMETERS)
 {
+    const int count = sampling.count;
     const int u = get_global_id(0);
     const int v = get_global_id(1) + first_row;
     if (u >= view.width || v >= view.height) {
         return;
     }
     const uint pixel = (uint)v * (uint)view.width + (uint)u;
-#if SAMPLER == 1
-    const float4 shift_by = uniform4(pixel, 0, seed);
-#elif SAMPLER == 2
-    const uint key = (uint)(uniform(pixel, 0, 4, seed) * 16777216.0f);
+#if SAMPLER == HALTON
+    const float4 shift_by = uniform4(pixel, 0, sampling.seed);
+#elif SAMPLER == STRATIFIED
+    const uint key = (uint)(uniform(pixel, 0, 4, sampling.seed) * 16777216.0f);
 #endif
     const float3 centre = view_position(&view);
     Sum total = sum_zero();
     for (int k = 0; k < count; ++k) {
-#if SAMPLER == 0
+#if SAMPLER == QUADRATURE
         const float4 sample = table[k];
-#elif SAMPLER == 1
+#elif SAMPLER == HALTON
         const float4 moved = table[k] + shift_by;
         const float4 sample = moved - floor(moved);
 #else
-        float4 sample = uniform4(pixel, (uint)k, seed);
-#if SAMPLER == 2
-        const int film = (int)permute((uint)k, (uint)count, film_bits, key);
-        sample.x = (film % strata_columns + sample.x) / strata_columns;
-        sample.y = (film / strata_columns + sample.y) / strata_rows;
-        sample.z = (k % strata_columns + sample.z) / strata_columns;
-        sample.w = (k / strata_columns + sample.w) / strata_rows;
+        float4 sample = uniform4(pixel, (uint)k, sampling.seed);
+#if SAMPLER == STRATIFIED
+        const int across = sampling.columns, down = sampling.rows;
+        const int film = (int)permute((uint)k, (uint)count, sampling.film_bits, key);
+        sample.x = (film % across + sample.x) / across;
+        sample.y = (film / across + sample.y) / down;
+        sample.z = (k % across + sample.z) / across;
+        sample.w = (k / across + sample.w) / down;
 #endif
 #endif
         const float fu = u + sample.x, fv = v + sample.y;

@@ -1,0 +1,106 @@
+"""The program of slicing by depth: what it shares with the host."""
+
+import numpy as np
+
+from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, write
+
+ABREAST = 16
+"""The rays of a row, or squares of rays, that are processed together."""
+STEP_BITS = 8
+"""Edges of boxes are multiples of 1 / 2^STEP_BITS pixel."""
+MOST_BOUNDS = 6
+"""The most sweeps between the layers on each side of a plane."""
+COARSE_PX = 1.25
+"""The largest pixel of a view, in pixels of the picture, whose pattern a pixel averages away."""
+FULL_LAYERS = 3
+"""Layers on each side of the plane with all pixels in large pictures; with two, pictures lose up to
+3 dB."""
+LEAST_UNITS = 1024.0
+"""The least sum, in units, that determines a colour: each added part may be off by one."""
+
+CONSTANTS = {
+    "ABREAST": ABREAST,
+    "STEP_BITS": STEP_BITS,
+    "STEPS": 1 << STEP_BITS,
+    "COARSE_PX": COARSE_PX,
+    "FULL_LAYERS": FULL_LAYERS,
+    "LEAST_UNITS": LEAST_UNITS,
+    # The least width of a box, in distances of rays, that a square of rays shares.  With these,
+    # squares of 4 x 4 rays have 66 dB and more against squares of 2 x 2, and these 69 dB against
+    # single rays.
+    "SHARED_BY_FOURS": 32.0,
+    "SHARED_BY_TWOS": 16.0,
+    "SHARED_BY_SMALL_TWOS": 8.0,
+    "SHARED_SWEEPS": 8.0,  # sweeps of a square's rays differ by at most one part in so many
+    # Powers of the inverse of the plastic number: M. Roberts' sequence R2 over a view's rays.
+    "DITHER_X": 0.7548777,
+    "DITHER_Y": 0.5698403,
+}
+SLICING_ARGUMENTS = np.dtype([
+    ("views", INT),
+    ("columns", INT),  # of the rays of a view
+    ("rows", INT),
+    ("first_row", INT),  # of these rows in the whole views
+    ("strip_rows", INT),
+    ("width", INT),  # of the pictures
+    ("height", INT),
+    ("least_box", FLOAT),  # the least side of a box, pixels
+    ("white", FLOAT),  # radiance 1 in sums, over a ray's weight
+    ("brightest", FLOAT),  # radiance to which rays are clipped
+])  # fmt: skip
+PLACED_VIEW = np.dtype([
+    ("x", FLOAT),  # position of pixel (0, 0)'s ray, pixels of the picture
+    ("y", FLOAT),
+    ("offset_x", FLOAT),  # from the lens point to the middle of its cell's open part, metres
+    ("offset_y", FLOAT),
+    ("side_x", FLOAT),  # of the cell's open part, metres
+    ("side_y", FLOAT),
+    ("weight", FLOAT),  # the open share of the cell, in units of the sums
+    ("dither", FLOAT),  # of pixel (0, 0)'s ray, a share of a unit
+])  # fmt: skip
+"""A view on a plane."""
+FOCUS_PLANE = np.dtype([
+    ("delta", FLOAT),  # inverse focus distance
+    ("scale", FLOAT),  # pixels of the picture per metre of the lens and dioptre
+    ("step", FLOAT),  # pixels of the picture from one pixel of a view to the next
+    ("pitch", FLOAT),  # of the lens samples, metres
+    ("bounds", FLOAT, MOST_BOUNDS),  # sweeps between layers, pixels
+])  # fmt: skip
+SQUARES = np.dtype([
+    ("sums", FLOAT, (4, ABREAST)),  # of red, green, blue and dioptres
+    ("low", FLOAT, ABREAST),  # the least dioptres
+    ("high", FLOAT, ABREAST),
+])  # fmt: skip
+"""ABREAST squares of 4 x 4 rays, side by side."""
+PATCH_ROWS, PATCH_COLUMNS = 4, 4 * ABREAST
+"""The rays of SQUARES."""
+
+_RAYS = read(light="light_t", depth="depth_t", dioptres="float")
+_SUMS = write(sums="sum4", used="int")
+KERNELS = {
+    # Rays: light is (views, rows, columns, 3), or (views, 3, rows, columns) of a file; depth
+    # (views, rows, columns) in metres, or codes with their dioptres.
+    "join_rays": _RAYS | given(numbers="SlicingArguments") | write(fours="Squares"),
+    # fours of join_rays; ranges (views, rows): the least and the largest depth of a row; views
+    # (planes, views); used (planes, strips): a bit per layer with light.
+    "add_rays": _RAYS
+    | given(numbers="SlicingArguments")
+    | read(fours="Squares", ranges="float2", views="PlacedView", planes="FocusPlane")
+    | _SUMS,
+    # rooms (rows, width): the weight of all rays per pixel; room_rows (LAYERS, height): the row of
+    # rooms for each row of a layer; picture (height, width, 3).
+    "compose": given(numbers="SlicingArguments")
+    | read(rooms="float", room_rows="int")
+    | _SUMS
+    | write(picture="float"),
+}
+INTERFACE = SHARED | Interface(
+    constants=CONSTANTS,
+    records={
+        "SlicingArguments": SLICING_ARGUMENTS, "PlacedView": PLACED_VIEW,
+        "FocusPlane": FOCUS_PLANE, "Squares": SQUARES,
+    },
+    kernels=KERNELS,
+)  # fmt: skip
+"""What host and kernels share."""
+FILES = ["refocus/kernels/depth/add_rays.cl", "refocus/kernels/depth/compose.cl"]

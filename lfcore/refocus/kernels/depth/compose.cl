@@ -1,0 +1,76 @@
+// Pictures from the sums of their layers, which are composed from front to back.
+#include "sums.cl"
+
+// The last row of a wide layer that row `y` of a strip needs.
+inline int last_row(int layer, int y) { return IS_HALF(layer) ? (y + 1) / 2 + 1 : y; }
+
+// Sum the differences of a wide layer up to the rows that row `y` of the strip needs.  The first
+// two rows of the layer hold the running sums in turn: pages that are only read take no memory.
+inline void integrate(const Strip *s, int layer, int y)
+{
+    const int pitch = pitch_of(s, layer);
+    for (int row = y ? last_row(layer, y - 1) + 1 : 0; row <= last_row(layer, y); ++row) {
+        global sum4 *from = s->sums[layer] + row * pitch, *to = s->sums[layer] + row % 2 * pitch;
+        global const sum4 *before = s->sums[layer] + (row + 1) % 2 * pitch;
+        sum4 along = 0;
+        for (int x = 0; x < pitch - 1; ++x) {
+            along += from[x];
+            to[x] = row ? before[x] + along : along;
+        }
+    }
+}
+
+// Light of a pixel of a layer.  In halved layers, a pixel of the picture is between two pixels
+// along each axis, whose weights are 3/4 and 1/4.
+inline float4 light_at(const Strip *s, int layer, int x, int y)
+{
+    const int pitch = pitch_of(s, layer);
+    global const sum4 *sums = s->sums[layer];
+    if (!IS_HALF(layer)) return convert_float4(sums[(IS_WIDE(layer) ? y & 1 : y) * pitch + x]);
+    const int column = x / 2 + 1, row = y / 2 + 1, beside = column + (x % 2 ? 1 : -1);
+    global const sum4 *near = sums + row % 2 * pitch, *far = sums + (row + 1) % 2 * pitch;
+    const float4 sides = convert_float4(near[beside]) + convert_float4(far[column]);
+    return (convert_float4(near[column]) * 9.0f + sides * 3.0f + convert_float4(far[beside])) *
+           0.0625f;
+}
+
+// Form the pixels of a strip from the sums: layers front to back, each covering at most the part of
+// a pixel that nearer layers left open.  Beside an edge, light from behind is partly spread over
+// the occluder, where it is lost.  So all layers but the first fill the open rest of a pixel, with
+// at most the light that they have.  Near the ends of views, layers with wider sweeps have less
+// weight.
+KERNEL void compose(compose_PARAMETERS)
+{
+    const int plane = get_global_id(1), width = numbers.width, height = numbers.height;
+    const Strip s = make_strip(sums, plane, get_global_id(0), &numbers);
+    const float4 light = (float4)((float3)(numbers.white), 1.0f);
+    const int layers = used[plane * get_global_size(0) + get_global_id(0)];
+    int list[LAYERS], count = 0;
+    for (int layer = 0; layer < LAYERS; ++layer) {
+        list[count] = layer;
+        count += layers >> layer & 1;
+    }
+    for (int y = 0; y < s.rows; ++y) {
+        for (int k = 0; k < count; ++k)
+            if (IS_WIDE(list[k])) integrate(&s, list[k], y);
+        for (int x = 0; x < width; ++x) {
+            float left = 1.0f;
+            float4 total = 0.0f, first = 0.0f;
+            for (int k = 0; k < count; ++k) {
+                const int row = room_rows[list[k] * height + s.top + y];
+                const float room = rooms[(ulong)row * width + x];
+                const float4 units = light_at(&s, list[k], x, y);
+                if (!(units.w >= LEAST_UNITS && room > 0.0f)) continue;
+                const float4 found = units / (light * room);
+                const float taken = min(found.w, left);
+                total += found * (taken / found.w);
+                left -= taken;
+                if (!(first.w > 0.0f)) first = total;
+            }
+            const float4 behind = total - first;
+            if (behind.w > 0.0f) total += behind * min(left / behind.w, 1.0f);
+            const float3 colour = total.w > 0.0f ? total.xyz / total.w : 0.0f;
+            vstore3(colour, (ulong)(s.top + y) * width + x, picture);
+        }
+    }
+}
