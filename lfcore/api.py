@@ -295,6 +295,8 @@ def record(
     blur: float | str | None = None,
     quality: Quality | None = None,
     encoding: Encoding | None = None,
+    times: Sequence[float] | None = None,
+    bake_each: bool = False,
     device: Device | str | None = None,
     progress: Progress | None = None,
 ) -> LightField:
@@ -327,13 +329,18 @@ def record(
         the codec's error.  ``content["expected"]`` of the file has the prediction.
     encoding : Encoding, optional
         Codec, layout and whether depth is stored.  Default: the best measured ones.
+    times : sequence of float, optional
+        Record a film: the scene at these instants, in seconds, in one file; see
+        :meth:`LightField.at`.  A record that is killed continues when it is called again.
+    bake_each : bool
+        Bake the light of a film's every instant.  Default: as the scene stands.
     device, progress : optional
         As in :func:`render`.
 
     Returns
     -------
     LightField
-        The file, opened.
+        The file, opened; of a film its first instant.
 
     Raises
     ------
@@ -359,6 +366,7 @@ def record(
     from lfcore.lightfield import LightField
     from lfcore.rendering.record import peak_to_store, record_slab
     from lfcore.rendering.record_depth import depth_store, record_by_depth
+    from lfcore.rendering.record_film import Ahead, check_times, record_film
     from lfcore.rendering.trials import plan_quality
 
     check_suffix(path, (LIGHT_FIELD,))
@@ -370,6 +378,21 @@ def record(
         scene, size, focus_m, f_number, focus_at=focus_at, blur=blur
     )
     encoding = encoding or Encoding()
+    if times is not None:
+        _film_only(quality, encoding)
+        by_depth, lattice = lattice_to_store(encoding.depth, views)
+        whole, slab = opened(device), Slab.of(camera, lattice, size)
+        ahead = Ahead.of(scene, check_times(times), slab, whole, encoding.transfer)
+        encoding = replace(encoding, transfer="pq" if ahead.peak else "srgb")
+        spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=slab.size.width)
+        slab, store = depth_store(camera, lattice, size, spec, peak=ahead.peak)
+        if views is not None and not isinstance(views, Lattice):
+            content["views"] = int(views)
+        record_film(
+            path, scene, ahead, slab, store, whole, bake_each=bake_each, content=content,
+            progress=progress,
+        )  # fmt: skip
+        return LightField.open(path)
     tracer = open_tracer(scene, device, progress)
     peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
     encoding = replace(encoding, transfer="pq" if peak else "srgb")
@@ -397,6 +420,15 @@ def record(
         tracers = open_tracers(scene, device)
         record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
     return LightField.open(path)
+
+
+def _film_only(quality: Quality | None, encoding: Encoding) -> None:
+    """Raise :class:`OpticsError` for what a film does not have."""
+    if quality is not None:
+        remedy = "Leave it out: give views and pixels"
+        raise OpticsError("chooses rays for one instant", key="quality", remedy=remedy)
+    if encoding.depth is False or encoding.layout == "macropixels":
+        raise OpticsError("a film has depth, and views", key="encoding", remedy="Leave it out")
 
 
 @suggest_keywords

@@ -143,29 +143,38 @@ def _lens(camera: lfcore.Camera) -> str:
 
 def facts(field: lfcore.LightField) -> dict[str, str]:
     """The facts that ``lfcore info`` prints, by name."""
-    metadata, layout, depth = field.metadata, field.layout, field.metadata.depth
+    metadata, layout, depth = field.whole, field.layout, field.whole.depth
     size = field.path.stat().st_size
     (columns, rows), (width, height) = field.grid, field.picture_size
-    rays = columns * rows * width * height
+    rays, film = columns * rows * width * height, metadata.film
+    all_rays = rays * len(field.times)
     found = {"file": str(field.path), "scene": str(metadata.scene.get("name")), **_optics(field)}
     found |= {
+        **(
+            {}
+            if film is None
+            else {
+                "instants": f"{len(film.times)}, {film.times[0]:g} to "
+                f"{film.times[-1]:g} s, coded in groups of {film.group}"
+            }
+        ),
         "resolution": f"{width} x {height} pixels, {columns} x {rows} views, {rays:,} rays",
         "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} per frame, "
         f"{metadata.segments.frames} frames of {layout.frame_width} x {layout.frame_height}",
         "codec": f"{metadata.codec}, {layout.pixel_format}{_settings(metadata.settings)}",
         "segments": f"{len(metadata.segments)}, damaged: {len(field.damage)}",
-        "size": f"{size:,} bytes, {8 * size / rays:.4f} bits per ray, "
-        f"1 : {3 * rays / size:.1f} of 8-bit RGB",
+        "size": f"{size:,} bytes, {8 * size / all_rays:.4f} bits per ray, "
+        f"1 : {3 * all_rays / size:.1f} of 8-bit RGB",
         "software": metadata.software,
     }
-    if field.depth_video is None or depth is None:
+    if depth is None:
         return found
-    of_depth = sum(part.bytes for part in field.depth_video.metadata.segments)
+    of_depth = sum(size for size, _ in depth.segments)
     shown = Size(*field.require_slab().picture(depth.pixels)[2:])
     share = of_depth / (of_depth + sum(part.bytes for part in metadata.segments))
     return found | {
         "depth stream": f"{depth.codec}, {depth.codes.pixel_format}{_settings(depth.settings)}, "
-        f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / layout.rays:.4f} bits "
+        f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / all_rays:.4f} bits "
         "per ray",
         "by depth": f"for {Size.of(field.views_to_serve)} views, pictures of {shown} pixels; views "
         f"{'displaced' if depth.displaced else 'plain'}, {depth.codes.far:.4g} to "

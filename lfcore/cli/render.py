@@ -147,6 +147,8 @@ examples:
       for 32 x 32 views: 5 x 5 are traced, the others made by depth
   lfcore record table.glb -o table.mkv --views 16 --depth none --codec ffv1
       16 x 16 views as they are, without depth, as lossless video
+  lfcore record walk.glb -o walk.mkv --frames 0:48 --fps 24
+      a film of two seconds, whose focus is pulled afterwards
   lfcore record scene.pbrt -o scene.mkv
       a scene with Camera "lightfield": its own cameras, rays per pixel and shutter
 """
@@ -175,6 +177,16 @@ def record_options(command: argparse.ArgumentParser) -> None:
         "--focus-range", type=values.distance, nargs=2, metavar=("NEAR", "FAR"),
         help="metres between which these pictures are focused (default: the visible depth)",
     )  # fmt: skip
+    many = command.add_argument_group("a film of a scene that moves")
+    many.add_argument(
+        "--frames", type=values.frames, metavar="A:B",
+        help="all frames from A to before B, in one file; a record that is killed continues",
+    )  # fmt: skip
+    many.add_argument("--fps", type=values.positive, metavar="N", help="frames per second (24)")
+    many.add_argument(
+        "--bake-each", action="store_true",
+        help="bake the light of a sky and of bounces for every frame, not as the scene begins",
+    )  # fmt: skip
     lens = command.add_argument_group("the lens (default: the scene's)")
     plane_options.add_focus(lens, of_file=False)
     add(add_encoder(command, "layout"), "white")
@@ -190,6 +202,7 @@ def record(arguments: argparse.Namespace) -> None:
         arguments, excluded, "focus_range", focus_range_m=arguments.focus_range
     )
     scene = open_scene(arguments)
+    times = _times(arguments, scene)
     if film.wanted(arguments, scene) and film.is_array(scene):
         film.record(arguments, scene)
         return
@@ -202,13 +215,14 @@ def record(arguments: argparse.Namespace) -> None:
             views or 4, displaced=arguments.depth != "plain", **given(arguments, "subpixels")
         )
     _, lattice = lattice_to_store(depth, views)
-    rays = 0 if quality else lattice.rays(pixels)
+    rays = 0 if quality else lattice.rays(pixels) * len(times or [0])
     label = f"tracing {rays:,} rays" if rays else "tracing"
     with named_file(arguments.scene), progress(label, rays=rays) as report:
         field = lfcore.record(
             scene, arguments.output, views=None if quality else views, pixels=pixels,
             quality=quality, encoding=replace(encoder(arguments), depth=depth),
-            device=arguments.device, progress=report, **plane_options.of_scene(arguments),
+            device=arguments.device, progress=report, times=times, bake_each=arguments.bake_each,
+            **plane_options.of_scene(arguments),
         )  # fmt: skip
     if "lens" in field.content:
         camera = field.require_slab().camera
@@ -221,6 +235,19 @@ def record(arguments: argparse.Namespace) -> None:
         say(f"{size}: {expected['db']:g} dB expected, {near:g} to {far:g} m")
         note(expected_db=expected["db"], focus_range_m=[near, far])
     wrote(arguments.output, f": {arguments.output.stat().st_size:,} bytes")
+
+
+def _times(arguments: argparse.Namespace, scene: lfcore.Scene) -> list[float] | None:
+    """The instants of a film, seconds."""
+    if arguments.frames is None:
+        if alone := flags(arguments, "fps", "bake_each"):
+            refuse("--frames", f"is missing, and {alone[0]} needs it", "Give both")
+        return None
+    if scene.instants is None:
+        refuse("--frames", "the scene does not move", "Leave it out")
+    if scene.bake and not arguments.bake_each:
+        say("light is baked as the scene begins; --bake-each bakes it for every frame")
+    return [frame / (arguments.fps or 24.0) for frame in arguments.frames]
 
 
 COMMANDS = {

@@ -108,6 +108,15 @@ def rays(text: str) -> tuple[int | None, int | None]:
     return read(samples) if samples else None, read(instants) if instants else None
 
 
+def frames(text: str) -> range:
+    """Read the frames of a film, the last excluded: ``0:48``."""
+    first, _, end = text.partition(":")
+    numbers = range(count(0)(first), count(0)(end))
+    if not numbers:
+        raise argparse.ArgumentTypeError(f"{text!r} has no frame")
+    return numbers
+
+
 def codec(*keys: str) -> Callable[[str], dict[str, str]]:
     """Make a type for argparse: ``libx265,preset=medium``, as keywords of :class:`lfcore.Encoding`.
 

@@ -23,6 +23,7 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import ticks_per_frame
 from lfcore.storage.depth_stream import DepthCodes, StoredDepth
 from lfcore.storage.index import SegmentIndex
+from lfcore.storage.instants import Instants
 from lfcore.storage.layout import FrameLayout, Tile
 from lfcore.storage.metadata import TAG, Metadata
 from lfcore.storage.segment import SegmentInfo, named_errors, open_video, read_segment
@@ -44,19 +45,24 @@ def join_segments(
     spec: Encoding | None = None,
     content: dict | None = None,
     depth: DepthSegments | None = None,
+    film: Instants | None = None,
 ) -> Metadata:
-    """Write the light field file ``path`` from one segment per tile, in the order of tiles.
+    """Write the light field file ``path`` from one segment per tile, in the order of tiles; of a
+    ``film`` for each group of instants.
 
     ``geometry`` is the slab, or a JSON object of a camera array; ``spec``, ``scene`` and
     ``content`` are recorded. Memory grows by a few numbers per segment. After an error no file is
     left.
     """
-    path = Path(path)
-    colours, stored = _Stream.of(path, segments, tiles, layout), None
+    path, counts = Path(path), [1]
+    if film:
+        counts = film.counts
+    instants, tiles = np.repeat(counts, len(tiles)).tolist(), list(tiles) * len(counts)
+    colours, stored = _Stream.of(path, segments, tiles, layout, instants), None
     streams = [colours]
     if depth:
         grey = replace(layout, pixel_format=depth.codes.pixel_format, peak=None)
-        deep = _Stream.of(path, depth.segments, tiles, grey)
+        deep = _Stream.of(path, depth.segments, tiles, grey, instants)
         streams.append(deep)
         stored = StoredDepth(
             depth.codes, depth.displaced, depth.pixels, deep.infos[0].codec,
@@ -80,6 +86,7 @@ def join_segments(
         software=f"lfcore {__version__}",
         content=content or {},
         depth=stored,
+        film=film,
     )
     metadata.check()
     text = metadata.to_text()
@@ -116,22 +123,29 @@ class _Stream:
 
     @classmethod
     def of(
-        cls, path: Path, files: Sequence[str | Path], tiles: Sequence[Tile], layout: FrameLayout
+        cls,
+        path: Path,
+        files: Sequence[str | Path],
+        tiles: Sequence[Tile],
+        layout: FrameLayout,
+        instants: Sequence[int],
     ) -> _Stream:
-        """Raises :class:`StorageError` unless the files are the videos of the tiles."""
+        """Raises :class:`StorageError` unless the files are the videos of the tiles, each at so
+        many instants."""
         if len(files) != len(tiles) or not files:
             raise StorageError(f"{len(files)} segments for {len(tiles)} tiles", file=path)
         paths = [Path(file) for file in files]
         pairs = [read_segment(file, grey=layout.format.grey) for file in paths]
         infos, headers = [info for info, _ in pairs], [header for _, header in pairs]
-        for file, info, header, tile in zip(paths, infos, headers, tiles, strict=True):
+        expectations = zip(paths, infos, headers, tiles, instants, strict=True)
+        for file, info, header, tile, count in expectations:
             frames = info.width, info.height, info.pixel_format
             expected = layout.frame_width, layout.frame_height, layout.pixel_format
             if frames != expected:
                 problem = "has frames of {} x {} {}; the layout needs {} x {} {}"
                 raise StorageError(problem.format(*frames, *expected), file=file)
-            if info.frames != tile.frame_count:
-                problem = f"has {info.frames} frames; tile {tile.index} needs {tile.frame_count}"
+            if info.frames != (needed := count * tile.frame_count):
+                problem = f"has {info.frames} frames; tile {tile.index} needs {needed}"
                 raise StorageError(problem, file=file, remedy="Encode this tile again")
             if (info.codec, header) != (infos[0].codec, headers[0]):
                 problem = "was encoded with other settings than the first segment"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from lfcore.storage.codecs import Encoding
 from lfcore.storage.depth_stream import StoredDepth
 from lfcore.storage.from_views import store_arrays
 from lfcore.storage.index import FIRST, Segment
+from lfcore.storage.instant_video import GroupedVideo, InstantVideo
 from lfcore.storage.integrity import (
     Damage,
     damage_error,
@@ -51,24 +52,85 @@ class LightFieldFile:
     path : Path
         The file, or a :class:`lfcore.storage.remote.RemoteFile`.
     metadata : Metadata
-        The file's metadata.
+        The file's metadata; of a film those of this instant.
+    whole : Metadata
+        The metadata of all instants.
     video, depth_video : StoredVideo
         The streams of colours and of inverse depths; the latter is None in a file without depth.
     damage : list of Damage
         Segments that cannot be read.  Only a file opened with ``salvage`` has any; else damage
         raises an error.
+    instant : int
+        The number of the instant that this is, 0 in a file of one; :meth:`at` gives the others.
     """
 
     def __init__(
         self, path: Path, metadata: Metadata, keys: list[int], *, threads: int, salvage: bool
     ):
-        self.path, self.metadata = path, metadata
-        self.video = StoredVideo(path, metadata, keys, threads)
-        self.depth_video: StoredVideo | None = None
-        if metadata.depth:
-            self.depth_video = StoredVideo(path, metadata.of_depth(), keys, threads, 1)
-        self.damage: list[Damage] = []
-        self._salvage = salvage
+        self.path, self.whole, self._salvage = path, metadata, salvage
+        described = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
+        self._file_damage: list[Damage] = []
+        tiles = len(metadata.segments) // (len(metadata.film.counts) if metadata.film else 1)
+        self._videos = [
+            GroupedVideo(path, stream, keys, threads, track, tiles=tiles)
+            for track, stream in enumerate(described)
+        ]
+        self._show(0)
+
+    def _show(self, instant: int) -> None:
+        """Give this object an instant."""
+        self.instant, self.metadata, self.damage = instant, self.whole, self._file_damage
+        streams: Sequence[StoredVideo] = self._videos
+        film = self.whole.film
+        if film:
+            group, place = divmod(instant, film.group)
+            self.metadata = self.whole.instant(instant)
+            described = [self.metadata]
+            if self.metadata.depth:
+                described.append(self.metadata.of_depth())
+            streams = [
+                InstantVideo(whole, stream, group, place, film.counts[group])
+                for whole, stream in zip(self._videos, described, strict=True)
+            ]
+            parts = self.metadata.segments
+            first = group * len(parts)
+            self.damage = [
+                Damage(parts[each.segment.index - first], each.reason)
+                for each in self._file_damage
+                if first <= each.segment.index < first + len(parts)
+            ]
+        self.video: StoredVideo = streams[0]
+        self.depth_video: StoredVideo | None = streams[1] if len(streams) > 1 else None
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """The instants of the file, seconds; 0 of a file of one."""
+        return self.whole.film.times if self.whole.film else (0.0,)
+
+    def at(self, instant: int) -> Self:
+        """The light field of an instant of a film.
+
+        Instants share the file and what is decoded of it: read them in order.
+
+        Parameters
+        ----------
+        instant : int
+            Its number, from 0; -1 is the last.
+
+        Raises
+        ------
+        StorageError
+            The file has no such instant.
+        """
+        total = len(self.times)
+        if not -total <= instant < total:
+            problem = f"has no instant {instant}; it has 0 to {total - 1}"
+            raise StorageError(problem, file=self.path, key="instant")
+        other = type(self).__new__(type(self))
+        for name in ("path", "whole", "_salvage", "_file_damage", "_videos"):
+            setattr(other, name, getattr(self, name))
+        other._show(instant % total)
+        return other
 
     @classmethod
     @suggest_keywords
@@ -102,9 +164,10 @@ class LightFieldFile:
         field = cls(path, metadata, keys, threads=threads, salvage=salvage)
         index = metadata.segments
         if salvage or not np.isin(index.numbers[:, FIRST], keys).all():
-            field.damage = find_damage(field._streams)
-        if field.damage and not salvage:
-            raise damage_error(path, len(index), field.damage)
+            field._file_damage = find_damage(field._videos)
+            field._show(0)
+        if field._file_damage and not salvage:
+            raise damage_error(path, len(index), field._file_damage)
         return field
 
     @classmethod
@@ -168,13 +231,15 @@ class LightFieldFile:
         (columns, rows), (width, height) = self.grid, self.picture_size
         size = f"{columns} x {rows} views of {width} x {height}"
         depth = ", with depth" if self.metadata.depth else ""
+        if self.whole.film:
+            depth += f", instant {self.instant} of {len(self.times)}"
         return f"<{type(self).__name__} {str(self.path)!r}: {size}{depth}>"
 
     def __reduce__(self) -> tuple:
         """Pickle by path: unpickling opens the file again."""
         path = self.path.absolute() if isinstance(self.path, Path) else self.path
-        again = partial(type(self).open, salvage=self._salvage, threads=self.video.threads)
-        return again, (str(path),)
+        how: dict[str, Any] = {"salvage": self._salvage, "threads": self.video.threads}
+        return partial(_opened, type(self), self.instant, **how), (str(path),)
 
     def __enter__(self) -> Self:
         return self
@@ -184,12 +249,8 @@ class LightFieldFile:
 
     def close(self) -> None:
         """Close the file; it is opened again when it is read again."""
-        for stream in self._streams:
+        for stream in self._videos:
             stream.close()
-
-    @property
-    def _streams(self) -> list[StoredVideo]:
-        return [self.video, self.depth_video] if self.depth_video else [self.video]
 
     @property
     def layout(self) -> FrameLayout:
@@ -205,15 +266,15 @@ class LightFieldFile:
         return tuple(part for part in self.metadata.segments if part.index not in damaged)
 
     def verify(self, progress: Progress | None = None) -> None:
-        """Check every segment, of colours and of depths.
+        """Check every segment, of colours and of depths, at all instants.
 
         ``progress`` is called with (segments done, total).  Raises :class:`StorageError` that
         names all damaged segments and what can still be read.
         """
-        total = len(self.metadata.segments)
+        total = len(self.whole.segments)
         damage: list[Damage] = []
-        for part in self.metadata.segments:
-            damage += segment_damage(self._streams, part)
+        for part in self.whole.segments:
+            damage += segment_damage(self._videos, part)
             if progress:
                 progress(part.index + 1, total)
         if damage:
@@ -426,3 +487,8 @@ class LightFieldFile:
         damaged = {damage.segment.index for damage in self.damage}
         rays = read_block(self.video, outer, inner, codes=codes, damaged=damaged)
         return rays if codes or self.white == 1.0 else rays * np.float32(self.white)
+
+
+def _opened(kind: type[LightFieldFile], instant: int, path: str, **how: Any) -> LightFieldFile:
+    """What unpickling calls."""
+    return kind.open(path, **how).at(instant)

@@ -13,11 +13,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lfcore.errors import LfcoreError, StorageError, check_known
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
 from lfcore.storage.depth_stream import StoredDepth
-from lfcore.storage.index import BYTES, CRC32, SegmentIndex
+from lfcore.storage.index import BYTES, CRC32, FIRST, FRAMES, SegmentIndex
+from lfcore.storage.instants import Instants
 from lfcore.storage.layout import FrameLayout
 
 TAG = "LIGHTFIELD"
@@ -26,6 +29,8 @@ SQUARE = 1
 """The version of files whose frames have squares."""
 VERSION = 2
 """The version of files whose frames have wide pictures."""
+FILM = 3
+"""The version of files of several instants."""
 GEOMETRIES = ("slab", "array")
 """The kinds of geometry."""
 COLOUR = {
@@ -37,11 +42,11 @@ COLOUR = {
 }
 PQ = {"transfer": "PQ, SMPTE ST 2084; layout.peak is the linear light of the brightest code"}
 COLOUR_RGB = COLOUR | {"matrix": "none, RGB", "range": "full", "chroma_location": "none"}
-OPTIONAL_KEYS = {"content", "depth"}
+OPTIONAL_KEYS = {"content", "depth", "film"}
 TYPES: dict[str, type] = {
     "software": str, "geometry": str, "slab": dict, "array": dict, "layout": dict, "colour": dict,
     "codec": str, "header_crc32": int, "settings": dict, "scene": dict, "segments": list,
-    "content": dict, "depth": dict,
+    "content": dict, "depth": dict, "film": dict,
 }  # fmt: skip
 KEYS = {"version", *TYPES} - OPTIONAL_KEYS
 _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
@@ -73,6 +78,8 @@ class Metadata:
         Facts beside the rays.
     depth : StoredDepth, optional
         The stream of inverse depths.
+    film : Instants, optional
+        The instants of a film; ``segments`` has the tiles of each of its groups.
     """
 
     slab: Slab | None
@@ -86,6 +93,7 @@ class Metadata:
     software: str
     content: dict = field(default_factory=dict)
     depth: StoredDepth | None = None
+    film: Instants | None = None
 
     @property
     def camera_array(self) -> CameraArray | None:
@@ -117,7 +125,7 @@ class Metadata:
     def to_text(self) -> str:
         """Return JSON with a digest."""
         data = {
-            "version": VERSION if self.layout.picture else SQUARE,
+            "version": FILM if self.film else VERSION if self.layout.picture else SQUARE,
             "software": self.software,
             "geometry": "array" if self.slab is None else "slab",
             "slab": self.slab.to_json() if self.slab else None,
@@ -135,6 +143,8 @@ class Metadata:
             data["content"] = self.content
         if self.depth:
             data["depth"] = self.depth.to_json()
+        if self.film:
+            data["film"] = self.film.to_json()
         return _canonical(data | {"digest": _digest(data)})
 
     @classmethod
@@ -150,8 +160,8 @@ class Metadata:
             problem = f"the metadata (tag {TAG}) are damaged, so that nothing can be read"
             remedy = "Join the segments again, or take a copy of the file"
             raise StorageError(problem, file=file, remedy=remedy)
-        if (version := data.get("version")) not in (SQUARE, VERSION):
-            problem = f"has metadata of version {version}; only {SQUARE} and {VERSION} can be read"
+        if (version := data.get("version")) not in (SQUARE, VERSION, FILM):
+            problem = f"has metadata of version {version}; only {SQUARE} to {FILM} can be read"
             remedy = "Use the program that wrote it, or a later one"
             raise StorageError(problem, file=file, remedy=remedy)
         if set(data) - OPTIONAL_KEYS != KEYS:
@@ -184,9 +194,38 @@ class Metadata:
             data["settings"], data["scene"], segments, data["software"],
             data.get("content", {}),
             StoredDepth.from_json(data["depth"]) if "depth" in data else None,
+            Instants.from_json(data["film"]) if "film" in data else None,
         )  # fmt: skip
         metadata.check()
         return metadata
+
+    def instant(self, number: int) -> Metadata:
+        """The metadata of one instant of a film, as of a file that has no other."""
+        film = self.film
+        if film is None or not 0 <= number < len(film.times):
+            raise StorageError(f"there is no instant {number}", key="film")
+        counts = film.counts
+        group, tiles = number // film.group, len(self.segments) // len(counts)
+        rows = slice(group * tiles, (group + 1) * tiles)
+        numbers = self.segments.numbers[rows].copy()
+        numbers[:, FRAMES] //= counts[group]
+        numbers[:, FIRST] = np.cumsum(numbers[:, FRAMES]) - numbers[:, FRAMES]
+        depth = self.depth and replace(self.depth, segments=self.depth.segments[rows])
+        return replace(
+            self, segments=SegmentIndex(self.layout, numbers), depth=depth, film=None,
+            content=self.content | film.content[number],
+        )  # fmt: skip
+
+    def _check_film(self, film: Instants) -> None:
+        counts, numbers = film.counts, self.segments.numbers
+        tiles, rest = divmod(len(numbers), len(counts))
+        first = np.cumsum(numbers[:, FRAMES]) - numbers[:, FRAMES]
+        if rest or not tiles or (numbers[:, FRAMES] % np.repeat(counts, tiles)).any():
+            raise StorageError(f"do not fit {len(counts)} groups of instants", key="segments")
+        if (numbers[:, FIRST] != first).any():
+            raise StorageError("are not one after another", key="segments")
+        for group in range(len(counts)):
+            self.instant(group * film.group).check()
 
     def check(self) -> None:
         """Raise :class:`StorageError` if the parts contradict one another."""
@@ -215,16 +254,24 @@ class Metadata:
             raise StorageError("must be views for a part of the grids", key="layout")
         if layout.format.grey:
             raise StorageError(f"{layout.pixel_format} has no colours", key="layout")
-        for key in ("depth_m", "seen_m", "ends_m"):
-            ends = self.content.get(key) if isinstance(self.content, dict) else ()
-            if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
-                raise StorageError(f"{key} {ends} is no range of depths", key="content")
-        by_views = slab if layout.kind == "views" else None
-        self.segments.check(by_views.held.views if by_views else None)
+        for content in (self.content, *(self.film.content if self.film else ())):
+            _check_content(content)
+        if self.film:
+            self._check_film(self.film)
+        else:
+            by_views = slab if layout.kind == "views" else None
+            self.segments.check(by_views.held.views if by_views else None)
         if self.depth and not (slab and whole and same):
             raise StorageError("belongs to a slab with all views", key="depth")
         if self.depth and len(self.depth.segments) != len(self.segments):
             raise StorageError("must have a segment for each of the colours'", key="depth")
+
+
+def _check_content(content: dict) -> None:
+    for key in ("depth_m", "seen_m", "ends_m"):
+        ends = content.get(key) if isinstance(content, dict) else ()
+        if ends is not None and not (len(ends) == 2 and 0 < ends[0] <= ends[1] < math.inf):
+            raise StorageError(f"{key} {ends} is no range of depths", key="content")
 
 
 def _canonical(data: dict) -> str:

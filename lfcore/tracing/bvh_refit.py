@@ -41,7 +41,7 @@ def refit(bvh: Bvh, triangles: np.ndarray) -> Bvh:
     leaves = np.ascontiguousarray(rows.swapaxes(1, 2))
     boxes, children = bvh.boxes.copy(), bvh.children.copy()
     own = np.empty((len(boxes), 6), np.float32)
-    unused = np.float32([LARGEST] * 3 + [-LARGEST] * 3)
+    unused = np.array([LARGEST] * 3 + [-LARGEST] * 3, np.float32)
     for level in reversed(depths(bvh)):
         child = children[level]
         around = np.where(

@@ -1,0 +1,126 @@
+"""Films of light fields: each instant is the light field of the scene there and then."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+from plain_scenes import refused
+
+import lfcore
+from lfcore.lightfield import LightField
+from lfcore.rendering import record_film
+from lfcore.scene.model import Animation
+
+PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
+EXACT = lfcore.Encoding("ffv1")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Two squares; the nearer one moves 1 m per second to the right."""
+    square = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
+    triangles = np.concatenate([square * 0.3 + [-0.4, 0, 2], square * 2 + [0, 0, 4]])
+    colours = np.random.default_rng(1).random((4, 3, 3)) * 0.8
+    camera = lfcore.Camera(0.1, 0.08, 1.0, 2.5)
+    still = lfcore.Scene.from_triangles(triangles, colours=colours, camera=camera)
+
+    def at(now, time):
+        moved = now.triangles.copy()
+        moved[:2, :, 0] += np.float32(time)
+        return dataclasses.replace(now, triangles=moved)
+
+    return dataclasses.replace(still, animation=Animation(0.0, 1.0, at))
+
+
+@pytest.fixture(scope="module")
+def film(scene, tmp_path_factory):
+    path = tmp_path_factory.mktemp("film") / "film.mkv"
+    return lfcore.record(scene, path, times=TIMES, pixels=PIXELS, views=4, encoding=EXACT)
+
+
+def test_each_instant_is_the_light_field_of_its_time(scene, film, tmp_path):
+    assert film.times == tuple(TIMES) and film.instant == 0 and film.metadata.film is None
+    for number in (5, 0, 3, -2):
+        alone = lfcore.record(
+            scene.at(TIMES[number]), tmp_path / "one.mkv", pixels=PIXELS, views=4, encoding=EXACT
+        )
+        now = film.at(number)
+        np.testing.assert_array_equal(now.views(0, 0, 4, 4), alone.views(0, 0, 4, 4))
+        # Depths have the codes of all instants.
+        np.testing.assert_allclose(now.depth(), alone.depth(), rtol=0.02)
+        assert now.content == alone.content and alone.times == (0.0,)
+        picture = now.refocus(focus_m=2.0)
+        np.testing.assert_allclose(picture, alone.refocus(focus_m=2.0), atol=0.02)
+        np.testing.assert_array_equal(pickle.loads(pickle.dumps(now)).refocus(focus_m=2.0), picture)
+    assert np.abs(film.at(0).view(0, 0) - film.at(3).view(0, 0)).max() > 0.1
+    refused("no instant 6; it has 0 to 5", film.at, 6)
+    assert repr(film.at(2)).endswith("with depth, instant 2 of 6>")
+
+
+def test_a_group_is_decoded_once(film):
+    again = LightField.open(film.path)
+    for number in range(6):
+        again.at(number).view(0, 0)
+    assert again._videos[0].decoded_frames == 6 * 16
+    film.verify()
+
+
+def test_a_killed_record_continues_after_the_finished_groups(scene, film, tmp_path, monkeypatch):
+    path, traced, how = tmp_path / "film.mkv", [], {"pixels": PIXELS, "views": 4, "encoding": EXACT}
+    encode = record_film.encode
+
+    def stop(frames, *rest):
+        traced.append(rest[1][0][0].name)
+        if len(traced) == 2:
+            raise KeyboardInterrupt
+        encode(frames, *rest)
+
+    monkeypatch.setattr(record_film, "encode", stop)
+    with pytest.raises(KeyboardInterrupt):
+        lfcore.record(scene, path, times=TIMES, **how)
+    assert not path.exists() and len(list(path.with_name("film.mkv.parts").iterdir())) == 2
+    whole = lfcore.record(scene, path, times=TIMES, **how)
+    assert len(traced) == 3 and traced[2] == traced[1]
+    assert path.read_bytes() == film.path.read_bytes() and whole.times == film.times
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_damaged_film_has_its_whole_instants(film, tmp_path):
+    path, data = tmp_path / "cut.mkv", bytearray(film.path.read_bytes())
+    last = film.whole.segments[-1]
+    whole = film.at(1).view(1, 1)
+    for damaged in (data[: -last.bytes // 2], data):
+        if damaged is data:
+            damaged[-last.bytes - 2000] ^= 255
+        path.write_bytes(damaged)
+        with pytest.raises(lfcore.StorageError, match="segments can still be read") as caught:
+            LightField.open(path).verify()
+        assert "\n" not in str(caught.value)
+        left = LightField.open(path, salvage=True)
+        assert [bool(left.at(k).damage) for k in range(6)] == [False] * 4 + [True] * 2
+        np.testing.assert_array_equal(left.at(1).view(1, 1), whole)
+
+
+def test_metadata_that_contradict_themselves_are_refused(film):
+    whole = film.whole
+    replace = dataclasses.replace
+    for change, words in (
+        ({"times": (0.0, 0.0, *TIMES[2:])}, "ascending"), ({"group": 0}, "film.group"),
+        ({"group": 5}, "do not fit"), ({"content": ()}, "one for each time"),
+    ):  # fmt: skip
+
+        def changed(change=change):
+            replace(whole, film=replace(whole.film, **change)).check()
+
+        refused(words, changed)
+
+
+def test_what_a_film_does_not_have(scene, tmp_path):
+    path = tmp_path / "no.mkv"
+    for how, words in (
+        ({"times": []}, "ascending"), ({"times": [1, 0.5]}, "ascending"),
+        ({"times": TIMES, "quality": lfcore.Quality(30)}, "one instant"),
+        ({"times": TIMES, "encoding": lfcore.Encoding(depth=False)}, "has depth"),
+    ):  # fmt: skip
+        refused(words, lfcore.record, scene, path, pixels=PIXELS, **how)
