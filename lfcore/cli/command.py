@@ -117,14 +117,14 @@ def add_scene(command: Options, name: str = "scene", help: str | None = None, **
 
 def add_encoder(command: argparse.ArgumentParser, *keys: str) -> Options:
     """Add the options of a light field's video, and return their group."""
-    how = command.add_argument_group("storage")
-    how.add_argument(
+    storage = command.add_argument_group("storage")
+    storage.add_argument(
         "--codec", type=values.codec(*keys), default={}, metavar="NAME[,KEY=VALUE...]",
         help=f"{', '.join(CODECS)} (lossless); keys: {', '.join(('preset', 'pixel_format', *keys))}"
         f" (libx264; others by the number of views)",
     )  # fmt: skip
-    add(how, "crf")
-    return how
+    add(storage, "crf")
+    return storage
 
 
 def encoder(arguments: argparse.Namespace) -> lfcore.Encoding:

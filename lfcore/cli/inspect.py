@@ -47,15 +47,15 @@ def devices(arguments: argparse.Namespace) -> None:
     from lfcore.evaluation.device_check import check_apart
     from lfcore.opencl.device import all_devices, is_cpu, is_named, name_of
 
-    asked, found = os.environ.get("LFCORE_DEVICE"), list[dict[str, Any]]()
+    name, entries = os.environ.get("LFCORE_DEVICE"), list[dict[str, Any]]()
     software = f"lfcore {lfcore.__version__}, Python {platform.python_version()}"
     software = f"{software}, {platform.platform()}"
-    note(software=software, devices=found)
+    note(software=software, devices=entries)
     if not arguments.json:
         print(software)
     for device in all_devices():
-        default = is_named(device, asked) and not any(one["default"] for one in found)
-        found.append({
+        default = is_named(device, name) and not any(entry["default"] for entry in entries)
+        entries.append({
             "name": name_of(device), "compute_units": device.max_compute_units,
             "memory_bytes": device.global_mem_size, "default": default,
         })  # fmt: skip
@@ -63,7 +63,7 @@ def devices(arguments: argparse.Namespace) -> None:
         remarks += [] if is_cpu(device) else ["a GPU is slow: kernels are for processors"]
         remarks += [] if device.double_fp_config else ["no float64: some rays pass at edges"]
         if arguments.check:
-            problem = found[-1]["problem"] = check_apart(name_of(device))
+            problem = entries[-1]["problem"] = check_apart(name_of(device))
             remarks.append(f"FAILS: {problem}" if problem else "passes")
         if not arguments.json:
             print(
@@ -71,11 +71,11 @@ def devices(arguments: argparse.Namespace) -> None:
                 f"units, {'; '.join(remarks)}",
                 flush=True,
             )
-    if not any(one["default"] for one in found):
+    if not any(entry["default"] for entry in entries):
         lfcore.open_device()  # says which names there are
-    failed = sum(bool(one.get("problem")) for one in found)
+    failed = sum(bool(entry.get("problem")) for entry in entries)
     if failed and not arguments.json:
-        raise lfcore.DeviceError(f"{failed} of {len(found)} devices fail the check")
+        raise lfcore.DeviceError(f"{failed} of {len(entries)} devices fail the check")
 
 
 def info(arguments: argparse.Namespace) -> None:
@@ -110,12 +110,12 @@ def info_of_scene(arguments: argparse.Namespace) -> None:
     camera, seen = scene.camera, scene.depth_range
     note(
         file=arguments.lightfield, name=scene.name, triangles=scene.triangle_count,
-        camera=camera.to_json(), notes=[str(one) for one in scene.notes],
+        camera=camera.to_json(), notes=[str(each) for each in scene.notes],
         account=[vars(count) | {"file": str(count.file)} for count in scene.account],
         **({f"{end}_m": distance for end, distance in seen.ends().items()} if seen else {}),
     )  # fmt: skip
     view = f", film {scene.view.film[0]} x {scene.view.film[1]}" if scene.view else ""
-    found = {
+    lines = {
         "scene": scene.name, "triangles": f"{scene.triangle_count:,}",
         "materials": f"{len(scene.materials)}, textures: {len(scene.textures)}",
         "lights": str(len(scene.lights)),
@@ -123,14 +123,14 @@ def info_of_scene(arguments: argparse.Namespace) -> None:
         "focus": f"{camera.focus_m:g} m", "seen": str(seen or "nothing"),
     }  # fmt: skip
     if not arguments.json:
-        _print(found)
+        _print(lines)
         for key, text in {"account": scene.account_text(), "notes": scene.summary()}.items():
             for number, line in enumerate(text.splitlines()):
                 _print({"" if number else key: line})
 
 
-def _print(found: dict[str, str]) -> None:
-    for name, value in found.items():
+def _print(lines: dict[str, str]) -> None:
+    for name, value in lines.items():
         print(f"{name:<15} {printable(value)}")
 
 
@@ -148,16 +148,13 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
     (columns, rows), (width, height) = field.grid, field.picture_size
     rays, film = columns * rows * width * height, metadata.film
     all_rays = rays * len(field.times)
-    found = {"file": str(field.path), "scene": str(metadata.scene.get("name")), **_optics(field)}
-    found |= {
-        **(
-            {}
-            if film is None
-            else {
-                "instants": f"{len(film.times)}, {film.times[0]:g} to "
-                f"{film.times[-1]:g} s, coded in groups of {film.group}"
-            }
-        ),
+    lines = {"file": str(field.path), "scene": str(metadata.scene.get("name")), **_optics(field)}
+    if film is not None:
+        first, last = film.times[0], film.times[-1]
+        lines["instants"] = (
+            f"{len(film.times)}, {first:g} to {last:g} s, coded in groups of {film.group}"
+        )
+    lines |= {
         "resolution": f"{width} x {height} pixels, {columns} x {rows} views, {rays:,} rays",
         "layout": f"{layout.kind}, {layout.order}, {layout.elements_per_frame} per frame, "
         f"{metadata.segments.frames} frames of {layout.frame_width} x {layout.frame_height}",
@@ -168,11 +165,11 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
         "software": metadata.software,
     }
     if depth is None:
-        return found
+        return lines
     of_depth = sum(size for size, _ in depth.segments)
     shown = Size(*field.require_slab().picture(depth.pixels)[2:])
     share = of_depth / (of_depth + sum(part.bytes for part in metadata.segments))
-    return found | {
+    return lines | {
         "depth stream": f"{depth.codec}, {depth.codes.pixel_format}{_settings(depth.settings)}, "
         f"{of_depth:,} bytes, {share:.0%} of the video, {8 * of_depth / all_rays:.4f} bits "
         "per ray",
@@ -200,10 +197,10 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     slab = field.require_slab()
     camera = slab.camera
     source = field.content.get("source", {}).get("format")
-    found = {"from": f"imported, {source}"} if source else {}
+    lines = {"from": f"imported, {source}"} if source else {}
     if not field.metric:
-        return found | {"geometry": "not known: refocus in pixels, --focus 1.5px"}
-    found |= {
+        return lines | {"geometry": "not known: refocus in pixels, --focus 1.5px"}
+    lines |= {
         "lens": _lens(camera),
         "focus": f"{camera.focus_m:g} m",
         "views": f"{1e3 * slab.lens_pitch_m:.4g} mm apart",
@@ -211,12 +208,12 @@ def _optics(field: lfcore.LightField) -> dict[str, str]:
     if expected := field.content.get("expected"):
         near, far = expected["focus_m"]
         codec = "" if "codec_db" in expected else " before the codec"
-        found["expected"] = f"{expected['db']:g} dB{codec}, focused {near:g} to {far:g} m"
+        lines["expected"] = f"{expected['db']:g} dB{codec}, focused {near:g} to {far:g} m"
     if field.depth_range:
         near, far = field.depth_range
         px = [field.disparity_of(end) for end in (far, near)]
-        found["depth"] = f"{near:.4g} to {far:.4g} m, disparities {px[0]:.3g} to {px[1]:.3g} pixels"
-    return found
+        lines["depth"] = f"{near:.4g} to {far:.4g} m, disparities {px[0]:.3g} to {px[1]:.3g} pixels"
+    return lines
 
 
 COMMANDS = {

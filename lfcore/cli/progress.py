@@ -21,25 +21,25 @@ _records: list[dict[str, Any]] = []
 
 
 @contextmanager
-def progress(what: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
+def progress(title: str, unit: str = "", *, rays: int = 0) -> Iterator[Progress]:
     """Yield ``report(done, total)``, which draws a bar on a terminal; then report the seconds.
 
     The report has the rate of ``rays``, if given, in the time outside stages.
     """
     begun, stages = time.perf_counter(), _Stages()
-    with _bar(what, unit, stages) as report, watching(stages):
+    with _bar(title, unit, stages) as report, watching(stages):
         yield report
     seconds = time.perf_counter() - begun
     traced = seconds - sum(stages.seconds.values())
     rate = rays / traced if traced > SHORTEST_S else 0.0
     if _records:
-        step: dict[str, Any] = {"what": what, "seconds": round(seconds, 3)}
+        step: dict[str, Any] = {"what": title, "seconds": round(seconds, 3)}
         for name, of_it in stages.seconds.items():
             step[f"{name.replace(' ', '_')}_seconds"] = round(of_it, 3)
         step |= {"rays": rays} if rays else {}
         _records[-1]["steps"].append(step | ({"rays_per_second": round(rate)} if rate else {}))
         return
-    line = f"{what}: {seconds:.1f} s"
+    line = f"{title}: {seconds:.1f} s"
     for name, of_it in stages.seconds.items():
         line += f", {of_it:.1f} s of them {name}" if of_it >= 0.1 else ""
     say(line + (f", {rate / 1e6:.3g} million rays per second" if rate else ""))
@@ -63,7 +63,7 @@ class _Stages:
 
 
 @contextmanager
-def _bar(what: str, unit: str, stages: _Stages) -> Iterator[Progress]:
+def _bar(title: str, unit: str, stages: _Stages) -> Iterator[Progress]:
     """Show a bar while the block runs, if standard error is a terminal."""
     if _records or not sys.stderr.isatty():
         yield lambda done, total: None
@@ -76,8 +76,8 @@ def _bar(what: str, unit: str, stages: _Stages) -> Iterator[Progress]:
     with bars.Progress(
         *columns, bars.TimeRemainingColumn(), console=console, transient=True
     ) as shown:
-        task = shown.add_task(what, total=None)
-        stages.changed = lambda name: shown.update(task, description=name or what)
+        task = shown.add_task(title, total=None)
+        stages.changed = lambda name: shown.update(task, description=name or title)
         yield lambda done, total: shown.update(task, completed=done, total=total)
 
 

@@ -101,11 +101,13 @@ def run(arguments: argparse.Namespace) -> None:
     plane_options.save(arguments.output, planes, pictures, form(arguments))
 
 
-def _report_quality(made: lfcore.Rendering) -> None:
-    db = ", ".join(f"{each:.1f}" for each in made.expected_db)
-    traced = f"{made.rays_per_pixel:.0f} rays per pixel ({made.lattice})"
+def _report_quality(rendering: lfcore.Rendering) -> None:
+    db = ", ".join(f"{each:.1f}" for each in rendering.expected_db)
+    traced = f"{rendering.rays_per_pixel:.0f} rays per pixel ({rendering.lattice})"
     say(f"{traced}: {db} dB expected")
-    note(expected_db=list(map(float, made.expected_db)), rays_per_pixel=made.rays_per_pixel)
+    note(
+        expected_db=list(map(float, rendering.expected_db)), rays_per_pixel=rendering.rays_per_pixel
+    )
 
 
 def chosen_quality(

@@ -95,10 +95,10 @@ def length(text: str) -> float:
 
 def exposure(text: str) -> dict[str, Any]:
     """Read stops, and whether highlights roll off: ``-1.5``, ``0:soft``."""
-    stops, _, how = text.partition(":")
-    if how not in ("", "soft"):
-        raise argparse.ArgumentTypeError(f"{how!r} is not soft")
-    return {"exposure_ev": number(-MOST_EV, MOST_EV)(stops), "roll_off": how == "soft"}
+    stops, _, highlights = text.partition(":")
+    if highlights not in ("", "soft"):
+        raise argparse.ArgumentTypeError(f"{highlights!r} is not soft")
+    return {"exposure_ev": number(-MOST_EV, MOST_EV)(stops), "roll_off": highlights == "soft"}
 
 
 def rays(text: str) -> tuple[int | None, int | None]:
@@ -122,7 +122,7 @@ def codec(*keys: str) -> Callable[[str], dict[str, str]]:
 
     Keys are ``preset``, ``pixel_format`` and ``keys``.
     """
-    known = {"codec": tuple(CODECS), "preset": (), "pixel_format": tuple(PIXEL_FORMATS),
+    choices = {"codec": tuple(CODECS), "preset": (), "pixel_format": tuple(PIXEL_FORMATS),
              "layout": ("macropixels", "views")}  # fmt: skip
 
     def read(text: str) -> dict[str, str]:
@@ -131,9 +131,9 @@ def codec(*keys: str) -> Callable[[str], dict[str, str]]:
             key, value = part.split("=", 1) if "=" in part else ("codec", part)
             if key not in ("codec", "preset", "pixel_format", *keys):
                 raise argparse.ArgumentTypeError(f"unknown key {key!r}")
-            if known[key] and value not in known[key]:
-                choices = ", ".join(known[key])
-                raise argparse.ArgumentTypeError(f"{key} {value!r} is not one of {choices}")
+            if choices[key] and value not in choices[key]:
+                names = ", ".join(choices[key])
+                raise argparse.ArgumentTypeError(f"{key} {value!r} is not one of {names}")
             keywords[key] = value
         return keywords
 
@@ -183,8 +183,8 @@ def aperture(text: str) -> dict[str, Any]:
     """Read an aperture: ``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``."""
     shape, *more = text.split(":")
     if shape not in SHAPES or len(more) > 2 or (more and shape != "polygon"):
-        known = ", ".join(SHAPES)
-        problem = f"{text!r} is not one of {known}; a polygon may be polygon:5 or polygon:5:18"
+        shapes = ", ".join(SHAPES)
+        problem = f"{text!r} is not one of {shapes}; a polygon may be polygon:5 or polygon:5:18"
         raise argparse.ArgumentTypeError(problem)
     settings: dict[str, Any] = {"aperture": shape}
     if more:
@@ -196,27 +196,27 @@ def aperture(text: str) -> dict[str, Any]:
 
 def truth(text: str) -> bool:
     """Read ``yes``, ``true`` or ``1``; ``no``, ``false`` or ``0``."""
-    known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-    if text.lower() not in known:
+    values = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+    if text.lower() not in values:
         raise argparse.ArgumentTypeError(f"{text!r} is neither yes nor no")
-    return known[text.lower()]
+    return values[text.lower()]
 
 
 def sky(text: str) -> dict[str, Any]:
     """Keys of a scene.yaml, of ``FILE`` or ``#rrggbb`` with ``bounces``, ``rotation_deg``,
     ``strength``."""
-    what, *settings = text.split(",")
-    made: dict[str, Any] = {}
-    if what:
-        is_colour = what.startswith("#")
-        made["sky"] = {"colour": what} if is_colour else {"file": str(Path(what).resolve())}
+    source, *settings = text.split(",")
+    keys: dict[str, Any] = {}
+    if source:
+        is_colour = source.startswith("#")
+        keys["sky"] = {"colour": source} if is_colour else {"file": str(Path(source).resolve())}
     for setting in settings:
         key, _, value = setting.partition("=")
         if key == "bounces":
-            made[key] = value if value == "all" else count(0)(value)
-        elif key in ("rotation_deg", "strength") and what:
-            made["sky"][key] = number()(value)
+            keys[key] = value if value == "all" else count(0)(value)
+        elif key in ("rotation_deg", "strength") and source:
+            keys["sky"][key] = number()(value)
         else:
             problem = f"{setting!r} is none of bounces, rotation_deg, strength"
             raise argparse.ArgumentTypeError(problem)
-    return made
+    return keys

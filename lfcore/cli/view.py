@@ -44,16 +44,16 @@ OF_PAGES = ("pixels", "format", "jpeg_quality", "serve")
 def options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     add_output(command, "page (.html) or picture to write", required=False)
-    what = command.add_argument_group("which views").add_mutually_exclusive_group()
-    what.add_argument(
+    which = command.add_argument_group("which views").add_mutually_exclusive_group()
+    which.add_argument(
         "--grid", type=values.views, metavar="K",
         help="K x K views: side by side in a picture, or 9 to 33 in a page (17)",
     )  # fmt: skip
-    what.add_argument(
+    which.add_argument(
         "--view", nargs=2, type=_lens_place, metavar=("I", "J"),
         help="lens column and row; with depth also millimetres from the lens's middle: 12.5mm 4mm",
     )  # fmt: skip
-    what.add_argument(
+    which.add_argument(
         "--macropixel", nargs=2, type=values.count(0), metavar=("U", "V"), help="column, row"
     )
     add(command, "exposure")

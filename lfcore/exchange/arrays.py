@@ -77,14 +77,14 @@ def read_mat(path: Path, options: ReadOptions) -> ViewGrid:
         data = path.read_bytes()
         if order := ORDERS.get(data[124:128]):
             _check_types(data[128:], order)
-        found = loadmat(path, variable_names=[name]).get(name)
+        views = loadmat(path, variable_names=[name]).get(name)
     except NotImplementedError:
         # MATLAB's arrays are transposed in HDF5: (C, U, V, S, T) as stored.
         values = data_set(path, name)
-        found = np.transpose(values) if values is not None else None
+        views = np.transpose(values) if values is not None else None
     except Exception as error:  # scipy raises what the bytes happen to break
         raise unreadable(path, error, "cannot be read as a MAT file") from None
-    return _grid(found, name, path)
+    return _grid(views, name, path)
 
 
 def write_mat(source: Source, folder: Path, options: WriteOptions) -> None:
@@ -156,11 +156,11 @@ class _KeptFailure(io.RawIOBase):
 @contextmanager
 def _written(file: BinaryIO) -> Iterator[Any]:
     """An ``h5py.File`` to write; raises OSError on a full disk."""
-    kept = _KeptFailure(file)
-    with _h5py().File(kept, "w") as stored:
+    guarded = _KeptFailure(file)
+    with _h5py().File(guarded, "w") as stored:
         yield stored
-    if kept.error:
-        raise kept.error
+    if guarded.error:
+        raise guarded.error
 
 
 def hdf5_arrays(file: BinaryIO, **arrays: np.ndarray) -> None:

@@ -92,10 +92,10 @@ def of_files(files: list[list[Path]], name: str, **more: Any) -> ViewGrid:
 
 def by_numbers(files: list[Path], folder: Path, order: Order) -> list[list[Path]] | None:
     """``files[row][column]`` by the two numbers that end each name; None if one has none."""
-    found = [TWO.search(file.stem) for file in files]
-    if None in found:
+    matches = [TWO.search(file.stem) for file in files]
+    if None in matches:
         return None
-    return _by_pairs(files, [(int(m[1]), int(m[2])) for m in found if m], folder, order)
+    return _by_pairs(files, [(int(m[1]), int(m[2])) for m in matches if m], folder, order)
 
 
 def _by_pairs(
@@ -149,12 +149,12 @@ def read_json(path: Path, options: ReadOptions) -> ViewGrid:
         columns, rows = int(data["columns"]), int(data["rows"])
         if data["format"] != KIND or min(columns, rows) < 1 or max(columns, rows) > MOST_VIEWS:
             raise ValueError
-        known = {key: data["geometry"].get(key) for key in vars(Geometry())}
-        geometry = Geometry(**{k: None if v is None else float(v) for k, v in known.items()})
+        numbers = {key: data["geometry"].get(key) for key in vars(Geometry())}
+        geometry = Geometry(**{k: None if v is None else float(v) for k, v in numbers.items()})
         depth = tuple(data["depth_m"]) if data.get("depth_m") else None
-    asked = f"{CONFIG} asks for {columns} x {rows} views"
+    reason = f"{CONFIG} asks for {columns} x {rows} views"
     files = [
-        [existing([path / pictures.view_name(i, j)], asked) for i in range(columns)]
+        [existing([path / pictures.view_name(i, j)], reason) for i in range(columns)]
         for j in range(rows)
     ]
     return of_files(files, str(data.get("scene", path.name)), geometry=geometry, depth_m=depth)
@@ -222,20 +222,20 @@ class _StanfordView(NamedTuple):
 
 
 def _stanford_views(folder: Path) -> list[_StanfordView]:
-    found = []
+    views = []
     for path in pictures.pictures_of(folder) if folder.is_dir() else ():
         words = [word for word in path.stem.split("_") if word]
         try:
             _, first, second, y, x = words
-            found.append(_StanfordView((int(first), int(second)), float(y), float(x), path))
+            views.append(_StanfordView((int(first), int(second)), float(y), float(x), path))
         except ValueError:
             continue
-    return found
+    return views
 
 
 def recognise_stanford(path: Path) -> bool:
-    found = _stanford_views(path)
-    return bool(found) and found[0].file.name.startswith("out_")
+    views = _stanford_views(path)
+    return bool(views) and views[0].file.name.startswith("out_")
 
 
 def read_stanford(path: Path, options: ReadOptions) -> ViewGrid:

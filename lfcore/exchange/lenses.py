@@ -41,23 +41,23 @@ class Lens:
 
     @classmethod
     def of(
-        cls, given: Mapping[str, float], size: tuple[float, float] | None, fisheye: bool = False
+        cls, numbers: Mapping[str, float], size: tuple[float, float] | None, fisheye: bool = False
     ) -> Lens:
         """The lens of COLMAP's names: f or fx and fy, cx, cy, k1 to k4, d1 to d3, p1, p2.
 
         Raises ValueError for numbers that are not finite, or a focal length that is not positive.
         """
-        if not np.isfinite([*given.values(), *(size or ())]).all():
+        if not np.isfinite([*numbers.values(), *(size or ())]).all():
             raise ValueError("numbers that are not finite")
-        across = given.get("fx", given.get("f", 0.0))
-        focal = across, given.get("fy", across)
+        across = numbers.get("fx", numbers.get("f", 0.0))
+        focal = across, numbers.get("fy", across)
         if min(*focal, *(size or focal)) <= 0:
             raise ValueError("a length that is not positive")
         radial, below, tangential = (
-            tuple(given.get(f"{letter}{k}", 0.0) for k in range(1, count + 1))
+            tuple(numbers.get(f"{letter}{k}", 0.0) for k in range(1, count + 1))
             for letter, count in (("k", 4), ("d", 3), ("p", 2))
         )
-        centre = given["cx"], given["cy"]
+        centre = numbers["cx"], numbers["cy"]
         return cls(focal, centre, size, radial, below, tangential, fisheye)  # type: ignore[arg-type]
 
     @property
@@ -130,18 +130,18 @@ class Pinholes:
 def as_pinholes(lenses: list[Lens], files: list[Path], described: Path) -> Pinholes:
     """Pictures of lenses (K,) as those of pinholes, resampled only where they have to be."""
     size = pictures.size_of(files[0])
-    made = [lens.scaled(size, file) for lens, file in zip(lenses, files, strict=True)]
-    notes, focal = [], np.array([lens.focal for lens in made])
+    scaled = [lens.scaled(size, file) for lens, file in zip(lenses, files, strict=True)]
+    notes, focal = [], np.array([lens.focal for lens in scaled])
     if any(lens.size not in (None, size) for lens in lenses):
         other = next(lens.size for lens in lenses if lens.size not in (None, size))
-        what = "pictures are {} x {} pixels, described {:g} x {:g}: focal lengths were scaled"
-        notes.append(what.format(*size, *other))
-    centres, longest = np.array([lens.centre for lens in made]), float(focal.max())
+        text = "pictures are {} x {} pixels, described {:g} x {:g}: focal lengths were scaled"
+        notes.append(text.format(*size, *other))
+    centres, longest = np.array([lens.centre for lens in scaled]), float(focal.max())
     if longest > MOST_RESAMPLED * focal.min():
         raise ExchangeError("focal lengths differ too much for one light field", file=described)
     apart = [np.ptp(focal, axis).max() > EQUAL * longest for axis in (1, 0)]
     reasons = {
-        "a lens's distortion was undone": any(lens.distorted for lens in made),
+        "a lens's distortion was undone": any(lens.distorted for lens in scaled),
         "pixels are not square": apart[0],
         "focal lengths differ from camera to camera": apart[1],
     }
@@ -157,15 +157,15 @@ def as_pinholes(lenses: list[Lens], files: list[Path], described: Path) -> Pinho
     def places(lens: Lens, centre: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         x, y = np.meshgrid(*(np.arange(side) + 0.5 for side in size))
         with np.errstate(over="ignore", invalid="ignore"):
-            found = lens.seen((x - centre[0]) / longest, (y - centre[1]) / longest)
-            u, v = (np.nan_to_num(np.clip(at - 0.5, -2, 1e6), nan=-2) for at in found)
+            places_seen = lens.seen((x - centre[0]) / longest, (y - centre[1]) / longest)
+            u, v = (np.nan_to_num(np.clip(at - 0.5, -2, 1e6), nan=-2) for at in places_seen)
         return u.astype(np.float32), v.astype(np.float32)
 
     def read(k: int) -> np.ndarray:
         import cv2
 
         picture = pictures.read(files[k], size)
-        at = places(made[k], tuple(centres[k].tolist()))
+        at = places(scaled[k], tuple(centres[k].tolist()))
         out = cv2.remap(picture, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
         return out.clip(0, 1) if out.dtype == np.float32 else out
 

@@ -184,15 +184,15 @@ def read_colmap(path: Path, options: ReadOptions) -> ViewGrid:
 
 def _cameras(file: Path) -> dict[str, Lens]:
     """Lenses by the camera's number."""
-    found = {}
+    lenses = {}
     models = ", ".join(LENSES)
     for line in filter(None, _text_lines(file)):
         problem = f"has a camera that cannot be read: {line[:60]!r}. Models that can be: {models}"
         with refused(problem, file):
             number, model, width, height, *values = line.split()
-            given = dict(zip(LENSES[model].split(), map(float, values), strict=True))
-            found[number] = Lens.of(given, (float(width), float(height)), "FISHEYE" in model)
-    return found
+            numbers = dict(zip(LENSES[model].split(), map(float, values), strict=True))
+            lenses[number] = Lens.of(numbers, (float(width), float(height)), "FISHEYE" in model)
+    return lenses
 
 
 def _text_lines(file: Path) -> list[str]:

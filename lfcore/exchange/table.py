@@ -23,10 +23,10 @@ class Format:
     imports: bool = True
     exports: bool = True
 
-    def call(self, what: str) -> Any:
+    def call(self, function: str) -> Any:
         """The module's function ``read``, ``write`` or ``recognise``; None if there is none."""
         module = import_module(f"lfcore.exchange.{self.module}")
-        return getattr(module, f"{what}_{self.name.replace('-', '_')}", None)
+        return getattr(module, f"{function}_{self.name.replace('-', '_')}", None)
 
     def is_at(self, path: Path) -> bool:
         """Whether a folder or file has this format, by names and headers."""
@@ -68,10 +68,10 @@ FORMATS = {
 
 def find(name: str, *, imports: bool = False) -> Format:
     """The format of this name; raises :class:`ExchangeError` if it lacks imports, or exports."""
-    what = "imported" if imports else "exported"
+    direction = "imported" if imports else "exported"
     able = [row.name for row in FORMATS.values() if (row.imports if imports else row.exports)]
     if name not in able:
-        why = f"cannot be {what}" if name in FORMATS else "is no known format"
+        why = f"cannot be {direction}" if name in FORMATS else "is no known format"
         problem = f"{name!r} {why}"
         raise ExchangeError(problem, key="format", remedy=f"Use one of {', '.join(able)}")
     return FORMATS[name]
@@ -82,7 +82,7 @@ def recognise(path: Path) -> Format:
     for row in FORMATS.values():
         if row.imports and row.is_at(path):
             return row
-    what = "folder" if path.is_dir() else "file"
-    problem = f"is not a {what} of a known format"
+    kind = "folder" if path.is_dir() else "file"
+    problem = f"is not a {kind} of a known format"
     remedy = "Name its format, and the columns and rows of views"
     raise ExchangeError(problem, file=path, remedy=remedy)

@@ -46,19 +46,19 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> ViewGrid:
     return posed.views(poses, lenses, files, file)
 
 
-def _nerfstudio_lens(given: dict, size: tuple[int, int], file: Path) -> Lens:
+def _nerfstudio_lens(frame: dict, size: tuple[int, int], file: Path) -> Lens:
     """The lens of a frame, with what the file has for all; ``size`` is the picture's."""
-    model = "OPENCV_FISHEYE" if given.get("is_fisheye") else given.get("camera_model", "OPENCV")
+    model = "OPENCV_FISHEYE" if frame.get("is_fisheye") else frame.get("camera_model", "OPENCV")
     if str(model) not in posed.LENSES:
         problem = f"{model!r} is none of {', '.join(posed.LENSES)}"
         raise ExchangeError(problem, file=file, key="camera_model")
-    width, height = given.get("w", size[0]), given.get("h", size[1])
-    numbers = {key: given.get(key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
-    numbers |= {"cx": given.get("cx", width / 2), "cy": given.get("cy", height / 2)}
+    width, height = frame.get("w", size[0]), frame.get("h", size[1])
+    numbers = {key: frame.get(key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
+    numbers |= {"cx": frame.get("cx", width / 2), "cy": frame.get("cy", height / 2)}
     with refused("is missing, no number, or not positive", file, "fl_x, fl_y, cx, cy, w, h"):
-        if "fl_x" not in given and "camera_angle_x" in given:
-            given = {**given, "fl_x": width / 2 / math.tan(float(given["camera_angle_x"]) / 2)}
-        numbers |= {"fx": given["fl_x"], "fy": given.get("fl_y", given["fl_x"])}
+        if "fl_x" not in frame and "camera_angle_x" in frame:
+            frame = {**frame, "fl_x": width / 2 / math.tan(float(frame["camera_angle_x"]) / 2)}
+        numbers |= {"fx": frame["fl_x"], "fy": frame.get("fl_y", frame["fl_x"])}
         numbers = {key: float(value) for key, value in numbers.items()}
         return Lens.of(numbers, (float(width), float(height)), "FISHEYE" in model)
 
@@ -79,8 +79,8 @@ def write_nerfstudio(source: Source, folder: Path, options: WriteOptions) -> Non
         if source.has_depth:
             # uint16 millimetres; 0, which is "not known", for a miss and beyond 65.5 m.
             mm = np.rint(1e3 * source.depth(column, row)[0].astype(np.float64))
-            known = np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)
-            write_picture(folder / "depth" / name, known)
+            stored = np.where(mm <= MOST_MM, mm, 0).astype(np.uint16)
+            write_picture(folder / "depth" / name, stored)
             frame["depth_file_path"] = f"depth/{name}"
         frames.append(frame)
     shared = {

@@ -64,13 +64,13 @@ def _needed_frames(
     Yields a chunk of frames, a slice of ``numbers``, and for each number in this slice the index
     of its frame in the chunk; the slice is the last.
     """
-    wanted = np.unique(numbers)
+    needed = np.unique(numbers)
     step = max(1, CHUNK_BYTES // video.layout.frame_bytes)
-    held = slice(bisect_left(video.keys, part.first), bisect_left(video.keys, part.stop))
-    keys = np.array([key - part.first for key in video.keys[held]] or [0])
-    entry = keys[np.searchsorted(keys, wanted, side="right") - 1]
+    in_segment = slice(bisect_left(video.keys, part.first), bisect_left(video.keys, part.stop))
+    keys = np.array([key - part.first for key in video.keys[in_segment]] or [0])
+    entry = keys[np.searchsorted(keys, needed, side="right") - 1]
     # The frames between wanted ones are decoded, too, unless a key frame lets us skip them.
-    for run in np.split(wanted, np.flatnonzero(entry[1:] > wanted[:-1] + 1) + 1):
+    for run in np.split(needed, np.flatnonzero(entry[1:] > needed[:-1] + 1) + 1):
         first = int(run[0])
         for chunk in video.frames(part.index, first, int(run[-1]) + 1, chunk=step):
             low, high = np.searchsorted(numbers, (first, first + len(chunk)))

@@ -143,7 +143,7 @@ class StoredVideo:
         """Decode as :meth:`frames`, one by one without a copy: planes (h, w) in the decoder's
         memory."""
         part, stop = self._span(segment, start, stop)
-        if (wanted := start) == stop:
+        if (next_frame := start) == stop:
             return
         self.decoded_segments.add(segment)
         layout = self.layout
@@ -153,14 +153,14 @@ class StoredVideo:
             decoded = decoded_planes(self.path, context, checked, ticks, layout.format, size)
             for number, planes in decoded:
                 self.decoded_frames += 1
-                if number - part.first > wanted:
+                if number - part.first > next_frame:
                     break
-                if number - part.first == wanted:
+                if number - part.first == next_frame:
                     yield planes
-                    wanted += 1
-                    if wanted == stop:
+                    next_frame += 1
+                    if next_frame == stop:
                         return
-            problem = f"frame {wanted} of {start} to {stop - 1} is missing from the stream"
+            problem = f"frame {next_frame} of {start} to {stop - 1} is missing from the stream"
             raise StorageError(problem, file=self.path)
 
     def _span(self, segment: int, start: int, stop: int | None) -> tuple[Segment, int]:

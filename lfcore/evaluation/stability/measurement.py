@@ -146,23 +146,23 @@ def measured(
     )  # fmt: skip
 
 
-def leaks(found: Found, hits: Hits) -> float:
+def leaks(traced: Found, hits: Hits) -> float:
     """Share of the rays that miss although the oracle hits."""
-    ids = found[0].ravel()
+    ids = traced[0].ravel()
     return float(((ids < 0) & (hits.triangle >= 0)).mean())
 
 
-def mismatches(found: Found, hits: Hits, ulp: float = 16.0) -> float:
+def mismatches(traced: Found, hits: Hits, ulp: float = 16.0) -> float:
     """The share of wrong triangles among rays at least ``ulp`` from any edge or tie."""
-    ids = found[0].ravel()
+    ids = traced[0].ravel()
     clear = hits.clear(ulp)
     return float((ids != hits.triangle)[clear].mean()) if clear.any() else 0.0
 
 
-def depth_error(found: Found, hits: Hits) -> float:
+def depth_error(traced: Found, hits: Hits) -> float:
     """The largest error of t for right triangles: units of 2^-24 t, over the condition
     number 1 / sin of the incidence.  Infinite if any such t is not finite."""
-    ids, t = (part.ravel() for part in found)
+    ids, t = (part.ravel() for part in traced)
     same = (ids == hits.triangle) & (ids >= 0)
     if not same.any():
         return 0.0

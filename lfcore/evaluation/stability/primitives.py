@@ -266,9 +266,9 @@ def _from_file(world: np.ndarray, centre: np.ndarray) -> np.ndarray:
         return load_scene(file, bare=True).triangles
 
 
-def _or_lost(found: Found, hits: Hits) -> float:
+def _or_lost(traced: Found, hits: Hits) -> float:
     """The depth error; all digits are lost when more than 1% of the hits differ."""
-    return ALL_DIGITS if mismatches(found, hits) > 0.01 else depth_error(found, hits)
+    return ALL_DIGITS if mismatches(traced, hits) > 0.01 else depth_error(traced, hits)
 
 
 @sweep("4", "L / size", 10.0 ** np.arange(0, 8))

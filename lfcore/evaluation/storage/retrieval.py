@@ -123,9 +123,9 @@ def _planes(
 
     def formed(planes: list[SensorPlane], frames: int) -> float:
         first, former = 0, PlaneFormer(field.require_slab(), part.tile, planes, device)
-        for some in field.video.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
-            former.add(some, first)
-            first += len(some)
+        for chunk_frames in field.video.frames(0, 0, frames, chunk=chunk, rooms=repeat(room)):
+            former.add(chunk_frames, first)
+            first += len(chunk_frames)
         former.plane_sums()
         return 1.0
 

@@ -90,8 +90,8 @@ def _cropped(slab: Slab, method: Method, views: Views, planes: Planes) -> np.nda
     return crop(slab, method(views, planes))
 
 
-def _by_views(form: Callable, views: Views, planes: Planes, **how: Any) -> np.ndarray:
-    return form(views.slab, views.light, planes, device=views.device, **how)
+def _by_views(form: Callable, views: Views, planes: Planes, **options: Any) -> np.ndarray:
+    return form(views.slab, views.light, planes, device=views.device, **options)
 
 
 def _plenoptic(views: Views, planes: Planes) -> np.ndarray:
