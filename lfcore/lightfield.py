@@ -7,7 +7,7 @@ picture = lfcore.LightField.open("lightfield.mkv").refocus(focus_m=3.2, f_number
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from lfcore.refocus.focal_stack import focal_stack
 from lfcore.refocus.forming import form_pictures
 from lfcore.refocus.free_views import views_at
 from lfcore.refocus.labelled import labelled_views
+from lfcore.refocus.pulling import pulled
 from lfcore.refocus.visible_depth import VisibleDepth, doubts
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -351,6 +352,51 @@ class LightField(LightFieldFile):
         return self.refocus_many(
             planes, filter=filter, pixels=pixels, device=device, progress=progress
         )
+
+    @suggest_keywords
+    def pull(
+        self,
+        keys: Sequence[tuple[float, SensorPlane | Sequence[float]]],
+        *,
+        filter: str | None = None,
+        pixels: Pixels | None = None,
+        device: Device | str | None = None,
+        progress: Progress | None = None,
+    ) -> Iterator[np.ndarray]:
+        """Make a picture of each instant of a film, with a focus that is pulled over time.
+
+        Parameters
+        ----------
+        keys : sequence of (float, SensorPlane or (float, float))
+            Seconds, with the focus and aperture then, from :meth:`plane`; or with the point (s, t)
+            of the lens, metres, from which everything is in focus.  Between keys dioptres, the
+            aperture's diameter and the point change evenly; before the first and after the last
+            they rest.
+        filter, pixels, device : optional
+            As in :meth:`refocus_many`.
+        progress : callable, optional
+            Called with (instants done, total).
+
+        Yields
+        ------
+        ndarray
+            (height, width, 3) float32, linear light.
+
+        Raises
+        ------
+        OpticsError
+            Times do not ascend, or the file does not contain a picture.
+        StorageError
+            The file is damaged.
+
+        Examples
+        --------
+        >>> keys = [(0.0, field.plane("near")), (1.0, field.plane("far"))]
+        >>> len(list(field.pull(keys)))
+        1
+        """
+        how = {"pixels": pixels, "device": device} | ({"filter": filter} if filter else {})
+        return pulled(self, keys, progress, **how)
 
     @suggest_keywords
     def views_at(

@@ -26,6 +26,7 @@ Options = argparse._ActionsContainer
 """A parser, or a group of its options."""
 KINDS: dict[str, dict[str, Any]] = {
     "salvage": {"action": "store_true", "help": "leave out damaged segments instead of refusing"},
+    "instant": {"type": values.count(0), "metavar": "K", "help": "of a film, from 0 (0)"},
     "device": {"metavar": "NAME", "help": "part of an OpenCL device's name; see 'lfcore devices'"},
     "light_points": {"type": values.count(), "metavar": "P",
                      "help": "points per area light of a pbrt scene (12)"},
@@ -100,7 +101,7 @@ def flag(parameter: str) -> str:
 def add_lightfield(command: Options, help: str = "light field file (.mkv), or its URL") -> None:
     """Add the light field file, for :func:`open_field`."""
     command.add_argument("lightfield", help=help)
-    add(command, "salvage")
+    add(command, "salvage", "instant")
 
 
 def add_output(command: Options, help: str, *, required: bool = True) -> None:
@@ -239,6 +240,8 @@ def _as_options(notes: str) -> str:
 def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
     """Open the light field, and report damaged segments that are left out."""
     field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
+    if arguments.instant is not None:
+        field = field.at(arguments.instant)
     for damage in field.damage:
         say(f"left out: {damage.reason}")
     return field

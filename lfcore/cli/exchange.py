@@ -71,6 +71,7 @@ def import_options(command: argparse.ArgumentParser) -> None:
 
 def export_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("lightfield", help="light field file (.mkv), or its URL")
+    add(command, instant="of a film, from 0 (all, in folders with their numbers)")
     add_output(command, "folder to write")
     command.add_argument(
         "--format", required=True, type=_format_and_tiles, metavar="NAME",
@@ -124,16 +125,29 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
+    scene = open_scene(arguments) if arguments.scene else None
+    film, output = lfcore.LightField.open(arguments.lightfield), arguments.output
+    alone = len(film.times) == 1 or arguments.instant is not None
+    for number in [arguments.instant or 0] if alone else range(len(film.times)):
+        folder = output if alone else output / f"{number:04d}"
+        now = scene.at(film.times[number]) if scene and scene.instants else scene
+        _export(arguments, film.at(number), folder, now)
+    wrote(output)
+
+
+def _export(
+    arguments: argparse.Namespace, field: lfcore.LightField, folder: Path,
+    scene: lfcore.Scene | None,
+) -> None:  # fmt: skip
     from lfcore.exchange.grid import Order, WriteOptions
     from lfcore.exchange.source import Selection
 
-    scene = open_scene(arguments) if arguments.scene else None
     format, tiles = arguments.format
     with progress(f"writing {format}", "views") as report:
         notes = lfcore.export_lightfield(
-            arguments.lightfield,
+            field,
             format,
-            arguments.output,
+            folder,
             selection=Selection(
                 arguments.views, arguments.baseline, arguments.crop, arguments.pixels,
                 **arguments.exposure,
@@ -147,7 +161,6 @@ def run_export(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
     for note in notes:
         say(note)
-    wrote(arguments.output)
 
 
 COMMANDS = {

@@ -17,6 +17,7 @@ from lfcore.cli.progress import note, say
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.planes import MOST_PLANES, SensorPlane
 from lfcore.optics.size import Pixels
+from lfcore.refocus.pulling import Key
 
 READ = {
     "focus": values.focus,
@@ -48,10 +49,11 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
 
 def add_focus(group: Options, *, of_file: bool) -> None:
     """Add the options of the focus and of the aperture's width."""
-    px, views = (", or disparity: 1.5px", ", or width: 7views") if of_file else ("", "")
+    pull = "; of a film 2:6, pulled from 2 m to 6 m"
+    px, views = (f", or disparity: 1.5px{pull}", ", or width: 7views") if of_file else ("", "")
     focus, aperture = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     focus.add_argument(
-        "--focus", type=values.focus, metavar="FOCUS",
+        "--focus", type=values.pull if of_file else values.focus, metavar="FOCUS",
         help=f"metres, inf, near, middle, far, 40%% of the visible depth{px}",
     )  # fmt: skip
     focus.add_argument(
@@ -139,6 +141,37 @@ def of_scene(arguments: argparse.Namespace) -> dict[str, Any]:
     merged = (arguments.focus or {}) | (arguments.f_number or {})
     _refuse_views(merged)
     return merged
+
+
+def read_keys(arguments: argparse.Namespace, field: lfcore.LightField) -> list[Key]:
+    """The keys of a film's pulled focus, of a table or of the options."""
+    first, last = field.times[0], field.times[-1]
+    if arguments.keys is None:
+        ends = (arguments.focus or {}).get("pull", [arguments.focus or {}])
+        given = settings(arguments)
+        return [
+            (time, make_plane(field.at(number), {**given, "focus": end}))
+            for time, number, end in zip((first, last), (0, -1), ends, strict=False)
+        ]
+    keys: list[Key] = []
+    radius = field.require_slab().camera.lens_radius_m
+    for number, row in enumerate(_rows(arguments.keys), 1):
+        key, where = f"key {number}", {"file": arguments.keys, "key": f"key {number}"}
+        try:
+            time = values.number()(str(row.pop("time", "")))
+            if "view" in row:
+                point = [float(part) for part in str(row.pop("view")).strip("[]()").split()]
+                keys.append((time, (radius * np.array(point).reshape(2)).tolist()))
+                if row:
+                    raise OpticsError(f"view excludes {min(row)}", **where)
+                continue
+        except (ValueError, argparse.ArgumentTypeError) as error:
+            remedy = "Give a time in seconds, and a view as two shares of the lens: 0.5 0"
+            raise OpticsError(str(error), **where, remedy=remedy) from None
+        nearest = int(np.abs(np.array(field.times) - time).argmin())
+        given = settings(arguments) | _read(row, key, arguments.keys)
+        keys.append((time, make_plane(field.at(nearest), given, key, arguments.keys)))
+    return keys
 
 
 def report(planes: list[SensorPlane]) -> None:

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,16 @@ import numpy as np
 import lfcore
 from lfcore.cli import planes as plane_options
 from lfcore.cli import values
-from lfcore.cli.command import Command, add, add_lightfield, add_output, form, open_field, refuse
+from lfcore.cli.command import (
+    Command,
+    add,
+    add_lightfield,
+    add_output,
+    form,
+    given,
+    open_field,
+    refuse,
+)
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
@@ -31,6 +41,8 @@ examples:
       with planes.csv:  focus,f_number,aperture
                         2.0,2.8,circle
                         4.0,5.6,square
+  lfcore refocus walk.mkv -o walk.mp4 --focus 2:6 --f-number 2
+      a film recorded by 'lfcore record --frames', its focus pulled from 2 m to 6 m
   lfcore refocus chess.mkv -o chess.png --focus 1.5px --f-number 7views
       an imported light field with unknown cameras
 
@@ -43,6 +55,12 @@ def refocus_options(command: argparse.ArgumentParser) -> None:
     add_lightfield(command)
     add_output(command, "picture to write")
     plane_options.add_options(command, of_file=True)
+    many = command.add_argument_group("a film, to .mp4")
+    many.add_argument(
+        "--keys", type=Path, metavar="FILE",
+        help="focus and f-number over time: CSV or a YAML list with time in seconds and the keys "
+        "of --plane, or with time and view, the point of the lens in shares: 0.5 0",
+    )  # fmt: skip
     add_method(command)
 
 
@@ -83,7 +101,12 @@ def make_pictures(
 
 
 def refocus(arguments: argparse.Namespace) -> None:
+    if arguments.output.suffix.lower() == ".mp4":
+        pull(arguments)
+        return
     check_suffix(arguments.output)
+    if "pull" in (arguments.focus or {}) or arguments.keys:
+        refuse("--output", "a pulled focus makes a film", "Write an .mp4")
     check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
     field = open_field(arguments)
     planes = plane_options.read_planes(arguments, field)
@@ -93,6 +116,33 @@ def refocus(arguments: argparse.Namespace) -> None:
     pictures = make_pictures(arguments, field, planes)
     field.close()  # decoders hold more memory than pictures
     plane_options.save(arguments.output, planes, pictures, form(arguments), field)
+
+
+def pull(arguments: argparse.Namespace) -> None:
+    """Write a film of all instants of a light field."""
+    from lfcore.film import write_film
+
+    excluded = given(arguments, "instant") | ({"plane": 1} if arguments.plane else {})
+    for option in excluded | given(arguments, "method"):
+        refuse(f"--{option}", "is for pictures, not for a film", "Leave it out, or write a .png")
+    field = open_field(arguments)
+    if len(field.times) < 2:
+        refuse("--output", "the file has one instant, which is no film", "Write a .png")
+    damaged = [k for k in range(len(field.times)) if field.at(k).damage]
+    if damaged:
+        refuse("--salvage", f"instants {damaged[0]} to {damaged[-1]} are damaged",
+               "Give --instant and a .png")  # fmt: skip
+    keys = plane_options.read_keys(arguments, field)
+    rate = (len(field.times) - 1) / (field.times[-1] - field.times[0])
+    with progress("refocusing", "instants") as report:
+        pictures = field.pull(
+            keys, filter=arguments.filter, pixels=arguments.pixels, device=arguments.device,
+            progress=report,
+        )  # fmt: skip
+        shown = (exposed(picture, **arguments.exposure) for picture in pictures)
+        write_film(arguments.output, shown, Fraction(rate).limit_denominator(1001))
+    field.close()
+    wrote(arguments.output, f": {len(field.times)} pictures")
 
 
 DESCRIPTION = """\

@@ -161,6 +161,12 @@ def focus(text: str) -> dict[str, Any]:
     return {"focus_m": word if isinstance(word, str) else distance(text)}
 
 
+def pull(text: str) -> dict[str, Any]:
+    """Read a focus as :func:`focus`, or one at the beginning and one at the end: ``2:6``."""
+    first, colon, last = text.partition(":")
+    return {"pull": [focus(first), focus(last)]} if colon else focus(text)
+
+
 def place(text: str) -> dict[str, Any]:
     """Read a place in the picture to focus on: ``0.5,0.4``."""
     split = lambda words: check_place(words.strip("[]()").split(","))  # noqa: E731

@@ -3,11 +3,13 @@
 import dataclasses
 import pickle
 
+import av
 import numpy as np
 import pytest
 from plain_scenes import refused
 
 import lfcore
+from lfcore.cli import main
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
 from lfcore.scene.model import Animation
@@ -124,3 +126,52 @@ def test_what_a_film_does_not_have(scene, tmp_path):
         ({"times": TIMES, "encoding": lfcore.Encoding(depth=False)}, "has depth"),
     ):  # fmt: skip
         refused(words, lfcore.record, scene, path, pixels=PIXELS, **how)
+
+
+def test_a_focus_is_pulled_evenly_in_dioptres(film):
+    near, far = film.plane(2.0, 2.0), film.plane(4.0, 4.0)
+    pictures = list(film.pull([(0.25, near), (1.25, far)]))
+    assert len(pictures) == 6
+    for number, (focus, f_number) in {0: (2, 2), 1: (2, 2), 3: (8 / 3, 8 / 3), 5: (4, 4)}.items():
+        expected = film.at(number).refocus(focus_m=focus, f_number=f_number)
+        np.testing.assert_allclose(pictures[number], expected, atol=1e-6)
+    reach = film.require_slab().lens_positions()[-1]
+    pictures = list(film.pull([(0.0, (-reach, 0)), (1.0, (reach, 0))]))
+    np.testing.assert_array_equal(pictures[2], film.at(2).views_at([[0, 0]])[0])
+    np.testing.assert_array_equal(pictures[5], film.at(5).views_at([[reach, 0]])[0])
+    for keys, words in (
+        ([], "ascending"), ([(1, near), (0, far)], "ascending"), ([(0, near), (1, (0, 0))], "one"),
+    ):  # fmt: skip
+        with pytest.raises(lfcore.OpticsError, match=words):
+            next(film.pull(keys))
+
+
+@pytest.fixture
+def run(capsys):
+    """A function that runs a command, and gives what it says."""
+
+    def made(*words, code=0):
+        assert main([str(word) for word in words]) == code
+        return capsys.readouterr().err
+
+    return made
+
+
+def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
+    table = tmp_path / "keys.csv"
+    table.write_text("time,focus,f_number\n0,near,2\n1,far,4\n")
+    for how in (["--focus", "2:4"], ["--keys", table], ["--focus", "3"]):
+        run("refocus", film.path, "-o", tmp_path / "pulled.mp4", *how)
+        with av.open(tmp_path / "pulled.mp4") as file:
+            video = file.streams.video[0]
+            assert (video.frames, video.average_rate) == (6, 4)
+    run("refocus", film.path, "-o", tmp_path / "a.npy", "--instant", 3, "--focus", 2)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), film.at(3).refocus(focus_m=2.0))
+    run("export", film.path, "-o", tmp_path / "all", "--format", "hci", "--views", "2x2")
+    assert sorted(p.name for p in (tmp_path / "all").iterdir()) == [f"{k:04d}" for k in range(6)]
+    table.write_text("time,view\n0,1 0\nsoon,0 0\n")
+    for how, words in (
+        (["a.png", "--focus", "2:4"], "Write an .mp4"), (["a.mp4", "--keys", table], "key 2"),
+        (["a.mp4", "--instant", "2"], "--instant"),
+    ):  # fmt: skip
+        assert words in run("refocus", film.path, "-o", tmp_path / how[0], *how[1:], code=1)

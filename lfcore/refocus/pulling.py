@@ -1,0 +1,48 @@
+"""Pictures of a film whose focus, aperture or point of view are pulled over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfcore.errors import OpticsError
+from lfcore.optics.planes import SensorPlane
+from lfcore.progress import Progress
+
+if TYPE_CHECKING:
+    from lfcore.lightfield import LightField
+
+Key = tuple[float, SensorPlane | Sequence[float]]
+"""A time in seconds with a picture's focus and aperture, or with a point (s, t) of the lens, m."""
+
+
+def pulled(
+    field: LightField, keys: Sequence[Key], progress: Progress | None = None, **how: Any
+) -> Iterator[np.ndarray]:
+    """As :meth:`lfcore.LightField.pull`; ``how`` is what makes the pictures."""
+    times = np.array([time for time, _ in keys], np.float64)
+    if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise OpticsError("must have ascending times", file=field.path, key="keys")
+    planes = [what for _, what in keys if isinstance(what, SensorPlane)]
+    if planes and len(planes) < len(keys):
+        problem = "have planes and points of the lens"
+        raise OpticsError(problem, file=field.path, key="keys", remedy="Give one kind")
+    if planes:
+        # Blur is linear in dioptres and in the aperture's diameter.
+        values = np.array([(plane.delta, 1 / plane.f_number) for plane in planes])
+    else:
+        values = np.array([np.asarray(point, np.float64).reshape(2) for _, point in keys])
+    for number, time in enumerate(field.times):
+        now = field.at(number)
+        first, second = (float(np.interp(time, times, column)) for column in values.T)
+        if planes:
+            focus = 1 / first if first else np.inf
+            plane = replace(planes[0], focus_m=focus, f_number=1 / second)
+            yield now.refocus_many([plane], **how)[0]
+        else:
+            yield now.views_at(np.array([[first, second]]), **how)[0]
+        if progress:
+            progress(number + 1, len(field.times))
