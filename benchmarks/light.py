@@ -46,7 +46,7 @@ from lfcore.pictures import write_picture
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.prepared import hierarchy_of, opened
-from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
+from lfcore.scene.baked import DARK, NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.model import Scene
 from lfcore.timing import measure_in_turn
 from lfcore.tracing.tracer import Tracer
@@ -54,8 +54,6 @@ from lfcore.tracing.tracer import Tracer
 PATHS = {"cornell": "cornell/scene.yaml", "bike": "bike/sky.yaml", "bedroom": "bedroom/window.yaml"}
 DEFAULT = ("0.02:32",)
 """The error bounds of bakes, and the initial cells over the width of the picture."""
-DARK = 0.25
-"""The least light, as a share of its mean, that errors are relative to."""
 PINHOLE = 1e4
 """The f-number of a pinhole."""
 SHARP = Lattice(2, 16)

@@ -74,6 +74,7 @@ class Viewer {
     this.listen();
     this.show();
     this.settle();
+    element("loading").hidden = true;
   }
 
   /** What adds up to the picture. @param {State} state @returns {Entry[] | Cell[]} */
@@ -304,5 +305,8 @@ class Viewer {
   const text = element("field").textContent || "";
   const viewer = new Viewer(/** @type {Field} */ (JSON.parse(text)));
   Object.assign(globalThis, {lightFieldViewer: viewer});
-  viewer.start().catch((error) => viewer.say(`The page cannot be shown: ${error.message}`));
+  viewer.start().catch((error) => {
+    element("loading").hidden = true;
+    viewer.say(`The page cannot be shown: ${error.message}`);
+  });
 }

@@ -237,6 +237,17 @@ def test_controls_are_large_enough_for_a_finger(opened):
     assert len(sizes) > 10 and min(sizes) >= 24
 
 
+def test_the_page_says_that_it_loads_until_there_is_a_picture(browser, page):
+    never = "HTMLImageElement.prototype.decode = () => new Promise(() => {})"
+    with before_pages(browser, never):
+        browser.get("about:blank")
+        browser.get(page.as_uri())
+        loading = browser.find_element("id", "loading")
+        assert loading.is_displayed() and loading.text.startswith("Loading")
+    visit(browser, page)
+    assert not browser.find_element("id", "loading").is_displayed()
+
+
 def test_a_browser_without_webgl2_shows_single_views(browser, page, field):
     with before_pages(browser, NO_WEBGL2):
         visit(browser, page)
@@ -258,6 +269,7 @@ def test_a_browser_without_the_pictures_format_says_what_to_do(browser, page):
         WebDriverWait(browser, 20).until(lambda _: "cannot be shown" in status.text)
         wanted = "this browser reads no WEBP pictures. Make the page with --format jpeg"
         assert wanted in status.text
+        assert not browser.find_element("id", "loading").is_displayed()
 
 
 def test_pictures_come_often_enough_while_something_moves(opened):

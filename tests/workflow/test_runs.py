@@ -150,3 +150,8 @@ def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
     assert done.returncode == 0, done.stdout
     for name in ("index.html", "table_7_1.csv", "figures/focal_stack_bike.png"):
         assert (tmp_path / "results" / "tables" / name).is_file()
+
+
+def test_a_misspelt_target_names_the_right_one(checkout):
+    done = checkout.snakemake("--dry-run", "--quiet", "rules", "--", "tabels")
+    assert done.returncode and "no target 'tabels'. Did you mean 'tables'" in done.stdout

@@ -246,3 +246,11 @@ def figure(name, file, scene):
 def assignment_figure(name):
     file, label = f"results/assignment/figures/{name}.png", name.replace("_", " ")
     return shown(file, "assignment_figure", "Assignment", figure=label)
+
+
+def no_target(wildcards):
+    """Refuse a misspelt target of the command line."""
+    from lfcore.errors import did_you_mean
+
+    remedy = did_you_mean(wildcards.target, ["tables", "assignment", "sweep", "dataset"])
+    raise WorkflowError(f"There is no target {wildcards.target!r}. {remedy}.")
