@@ -34,6 +34,7 @@ from .scene.model import Motion, Scene
 from .scene.notes import Note
 from .scene.surface_mesh import Surface
 from .scene.view import View
+from .sensor import Sensor
 from .storage.codecs import Encoding
 from .storage.depth_stream import StoredDepth
 from .storage.metadata import Metadata
@@ -46,7 +47,7 @@ __all__ = [
     "exposed", "import_lightfield", "export_lightfield", "open_device",
     "sample_scene", "make_dataset", "disparity", "read_exr",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
-    "Rendering", "Encoding", "Device", "ViewerPage",
+    "Rendering", "Sensor", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",
     "DepthRange",
     "Aperture", "Extent", "Geometry", "Selection", "Order", "ReadOptions", "WriteOptions",

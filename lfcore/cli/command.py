@@ -19,7 +19,8 @@ from lfcore.cli import values
 from lfcore.cli.progress import note, recorded, say, wrote
 from lfcore.errors import LfcoreError, OpticsError
 from lfcore.optics.planes import NORMALISATIONS
-from lfcore.pictures import write_pictures
+from lfcore.pictures import SUFFIXES, check_codes, check_suffix, write_pictures
+from lfcore.sensor import RAW
 from lfcore.storage.codecs import CODECS
 
 Options = argparse._ActionsContainer
@@ -60,6 +61,10 @@ KINDS: dict[str, dict[str, Any]] = {
     "exposure": {"type": values.exposure, "default": {}, "metavar": "EV[:soft]",
                  "help": "brighter by so many stops, and highlights roll off instead of being cut "
                  "at white; -2, 0:soft"},
+    "sensor": {"type": values.sensor, "metavar": "KEY=VALUE,...",
+               "help": "noise and codes of a sensor: iso=800,bits=12,bayer=RGGB,read_noise_e=3, or "
+               "photons, quantum_efficiency, full_well_e, black_level, seed; .tif and .dng hold "
+               "raw codes, other formats the developed picture (no sensor, no noise)"},
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
                  "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
     "normalise": {"choices": NORMALISATIONS,
@@ -140,8 +145,21 @@ def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def form(arguments: argparse.Namespace) -> dict[str, Any]:
-    """``--bits`` and ``--exposure`` as :func:`lfcore.write_picture` takes them."""
-    return {"bits": arguments.bits, **arguments.exposure}
+    """``--bits``, ``--exposure`` and ``--sensor`` as :func:`write_named` takes them."""
+    return {"bits": arguments.bits, "sensor": arguments.sensor, **arguments.exposure}
+
+
+def check_output(arguments: argparse.Namespace, suffixes: Sequence[str] = SUFFIXES) -> None:
+    """Raise :class:`LfcoreError` for a name of no format, or of one without these codes."""
+    path = arguments.output
+    check_suffix(path, (*suffixes, *RAW) if arguments.sensor else suffixes)
+    if not arguments.sensor or path.suffix.lower() not in RAW:
+        check_codes(path, arguments.bits, bool(arguments.exposure))
+    elif arguments.exposure or arguments.bits != 8:
+        option = "--exposure" if arguments.exposure else "--bits"
+        refuse(option, "is not for raw codes", "Leave it out, or write a .png")
+    if path.suffix.lower() == ".dng" and not arguments.sensor.bayer:
+        refuse("--sensor", "has no Bayer pattern, which DNG needs", "Add bayer=RGGB")
 
 
 def flags(arguments: argparse.Namespace, *names: str) -> list[str]:
@@ -274,8 +292,17 @@ def refuse(key: str, problem: str, remedy: str | None = None) -> NoReturn:
     raise OpticsError(problem, key=key, remedy=remedy)
 
 
-def write_named(named: Sequence[tuple[Path, np.ndarray]], **form: Any) -> None:
+def write_named(
+    named: Sequence[tuple[Path, np.ndarray]], sensor: lfcore.Sensor | None = None, **form: Any
+) -> None:
     """Write all pictures or none, and report their names; ``form`` is :func:`form`'s."""
-    write_pictures(named, **form)
+    if sensor:
+        raws = [(path, sensor.raw(picture, k)) for k, (path, picture) in enumerate(named)]
+        named = [(path, sensor.developed(raw)) for path, raw in raws]
+    if sensor and named[0][0].suffix.lower() in RAW:
+        for path, raw in raws:
+            sensor.write_raw(path, raw)
+    else:
+        write_pictures(named, **form)
     for path, _ in named:
         wrote(path)

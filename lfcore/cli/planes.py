@@ -37,7 +37,7 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     """Add the options of pictures of a light field file, or of a scene."""
     picture = command.add_argument_group("the picture")
     add_focus(picture, of_file=of_file)
-    add(picture, "aperture", "normalise", "bits", "exposure")
+    add(picture, "aperture", "normalise", "bits", "exposure", "sensor")
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -237,11 +237,11 @@ def save(
 ) -> None:  # fmt: skip
     """Write pictures, in one NPY or in a file each, and report their names.
 
-    A file's name has its number and settings.  ``how`` has keywords of
-    :func:`lfcore.write_picture`.
+    A file's name has its number and settings.  ``how`` has keywords of :func:`write_named`.
     """
     if path.suffix.lower() == ".npy":
-        write_named([(path, pictures[0] if len(planes) == 1 else pictures)])
+        whole = pictures[0] if len(planes) == 1 else pictures
+        write_named([(path, whole)], sensor=how.get("sensor"))
     else:
         names = [path]
         if len(planes) > 1:

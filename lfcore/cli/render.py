@@ -18,6 +18,7 @@ from lfcore.cli.command import (
     add_encoder,
     add_output,
     add_scene,
+    check_output,
     encoder,
     flags,
     form,
@@ -27,7 +28,7 @@ from lfcore.cli.command import (
 )
 from lfcore.cli.progress import note, progress, say, wrote
 from lfcore.errors import OpticsError
-from lfcore.pictures import check_codes, check_suffix
+from lfcore.pictures import check_suffix
 
 DESCRIPTION = """\
 Trace a scene and make pictures from its rays, without storing a light field. SCENE is a
@@ -47,6 +48,8 @@ examples:
       as the file says: film, rays per pixel, lens or Camera "lightfield", shutter
   lfcore render example -o pinhole.png --views 1 --filter nearest
       a pinhole: one ray per pixel, all in focus
+  lfcore render example -o bike.dng --sensor iso=800,bayer=RGGB
+      the raw codes of a sensor, with noise
   lfcore render example -o bike.png --plane focus=2 --plane focus=6
       several pictures from the same rays
 """
@@ -74,8 +77,7 @@ def options(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     from lfcore.rendering.defaults import lattice_to_trace
 
-    check_suffix(arguments.output)
-    check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
+    check_output(arguments)
     excluded = ["--filter nearest"] if arguments.filter == "nearest" else []
     quality = chosen_quality(arguments, flags(arguments, "views", "subpixels") + excluded)
     scene = open_scene(arguments)

@@ -16,6 +16,7 @@ from lfcore.cli.command import (
     add,
     add_lightfield,
     add_output,
+    check_output,
     form,
     given,
     open_field,
@@ -24,7 +25,7 @@ from lfcore.cli.command import (
 from lfcore.cli.progress import progress, wrote
 from lfcore.colour import exposed
 from lfcore.optics.planes import SensorPlane
-from lfcore.pictures import CODED, SUFFIXES, check_codes, check_suffix, contact_sheet
+from lfcore.pictures import CODED, SUFFIXES, contact_sheet
 from lfcore.refocus.focal_stack import focal_stack
 
 REFOCUS = """\
@@ -104,10 +105,9 @@ def refocus(arguments: argparse.Namespace) -> None:
     if arguments.output.suffix.lower() == ".mp4":
         pull(arguments)
         return
-    check_suffix(arguments.output)
+    check_output(arguments)
     if "pull" in (arguments.focus or {}) or arguments.keys:
         refuse("--output", "a pulled focus makes a film", "Write an .mp4")
-    check_codes(arguments.output, arguments.bits, bool(arguments.exposure))
     field = open_field(arguments)
     planes = plane_options.read_planes(arguments, field)
     if field.metric:
@@ -139,6 +139,8 @@ def pull(arguments: argparse.Namespace) -> None:
             keys, filter=arguments.filter, pixels=arguments.pixels, device=arguments.device,
             progress=report,
         )  # fmt: skip
+        if sensor := arguments.sensor:
+            pictures = (sensor.exposed(picture, k) for k, picture in enumerate(pictures))
         shown = (exposed(picture, **arguments.exposure) for picture in pictures)
         write_film(arguments.output, shown, Fraction(rate).limit_denominator(1001))
     field.close()
@@ -205,22 +207,23 @@ def options(command: argparse.ArgumentParser) -> None:
     form.add_argument(
         "--fps", type=values.count(1, 240), default=12, help="pictures per second of a film (12)"
     )
-    add(form, "bits", "exposure")
+    add(form, "bits", "exposure", "sensor")
     add_method(command, "blocks", help="; blocks is fast for many pictures, with a little blur")
 
 
 def run(arguments: argparse.Namespace) -> None:
     path = arguments.output or Path(f"{Path(arguments.lightfield).stem}_stack.png")
-    film = path.suffix.lower() == ".mp4"
-    check_suffix(path, (*CODED, ".mp4") if arguments.sheet else (*SUFFIXES, ".mp4"))
+    arguments.output, film = path, path.suffix.lower() == ".mp4"
     if not film:
-        check_codes(path, arguments.bits, bool(arguments.exposure))
+        check_output(arguments, (*(CODED if arguments.sheet else SUFFIXES), ".mp4"))
     if film and arguments.sheet:
         refuse("--sheet", "a contact sheet is no film", "Write a .png")
     field = open_field(arguments)
     planes = stack_planes(arguments, field)
     plane_options.say_doubts(planes, field)
     pictures = make_pictures(arguments, field, planes)
+    if arguments.sensor and (film or arguments.sheet):
+        pictures = arguments.sensor.exposed(pictures)
     if film:
         from lfcore.film import write_film
 

@@ -12,6 +12,7 @@ from lfcore.errors import OpticsError
 from lfcore.optics.focus import blur_share, check_place, check_words
 from lfcore.optics.planes import SHAPES
 from lfcore.optics.size import Size
+from lfcore.sensor import Sensor
 from lfcore.storage.codecs import CODECS
 from lfcore.storage.pixels import PIXEL_FORMATS
 
@@ -198,6 +199,23 @@ def aperture(text: str) -> dict[str, Any]:
     if more[1:]:
         settings["rotation_deg"] = number()(more[1])
     return settings
+
+
+def sensor(text: str) -> Sensor:
+    """Read a sensor: ``iso=1600,bits=10,bayer=RGGB``."""
+    keys: dict[str, Any] = {}
+    for setting in text.split(","):
+        key, equals, value = setting.partition("=")
+        number = re.fullmatch(r"[-+]?\d+", value)
+        try:
+            keys[key] = value if key == "bayer" else int(value) if number else float(value)
+        except ValueError:
+            wrong = "is no number" if equals else "lacks a value"
+            raise argparse.ArgumentTypeError(f"{setting!r} {wrong}") from None
+    try:
+        return Sensor.of(keys)
+    except OpticsError as error:
+        raise argparse.ArgumentTypeError(str(error).removesuffix(".")) from None
 
 
 def truth(text: str) -> bool:

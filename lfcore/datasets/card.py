@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from lfcore import __version__
 from lfcore.datasets.description import Description
-from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS, PROPERTIES
+from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS
 from lfcore.datasets.stored import stored_items
 from lfcore.errors import SceneError
 from lfcore.evaluation.figures import save_figure
@@ -152,7 +152,7 @@ def write_card(
         f"`{command}`. The worst picture is expected to be {worst:.1f} dB to the true one; the "
         "expectation for each item is in items.csv, checksums in files.csv, meshes and their "
         "licences in sources.csv. "
-        f"{_properties()}{_kind_note(description)}",
+        f"{_properties(description)}{_kind_note(description)}",
         "distribution": [*objects, *sets],
         "recordSet": [*(_table_records(*table) for table in RECORDS.items()),
                       *map(_file_records, kinds)],
@@ -160,8 +160,9 @@ def write_card(
     write_json(path, card)
 
 
-def _properties() -> str:
-    texts = (f"{name.replace('_', ' ')}: {value}" for name, value in PROPERTIES.items())
+def _properties(description: Description) -> str:
+    properties = description.properties().items()
+    texts = (f"{name.replace('_', ' ')}: {value}" for name, value in properties)
     return f"All pictures have {'; '.join(texts)}."
 
 
@@ -236,7 +237,7 @@ def write_report(
     for item in stored_items(shards, drawn(description, records)):
         names = [name for name in item.pictures() if name != "sharp.tif"]
         depth = item.floats(next(name for name in DEPTHS if name in item.files))
-        pictures = item.codes(names[0]), item.codes(names[-1]), depth_picture(depth)
+        pictures = item.shown(names[0]), item.shown(names[-1]), depth_picture(depth)
         small = [cv2.resize(p, (160, 160), interpolation=cv2.INTER_AREA) for p in pictures]
         cells.append(np.hstack(small))
         labels.append(f"{item.index:06d}: {item.record['expected_db']:.1f} dB")

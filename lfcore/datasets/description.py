@@ -17,9 +17,10 @@ import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from lfcore.checked_keys import refusal
-from lfcore.errors import SettingsError
+from lfcore.errors import OpticsError, SettingsError
 from lfcore.files import file_digest
 from lfcore.reading import read_yaml
+from lfcore.sensor import Sensor
 
 SPLITS = ("train", "validation", "test")
 TEXTURES = (".png", ".jpg", ".jpeg", ".webp")
@@ -126,6 +127,14 @@ class Placement(_Keys):
     least_seen: Share = _key(0.1, description="of the picture that objects must fill")
 
 
+def _as_sensor(value: dict[str, Any]) -> dict[str, Any]:
+    try:
+        Sensor.of(value)
+    except OpticsError as error:
+        raise ValueError(str(error).removesuffix(".")) from None
+    return value
+
+
 class Description(_Keys):
     """The description of a data set; :meth:`read` reads one from a file."""
 
@@ -143,6 +152,12 @@ class Description(_Keys):
     quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
     also: list[Literal["mat", "hdf5"]] = _key(
         ["mat"], description="layouts of light fields beside HCI's"
+    )
+    codes: Literal["srgb8", "linear16", "raw16"] = _key(
+        "srgb8", description="of pictures: sRGB, linear light, or the sensor's raw ones"
+    )
+    sensor: Annotated[dict[str, Any], AfterValidator(_as_sensor)] = _key(
+        {}, description="keys of lfcore.Sensor, such as iso: 800; empty: no noise"
     )
     shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
     scenes_per_job: int = _key(32, ge=1, le=10**5, description="scenes per job of the workflow")
@@ -162,6 +177,8 @@ class Description(_Keys):
             raise ValueError("placement.depth_m: objects are beyond placement.wall_m")
         if not (self.shapes.builders or self.shapes.meshes):
             raise ValueError("shapes: neither meshes nor builders")
+        if self.codes == "raw16" and (not self.sensor or self.kind == "light_fields"):
+            raise ValueError("codes: raw ones need a sensor, and focal stacks or pairs")
         return self
 
     @classmethod
@@ -216,6 +233,21 @@ class Description(_Keys):
         del keys["shapes"]["licence"]
         return keys
 
+    def properties(self) -> dict[str, Any]:
+        """Return the common properties of all pictures, for people."""
+        space = "sRGB, IEC 61966-2-1"
+        if self.codes != "srgb8":
+            space = "linear light, sRGB primaries, white at the greatest code"
+        noise = "none"
+        if self.sensor:
+            sensor = ", ".join(f"{key} {value}" for key, value in self.sensor.items())
+            noise = f"EMVA 1288 ({sensor}), except in pictures with everything in focus"
+        return {
+            "colour_space": space, "bits_per_channel": 8 if self.codes == "srgb8" else 16,
+            "noise": noise,
+            "field_of_view": "that of camera.focus_m in all pictures: no focus breathing",
+        }  # fmt: skip
+
     def sources(self) -> str:
         """Return the digest of each mesh and texture, as JSON."""
         files = {"meshes": self.mesh_files(), "textures": self.texture_files()}
@@ -245,7 +277,8 @@ class Description(_Keys):
             bytes_per_pixel = (7 + also) * self.lens.views**2
         elif self.kind == "defocus_pairs":
             bytes_per_pixel = 3 * 5
-        needed = 2 * self.count * bytes_per_pixel * self.pixels**2
+        deep = 1 if self.codes == "srgb8" else 2
+        needed = 2 * deep * self.count * bytes_per_pixel * self.pixels**2
         free = shutil.disk_usage(folder).free
         if needed > free:
             problem = f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}"

@@ -36,6 +36,7 @@ from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
+from lfcore.sensor import Sensor
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
 from lfcore.versions import version
@@ -44,13 +45,6 @@ DEPTH_BINS = np.geomspace(0.03, 30, 41)
 """The edges of the records' histogram of depths, metres."""
 BLUR_BINS = np.linspace(0, 10, 41)
 """The edges of the histogram of blur radii, pixels; larger radii count in the last bin."""
-PROPERTIES = {
-    "colour_space": "sRGB, IEC 61966-2-1",
-    "bits_per_channel": 8,
-    "noise": "none",
-    "field_of_view": "that of camera.focus_m in all pictures: no focus breathing",
-}
-"""The common properties of all pictures in a data set."""
 
 
 @dataclass
@@ -62,27 +56,44 @@ class Item:
     files : dict
         The files by field, in order; empty unless ``encoded``.
     arrays : dict
-        The files' content by field without number: uint8 sRGB codes, or floats; lists of those with
-        numbers.
+        The files' content by field without number: codes, or floats; lists of those with numbers.
     record : dict
         The facts of the item.
     watch : Stopwatch
         Core seconds of parts of the work.
     """
 
+    description: Description | None = None
     encoded: bool = True
     files: dict[str, bytes] = field(default_factory=dict)
     arrays: dict[str, Any] = field(default_factory=dict)
     record: dict[str, Any] = field(default_factory=dict)
     watch: Stopwatch = field(default_factory=lambda: Stopwatch(clock=time.process_time))
+    _exposed: int = 0
 
-    def add(self, name: str, picture: np.ndarray, *, half: bool = False) -> None:
+    def codes(self, light: np.ndarray, *, noise: bool = True) -> np.ndarray:
+        """Return the codes of a picture; noise is that of the description's sensor, if any."""
+        description = self.description
+        assert description  # refused scenes have no pictures
+        if noise and description.sensor:
+            sensor, self._exposed = Sensor.of(description.sensor), self._exposed + 1
+            raw = sensor.raw(light, (self.record["index"], self._exposed))
+            if description.codes == "raw16":
+                return raw
+            light = sensor.developed(raw)
+        if description.codes == "srgb8":
+            return srgb_codes(light)
+        return np.rint(65535 * light.clip(0, 1)).astype(np.uint16)
+
+    def add(
+        self, name: str, picture: np.ndarray, *, half: bool = False, noise: bool = True
+    ) -> None:  # fmt: skip
         """Add a file: of a picture in linear light or codes, or of numbers in EXR or PFM; ``half``
         makes half floats in three channels."""
         stem, _, suffix = name.rpartition(".")
         with self.watch.part("files"):
             if suffix not in ("exr", "pfm") and picture.dtype.kind == "f":
-                picture = srgb_codes(picture)
+                picture = self.codes(picture, noise=noise)
             elif half:
                 picture = picture.astype(np.float16)
             field = stem.rstrip("0123456789")
@@ -103,7 +114,7 @@ def make_item(
 
     Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item.
     """
-    item = Item(encoded)
+    item = Item(description, encoded)
     with item.watch.part("scene"):
         scene, names, dropped = sample(description, index)
         tracer = open_tracer(scene, device)
@@ -117,7 +128,7 @@ def make_item(
         raise SceneError(problem, file=scene.name)
     item.record = {
         "index": index, "made_of": made_of, "objects": names, "dropped": dropped,
-        "seen": round(seen, 4), "pictures": PROPERTIES,
+        "seen": round(seen, 4), "pictures": description.properties(),
         "camera": scene.camera.to_json() | {"pixels": description.pixels},
         "depth_m": [float(depth.min()), float(depth.max())],
         "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
@@ -172,7 +183,7 @@ def _add_sharp(item: Item, name: str, description: Description, tracer: Tracer) 
     """Add the picture through the middle of the lens."""
     slab = Slab(tracer.scene.camera, 1, description.pixels)
     pattern, expected_db = views.chosen(tracer, slab, [0], description.quality_db)
-    item.add(name, views.view(tracer, slab, 0, pattern))
+    item.add(name, views.view(tracer, slab, 0, pattern), noise=False)
     item.record |= {"each_db": expected_db, "rays_per_pixel": views.rays_per_pixel(pattern)}
 
 
@@ -213,15 +224,14 @@ def _light_field(item: Item, description: Description, tracer: Tracer, depth: np
     checked = (0, count // 2, count - 1)
     pattern, expected_db = views.chosen(tracer, slab, checked, description.quality_db)
     depths = depth_of_views(tracer, slab)
-    codes = np.empty((slab.views, slab.views, side, side, 3), np.uint8)
-    for number, picture in enumerate(codes.reshape(count, *codes.shape[2:])):
-        picture[:] = srgb_codes(views.view(tracer, slab, number, pattern))
+    traced = (item.codes(views.view(tracer, slab, k, pattern)) for k in range(count))
+    codes = np.stack(list(traced)).reshape(slab.views, slab.views, side, side, 3)
     reach = float(depths.min()), float(depths.max())
     _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
         if item.encoded and "mat" in description.also:
             # Values from 0 to 1, as in BasicLFSR's scripts.
-            shares = codes / np.float32(255)
+            shares = codes / np.float32(np.iinfo(codes.dtype).max)
             arrays.mat_array(file := io.BytesIO(), shares, small=True)
             item.files["mat"] = file.getvalue()
         if item.encoded and "hdf5" in description.also:

@@ -19,6 +19,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from lfcore.colour import srgb_codes
 from lfcore.datasets.description import Description
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.exr import read_exr
@@ -172,8 +173,16 @@ class StoredItem:
         return [name for name in self.files if name.endswith((".tif", ".png"))]
 
     def codes(self, name: str) -> np.ndarray:
-        """Return a picture, (H, W, 3) uint8."""
+        """Return a picture's codes, (H, W, 3), or (H, W) of a sensor with a Bayer pattern."""
         return cast(np.ndarray, by_opencv(self.files[name]))
+
+    def shown(self, name: str) -> np.ndarray:
+        """Return a picture to look at, (H, W, 3) uint8."""
+        codes = self.codes(name)
+        if codes.dtype == np.uint8:
+            return codes
+        light = srgb_codes(codes / np.float32(codes.max() or 1))  # all other codes are linear
+        return np.repeat(light[..., None], 3, 2) if light.ndim == 2 else light
 
     def floats(self, name: str) -> np.ndarray:
         """Return (H, W) float32 of a PFM, or of an EXR's first channel."""

@@ -9,7 +9,7 @@ import trimesh
 from plain_scenes import refused
 from scipy.io import loadmat
 
-from lfcore import Lattice, ReadOptions, SensorPlane, Slab, open_device
+from lfcore import Lattice, ReadOptions, Sensor, SensorPlane, Slab, open_device
 from lfcore.colour import srgb_decode, srgb_encode
 from lfcore.datasets import items, stored, views
 from lfcore.datasets import sample as sampling
@@ -59,6 +59,31 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     # The border: a blurred picture of a wider field has the same pixels there.
     wide = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [of.lens.focus_m[0]])
     assert db(found[:3], wide.pictures[0][:3]) > of.quality_db - 4
+
+
+@pytest.mark.parametrize("codes", ["srgb8", "linear16", "raw16"])
+def test_a_sensor_makes_noise_in_all_pictures_but_the_sharp_one(device, codes):
+    keys = {"iso": 800, "seed": 5}
+    clean = items.make_item(Description.check(SMALL | {"codes": "linear16"}), 1, device).arrays
+    of = Description.check(SMALL | {"codes": codes, "sensor": keys})
+    item = items.make_item(of, 1, device)
+    sensor, dtype = Sensor(**keys), np.uint8 if codes == "srgb8" else np.uint16
+    stored_item = stored.StoredItem(1, item.files)
+    found = stored_item.codes("focus02.tif")
+    assert found.dtype == dtype and np.array_equal(found, item.arrays["focus"][2])
+    light = {"srgb8": srgb_decode, "linear16": lambda x: x / 65535, "raw16": sensor.developed}
+    error = light[codes](found) - clean["focus"][2] / 65535
+    assert error.std() == pytest.approx(np.sqrt(clean["focus"][2].mean() / 65535 / 1875), rel=0.2)
+    others = [
+        a - clean["focus"][k] / 65535 for k, a in enumerate(map(light[codes], item.arrays["focus"]))
+    ]
+    assert abs(np.corrcoef(others[0].ravel(), others[1].ravel())[0, 1]) < 0.1
+    if codes == "linear16":
+        assert np.array_equal(item.arrays["sharp"], clean["sharp"])
+    assert "iso 800" in item.record["pictures"]["noise"]
+    assert stored_item.shown("focus00.tif").dtype == np.uint8
+    again = items.make_item(of, 1, open_device(threads=1), encoded=False).arrays["focus"]
+    assert np.array_equal(again, item.arrays["focus"])
 
 
 def test_blur_is_that_of_a_thin_lens():

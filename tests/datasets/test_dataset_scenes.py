@@ -36,6 +36,9 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
         ({"name": "../up"}, "name"),
         ({"quality_db": float("nan")}, "quality_db"),
         ({"kind": "holograms"}, "kind"),
+        ({"sensor": {"read_noise_e": -1}}, "sensor: .*read_noise_e: must be a number from 0"),
+        ({"sensor": {"bits": 0}}, "sensor: .*bits: must be a whole number from 1 to 16"),
+        ({"codes": "raw16"}, "codes: raw ones need a sensor"),
     ],
 )
 def test_what_is_refused_names_its_key(change, words):
