@@ -25,7 +25,9 @@ PIXELS = 48
 SCENE = re.compile(
     r"(example|scenes/\w+(/\w+\.yaml)?|(table|model)\.glb|both\.yaml|mesh\.stl|scene\.pbrt|table)"
 )
-FOREIGN = re.compile(r"https?://|--serve|\|\||array\.exr|chess\.mkv|(boxes|shots|views)/ |lfcore dataset ")
+FOREIGN = re.compile(
+    r"https?://|--serve|\|\||array\.exr|chess\.mkv|(boxes|shots|views)/ |lfcore dataset "
+)
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, servers,
 what is to be refused, and data sets, which take no model."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
