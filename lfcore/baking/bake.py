@@ -22,11 +22,9 @@ from lfcore.opencl.device import Device
 from lfcore.optics.bundles import Bundles
 from lfcore.progress import Progress
 from lfcore.scene.arrays import dot
-from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
+from lfcore.scene.baked import BakedLight, BakeOptions
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh
-from lfcore.tracing.tracer import Tracer
 
 _RAYS_PER_CELL = 32
 """Sample rays per cell, per side of the picture, that find seen faces."""
@@ -59,10 +57,7 @@ def bake_light(
     material that reflects more light than it receives.
     """
     _check_albedo(scene)
-    unlit = replace(scene, bake=None, light=None, sky=NO_SKY)
-    if not Needs.of(unlit).alpha_tests:  # otherwise hits depend on texels
-        unlit = replace(unlit, uvs=unlit.uvs[:0])
-    around = Surroundings(scene, Tracer(unlit, bvh, device))
+    around = Surroundings(scene, bvh, device)
     faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
     if not len(faces):  # the picture is of the sky alone
         dark = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))

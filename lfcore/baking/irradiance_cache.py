@@ -8,7 +8,7 @@ import numpy as np
 
 from lfcore.baking.bounces import MOST_BOUNCES, Bounces
 from lfcore.baking.emitters import Emitters
-from lfcore.baking.gather import Gatherer
+from lfcore.baking.gather import KEPT_HIT, Gatherer
 from lfcore.baking.importance_guide import ImportanceGuide
 from lfcore.baking.mesh_colours import Grids, Points
 from lfcore.baking.surroundings import Surroundings, mean_colour
@@ -26,8 +26,6 @@ _RAYS_OF_HIDDEN = 16
 """Rays per point that the camera does not see: their errors average over many hits."""
 _ROUNDS = 4
 """Rounds of adding grids where rays hit; faces that later rounds would reach use substitutes."""
-_HIT_BYTES = 18
-"""The size of a stored hit, bytes."""
 _INSIDE = 0.9
 """The share of the way from the centre of a face to its corner that must be free."""
 _TRIAL_BOUNCES = 2
@@ -79,7 +77,7 @@ class IrradianceCache:
         hidden &= ~self.grids.move(faces, weights, hidden)
         self.in_view = self.around.in_view(self.grids.points.places)
         self.gatherer = Gatherer(Emitters(self.around, self.grids.points), self.seen)
-        room = self.options.mib * 2**20 // 2 // (_HIT_BYTES * max(new.stop, 1))
+        room = self.options.mib * 2**20 // 2 // (KEPT_HIT.itemsize * max(new.stop, 1))
         count = min(count, max(8, room // 8 * 8))
         self._seen_points, self._first_rays = new.stop, count
         for turn in range(_ROUNDS):
@@ -127,7 +125,7 @@ class IrradianceCache:
             self.counts[part] += count // 2
             self._hits.append((part, count, hits))
             is_open.append(sees)
-            faces = hits[1].reshape(-1, count)[sees]
+            faces = hits["face"].reshape(-1, count)[sees]
             hit[faces[faces >= 0]] = True
         if not len(self.is_open):
             self.is_open = np.concatenate([self.is_open, *is_open])
@@ -158,7 +156,7 @@ class IrradianceCache:
     def _bounce(self, direct: np.ndarray) -> float:
         """Add the light of bounces to ``sums``; returns the light that is missing, a share."""
         emitted, wanted, error = self.sums, self.options.bounces, self.options.error
-        self._ray_light = [hits[0] for *_, hits in self._hits]
+        self._ray_light = [hits["emission"].view(np.float16) for *_, hits in self._hits]
         bounces = Bounces(self.mean(), self.is_open & self.in_view)
 
         def reflect(irradiance: np.ndarray) -> None:

@@ -1,15 +1,21 @@
 """What gather rays see: sky, emission, reflectance, and the scene's lights."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from lfcore.baking.mesh_colours import Points
 from lfcore.colour import srgb_decode
+from lfcore.opencl.device import Device
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.arrays import dot
+from lfcore.scene.baked import NO_SKY
 from lfcore.scene.limits import MOST_ATTENUATION, SMALLEST_LENGTH
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import DIELECTRIC, emitting_triangles
-from lfcore.scene.sky import radiance, suns
+from lfcore.scene.needs import emitting_triangles
+from lfcore.scene.sky import suns
+from lfcore.tracing.bvh import Bvh
+from lfcore.tracing.given_rays import HitSurfaces, RayHits
 from lfcore.tracing.tracer import Tracer
 
 _TEXELS = 64
@@ -45,48 +51,27 @@ class Surroundings:
     ----------
     sky : (S, S, 3) the octahedral map without its suns, or None.
     suns : the lights that replace suns.
+    tracer : traces the scene without lights, normal maps and smooth normals.
     unit : (T, 3) unit normals of the triangles, in front.
-    small : the scene's textures, shrunk, in linear light.
-    diffuse, emission : (M, 3) of materials.
-    base : (M,) ambient reflectance that is added to the diffuse colour.
     emits : (T,) whether a triangle emits, and is not part of a light.
     lens : (n, 2) lens points from which visibility is tested, metres.
     rays : the number of rays traced so far.
     """
 
-    def __init__(self, scene: Scene, tracer: Tracer):
-        self.scene, self.tracer = scene, tracer
+    def __init__(self, scene: Scene, bvh: Bvh, device: Device):
+        self.scene = scene
         self.sky: np.ndarray | None = None
         self.suns: list[Light] = []
         if len(scene.sky):
             self.sky, self.suns = suns(scene.sky)
+        self.tracer = Tracer(_matt(scene, self.sky), bvh, device)
         p, q, r = scene.triangles.swapaxes(0, 1)
         flat = np.cross(q - p, r - p)
         self.unit = flat / np.sqrt(dot(flat, flat))[:, None]
         self._least_lift = np.float32(_LEAST_LIFT * np.abs(scene.triangles).max(initial=0))
-        self.small = [_reduced(texture) for texture in scene.textures]
         self.rays = 0
         self.lens = scene.camera.lens_radius_m * np.array(_LENS_POINTS)
-        self._read_materials()
         self.emits = emitting_triangles(scene)
-
-    def _read_materials(self) -> None:
-        materials, has_uvs = self.scene.every_material, len(self.scene.uvs)
-        self.diffuse = np.array([m.diffuse for m in materials], np.float32).reshape(-1, 3)
-        self.emission = np.array([m.emission for m in materials], np.float32).reshape(-1, 3)
-        metal = [
-            max(m.metallic, 0.0)
-            * (
-                self.small[m.metal_texture][..., 2].mean()
-                if m.metal_texture >= 0 < has_uvs
-                else 1.0
-            )
-            for m in materials
-        ]
-        # The kernels reflect ambient light in the same way: diffuse, and specular at normal
-        # incidence.
-        parts = zip(materials, metal, strict=True)
-        self.base = [DIELECTRIC * (1 - share) * m.is_metallic for m, share in parts]
 
     def hits(self, points: Points, towards: np.ndarray) -> tuple[np.ndarray, ...]:
         """Trace rays (P, n, 3) from points; returns what :meth:`cast` returns."""
@@ -144,38 +129,22 @@ class Surroundings:
         faces = np.where(triangle < 0, -1, 2 * triangle.astype(np.int64) + behind)
         return faces, np.where((triangle < 0)[:, None], 0, weights), distance
 
-    def emitted(self, faces: np.ndarray, weights: np.ndarray, towards: np.ndarray) -> np.ndarray:
-        """Return the radiance (R, 3) that sky and emitters send back along rays."""
-        light = np.zeros((len(faces), 3), np.float32)
-        if self.sky is not None:
-            missed = faces < 0
-            light[missed] = radiance(self.sky, towards[missed])
-        triangle = faces // 2
-        material = self.scene.material_ids[triangle]
-        on = np.flatnonzero((faces >= 0) & self.emits[triangle])
-        if len(on):
-            textures = np.array([m.emission_texture for m in self.scene.every_material])
-            light[on] = self.emission[material[on]]
-            light[on] *= self.texels(textures, triangle[on], weights[on])
-        return light
+    def surfaces(self, origins: np.ndarray, towards: np.ndarray) -> tuple[RayHits, HitSurfaces]:
+        """Trace rays (R, 3); returns their hits, and the surfaces there: their emission, or the
+        light of the sky, and what they reflect."""
+        self.rays += len(origins)
+        hits = self.tracer.closest_hit(origins, towards)
+        return hits, self.tracer.hit_surfaces(origins, towards, hits, normals=False)
 
-    def texels(
-        self, textures: np.ndarray, triangle: np.ndarray, weights: np.ndarray
-    ) -> np.ndarray | float:
-        """Return the colours (R, 3) of textures at hits, 1 without; ``textures`` has one number per
-        material."""
-        if not len(self.scene.uvs) or (textures < 0).all():
-            return 1.0
-        number = textures[self.scene.material_ids[triangle]]
-        colours = np.ones((len(triangle), 3), np.float32)
-        for texture in np.unique(number[number >= 0]).tolist():
-            rows = np.flatnonzero(number == texture)
-            corners, small = self.scene.uvs[triangle[rows]], self.small[texture]
-            uv = sum(weights[rows, k, None] * corners[:, k] for k in range(3))
-            size = np.array(small.shape[1::-1])
-            at = np.clip(((uv - np.floor(uv)) * size).astype(np.int64), 0, size - 1)
-            colours[rows] = small[size[1] - 1 - at[:, 1], at[:, 0]]
-        return colours
+    def emitted(self, faces: np.ndarray, weights: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return the radiance (R, 3) that sky and emitters send back along rays that hit ``faces``
+        at ``weights`` (R, 3)."""
+        triangle, weights = np.where(faces < 0, -1, faces // 2), weights.astype(np.float32)
+        hits = RayHits(triangle.astype(np.int32), np.zeros(len(faces), np.float32), weights)
+        rays = np.zeros_like(towards), towards
+        light = self.tracer.hit_surfaces(*rays, hits, normals=False).emission
+        light[(faces >= 0) & ~self.emits[triangle]] = 0
+        return light
 
     def of_lights(self, points: Points, lights: list[Light] | None = None) -> np.ndarray:
         """Return the irradiance over pi (P, 3) from lights; by default the scene's."""
@@ -213,11 +182,34 @@ class Surroundings:
         return strength[:, None] * np.array(light.colour, np.float32)
 
 
-def _reduced(texture: np.ndarray) -> np.ndarray:
-    """Return a texture's colours in linear light, shrunk to at most _TEXELS per side."""
+def _matt(scene: Scene, sky: np.ndarray | None) -> Scene:
+    """The scene as gather rays see it: matt, with small textures, lit by nothing but its sky."""
+    whole = {m.texture for m in scene.every_material if scene.has_alpha_test(m)}
+    data = {number for m in scene.every_material for number in m.data_textures}
+    textures = [
+        texture if number in whole else _reduced(texture, number in data)
+        for number, texture in enumerate(scene.textures)
+    ]
+    matt = [replace(material, normal_texture=-1) for material in scene.every_material]
+    count = len(scene.materials)
+    return replace(
+        scene, bake=None, light=None, lights=[], background=(0.0, 0.0, 0.0),
+        sky=NO_SKY if sky is None else sky, normals=scene.normals[:0], textures=textures,
+        materials=matt[:count], floor=matt[count] if scene.floor else None,
+    )  # fmt: skip
+
+
+def _reduced(texture: np.ndarray, is_data: bool) -> np.ndarray:
+    """Return the colours of a texture, shrunk to at most _TEXELS per side in linear light."""
     import cv2  # loaded for textures alone
 
-    linear = srgb_decode(texture[..., :3])
-    height, width = linear.shape[:2]
+    height, width = texture.shape[:2]
     size = min(width, _TEXELS), min(height, _TEXELS)
-    return cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+    if size == (width, height):
+        return texture
+    linear = texture[..., :3] / np.float32(255) if is_data else srgb_decode(texture[..., :3])
+    small = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+    codes = np.arange(256, dtype=np.uint8)
+    values = codes / np.float32(255) if is_data else srgb_decode(codes)
+    # A power would be rounded otherwise on other processors.
+    return np.searchsorted((values[1:] + values[:-1]) / 2, small).astype(np.uint8)

@@ -130,7 +130,12 @@ class Device:
 
     @contextmanager
     def mapped(
-        self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: type, *, write: bool = False
+        self,
+        buffer: cl.Buffer,
+        shape: tuple[int, ...],
+        dtype: type | np.dtype,
+        *,
+        write: bool = False,
     ) -> Iterator[np.ndarray]:
         """A context with the content of a buffer once the queue is done, without a copy on a CPU.
 
@@ -157,12 +162,12 @@ class Device:
         if not self.is_cpu:
             cl.enqueue_copy(self.queue, host, target)
             return
-        with self.mapped(target, host.shape, host.dtype.type):
+        with self.mapped(target, host.shape, host.dtype):
             pass  # mapping suffices: the buffer is the memory of ``host``
         self.queue.finish()
 
 
-def page_aligned(shape: Sequence[int], dtype: type = np.float32) -> np.ndarray:
+def page_aligned(shape: Sequence[int], dtype: type | np.dtype = np.float32) -> np.ndarray:
     """An uninitialised array at the start of a page: drivers use such memory without copies."""
     size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
     raw = np.empty(size + PAGE, np.uint8)

@@ -84,15 +84,18 @@ class GivenRays:
         self._shade("GIVEN_LIGHT", hits, filtered, {"radiance": radiance})
         return radiance
 
-    def surfaces(self, hits: RayHits, filtered: float | np.ndarray) -> HitSurfaces:
-        """The surfaces at hits.
+    def surfaces(
+        self, hits: RayHits, filtered: float | np.ndarray, *, normals: bool
+    ) -> HitSurfaces:
+        """The surfaces at hits, without ``normals`` if these are not wanted.
 
         ``filtered``: textures are filtered over this tangent, or widths (R,) across the rays, in
         metres.
 
         Raises :class:`OpticsError` for hits of other rays or of another scene.
         """
-        values = HitSurfaces(*(page_aligned((self._count, 3)) for _ in HitSurfaces._fields))
+        counts = self._count, self._count, self._count if normals else 0
+        values = HitSurfaces(*(page_aligned((count, 3)) for count in counts))
         names = "radiance", "albedo", "normal"
         self._shade("GIVEN_SURFACE", hits, filtered, dict(zip(names, values, strict=True)))
         return values
@@ -128,10 +131,14 @@ class GivenRays:
             return
         device = self._scene.device
         origins, directions = map(device.shown, self._rays)
-        targets = {name: device.target_buffer(array) for name, array in results.items()}
+        targets = {
+            name: device.target_buffer(array) if array.size else None
+            for name, array in results.items()
+        }
         launch_given(
             self._scene, sink, self._count, pitch,
             origins=origins, directions=directions, **arguments, **targets,
         )  # fmt: skip
-        for name, array in results.items():
-            device.collect(targets[name], array)
+        for target, array in zip(targets.values(), results.values(), strict=True):
+            if target:
+                device.collect(target, array)

@@ -209,9 +209,14 @@ class Tracer:
         hits: RayHits,
         *,
         filtered: float | np.ndarray = 0.0,
+        normals: bool = True,
     ) -> HitSurfaces:
-        """The surfaces that given rays hit; parameters and errors as for :meth:`hit_radiance`."""
-        return GivenRays(self._on_device, origins, directions).surfaces(hits, filtered)
+        """The surfaces that given rays hit, without ``normals`` if these are not wanted.
+
+        Other parameters and errors as for :meth:`hit_radiance`.
+        """
+        rays = GivenRays(self._on_device, origins, directions)
+        return rays.surfaces(hits, filtered, normals=normals)
 
     def _fill_image(
         self,

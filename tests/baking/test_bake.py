@@ -10,16 +10,19 @@ import pytest
 import trimesh
 
 import lfcore
-from lfcore import BakedLight, BakeOptions, Material, Scene
+from lfcore import BakedLight, BakeOptions, Material, Scene, open_device
 from lfcore.baking.emitters import Emitters
 from lfcore.baking.gather import Gatherer
 from lfcore.baking.mesh_colours import Points, lattice
 from lfcore.baking.sampling import directions, samples
 from lfcore.baking.surroundings import Surroundings
 from lfcore.optics import bundles
+from lfcore.oracle import shading
+from lfcore.oracle.intersect import closest_hits
+from lfcore.oracle.metal import metals
+from lfcore.oracle.textures import Spots
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import POINT, Light
-from lfcore.scene.baked import NO_SKY
 from lfcore.scene.sky import (
     octahedral,
     panorama_places,
@@ -29,6 +32,7 @@ from lfcore.scene.sky import (
     texel_directions,
     under,
 )
+from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
 pytestmark = pytest.mark.kernels
@@ -156,35 +160,54 @@ def test_rays_grow_with_surface_in_the_picture():
     assert rays(2.8) < 2.5 * rays(0.7)  # with all of the wall as good, 4
 
 
-def test_kernels_send_the_rays_that_the_host_would():
-    """Of textured and tinted walls under a sky, ray by ray; but for texels' edges."""
+@pytest.mark.parametrize("metallic", [-1.0, 0.7])
+def test_gather_rays_are_the_hosts_and_bring_the_oracles_light(metallic):
+    """Of textured and tinted walls that glow, under a sky, ray by ray."""
     random = np.random.default_rng(3)
     walls = np.concatenate([plain_scenes.wall(1.5, 1.0), plain_scenes.wall(1.2, 0.3)])
+    material = Material("matt", (0.5, 0.6, 0.7), emission=(0.3, 0.2, 0.1), texture=0,
+                        emission_texture=1, metallic=metallic)  # fmt: skip
     scene = replace(
         world(walls, sky=np.float32(1 + texel_directions(16))),
-        materials=[Material("matt", (0.5, 0.6, 0.7), texture=0)],
-        textures=[random.integers(0, 255, (4, 8, 3), np.uint8)],
+        materials=[material],
+        textures=[random.integers(0, 255, (4, 8, 3), np.uint8) for _ in range(2)],
         uvs=random.random((4, 3, 2), np.float32), colours=random.random((4, 3, 3), np.float32),
     )  # fmt: skip
-    tracer = open_tracer(replace(scene, bake=None, sky=NO_SKY))
-    around, seeds, n = Surroundings(scene, tracer), np.arange(50), 32
+    around, seeds, n = Surroundings(scene, build_bvh(walls), open_device()), np.arange(50), 32
     places = np.float32([0.1, 0.1, 1.3]) + 0.1 * random.random((50, 3), np.float32)
     up = np.tile(np.float32([0.6, 0, -0.8]), (50, 1)) * np.float32((-1) ** seeds)[:, None]
     points = Points(places, up, up, np.zeros(50))
-    gatherer = Gatherer(Emitters(around, points), np.zeros(8, bool))
-    sums, is_open, (emitted, faces, weights, colours) = gatherer.send(points, seeds, 0, n, -1)
-    towards = directions(points, *samples(seeds, 0, n))
-    hit, at, _ = around.hits(points, towards)
-    wanted = around.emitted(hit, at, towards.reshape(-1, 3))
-    np.testing.assert_array_equal(faces, hit)
-    np.testing.assert_allclose(sums.sum(0), wanted.reshape(-1, n, 3).sum(1), rtol=2e-4, atol=1e-4)
-    np.testing.assert_array_equal(is_open, (hit < 0).reshape(-1, n).any(1))
-    np.testing.assert_allclose(weights, at, atol=1e-3)
-    tint = sum(at[:, k, None] * scene.colours[hit // 2][:, k] for k in range(3))
-    texels = around.texels(np.zeros(1, int), np.maximum(hit, 0) // 2, at)
-    share = np.where((hit < 0)[:, None], 0, np.float32([0.5, 0.6, 0.7]) * tint * texels)
-    assert (abs(colours - share).max(1) < 2e-3).mean() > 0.99
-    assert 0.2 < (hit < 0).mean() < 0.8 and abs(emitted - wanted.mean(1)).max() < 2e-3
+    emitters = Emitters(around, points)
+    gatherer = Gatherer(emitters, np.zeros(8, bool))
+    sums, is_open, kept = gatherer.send(points, seeds, 0, n, -1)
+    towards = directions(points, *samples(seeds, 0, n)).reshape(-1, 3)
+    starts = around.starts(points, np.repeat(seeds, n), towards)
+    hits = closest_hits(walls, starts, towards)
+    on = hits.triangle >= 0
+    assert 0.2 < on.mean() < 0.8
+    view = -towards[on].astype(np.float64)
+    spots = Spots(scene, hits.triangle[on], hits.weights[on], view)
+    behind = (spots.face_normals() * view).sum(1) < 0
+    np.testing.assert_array_equal(kept["face"] >= 0, on)
+    np.testing.assert_array_equal(kept["face"][on], 2 * hits.triangle[on] + behind)
+    np.testing.assert_allclose(kept["weights"].view(np.float16)[on], hits.weights[on], atol=1e-3)
+    np.testing.assert_array_equal(is_open, ~on.reshape(-1, n).all(1))
+    albedo = shading.albedo(spots)
+    if metallic >= 0:
+        albedo = metals(spots, albedo).surrounded()
+    off = abs(kept["albedo"].view(np.float16)[on] - np.minimum(albedo, 1))
+    assert off.max() < 3e-3
+    # Emission that rays to emitters find, too, has the share of the balance heuristic.
+    wanted = radiance(scene.sky, towards).astype(np.float64)
+    cosine = np.maximum((points.normals[np.repeat(seeds, n)] * towards).sum(1), 0)[on]
+    normal = spots.face_normals() / np.linalg.norm(spots.face_normals(), axis=1)[:, None]
+    density = emitters.share * emitters.density[kept["face"][on]] * hits.t[on] ** 2
+    share = cosine / (cosine + density / abs((normal * view).sum(1)))
+    emission = spots.of_material("emission") * spots.sampled("emission_texture", encoded=True)
+    wanted[on] = emission * share[:, None]
+    found = sums.sum(0) - emitters.gather(points, seeds, 0, n).sum(0)
+    np.testing.assert_allclose(found, wanted.reshape(-1, n, 3).sum(1), rtol=1e-3, atol=1e-3)
+    assert abs(kept["emission"].view(np.float16) - wanted.mean(1)).max() < 2e-3
 
 
 def test_a_bright_part_of_the_sky_gives_its_share():
@@ -303,7 +326,7 @@ def test_what_goes_through_a_wall_brings_no_light_from_beyond():
 def test_light_of_a_lamp_at_a_point_itself_is_finite():
     lamp = Light(POINT, (0.0, 0.0, 2.0), (1.0, 1.0, 1.0), 1.0, casts_shadows=False)
     scene = replace(world(plain_scenes.wall(3.0)), lights=[lamp])
-    around = Surroundings(scene, open_tracer(replace(scene, bake=None, sky=NO_SKY)))
+    around = Surroundings(scene, build_bvh(scene.triangles), open_device())
     up = np.float32([[0, 0, -1]] * 2)
     found = around.of_lights(Points(np.float32([lamp.vector, (0, 0, 3)]), up, up, np.zeros(2)))
     assert found.tolist() == [[0, 0, 0], [1, 1, 1]]

@@ -16,6 +16,8 @@ typedef struct {
     VisibilityMemory visibility;
     Region regions[BLOCK_RAYS];
     PlaneEquations equations[BLOCK_RAYS];
+#else
+    int order[BLOCK_RAYS];
 #endif
 } Memory;
 
@@ -59,7 +61,7 @@ inline void take_packet(const Tree *tree, const Packet *packet, Pipeline *p)
         write_arrays(packet, block, coverage, m->shaded, p->out);
     }
 }
-#endif
+#else
 
 // Take given rays [first, end).
 inline void take_given(const Tree *tree, const GivenRays *rays, int first, int end, Pipeline *p)
@@ -68,10 +70,12 @@ inline void take_given(const Tree *tree, const GivenRays *rays, int first, int e
         hit_given_rays(tree, rays, first, end);
         return;
     }
-    find_given_hits(p->scene, rays, p->pixel_pitch, first, end, &p->memory->hits);
+    global Memory *m = p->memory;
+    find_given_hits(p->scene, rays, p->pixel_pitch, first, end, m->order, &m->hits);
     shade_record(p, 0);
-    write_given(first, end, p->memory->shaded, p->out);
+    write_given(m->order, end, m->shaded, p->out);
 }
+#endif
 
 // `centre_rays` and `members`: see Rays.  `next_packet` counts from 0; a packet of given rays has
 // BLOCK_RAYS of them.

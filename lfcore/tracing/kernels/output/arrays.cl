@@ -103,14 +103,18 @@ inline void write_arrays(const Packet *packet, int block, const Coverage *covera
         write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);
 }
 
-// Write what given rays [first, end) give.
-inline void write_given(int first, int end, global const float *shaded, const Arrays *to)
+// Write what given rays give, in their `order`, of which those from `end` on are none.
+inline void write_given(global const int *order, int end, global const float *shaded,
+                        const Arrays *to)
 {
-    for (int k = 0; k < SHADED; ++k, shaded += COLOURS)
-        for (int ray = first; ray < end; ++ray) {
-            global const float *c = shaded + ray - first;
-            vstore3((float3)(c[0], c[BLOCK_RAYS], c[2 * BLOCK_RAYS]), ray, to->shaded[k]);
+    for (int k = 0; k < SHADED; ++k, shaded += COLOURS) {
+        if (!to->shaded[k]) continue;
+        for (int at = 0; at < BLOCK_RAYS; ++at) {
+            global const float *c = shaded + at;
+            const float3 value = (float3)(c[0], c[BLOCK_RAYS], c[2 * BLOCK_RAYS]);
+            if (order[at] < end) vstore3(value, order[at], to->shaded[k]);
         }
+    }
 }
 
 // Find the first hits of given rays [first, end).  Depth is the parameter of the given ray.

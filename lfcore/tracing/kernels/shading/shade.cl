@@ -114,8 +114,9 @@ inline void shade_background(const Scene *scene, global const Hits *hits, global
     Vec values[SHADED] = {spread3(vload3(0, scene->numbers->background))};
     for (int k = 1; k < SHADED; ++k) values[k] = spread3(0.0f);
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        if (!row_any(LT(VLOAD(hits->key + at), (vi)(0)))) continue;
-        if (SKY) values[0] = sky_row(scene, load3(hits->direction, at));
+        const vi missed = LT(VLOAD(hits->key + at), (vi)(0));
+        if (!row_any(missed)) continue;
+        if (SKY) values[RADIANCE] = sky_row(scene, load3(hits->direction, at), row_bits(missed));
         write_shaded(values, (vi)(-1), at, out);
     }
 }

@@ -2,13 +2,14 @@
 #pragma once
 #include "gloss.cl"
 
-// The sky's radiance along a row of rays.  Its map is octahedral: a forward direction d in camera
-// space is at d.xy / (|d.x| + |d.y| + |d.z|); the others are folded outwards.
-inline Vec sky_row(const Scene *s, Vec d)
+// The sky's radiance along the rays in `bits` of a row.  Its map is octahedral: a forward direction
+// d in camera space is at d.xy / (|d.x| + |d.y| + |d.z|); the others are folded outwards.
+inline Vec sky_row(const Scene *s, Vec d, uint bits)
 {
     const int side = s->numbers->sky_side;
-    Vec light;
-    for (int k = 0; k < LANES; ++k) {
+    Vec light = spread3(0.0f);
+    for (uint left = bits; left; left &= left - 1) {
+        const uint k = lowest(left);
         const float3 along = ray_vector(&d, k);
         const float sum = fabs(along.x) + fabs(along.y) + fabs(along.z);
         const float2 folded = copysign(sum - fabs(along.yx), along.xy);

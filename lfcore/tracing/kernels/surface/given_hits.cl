@@ -21,16 +21,36 @@ typedef struct {
     vi front;    // mask of triangles seen from the front
 } GivenRow;
 
-// Read the row from ray `first` on, of which those from `end` on miss; false if all miss.
-inline int read_given(const Scene *s, const GivenRays *rays, float pixel_pitch, int first, int end,
-                      GivenRow *row)
+// Order the rays [first, end) by material, misses last, so that rows have few materials: numbers of
+// rays, BLOCK_RAYS, those from `end` on last of all.
+#define BINS 32  // that materials share
+inline void order_rays(const Scene *s, const GivenRays *rays, int first, int end, global int *order)
+{
+    private int next[BINS + 1] = {0};
+    private uchar bin[BLOCK_RAYS];
+    for (int k = 0; k < BLOCK_RAYS; ++k) {
+        const int id = first + k < end ? rays->triangle[first + k] : -1;
+        bin[k] = id < 0 ? BINS : s->material_ids[id] % BINS;
+        ++next[bin[k]];
+    }
+    for (int k = 0, sum = 0; k <= BINS; ++k) {
+        const int count = next[k];
+        next[k] = sum;
+        sum += count;
+    }
+    for (int k = 0; k < BLOCK_RAYS; ++k) order[next[bin[k]]++] = first + k;
+}
+
+// Read the row of the rays `order`, of which those from `end` on miss; false if all miss.
+inline int read_given(const Scene *s, const GivenRays *rays, float pixel_pitch,
+                      global const int *order, int end, GivenRow *row)
 {
     private float distance[LANES], footprint[LANES];
     private int missed[LANES];
     int any = -1;
     for (int k = 0; k < LANES; ++k) {
-        const int ray = min(first + k, end - 1), id = rays->triangle[ray];
-        missed[k] = -(first + k >= end || id < 0);
+        const int ray = min(order[k], end - 1), id = rays->triangle[ray];
+        missed[k] = -(order[k] >= end || id < 0);
         row->triangles.ids[k] = id;
         if (!missed[k]) any = id;
         distance[k] = missed[k] ? 0.0f : rays->distance[ray];
@@ -113,21 +133,24 @@ inline void find_keys(const Scene *s, const GivenRow *row, HitRow *out)
     out->key = pick_int(VLOAD(key), (vi)(-1), row->missed);
 }
 
-// The hits of given rays [first, end), at most BLOCK_RAYS.
+// The hits of given rays [first, end), at most BLOCK_RAYS, in the order that `order` receives.
 inline void find_given_hits(const Scene *s, const GivenRays *rays, float pixel_pitch, int first,
-                            int end, global Hits *out)
+                            int end, global int *order, global Hits *out)
 {
+    order_rays(s, rays, first, end, order);
     out->key_count = 0;
     HitRow hit = {0};
     for (int at = 0; at < BLOCK_RAYS; at += LANES) {
         GivenRow row;
         hit.key = hit.triangle = -1;
-        const int any = first + at < end && read_given(s, rays, pixel_pitch, first + at, end, &row);
-        if (any) find_keys(s, &row, &hit);
-        hit.triangle = any ? pick_int(VLOAD(row.triangles.ids), (vi)(-1), row.missed) : (vi)(-1);
+        const int any = read_given(s, rays, pixel_pitch, order + at, end, &row);
+        store3(row.direction, out->direction, at);
+        if (any) {
+            find_keys(s, &row, &hit);
+            hit.triangle = pick_int(VLOAD(row.triangles.ids), (vi)(-1), row.missed);
+        }
         VSTORE(hit.key, out->key + at);
         VSTORE(hit.triangle, out->triangle + at);
-        if (first + at < end) store3(row.direction, out->direction, at);
         if (!any) continue;
         interpolate_given(s, &row, &hit);
         if (SMOOTH) turn_to_viewer(row.direction, &hit);
