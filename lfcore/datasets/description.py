@@ -32,8 +32,8 @@ SHAPES = (
     "plant", "table", "lamp", "globe",
 )  # fmt: skip
 """The procedural shapes, built by :mod:`lfcore.datasets.sample`."""
-LAMPS = ("sun", "point", "spot")
-"""The kinds of lamps."""
+LIGHTS = ("sun", "point", "spot")
+"""The kinds of lights."""
 
 
 class _Keys(BaseModel):
@@ -95,10 +95,10 @@ class Materials(_Keys):
 
 
 class Lights(_Keys):
-    kinds: list[Literal[LAMPS]] = _key(list(LAMPS), min_length=1, description="of lamps")
-    count: span(1, 8) = _key((1, 3, "even"), description="lamps per scene")
+    kinds: list[Literal[LIGHTS]] = _key(list(LIGHTS), min_length=1, description="kinds of lights")
+    count: span(1, 8) = _key((1, 3, "even"), description="lights per scene")
     strength: span(0, 100) = _key((0.6, 1.4, "even"), description="irradiance of all together")
-    elevation_deg: span(5, 90) = _key((20, 80, "even"), description="of lamps")
+    elevation_deg: span(5, 90) = _key((20, 80, "even"), description="elevation of lights, degrees")
     ambient: span(0, 10) = _key((0.1, 0.3, "even"), description="light without direction")
     share_sky: Share = _key(0.0, description="of scenes lit by a baked sky in place of ambient")
 

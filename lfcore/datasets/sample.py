@@ -415,12 +415,12 @@ class _Draw:
         return np.minimum(0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5, 0.95)
 
     def _tint(self) -> np.ndarray:
-        """Draw a colour from lamp light to sky light."""
+        """Draw a colour from tungsten light to sky light."""
         warm = float(self.rng.random())
         return np.array([0.85 + 0.15 * warm, 0.93, 1.0 - 0.2 * warm])
 
     def _lights(self, to_camera: np.ndarray, wall: float) -> list[Light]:
-        """Draw lamps above the scene; points and spots are twice as far from its middle as the
+        """Draw lights above the scene; points and spots are twice as far from its middle as the
         wall."""
         keys = self.description.lights
         count, strength = round(self.span(keys.count)), self.span(keys.strength)
@@ -437,9 +437,9 @@ class _Draw:
                 lights.append(Light(DIRECTIONAL, triple(vector), colour))
                 continue
             place = to_camera @ (*(2 * wall * towards - (0, 0, wall / 2)), 1)
-            lamp = Light(POINT, triple(place[:3]), colour, reference_distance_m=2 * wall)
+            light = Light(POINT, triple(place[:3]), colour, reference_distance_m=2 * wall)
             is_spot = kind == "spot"
-            lights.append(replace(lamp, normal=triple(-vector), cone=CONE) if is_spot else lamp)
+            lights.append(replace(light, normal=triple(-vector), cone=CONE) if is_spot else light)
         return lights
 
     def _backdrop(self, wall: float, height: float, resting: bool) -> Parts:

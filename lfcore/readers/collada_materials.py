@@ -101,7 +101,7 @@ class Materials:
             specular = black
             what = f"highlights of material {name!r}, which have no exponent above 1"
             self.account.lose("materials", LEFT_OUT, what, 0)
-        glow = self._colour(shader, params, "emission", black)
+        emission = self._colour(shader, params, "emission", black)
         channel, pictures = "", {}
         for tag in ("emission", "diffuse"):
             texture = shader.find(f"{tag}/texture")
@@ -110,11 +110,11 @@ class Materials:
                 channel = texture.get("texcoord", "")
         if pictures.get("diffuse", colour) is None:
             colour = np.full(3, 0.8)
-        if pictures.get("emission", glow) is None:
-            glow = black
+        if pictures.get("emission", emission) is None:
+            emission = black
         surface = Surface(
             name, triple(np.clip(colour, 0, 1)), triple(np.clip(specular, 0, 1)),
-            float(np.clip(exponent, 1, 1000)), triple(np.maximum(glow, 0)),
+            float(np.clip(exponent, 1, 1000)), triple(np.maximum(emission, 0)),
             texture=pictures.get("diffuse"), emission_texture=pictures.get("emission"),
         )  # fmt: skip
         return surface, channel

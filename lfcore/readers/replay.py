@@ -53,7 +53,7 @@ class Replay:
     ----------
     objects_at : the objects at an instant.
     kept : which triangles of the objects the first scene has.
-    lamps : the number of its first lights, which are those of the objects.
+    object_lights : the number of its first lights, which are those of the objects.
     follows : whether its camera is one of the objects'.
     sky_at : the sky as another (4, 4) matrix to camera space turns it; None without a sky.
     """
@@ -62,7 +62,7 @@ class Replay:
     to_camera: np.ndarray
     objects_at: Callable[[float], Objects]
     kept: np.ndarray
-    lamps: int
+    object_lights: int
     follows: bool
     sky_at: Callable[[np.ndarray], np.ndarray] | None
 
@@ -86,9 +86,10 @@ class Replay:
         floor, bent = first.triangles[own:].astype(np.float64), first.normals[own:]
         changes["triangles"] = _joined(geometry.triangles, floor @ turn[:3, :3].T + turn[:3, 3])
         changes["normals"] = _joined(geometry.normals, bent @ turn[:3, :3].T)
-        lamps = self.lamps if scene.lights[: self.lamps] == first.lights[: self.lamps] else 0
-        changes["lights"] = [moved_light(light, pose) for light in objects.lights[:lamps]]
-        changes["lights"] += [moved_light(light, turn) for light in scene.lights[lamps:]]
+        count = self.object_lights
+        count = count if scene.lights[:count] == first.lights[:count] else 0
+        changes["lights"] = [moved_light(light, pose) for light in objects.lights[:count]]
+        changes["lights"] += [moved_light(light, turn) for light in scene.lights[count:]]
         if objects.moving:
             still = transform_all(objects.still, pose)
             changes["motions"] = motions(geometry, still, objects.moves(pose))

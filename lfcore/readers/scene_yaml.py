@@ -266,10 +266,10 @@ def _with_material(
 
 
 def _lights(
-    description: dict, lamps: list[Light], to_camera: np.ndarray, where: Where
+    description: dict, object_lights: list[Light], to_camera: np.ndarray, where: Where
 ) -> list[Light]:
-    if "lights" not in description and lamps:
-        return [framing.moved_light(light, to_camera) for light in lamps]
+    if "lights" not in description and object_lights:
+        return [framing.moved_light(light, to_camera) for light in object_lights]
     if "lights" not in description:
         return [] if "sky" in description else framing.default_lights()
     lights = []

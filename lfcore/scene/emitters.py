@@ -129,7 +129,7 @@ def _spread(
     triangles: np.ndarray, double: np.ndarray, length: np.ndarray, count: int
 ) -> EmitterPoints:
     """Points of patches of similar area, position and direction, by Lloyd's algorithm."""
-    from scipy.spatial import cKDTree  # slow to import, and few scenes glow
+    from scipy.spatial import cKDTree  # slow to import, and few scenes have emitters
 
     total = length.sum() / 2
     positions, faces = _samples(triangles, length, count * SAMPLES_PER_POINT)

@@ -147,10 +147,11 @@ class _Material:
         document, entry = self.document, self.entry
         glossy = extension(entry, GLOSSY)
         surface, alpha, colours = self._metallic() if glossy is None else self._glossy(glossy)
-        glow = np.clip(document.numbers(entry, "emissiveFactor", BLACK), 0, 1)
-        glow = glow * document.number(extension(entry, STRENGTH) or {}, "emissiveStrength", 1.0)
-        changes: dict[str, Any] = {"emission": triple(glow)}
-        if "emissiveTexture" in entry and glow.any():
+        emission = np.clip(document.numbers(entry, "emissiveFactor", BLACK), 0, 1)
+        strength = extension(entry, STRENGTH) or {}
+        emission = emission * document.number(strength, "emissiveStrength", 1.0)
+        changes: dict[str, Any] = {"emission": triple(emission)}
+        if "emissiveTexture" in entry and emission.any():
             changes["emission_texture"] = self.texture(entry, "emissiveTexture")
         if "normalTexture" in entry:
             changes["normal_texture"] = self.texture(entry, "normalTexture", mean=False)

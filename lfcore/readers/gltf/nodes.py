@@ -155,15 +155,15 @@ class Nodes:
             self.account.lose(
                 "lights", APPROXIMATED, f"light {name!r}: its range, beyond which it shines on", 0
             )
-        lamp = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
+        point = Light(POINT, triple(matrix[:3, 3]), colour, 1.0)
         if kind == "point":
-            return lamp
+            return point
         spot = light.get("spot", {})
         angles = number(spot, "innerConeAngle", 0.0), number(spot, "outerConeAngle", math.pi / 4)
         if not 0 <= angles[0] < angles[1] <= math.pi / 2 + 1e-6:
             raise self.document.broken(f"the cone of light {name!r} makes no sense: {angles}")
         inner, outer = (max(math.cos(angle), 0.0) for angle in angles)
-        return replace(lamp, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
+        return replace(point, normal=triple(-normalise(matrix[:3, 2])), cone=(inner, outer))
 
     def camera(self) -> FoundCamera | None:
         """The first perspective camera of the scene; others are noted."""

@@ -79,11 +79,11 @@ def _parts(
     for item in interpreter.items:
         poses = tuple(interpreter.world_to_camera @ matrix for matrix in item.matrices)
         part, is_surface = _place(interpreter, item, poses[0])
-        glows = any(item.emission)
+        emits = any(item.emission)
         rests = np.array_equal(poses[0], poses[1])
         if is_surface and not rests and is_rigid(*poses):
             moving.append((part, poses))
-            emitters.append(item if glows else None)
+            emitters.append(item if emits else None)
             continue
         if not is_surface:
             notebook.add(LEFT_OUT, item.place, "a shape whose material is no surface")
@@ -92,9 +92,9 @@ def _parts(
             notebook.add(LEFT_OUT, item.place, words)
         count = 0
         if is_surface:
-            (emitting if glows else matt).append(part)
-            count = int(sound(part.triangles)[0].sum()) if glows else 0
-        if glows:
+            (emitting if emits else matt).append(part)
+            count = int(sound(part.triangles)[0].sum()) if emits else 0
+        if emits:
             _check_emitter(item, part)
             interpreter.light(item, part.triangles, (first, first + count))
             first += count
