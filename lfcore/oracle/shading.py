@@ -87,7 +87,7 @@ def own_light(spots: Spots, traced: Traced | None = None) -> np.ndarray:
         of_metal, shine_of_metal = metal.reflected(bent, towards, view)
         plain = np.where(is_metal, of_metal, diffuse * cosine[:, None])
         shine = np.where(is_metal, shine_of_metal, specular * gloss[:, None])
-        if traced is not None and light.is_of_emitter:  # mirrored rays meet the emitter
+        if traced is not None and light.is_visible:  # to mirrored rays
             shine = np.where(traced.mirrors | (traced.coats & ~is_metal), 0.0, shine)
         colour += np.where(visible[:, None], strength * (matt * plain + shine), 0)
     return colour

@@ -12,9 +12,9 @@ RANGES = {
 """The least and the largest value of numbers of a material."""
 LATER = (
     "opacity", "alpha_blend", "transmission", "ior", "thin_walled", "attenuation_distance_m",
-    "attenuation_colour", "clearcoat", "clearcoat_roughness",
+    "attenuation_colour", "clearcoat", "clearcoat_roughness", "angular_radius",
 )  # fmt: skip
-"""The fields of a material that scene files omit where they have their default."""
+"""The fields of materials and lights that scene files omit where they have their default."""
 DARKEST = 1e-6
 """The least attenuation colour: white light that passed through black glass is not quite 0."""
 
@@ -167,6 +167,8 @@ class Light:
     cone : (float, float)
         A spot's cosines to its axis where it begins to fade and where it is dark.  Between them
         the light is the square of an affine function of the cosine, as in glTF.
+    angular_radius : float
+        The radius of a sun that the sky shows, radians; 0: the sky does not show the light.
     """
 
     kind: int
@@ -177,6 +179,12 @@ class Light:
     normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     own: tuple[int, int] = (0, 0)
     cone: tuple[float, float] = (0.0, 0.0)
+    angular_radius: float = 0.0
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether mirrored rays meet it: an emitter's surface, or a sun in the sky."""
+        return self.is_of_emitter or self.angular_radius > 0
 
     @property
     def is_of_emitter(self) -> bool:

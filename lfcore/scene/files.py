@@ -14,7 +14,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.files import read_arrays, whole_file
 from lfcore.optics.camera import Camera
-from lfcore.scene.appearance import LATER, Light, Material
+from lfcore.scene.appearance import LATER, POINT, Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
 from lfcore.scene.model import Motion, Scene
 from lfcore.scene.notes import Note
@@ -28,6 +28,7 @@ ARRAYS = {
     "colours": (np.float32, (3, 3)),
     "material_ids": (np.int32, ()),
 }
+NO_LIGHT = Light(POINT, (0, 0, 0), (0, 0, 0))
 PLAIN = "name", "ambient", "background", "clip", "dropped", "focus_distances_m"
 """The attributes of a scene that are in the header as they are."""
 
@@ -67,9 +68,9 @@ def _header(scene: Scene) -> dict:
         "format": FORMAT,
         **{name: getattr(scene, name) for name in PLAIN},
         "camera": camera,
-        "materials": [_material_json(material) for material in scene.every_material],
+        "materials": [_json(material, Material("")) for material in scene.every_material],
         "textures": len(scene.textures),
-        "lights": [asdict(light) for light in scene.lights],
+        "lights": [_json(light, NO_LIGHT) for light in scene.lights],
         "triangles": scene.triangle_count,
         "view": scene.view.to_json() if scene.view else None,
         "motions": [
@@ -82,10 +83,13 @@ def _header(scene: Scene) -> dict:
     }
 
 
-def _material_json(material: Material) -> dict:
-    """The fields of a material, without the defaults of those that earlier files lack."""
-    data, default = asdict(material), Material("")
-    return {k: v for k, v in data.items() if k not in LATER or v != getattr(default, k)}
+def _json(item: Material | Light, default: Material | Light) -> dict:
+    """The fields of an item, without the defaults of those that earlier files lack."""
+    return {
+        key: value
+        for key, value in asdict(item).items()
+        if key not in LATER or value != getattr(default, key)
+    }
 
 
 def read_header(path: str | Path) -> dict:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,10 +37,17 @@ GRADIENT_SIDE = 256
 Places = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 SUNS = 8
 """The most suns of a sky: each costs a shadow ray per hit."""
-WIDEST_SUN = 0.02
-"""The largest solid angle of a sun, steradians."""
-SUN_CONTRAST = 50.0
-"""The least radiance of a sun, in mean radiances of the sky."""
+WIDEST_SPOT = 0.02
+"""The largest solid angle of a small bright spot, steradians."""
+SPOT_CONTRAST, SUN_CONTRAST = 10.0, 50.0
+"""The least radiance of a spot's texels, and the least mean radiance of a sun, in mean radiances of
+the sky beside the spots."""
+LEAST_SUN = 0.01
+"""The least share of a sun in the sky's light."""
+SPREAD = 0.2
+"""The radius, in radians, of the cap over which the light of lesser bright spots is spread."""
+SPREAD_SIDE = 64
+"""The side of the map on which it is spread, texels."""
 
 
 def octahedron(places: np.ndarray) -> np.ndarray:
@@ -87,41 +94,127 @@ def solid_angles(side: int) -> np.ndarray:
     return (2 / side) ** 2 / square**1.5
 
 
-def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
-    """The sky without its small bright spots, and a directional light for each spot.
+@dataclass(frozen=True)
+class _Spots:
+    """Small bright spots of a map.
 
-    One shadow ray samples a spot that rays to the whole sky would hardly ever hit.
+    ``texels`` (K,) are flat indices, ``number`` (K,) the spots they belong to and ``floor`` (K,)
+    the radiance of the sky around.  ``flux`` (n, 3) is what spots give beyond that, ``towards``
+    (n, 3) their unit directions and ``size`` (n,) their solid angles.
     """
+
+    texels: np.ndarray
+    number: np.ndarray
+    floor: np.ndarray
+    flux: np.ndarray
+    towards: np.ndarray
+    size: np.ndarray
+
+
+def suns(sky: np.ndarray) -> tuple[np.ndarray, list[Light]]:
+    """The sky without its small bright spots, and a directional light for each large one of them.
+
+    Rays to the whole sky would hardly ever hit them: a shadow ray samples each sun, and the light
+    of lesser spots is spread around them.
+    """
+    light, angles = sky.mean(-1, dtype=np.float64), solid_angles(len(sky))
+    level = _level(light, angles)
+    spots = _bright_spots(sky, light, level)
+    if spots is None:
+        return sky, []
+    power = spots.flux.mean(1)
+    large = power >= LEAST_SUN * (light * angles).sum()
+    bright = power >= SUN_CONTRAST * level * spots.size
+    chosen = np.flatnonzero(large & bright)
+    chosen = chosen[np.argsort(-power[chosen], kind="stable")][:SUNS]
+    kept = large & ~bright
+    rest, gone = sky.copy(), ~kept[spots.number]
+    texels = spots.texels[gone]
+    darker = spots.floor[gone] / light.ravel()[texels]
+    rest.reshape(-1, 3)[texels] *= darker.astype(np.float32)[:, None]
+    lesser = ~kept
+    lesser[chosen] = False
+    if lesser.any():
+        rest += _spread(spots.flux[lesser], spots.towards[lesser], len(sky))
+    return rest, [_sun(spots, number) for number in chosen.tolist()]
+
+
+def _sun(spots: _Spots, number: int) -> Light:
+    colour = tuple((spots.flux[number] / math.pi).tolist())
+    radius = math.sqrt(spots.size[number] / math.pi)
+    towards = tuple(spots.towards[number].tolist())
+    return Light(DIRECTIONAL, towards, colour, angular_radius=radius)
+
+
+def _level(light: np.ndarray, angles: np.ndarray) -> float:
+    """The mean radiance beside texels of :data:`SPOT_CONTRAST` times as much."""
+    beside, level = np.ones(light.shape, bool), math.inf
+    while True:
+        lower = float((light * angles)[beside].sum() / angles[beside].sum())
+        if not lower < level:
+            return level
+        level, beside = lower, light <= SPOT_CONTRAST * lower
+
+
+def _bright_spots(sky: np.ndarray, light: np.ndarray, level: float) -> _Spots | None:
+    """Spots of more than :data:`SPOT_CONTRAST` times the ``level``; of wide ones, the parts that
+    are twice, four times, ... as bright."""
+    labels, floor, angles = np.zeros(light.shape, np.int64), light * 0, solid_angles(len(sky))
+    around, least = level, SPOT_CONTRAST * level
+    inside = light > least
+    while inside.any():
+        found = _components(inside)
+        small = inside & (np.bincount(found.ravel(), angles.ravel()) <= WIDEST_SPOT)[found]
+        labels[small] = found[small] + labels.max()
+        floor[small] = around
+        around, least = least, 2 * least
+        inside = inside & ~small & (light > least)
+    texels = np.flatnonzero(labels)
+    if not len(texels):
+        return None
+    number = np.unique(labels.ravel()[texels], return_inverse=True)[1]
+    floor, size = floor.ravel()[texels], angles.ravel()[texels]
+    flux = sky.reshape(-1, 3)[texels] * ((1 - floor / light.ravel()[texels]) * size)[:, None]
+    middles = (np.stack(np.unravel_index(texels, light.shape)[::-1], -1) + 0.5) / len(sky) * 2 - 1
+    towards = octahedron(middles) * flux.mean(-1, keepdims=True)
+    columns = np.concatenate([flux, towards, size[:, None]], 1).T
+    sums = np.stack([np.bincount(number, values) for values in columns], -1)
+    length = np.sqrt((sums[:, 3:6] ** 2).sum(-1, keepdims=True))
+    return _Spots(texels, number, floor, sums[:, :3], sums[:, 3:6] / length, sums[:, 6])
+
+
+def _components(mask: np.ndarray) -> np.ndarray:
+    """The numbers (S, S), from 1, of connected parts of a mask; 0 is none."""
     import cv2  # loaded for skies alone
 
-    angles = solid_angles(len(sky))
-    light = sky.mean(-1, dtype=np.float64)
-    bright = light > SUN_CONTRAST * (light * angles).sum() / (4 * math.pi)
-    count, labels = cv2.connectedComponents(bright.astype(np.uint8))
-    if count < 2:
-        return sky, []
+    labels = cv2.connectedComponents(mask.astype(np.uint8))[1]
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         for one, other in zip(edge, edge[::-1], strict=True):  # the map's fold joins their texels
             if one and other and one != other:
                 labels[labels == other] = one
-    numbers = labels.ravel()
-    size = np.bincount(numbers, angles.ravel(), count)
-    power = np.bincount(numbers, (light * angles).ravel(), count)
-    small = np.flatnonzero((size > 0) & (size <= WIDEST_SUN))
-    small = small[small > 0]
-    rest, lights = sky.copy(), []
-    base = sky[~bright].mean(0)
-    axis = (np.arange(len(sky)) + 0.5) / len(sky) * 2 - 1
-    for number in small[np.argsort(-power[small], kind="stable")][:SUNS]:
-        row, column = np.nonzero(labels == number)
-        flux = (sky[row, column] - base) * angles[row, column, None]
-        towards = octahedron(np.stack([axis[column], axis[row]], -1))
-        towards = (towards * flux.mean(-1, keepdims=True)).sum(0)
-        towards /= math.sqrt(float((towards**2).sum()))
-        rest[row, column] = base
-        colour = tuple((np.maximum(flux, 0).sum(0) / math.pi).tolist())
-        lights.append(Light(DIRECTIONAL, tuple(towards.tolist()), colour))
-    return rest, lights
+    return labels
+
+
+def _spread(flux: np.ndarray, towards: np.ndarray, side: int) -> np.ndarray:
+    """(side, side, 3) float32: the light (n, 3) of spots in directions (n, 3), over caps."""
+    texels, angles = texel_directions(SPREAD_SIDE).reshape(-1, 3), solid_angles(SPREAD_SIDE).ravel()
+    added = np.zeros((len(texels), 3))
+    for some in np.array_split(np.arange(len(flux)), max(1, len(flux) >> 8)):
+        share = np.maximum(towards[some] @ texels.T - math.cos(SPREAD), 0)
+        added += (share / (share @ angles)[:, None]).T @ flux[some]
+    small = rounded(added).astype(np.float32).reshape(SPREAD_SIDE, SPREAD_SIDE, 3)
+    at = np.clip((np.arange(side) + 0.5) / side * SPREAD_SIDE - 0.5, 0, SPREAD_SIDE - 1)
+    low = np.minimum(at.astype(np.int64), SPREAD_SIDE - 2)
+    share = (at - low).astype(np.float32)[:, None, None]
+    rows = small[low] + share * (small[low + 1] - small[low])
+    columns = rows.swapaxes(0, 1)
+    return (columns[low] + share * (columns[low + 1] - columns[low])).swapaxes(0, 1)
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """Round to 12 bits, because libraries' last bits differ between processors."""
+    mantissa, exponent = np.frexp(values)
+    return np.ldexp(np.rint(mantissa * 4096) / 4096, exponent)
 
 
 def with_sky(scene: Scene, description: dict, to_camera: np.ndarray, *, file: str | Path) -> Scene:

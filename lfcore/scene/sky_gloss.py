@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lfcore.scene.sky import octahedron, radiance, solid_angles, suns, texel_directions
+from lfcore.scene.sky import octahedron, radiance, rounded, solid_angles, suns, texel_directions
 
 LEVELS = 6
 """The number of maps, of roughness 0, 1/5, ... 1; one of irradiance over pi follows."""
@@ -52,12 +52,6 @@ def sky_gloss(sky: np.ndarray) -> np.ndarray:
     return _cache[key][1]
 
 
-def _rounded(values: np.ndarray) -> np.ndarray:
-    """Round to 12 bits, because libraries' last bits differ between processors."""
-    mantissa, exponent = np.frexp(values)
-    return np.ldexp(np.rint(mantissa * 4096) / 4096, exponent)
-
-
 def _corners(side: int) -> np.ndarray:
     """(side, side, 3) directions of a map's texels, the outermost on its border."""
     axis = np.linspace(-1, 1, side)
@@ -83,21 +77,21 @@ def _mean_over_lobes(sky: np.ndarray, roughness: float, side: int) -> np.ndarray
     """(side, side, 3): the sky's mean weighted by D(h) N . L with V = N, per direction N."""
     towards = _corners(side).reshape(-1, 3)
     if not roughness:
-        return _rounded(_reduced(sky, side, towards)).reshape(side, side, 3)
+        return rounded(_reduced(sky, side, towards)).reshape(side, side, 3)
     source, square = _source(sky, 2 * _SOURCE if roughness < 0.3 else _SOURCE), roughness**4
 
     def weights(cosine: np.ndarray) -> np.ndarray:
         halfway = (1 + cosine) / 2  # (N . H)^2
         return np.maximum(cosine, 0) / (halfway * (square - 1) + 1) ** 2
 
-    return _rounded(_weighted(towards, source, weights)).reshape(side, side, 3)
+    return rounded(_weighted(towards, source, weights)).reshape(side, side, 3)
 
 
 def _light(sky: np.ndarray) -> np.ndarray:
     """(16, 16, 3): irradiance over pi, per normal."""
     towards = _corners(16).reshape(-1, 3)
     irradiance = _weighted(towards, _source(sky, _SOURCE), lambda cosine: np.maximum(cosine, 0))
-    return _rounded(irradiance).reshape(16, 16, 3)
+    return rounded(irradiance).reshape(16, 16, 3)
 
 
 def _weighted(
@@ -139,4 +133,4 @@ def reflected_shares() -> np.ndarray:
     share = 4 * light * view_cosine / (masked(light) * masked(cosine) * up)
     grazing = (1 - view_cosine) ** 5
     a, b = (share * (1 - grazing)).mean(-1), (share * grazing).mean(-1)
-    return _rounded(np.stack([a, b, np.zeros_like(a)], -1))
+    return rounded(np.stack([a, b, np.zeros_like(a)], -1))

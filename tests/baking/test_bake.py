@@ -23,6 +23,7 @@ from lfcore.oracle.metal import metals
 from lfcore.oracle.textures import Spots
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.baked import NO_SKY
 from lfcore.scene.sky import (
     octahedral,
     panorama_places,
@@ -363,6 +364,68 @@ def test_a_sun_across_the_fold_of_the_map_is_one_light(towards):
     rest, (sun,) = suns(sky)
     assert rest.max() == 1
     assert np.dot(sun.vector, towards) > np.cos(0.01)
+
+
+@pytest.mark.parametrize("glare", [0.0, 300.0])
+def test_a_plane_under_one_bright_texel(glare):
+    """The texel's light by its solid angle and cosine, whatever its glare."""
+    height, row, column = 128, 40, 200
+    picture = np.full((height, 2 * height, 3), 0.5, np.float32)
+    polar, turn = np.meshgrid(
+        (np.arange(height) + 0.5) / height * np.pi, (np.arange(2 * height) + 0.5) / height * np.pi,
+        indexing="ij",
+    )  # fmt: skip
+    angles = np.repeat(abs(np.diff(np.cos(np.arange(height + 1) / height * np.pi))), 2 * height)
+    angles = angles.reshape(height, -1) * np.pi / height
+    # World -z in the middle, y up; the camera looks along world z, its y down.
+    d = np.stack([np.sin(turn - np.pi) * np.sin(polar), np.cos(polar),
+                  -np.cos(turn - np.pi) * np.sin(polar)], -1)  # fmt: skip
+    sun = d[row, column]
+    picture += glare * np.exp(-np.arccos(np.clip(d @ sun, -1, 1)) / 0.1)[..., None]
+    picture[row, column] += 2 / angles[row, column]
+    to_world = np.diag([-1.0, -1.0, 1.0])
+    sky = octahedral(picture, to_world, panorama_places, 256)
+    # The wall faces the camera: its normal is world -z.
+    wanted = 0.5 * (picture[..., 0] * angles * np.maximum(-d[..., 2], 0)).sum() / np.pi
+    bare = world(plain_scenes.wall(1.5, 1.0), sky=WHITE, bounces=0, error=0.01)
+    scene = under(replace(bare, sky=NO_SKY, clip=False), sky)
+    assert len(scene.lights) == 1 and np.dot(scene.lights[0].vector, to_world.T @ sun) > 0.999
+    assert seen(lfcore.bake(scene)).mean() == pytest.approx(wanted, rel=0.01)
+
+
+def test_light_of_many_bright_spots_is_found():
+    """Forty lamps, each in a few of ten thousand rays: eight are suns, the others are spread."""
+    rng, side = np.random.default_rng(3), 256
+    towards = texel_directions(side)
+    lamps = rng.normal(size=(40, 3))
+    lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)
+    nearest = (towards @ lamps.T).max(-1)
+    sky = np.repeat(np.where(nearest > np.cos(0.01), 1000.0, 1.0)[..., None], 3, -1)
+    sky = sky.astype(np.float32)
+    rest, lights = suns(sky)
+    assert len(lights) == 8 and rest.max() < 20
+
+    def light(picture):
+        facing = np.maximum(-towards[..., 2], 0)
+        return (picture[..., 0].astype(float) * solid_angles(side) * facing).sum() / np.pi
+
+    of_suns = sum(sun.colour[0] * max(-sun.vector[2], 0) for sun in lights)
+    assert light(rest) + of_suns == pytest.approx(light(sky), rel=0.03)
+    scene = lfcore.bake(world(plain_scenes.wall(1.5, 1.0), sky=sky, bounces=0, error=0.02))
+    off = on_grid(scene, 0, behind=True)[1] / light(rest) - 1
+    assert np.sqrt((off**2).mean()) < 0.02 and abs(off).max() < 0.1
+
+
+def test_a_sun_in_wide_glare_is_taken_out():
+    towards = texel_directions(256) @ np.array([0.6, 0.0, -0.8])
+    glare = 200 * np.exp(-np.arccos(np.clip(towards, -1, 1)) / 0.1) + 1
+    sky = np.repeat((glare + 5e4 * (towards > np.cos(0.02)))[..., None], 3, -1)
+    rest, (sun,) = suns(sky.astype(np.float32))
+    assert np.dot(sun.vector, (0.6, 0, -0.8)) > np.cos(0.005)
+    assert rest.max() < 200 and 0.02 < sun.angular_radius < 0.08
+    light = (sky.mean(-1) * solid_angles(256)).sum()
+    kept = (rest.mean(-1).astype(float) * solid_angles(256)).sum()
+    assert kept + np.pi * sun.colour[0] == pytest.approx(light, rel=1e-3)
 
 
 def test_a_panorama_is_where_the_page_says():
