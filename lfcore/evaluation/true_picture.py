@@ -72,8 +72,8 @@ def true_pictures(
     camera, weights = tracer.scene.camera, [lattice.rays_per_pixel for lattice in lattices]
     pair = [pictures_by_depth(tracer, camera, planes, pixels, lattice) for lattice in lattices]
     pictures = np.average(pair, axis=0, weights=weights).astype(np.float32)
-    # Two independent errors e differ by 2 e in mean squares, and their mean errs by e / 2.
-    # Common errors do not show in the difference; measured, they are as large again.
+    # If both pictures have independent mean squared errors e, their difference has 2 e, and their
+    # mean has e / 2.  We measured that errors which both have in common are about e / 2, too.
     known_db = [inner_psnr(*images) + 10 * np.log10(2) for images in zip(*pair, strict=True)]
     return Reference(list(planes), pictures, np.array(known_db))
 

@@ -118,9 +118,9 @@ def data_set(path: Path, name: str) -> np.ndarray | None:
 
 
 class _KeptFailure(io.RawIOBase):
-    """A file that takes everything: HDF5 cannot close one on a full disk, and then crashes.
+    """A file whose writes never fail: HDF5 crashes when it closes a file on a full disk.
 
-    ``error`` is the first failure; what comes after it is dropped.
+    ``error`` is the first failure; later writes are dropped.
     """
 
     def __init__(self, file: BinaryIO):

@@ -54,11 +54,11 @@ def read_folder(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def _pairs(stems: list[str]) -> tuple[list[tuple[int, int]], bool] | None:
-    """The two numbers of each name that count rows and columns, and whether columns are first.
+    """Find the two numbers in each name that count rows and columns; and whether columns are first.
 
-    Dates are left out.  Of names that differ in their numbers alone, these are the two that differ,
-    but for one that is another with each name; a number that is the same in all names is that of a
-    single row if it is written like that of the columns.
+    Dates are ignored.  If names differ in their numbers only, the two numbers that vary are chosen;
+    a picture's running number is not a row or column.  If one number varies, the views are a single
+    row, whose constant number must have as many digits.  Other names must end with two numbers.
     """
     words = [re.split(r"(\d+)", DATE.sub("", stem.lower())) for stem in stems]
     if len({tuple(word[::2]) for word in words}) > 1:
@@ -68,7 +68,7 @@ def _pairs(stems: list[str]) -> tuple[list[tuple[int, int]], bool] | None:
     counts = [len(set(map(int, number))) for number in written]
     several, last = [k for k, count in enumerate(counts) if count > 1], len(written) - 1
     if len(several) == 2 and max(counts) == len(stems):
-        return None  # the number of the picture, and another
+        return None  # one of them is the running number of the picture
     if len(several) == 1 and several[0] >= last - 1 and TWO.search(stems[0]) and last:
         other = written[2 * last - 1 - several[0]][0]
         alike = len(other) == min(map(len, written[several[0]]))

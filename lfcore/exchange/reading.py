@@ -58,7 +58,7 @@ def load_json(file: Path) -> dict:
 
 
 def existing(files: Iterable[Path], asked_by: str) -> Path:
-    """The first of these files that there is; ``asked_by`` names what asks for it."""
+    """Return the first file that exists; ``asked_by`` is the reason in the error."""
     files = list(files)
     for file in files:
         if file.is_file():

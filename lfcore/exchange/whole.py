@@ -116,7 +116,7 @@ def read_quilt(path: Path, options: ReadOptions) -> ViewGrid:
 
 
 def write_quilt(source: Source, folder: Path, options: WriteOptions) -> None:
-    # Of stored views exactly all, in tiles as near to a square as possible.
+    # All stored views, in a grid as near to a square as possible.
     side = max(k for k in range(1, math.isqrt(source.columns) + 1) if source.columns % k == 0)
     stored = source.columns // side, side
     across, down = options.tiles or (LOOKING_GLASS if source.free else stored)

@@ -490,5 +490,5 @@ class LightFieldFile:
 
 
 def _opened(kind: type[LightFieldFile], instant: int, path: str, **how: Any) -> LightFieldFile:
-    """What unpickling calls."""
+    """Open an instant of a file again, for unpickling."""
     return kind.open(path, **how).at(instant)
