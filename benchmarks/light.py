@@ -82,21 +82,21 @@ def bounces_of(scene: Scene) -> int | str:
     return (scene.bake or BakeOptions()).bounces
 
 
-def baked(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
+def baked(scene: Scene, options: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
     """Bake in another process; return the light, core seconds and MiB."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        return pool.submit(_bake, scene, how, threads).result()
+        return pool.submit(_bake, scene, options, threads).result()
 
 
-def _bake(scene: Scene, how: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
+def _bake(scene: Scene, options: BakeOptions, threads: int) -> tuple[BakedLight, float, float]:
     from lfcore.opencl.device import open_device
 
     bvh, device = hierarchy_of(scene), open_device(threads=threads)
     small = load_scene(SCENES / PATHS["cornell"])
-    bake_light(small, hierarchy_of(small), device, replace(how, error=1.0))  # programs
+    bake_light(small, hierarchy_of(small), device, replace(options, error=1.0))  # programs
     Path("/proc/self/clear_refs").write_text("5")  # resets the peak
     before, begun = _peak_mib(), time.process_time()
-    light = bake_light(scene, bvh, device, how)
+    light = bake_light(scene, bvh, device, options)
     return light, time.process_time() - begun, _peak_mib() - before
 
 
@@ -202,8 +202,8 @@ def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
     """Return the root mean square error of pictures, relative to the light; noise cancels, too."""
     one, two, near = (picture.mean(-1) for picture in np.swapaxes(truths, 0, 1))
     level = np.maximum(near, DARK * near.mean())
-    made = pictures.mean(-1)
-    return math.sqrt(_mean_or_noise((made - one) * (made - two) / level**2))
+    grey = pictures.mean(-1)
+    return math.sqrt(_mean_or_noise((grey - one) * (grey - two) / level**2))
 
 
 def _mean_or_noise(errors: np.ndarray) -> float:
@@ -280,8 +280,8 @@ def main() -> None:
             if options.pictures:
                 cells = [(picture, label) for label, picture in kept.items()]
                 contact_sheet(options.pictures / f"{name}.png", cells, 3, panel_px=480)
-    made = pd.DataFrame(rows).assign(pixels=options.pixels)
-    table = with_kept(made, options.out, "scene", "part")
+    table = pd.DataFrame(rows).assign(pixels=options.pixels)
+    table = with_kept(table, options.out, "scene", "part")
     report(options.out, "python -m benchmarks.light", table, options.note, shown(table))
 
 

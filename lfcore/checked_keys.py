@@ -20,11 +20,11 @@ def refusal(model: type[BaseModel], error: ValidationError, **where: Any) -> Set
     ``where`` are ``file`` and ``key``, in which the model's keys are.
     """
     mistakes = error.errors()
-    first = max(mistakes, key=lambda one: len(one["loc"]))
+    first = max(mistakes, key=lambda mistake: len(mistake["loc"]))
     place, meaning, known = _place(model, first)
-    alternatives = [one for one in mistakes if _place(model, one)[0] == place]
+    alternatives = [mistake for mistake in mistakes if _place(model, mistake)[0] == place]
     if len(alternatives) > 1:
-        meant = [one for one in alternatives if not one["type"].endswith(OTHER_KIND)]
+        meant = [mistake for mistake in alternatives if not mistake["type"].endswith(OTHER_KIND)]
         first = meant[0] if meant else first | {"type": "none of them"}
     shown = str(first["input"])
     shown = repr(shown if len(shown) < SHORT else f"{shown[:SHORT]}...")

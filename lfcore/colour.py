@@ -30,10 +30,10 @@ def srgb_decode(encoded: np.ndarray | float) -> np.ndarray:
 
     ``encoded`` is float32, kept, uint8 codes, which give float32, or else taken as float64.
     """
-    given = np.asarray(encoded)
-    if given.dtype == np.uint8:
-        return _LINEAR_OF_CODE[given]
-    shown = np.clip(floating(given), 0, 1)
+    codes = np.asarray(encoded)
+    if codes.dtype == np.uint8:
+        return _LINEAR_OF_CODE[codes]
+    shown = np.clip(floating(codes), 0, 1)
     kind = shown.dtype.type
     curve = ((shown + kind(0.055)) * kind(1 / 1.055)) ** kind(2.4)
     return np.where(shown <= 0.04045, shown * kind(1 / 12.92), curve)

@@ -94,19 +94,19 @@ _NO_WAIT = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def _unpacked(stream: Any, path: Path, most: int, what: str) -> bytes:
-    made = bytearray()
+    content = bytearray()
     try:
         with gzip.GzipFile(fileobj=stream) as packed:
-            while len(made) <= most and (part := packed.read(MIB)):
-                made += part
+            while len(content) <= most and (part := packed.read(MIB)):
+                content += part
         if not stream.tell():
             raise EOFError("it is empty")
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         problem = f"{what} cannot be unpacked: {error}"
         raise Where(path).error(problem, "Get or make the file again") from None
-    if len(made) > most:
+    if len(content) > most:
         raise _too_large(path, most, what)
-    return bytes(made)
+    return bytes(content)
 
 
 def _too_large(path: Path, most: int, what: str) -> SceneError:

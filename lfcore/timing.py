@@ -144,9 +144,9 @@ def machine() -> dict[str, str | int]:
     """What stands beside every published second: processor, cores, memory, system, Python."""
     cpuinfo = Path("/proc/cpuinfo")  # of Linux
     text = cpuinfo.read_text(encoding="utf-8", errors="replace") if cpuinfo.is_file() else ""
-    found = re.search(r"^model name\s*: *(.*\S)", text, re.MULTILINE)
+    model = re.search(r"^model name\s*: *(.*\S)", text, re.MULTILINE)
     return {
-        "processor": found[1] if found else platform.processor() or platform.machine(),
+        "processor": model[1] if model else platform.processor() or platform.machine(),
         "cores": processors(),
         "memory_gib": round(memory_bytes() / 2**30),
         "system": f"{platform.system()} {platform.release()}",

@@ -46,12 +46,12 @@ def read(text: str, made: Path = MADE, *, small: bool = False) -> NotebookNode:
 
     A page that is not run is one cell of Markdown.
     """
-    found = RUN.findall(text)
-    if not found:
+    runs = RUN.findall(text)
+    if not runs:
         return new_notebook(cells=[new_markdown_cell(text)])
     text = RUN.sub("", text)
     if small:
-        for pair in (pair for line in found for pair in line.split(" | ") if pair):
+        for pair in (pair for line in runs for pair in line.split(" | ") if pair):
             whole, tiny = pair.split(" = ")
             assert whole in text, f"{whole!r} is in no block"
             text = text.replace(whole, tiny)

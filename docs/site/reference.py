@@ -57,10 +57,10 @@ def _lines(name: str) -> Iterator[str]:
 
 def _is_documented(member: object) -> bool:
     """Whether it is a method or property of the project with a docstring."""
-    what = getattr(member, "__func__", member)
-    what = getattr(what, "fget", None) or getattr(what, "func", what)
-    ours = (getattr(what, "__module__", None) or "").startswith("lfcore")
-    return ours and inspect.isfunction(what) and bool(inspect.getdoc(what))
+    function = getattr(member, "__func__", member)
+    function = getattr(function, "fget", None) or getattr(function, "func", function)
+    ours = (getattr(function, "__module__", None) or "").startswith("lfcore")
+    return ours and inspect.isfunction(function) and bool(inspect.getdoc(function))
 
 
 def _call(name: str, thing: object) -> str:
@@ -89,8 +89,8 @@ def _short(default: object) -> object:
 
 def _summary(thing: object) -> str:
     """The docstring's first sentence, in Markdown."""
-    what = getattr(thing, "__func__", thing)
-    first = " ".join((inspect.getdoc(what) or "").partition("\n\n")[0].split())
+    function = getattr(thing, "__func__", thing)
+    first = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
     first = re.sub(r":\w+:`~?([^`]*)`", r"`\1`", first).replace("``", "`")
     return re.sub(r"(?<=\w\.) .*", "", first)
 

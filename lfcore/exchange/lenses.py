@@ -69,7 +69,7 @@ class Lens:
         if self.size is None or self.size == size:
             return replace(self, size=size)
         across, down = size[0] / self.size[0], size[1] / self.size[1]
-        # Scaled sides were rounded to whole pixels: one of the two ratios may not fit the other side.
+        # Scaled sides were rounded to whole pixels: one of the ratios may not fit the other side.
         fits = [
             scale for scale in (across, down)
             if abs(self.size[0] * scale - size[0]) <= 1 and abs(self.size[1] * scale - size[1]) <= 1

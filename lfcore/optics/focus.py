@@ -69,9 +69,9 @@ def ends_of(depths: np.ndarray) -> DepthRange | None:
 
 def exclude_twice(**settings: object) -> None:
     """Raise :class:`OpticsError` if more than one of these settings is not None."""
-    given = [name for name, value in settings.items() if value is not None]
-    if len(given) > 1:
-        raise OpticsError(f"excludes {given[0]}", key=given[1], remedy="Leave one out")
+    names = [name for name, value in settings.items() if value is not None]
+    if len(names) > 1:
+        raise OpticsError(f"excludes {names[0]}", key=names[1], remedy="Leave one out")
 
 
 def check_words(focus: float | str) -> float | str:

@@ -80,11 +80,11 @@ class _File:
     def parts(self) -> list[SurfaceMesh]:
         """All parts that the scene shows."""
         count = self.account
-        for tag, what in LOST.items():
+        for tag, noun in LOST.items():
             number = sum(1 for _ in self.root.iter(tag))
-            count.hold(what, number)
+            count.hold(noun, number)
             if number:
-                count.lose(what, LEFT_OUT, what, number)
+                count.lose(noun, LEFT_OUT, noun, number)
         scene = self.target(below(self.root, "scene/instance_visual_scene"))
         parts, nodes = [], [(node, self._to_metres()) for node in reversed(scene.findall("node"))]
         shown = 0
@@ -99,8 +99,8 @@ class _File:
                     parts += [part.transformed(here) for part in self._instance(child)]
             more = [self.target(child) for child in node.findall("instance_node")]
             nodes += [(child, here) for child in [*node.findall("node"), *more]]
-        for what in ("geometry", "material"):
-            count.hold(f"elements {what!r}", sum(1 for _ in self.root.iter(what)))
+        for noun in ("geometry", "material"):
+            count.hold(f"elements {noun!r}", sum(1 for _ in self.root.iter(noun)))
         count.use("elements 'geometry'", len(self._read))
         count.use("elements 'material'", self.materials.used)
         return parts
@@ -134,18 +134,18 @@ class _File:
         for step in node:
             if step.tag not in ("matrix", "translate", "rotate", "scale", "lookat"):
                 continue
-            given = floats(step)
+            values = floats(step)
             if step.tag == "matrix":
-                matrix = matrix @ given.reshape(4, 4)
+                matrix = matrix @ values.reshape(4, 4)
             elif step.tag == "translate":
-                matrix = matrix @ translate(*given)
+                matrix = matrix @ translate(*values)
             elif step.tag == "scale":
-                matrix = matrix @ np.diag([*given, 1.0])
+                matrix = matrix @ np.diag([*values, 1.0])
             elif step.tag == "rotate":
-                if given[:3].any():
-                    matrix = matrix @ rotate(given[:3].tolist(), given[3])
+                if values[:3].any():
+                    matrix = matrix @ rotate(values[:3].tolist(), values[3])
             else:
-                eye, interest, up = given.reshape(3, 3)
+                eye, interest, up = values.reshape(3, 3)
                 back = normalise(eye - interest)
                 right = normalise(np.cross(up, back))
                 matrix = matrix @ affine(np.stack([right, np.cross(back, right), back], -1), eye)
@@ -179,9 +179,9 @@ class _File:
     def _geometry(self, geometry: ET.Element) -> Iterator[_Polygons]:
         for primitive in geometry.iterfind("mesh/*"):
             if primitive.tag in PRIMITIVES:
-                made = self._polygons(primitive)
-                if made.part.count:
-                    yield made
+                polygons = self._polygons(primitive)
+                if polygons.part.count:
+                    yield polygons
 
     def _polygons(self, primitive: ET.Element) -> _Polygons:
         inputs = primitive.findall("input")
@@ -204,8 +204,8 @@ class _File:
         if primitive.tag in STRIPS:
             ends = np.cumsum([0, *(len(each) // width for each in lists)])
             make = STRIPS[primitive.tag]
-            made = [a + make(np.arange(b - a)) for a, b in pairwise(ends)]
-            corners = np.concatenate([np.zeros((0, 3), np.int64), *made])
+            pieces = [a + make(np.arange(b - a)) for a, b in pairwise(ends)]
+            corners = np.concatenate([np.zeros((0, 3), np.int64), *pieces])
         else:
             counts = np.full(len(index) // 3, 3)
             if primitive.tag == "polylist":
@@ -215,29 +215,31 @@ class _File:
             if counts.sum() != len(index):
                 raise ValueError(f"a list of {primitive.tag} has not as many corners as it says")
             corners, _ = triangulate(points[:, :3], of_points, counts, self.account)
-        found = {name: values[at[corners]] for name, (values, at) in columns.items()}
-        sets = {number: uv[..., :2] for (name, number), uv in found.items() if name == "TEXCOORD"}
-        colours = next((rgb for (name, _), rgb in found.items() if name == "COLOR"), None)
+        values_of = {name: values[at[corners]] for name, (values, at) in columns.items()}
+        sets = {
+            number: uv[..., :2] for (name, number), uv in values_of.items() if name == "TEXCOORD"
+        }
+        colours = next((rgb for (name, _), rgb in values_of.items() if name == "COLOR"), None)
         part = SurfaceMesh(
-            found["POSITION", 0], normals=found.get(("NORMAL", 0)),
+            values_of["POSITION", 0], normals=values_of.get(("NORMAL", 0)),
             colours=None if colours is None else srgb_decode(np.clip(colours[..., :3], 0, 1)),
         )  # fmt: skip
         return _Polygons(primitive.get("material", ""), part, sets)
 
     def _column(
-        self, given: ET.Element, at: np.ndarray, number: int,
+        self, declared: ET.Element, at: np.ndarray, number: int,
         columns: dict[tuple[str, int], tuple[np.ndarray, np.ndarray]],
     ) -> None:  # fmt: skip
         """Put the values of an input, and which of them each corner has, among the columns."""
-        semantic, source = given.get("semantic", ""), self.target(given, "source")
+        semantic, source = declared.get("semantic", ""), self.target(declared, "source")
         if semantic == "VERTEX":
             for each in source.findall("input"):
                 self._column(each, at, int(each.get("set", 0)), columns)
             return
-        what = f"inputs {semantic[:16]!r}"
-        self.account.hold(what)
+        name = f"inputs {semantic[:16]!r}"
+        self.account.hold(name)
         if semantic in ("POSITION", "NORMAL", "TEXCOORD", "COLOR"):
-            self.account.use(what)
+            self.account.use(name)
             key = semantic, number if semantic == "TEXCOORD" else 0
             columns.setdefault(key, (self._values(source), at))
 

@@ -24,10 +24,10 @@ READ = ("diffuse", "emission", "specular", "shininess")
 
 def below(element: ET.Element, way: str) -> ET.Element:
     """The first element of a way; ValueError if there is none."""
-    found = element.find(way)
-    if found is None:
+    child = element.find(way)
+    if child is None:
         raise ValueError(f"an element {element.tag!r} has no {way!r}")
-    return found
+    return child
 
 
 def floats(element: ET.Element | None) -> np.ndarray:

@@ -124,8 +124,8 @@ def _obj(file: Path) -> Iterator[str]:
 
 
 def _dae(file: Path) -> Iterator[str]:
-    found = _IMAGE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
-    return _strings([_text(name) for name in found])
+    names = _IMAGE.findall(reading.read_bytes(file, reading.LARGEST_TEXT))
+    return _strings([_text(name) for name in names])
 
 
 def _ply(file: Path) -> Iterator[str]:

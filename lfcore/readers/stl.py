@@ -29,9 +29,9 @@ def read_stl(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     if is_text and end != len(data):
         corners = _text(data, account)
     elif end <= len(data) and len(data) >= HEAD:
-        found = np.frombuffer(data, TRIANGLE, count, HEAD)
-        corners = found["corners"].astype(np.float64)
-        colours = _colours(data[:80], found["colour"], account)
+        facets = np.frombuffer(data, TRIANGLE, count, HEAD)
+        corners = facets["corners"].astype(np.float64)
+        colours = _colours(data[:80], facets["colour"], account)
         if data[end:].strip(b"\0"):
             notebook.add(NOT_USED, path, f"{len(data) - end} bytes at its end")
     else:

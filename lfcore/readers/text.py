@@ -41,9 +41,9 @@ def numbers(text: bytes, dtype: type = np.float64) -> tuple[np.ndarray, np.ndarr
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # of older versions
-            found: np.ndarray = np.fromstring(text, dtype, sep=" ")
-        if len(found) == len(starts):
-            return found, counts
+            values: np.ndarray = np.fromstring(text, dtype, sep=" ")
+        if len(values) == len(starts):
+            return values, counts
     except (ValueError, DeprecationWarning):
         pass
     for word in re.finditer(rb"\S+", text):

@@ -44,11 +44,11 @@ def read_3mf(data: bytes, path: Path, notebook: Notebook, account: Account) -> l
     models = {f"/{name}": parse(unpacked(path, archive, name)) for name in names}
     if not models:
         raise ValueError("its archive has no model")
-    for element, what in LOST.items():
+    for element, noun in LOST.items():
         number = sum(1 for model in models.values() for _ in model.iter(element))
-        account.hold(what, number)
+        account.hold(noun, number)
         if number:
-            account.lose(what, LEFT_OUT, what, number)
+            account.lose(noun, LEFT_OUT, noun, number)
     roots = [name for name, model in models.items() if model.find("build/item") is not None]
     if not roots:
         raise ValueError("it builds no object")
@@ -121,7 +121,7 @@ class _Models:
         self, model: str, element: ET.Element, triangles: list[ET.Element]
     ) -> np.ndarray | None:
         """Return (T, 3, 3) linear colours of corners; None without any."""
-        colours, found = np.full((len(triangles), 3, 3), 0.8), False
+        colours, has_any = np.full((len(triangles), 3, 3), 0.8), False
         group, first = element.get("pid"), element.get("pindex", "0")
         for number, triangle in enumerate(triangles):
             table = self.colours.get((model, triangle.get("pid", group)))
@@ -131,8 +131,8 @@ class _Models:
             picks = [int(triangle.get(name, own)) for name in ("p1", "p2", "p3")]
             if not 0 <= min(picks) <= max(picks) < len(table):
                 raise ValueError(f"a triangle names colour {max(picks)} of {len(table)}")
-            colours[number], found = table[picks], True
-        return colours if found else None
+            colours[number], has_any = table[picks], True
+        return colours if has_any else None
 
 
 def _matrix(element: ET.Element) -> np.ndarray:
