@@ -47,12 +47,12 @@ def psnr(picture: np.ndarray, truth: np.ndarray) -> float:
 
 def errors_of(description: Description, item: StoredItem, tracer: Tracer) -> list[float]:
     """Return the dB of each picture of a stack, or of some views of a light field."""
-    lens, pixels = description.lens, description.pixels
+    lens, pixels = description.lens, description.size.shorter
     if description.kind == "light_fields":
-        slab = Slab(tracer.scene.camera, lens.views, pixels)
+        slab = Slab.of(tracer.scene.camera, lens.views, description.size)
         true = {f"input_Cam{k:03d}.png": views.view(tracer, slab, k, TRUE_PATTERN) for k in VIEWS}
     else:
-        planes = [SensorPlane(focus, lens.f_number) for focus in lens.focus_m]
+        planes = [SensorPlane(focus, tracer.scene.camera.f_number) for focus in lens.focus_m]
         true = {
             f"focus{k:02d}.tif": true_picture(tracer, plane, pixels, TRUTH)
             for k, plane in enumerate(planes)
@@ -62,7 +62,7 @@ def errors_of(description: Description, item: StoredItem, tracer: Tracer) -> lis
 
 def disparity_error(description: Description, item: StoredItem, tracer: Tracer) -> float:
     """Return the largest error of disparity, pixels, by single rays away from edges."""
-    slab = Slab(tracer.scene.camera, description.lens.views, description.pixels)
+    slab = Slab.of(tracer.scene.camera, description.lens.views, description.size)
     worst, rng = 0.0, np.random.default_rng(1)
     for number in VIEWS:
         stored = item.floats(f"gt_disp_lowres_Cam{number:03d}.pfm")

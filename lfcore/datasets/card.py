@@ -64,7 +64,7 @@ DFV_TRAINS_ON = 400
 MEDIA = {
     ".tif": "image/tiff", ".exr": "image/x-exr", ".png": "image/png", ".tar": "application/x-tar",
     ".pfm": "application/octet-stream", ".mat": "application/x-matlab-data",
-    ".h5": "application/x-hdf5",
+    ".h5": "application/x-hdf5", ".npy": "application/octet-stream", ".npz": "application/zip",
 }  # fmt: skip
 
 AS_BYTES = "text/plain"
@@ -209,8 +209,10 @@ def _file_records(kind: str) -> dict[str, Any]:
 
 SHOWN = 25
 """The items on the contact sheet."""
-DEPTHS = ("depth.exr", "depth_m.exr", "gt_depth_lowres.pfm")
+DEPTHS = ("depth.exr", "depth_m.exr", "gt_depth_lowres.pfm", "depth.npy")
 """The fields with the first picture's depth, one per kind of data set."""
+SHARP = ("sharp.tif", "image_all_in_focus.png")
+"""The pictures that the contact sheet leaves out."""
 CAPTIONS = {
     "page": "What training sees. A scene that looks odd is a mistake: please report its number.",
     "items": "Per item the first picture, the last one, and depth: near is warm, evenly in 1/m.",
@@ -235,10 +237,11 @@ def write_report(
     folder = page.parent / "page"
     cells, labels = [], []
     for item in stored_items(shards, drawn(description, records)):
-        names = [name for name in item.pictures() if name != "sharp.tif"]
+        names = [name for name in item.pictures() if name not in SHARP]
         depth = item.floats(next(name for name in DEPTHS if name in item.files))
         pictures = item.shown(names[0]), item.shown(names[-1]), depth_picture(depth)
-        small = [cv2.resize(p, (160, 160), interpolation=cv2.INTER_AREA) for p in pictures]
+        width, height = description.size.scaled(160)
+        small = [cv2.resize(p, (width, height), interpolation=cv2.INTER_AREA) for p in pictures]
         cells.append(np.hstack(small))
         labels.append(f"{item.index:06d}: {item.record['expected_db']:.1f} dB")
     spread = _histograms(folder / "spread.png", description, records)

@@ -19,9 +19,11 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from lfcore.checked_keys import refusal
 from lfcore.errors import OpticsError, SettingsError
 from lfcore.files import file_digest
+from lfcore.optics.size import Size
 from lfcore.reading import read_yaml
 from lfcore.sensor import Sensor
 
+KINDS = ("focal_stacks", "infinigen_defocus", "light_fields", "defocus_pairs", "dual_pixel")
 SPLITS = ("train", "validation", "test")
 TEXTURES = (".png", ".jpg", ".jpeg", ".webp")
 """The suffixes of textures in a folder."""
@@ -104,12 +106,22 @@ class Lights(_Keys):
 
 
 class Lens(_Keys):
-    focal_length_mm: Positive = _key(2.9, description="of the lens")
-    sensor_width_mm: Positive = _key(3.1, description="the width of the picture on the sensor")
-    f_number: Positive = _key(1.0, description="of stacks and pairs")
+    focal_length_mm: span(1e-3, 1e6) = _key(2.9, description="of the lens")
+    sensor_width_mm: Positive = _key(
+        3.1, description="the width of the picture on the sensor; of a wide one the height"
+    )
+    f_number: span(0.1, 1e6) = _key(1.0, description="of stacks and pairs")
+    stops: list[Positive] = _key(
+        [1.4, 2.0, 2.8, 4.0, 5.6], min_length=1, max_length=20,
+        description="instead, the f-numbers of infinigen_defocus, each at every focus distance",
+    )  # fmt: skip
     focus_m: list[Positive] = _key(
         [0.1, 0.15, 0.3, 0.7, 1.5], min_length=1, max_length=100,
         description="of a stack's pictures; of a pair one of them; of a light field the first",
+    )  # fmt: skip
+    random_focus: int = _key(
+        0, ge=0, le=100, description="instead, this many distances per item between the least and "
+        "the greatest focus_m, at random in dioptres; 0: focus_m",
     )  # fmt: skip
     views: int = _key(9, ge=2, le=64, description="per side of a light field")
     baseline_mm: Positive = _key(4.0, description="between neighbouring views")
@@ -127,6 +139,18 @@ class Placement(_Keys):
     least_seen: Share = _key(0.1, description="of the picture that objects must fill")
 
 
+def _as_pixels(value: int | str) -> int | str:
+    try:
+        size = Size.of(value)
+    except OpticsError as error:
+        raise ValueError(error.problem) from None
+    if size.shorter < 16 or size.longer > 4096:
+        raise ValueError(f"each side must be from 16 to 4096 pixels, not {size}")
+    if (size.longer - size.shorter) % 2:
+        raise ValueError(f"width and height must differ by an even number, not {size}")
+    return size.as_given
+
+
 def _as_sensor(value: dict[str, Any]) -> dict[str, Any]:
     try:
         Sensor.of(value)
@@ -142,18 +166,21 @@ class Description(_Keys):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$",
         description="of the folder in results/datasets: letters, digits, _ and -",
     )
-    kind: Literal["focal_stacks", "light_fields", "defocus_pairs"] = _key(
-        description="`focal_stacks`, `light_fields` or `defocus_pairs`"
+    kind: Literal[KINDS] = _key(
+        description="`focal_stacks` (as in FoD500), `infinigen_defocus` (stacks at several "
+        "f-numbers), `light_fields`, `defocus_pairs` or `dual_pixel` (as in DPDD)"
     )
     licence: str = _key("", description="of the data set, a URL or SPDX name")
     seed: int = _key(1, ge=0, lt=2**63, description="scenes depend on it and their number alone")
     scenes: Counts = Counts()
-    pixels: int = _key(256, ge=16, le=4096, description="per side")
+    pixels: Annotated[int | str, AfterValidator(_as_pixels)] = _key(
+        256, description="per side, or width and height such as 640x480"
+    )
     quality_db: float = _key(45, gt=0, le=100, description="PSNR that no picture is below")
     also: list[Literal["mat", "hdf5"]] = _key(
         ["mat"], description="layouts of light fields beside HCI's"
     )
-    codes: Literal["srgb8", "linear16", "raw16"] = _key(
+    codes: Literal["srgb8", "srgb16", "linear16", "raw16"] = _key(
         "srgb8", description="of pictures: sRGB, linear light, or the sensor's raw ones"
     )
     sensor: Annotated[dict[str, Any], AfterValidator(_as_sensor)] = _key(
@@ -171,12 +198,17 @@ class Description(_Keys):
     def _consistent(self) -> Description:
         if not self.count:
             raise ValueError("scenes: there are none")
-        if min(self.lens.focus_m) <= self.lens.focal_length_mm / 1e3:
+        if min(self.lens.focus_m) <= self.lens.focal_length_mm[1] / 1e3:
             raise ValueError("lens.focus_m: nearer than the lens can focus")
         if self.placement.depth_m[0] >= self.placement.wall_m[0]:
             raise ValueError("placement.depth_m: objects are beyond placement.wall_m")
         if not (self.shapes.builders or self.shapes.meshes):
             raise ValueError("shapes: neither meshes nor builders")
+        names = {f"{metres:.1f}" for metres in self.lens.focus_m}
+        if self.kind == "infinigen_defocus" and len(names) < len(self.lens.focus_m):
+            raise ValueError("lens.focus_m: names have one decimal, which two distances share")
+        if self.kind == "infinigen_defocus" and self.lens.random_focus:
+            raise ValueError("lens.random_focus: readers of this kind expect equal distances")
         if self.codes == "raw16" and (not self.sensor or self.kind == "light_fields"):
             raise ValueError("codes: raw ones need a sensor, and focal stacks or pairs")
         return self
@@ -199,6 +231,11 @@ class Description(_Keys):
         if not isinstance(content, dict) or not isinstance(content.get("dataset"), dict):
             raise SettingsError("has no mapping 'dataset'", file=path, remedy="Begin with dataset:")
         return cls.check(content["dataset"], file=path)
+
+    @property
+    def size(self) -> Size:
+        """Width and height of the pictures."""
+        return Size.of(self.pixels)
 
     @property
     def count(self) -> int:
@@ -236,7 +273,7 @@ class Description(_Keys):
     def properties(self) -> dict[str, Any]:
         """Return the common properties of all pictures, for people."""
         space = "sRGB, IEC 61966-2-1"
-        if self.codes != "srgb8":
+        if not self.codes.startswith("srgb"):
             space = "linear light, sRGB primaries, white at the greatest code"
         noise = "none"
         if self.sensor:
@@ -271,14 +308,16 @@ class Description(_Keys):
 
     def check_room(self, folder: Path) -> None:
         """Raise :class:`SettingsError` if the disk lacks room for both shards and items."""
-        bytes_per_pixel = 3 * (len(self.lens.focus_m) + 3)
+        bytes_per_pixel = 3 * ((self.lens.random_focus or len(self.lens.focus_m)) + 3)
         if self.kind == "light_fields":  # colours and disparities of each view
             also = sum({"mat": 12, "hdf5": 11}[name] for name in self.also)
             bytes_per_pixel = (7 + also) * self.lens.views**2
-        elif self.kind == "defocus_pairs":
-            bytes_per_pixel = 3 * 5
-        deep = 1 if self.codes == "srgb8" else 2
-        needed = 2 * deep * self.count * bytes_per_pixel * self.pixels**2
+        elif self.kind == "infinigen_defocus":
+            bytes_per_pixel = 3 * (len(self.lens.focus_m) * len(self.lens.stops) + 3)
+        elif self.kind != "focal_stacks":
+            bytes_per_pixel = 3 * 7
+        deep, pixels = 1 if self.codes == "srgb8" else 2, self.size.width * self.size.height
+        needed = 2 * deep * self.count * bytes_per_pixel * pixels
         free = shutil.disk_usage(folder).free
         if needed > free:
             problem = f"needs up to {needed / 1e9:,.0f} GB, and the disk has {free / 1e9:,.0f}"

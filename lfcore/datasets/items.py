@@ -81,27 +81,34 @@ class Item:
             if description.codes == "raw16":
                 return raw
             light = sensor.developed(raw)
-        if description.codes == "srgb8":
-            return srgb_codes(light)
+        if description.codes.startswith("srgb"):
+            return srgb_codes(light, bits=int(description.codes[4:]))
         return np.rint(65535 * light.clip(0, 1)).astype(np.uint16)
 
     def add(
-        self, name: str, picture: np.ndarray, *, half: bool = False, noise: bool = True
+        self, name: str, picture: np.ndarray, *, group: str = "", half: bool = False,
+        noise: bool = True,
     ) -> None:  # fmt: skip
-        """Add a file: of a picture in linear light or codes, or of numbers in EXR or PFM; ``half``
-        makes half floats in three channels."""
+        """Add a file: of a picture in linear light or codes, or of numbers in EXR, PFM or NPY.
+
+        ``group`` is the array's field in which files are stacked, by default the name without
+        number; ``half`` makes half floats in three channels.
+        """
         stem, _, suffix = name.rpartition(".")
         with self.watch.part("files"):
-            if suffix not in ("exr", "pfm") and picture.dtype.kind == "f":
+            if suffix not in ("exr", "pfm", "npy") and picture.dtype.kind == "f":
                 picture = self.codes(picture, noise=noise)
             elif half:
                 picture = picture.astype(np.float16)
-            field = stem.rstrip("0123456789")
-            if field == stem:
-                self.arrays[field] = picture
+            group = group or stem.rstrip("0123456789")
+            if group == stem:
+                self.arrays[group] = picture
             else:
-                self.arrays.setdefault(field, []).append(picture)
-            if self.encoded:
+                self.arrays.setdefault(group, []).append(picture)
+            if self.encoded and suffix == "npy":
+                np.save(file := io.BytesIO(), picture, allow_pickle=False)
+                self.files[name] = file.getvalue()
+            elif self.encoded:
                 channels = np.repeat(picture[..., None], 3, 2) if half else picture
                 self.files[name] = picture_bytes(f".{suffix}", channels, half=half)
 
@@ -118,9 +125,10 @@ def make_item(
     with item.watch.part("scene"):
         scene, names, dropped = sample(description, index)
         tracer = open_tracer(scene, device)
-    slab = Slab(scene.camera, 1, description.pixels)
+    slab = Slab.of(scene.camera, 1, description.size)
     hits = tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
     triangle, depth = (array[0] for array in hits)
+    finite = depth[np.isfinite(depth)]
     behind = np.array([material.name in BACKDROP for material in scene.every_material])
     seen = float((~behind[scene.material_ids[triangle]] & (triangle >= 0)).mean())
     if seen < description.placement.least_seen:
@@ -130,8 +138,8 @@ def make_item(
         "index": index, "made_of": made_of, "objects": names, "dropped": dropped,
         "seen": round(seen, 4), "pictures": description.properties(),
         "camera": scene.camera.to_json() | {"pixels": description.pixels},
-        "depth_m": [float(depth.min()), float(depth.max())],
-        "depths": np.histogram(depth, DEPTH_BINS)[0].tolist(),
+        "depth_m": [float(finite.min()), float(finite.max())],
+        "depths": np.histogram(finite, DEPTH_BINS)[0].tolist(),
     }  # fmt: skip
     MAKERS[description.kind](item, description, tracer, depth)
     # The worst picture counts.
@@ -144,46 +152,81 @@ def make_item(
 
 def _focal_stack(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Add files as in FoD500: a TIFF per focus, and depth as half floats in three channels."""
-    focus = description.lens.focus_m
-    rendering = formed(description, tracer, focus)
+    camera, focus = tracer.scene.camera, list(tracer.scene.focus_distances_m)
+    planes = [SensorPlane(distance, camera.f_number) for distance in focus]
+    rendering = formed(description, tracer, planes)
     for number, picture in enumerate(rendering.pictures):
         item.add(f"focus{number:02d}.tif", picture)
     _add_sharp(item, "sharp.tif", description, tracer)
     item.add("depth.exr", depth, half=True)
-    _note(item, description, tracer.scene.camera, depth, focus, rendering)
+    _note(item, description, camera, depth, focus, rendering)
+
+
+def _infinigen(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Add files as in Infinigen Defocus: a PNG per f-number and focus, depth, and the camera's
+    matrix.
+
+    Source: github.com/princeton-vl/FOSSA, dataset/infinigen_defocus.py.
+    """
+    camera, focus = tracer.scene.camera, list(tracer.scene.focus_distances_m)
+    planes = [SensorPlane(far, stop) for stop in description.lens.stops for far in focus]
+    rendering = formed(description, tracer, planes)
+    for plane, picture in zip(planes, rendering.pictures, strict=True):
+        name = f"image_ap_{plane.f_number:.2f}_fd_{plane.focus_m:.2f}.png"
+        item.add(name, picture, group="focus")
+    _add_sharp(item, "image_all_in_focus.png", description, tracer)
+    item.add("depth.npy", depth)
+    (width, height), pitch = description.size, camera.field_width / description.size.shorter
+    matrix = np.array([[1 / pitch, 0, width / 2], [0, 1 / pitch, height / 2], [0, 0, 1]])
+    item.arrays |= {"K": matrix, "f_number": [plane.f_number for plane in planes]}
+    if item.encoded:
+        np.savez(file := io.BytesIO(), K=matrix)
+        item.files["cam_all_in_focus.npz"] = file.getvalue()
+    distances = [plane.focus_m for plane in planes]
+    _note(item, description, camera, depth, distances, rendering)
+    item.record["f_numbers"] = [plane.f_number for plane in planes]
+
+
+def _pair_focus(item: Item, tracer: Tracer) -> float:
+    distances = tracer.scene.focus_distances_m
+    return distances[item.record["index"] % len(distances)]
 
 
 def _defocus_pair(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Add a sharp and a defocused picture, depth, and the signed circle of confusion."""
-    distances = description.lens.focus_m
-    focus = [distances[item.record["index"] % len(distances)]]
-    rendering = formed(description, tracer, focus)
+    camera, focus = tracer.scene.camera, _pair_focus(item, tracer)
+    rendering = formed(description, tracer, [SensorPlane(focus, camera.f_number)])
     _add_sharp(item, "sharp.png", description, tracer)
     item.add("defocused.png", rendering.pictures[0])
-    item.add("coc_px.exr", blur_px(tracer.scene.camera, description.pixels, depth, focus[0]))
+    _add_blur(item, description, camera, depth, focus)
+    _note(item, description, camera, depth, [focus], rendering)
+
+
+def _add_blur(
+    item: Item, description: Description, camera: Camera, depth: np.ndarray, focus_m: float
+) -> None:  # fmt: skip
+    item.add("coc_px.exr", blur_px(camera, description.size.shorter, depth, focus_m))
     item.add("depth_m.exr", depth)
-    _note(item, description, tracer.scene.camera, depth, focus, rendering)
 
 
-def formed(description: Description, tracer: Tracer, focus: list[float]) -> Rendering:
-    """Render pictures at these distances to the description's quality; a wider field is cropped."""
-    camera, pixels = tracer.scene.camera, description.pixels
-    planes = [SensorPlane(distance, camera.f_number) for distance in focus]
+def formed(description: Description, tracer: Tracer, planes: list[SensorPlane]) -> Rendering:
+    """Render these pictures to the description's quality; a wider field is cropped."""
+    camera, (width, height) = tracer.scene.camera, description.size
+    side = min(width, height)
     reach = max(abs(plane.delta - camera.delta) for plane in planes) * camera.lens_radius_m
-    margin = math.ceil(reach * pixels / camera.field_width) + 1
-    side = pixels + 2 * margin
-    wide = replace(camera, sensor_width_m=camera.sensor_width_m * side / pixels)
-    quality = Quality(description.quality_db)
-    rendering = QualitySearch(tracer, wide, planes, side, quality).pictures()
-    window = np.s_[:, margin : side - margin, margin : side - margin]
+    margin = math.ceil(reach * side / camera.field_width) + 1
+    wide = replace(camera, sensor_width_m=camera.sensor_width_m * (side + 2 * margin) / side)
+    size, quality = (width + 2 * margin, height + 2 * margin), Quality(description.quality_db)
+    rendering = QualitySearch(tracer, wide, planes, size, quality).pictures()
+    window = np.s_[:, margin : height + margin, margin : width + margin]
     return replace(rendering, pictures=rendering.pictures[window])
 
 
 def _add_sharp(item: Item, name: str, description: Description, tracer: Tracer) -> None:
     """Add the picture through the middle of the lens."""
-    slab = Slab(tracer.scene.camera, 1, description.pixels)
+    slab = Slab.of(tracer.scene.camera, 1, description.size)
     pattern, expected_db = views.chosen(tracer, slab, [0], description.quality_db)
-    item.add(name, views.view(tracer, slab, 0, pattern), noise=False)
+    item.add(name, views.view(tracer, slab, 0, pattern), group="sharp", noise=False)
     item.record |= {"each_db": expected_db, "rays_per_pixel": views.rays_per_pixel(pattern)}
 
 
@@ -197,7 +240,7 @@ def _note(
 ) -> None:
     """Add the facts of defocused pictures to the record, which has those of the sharp one."""
     rays, sharp_db = item.record["rays_per_pixel"], item.record["each_db"]
-    pixels = description.pixels
+    pixels = description.size.shorter
     radii = np.abs([blur_px(camera, pixels, depth, distance) / 2 for distance in focus])
     item.record |= {
         "focus_m": focus,
@@ -219,13 +262,13 @@ def blur_px(camera: Camera, pixels: int, depth: np.ndarray, focus_m: float) -> n
 
 def _light_field(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
     """Add views and their disparities, in the description's layouts."""
-    slab = Slab(tracer.scene.camera, description.lens.views, description.pixels)
-    count, side = slab.views**2, description.pixels
+    slab = Slab.of(tracer.scene.camera, description.lens.views, description.size)
+    count, (width, height) = slab.views**2, slab.size
     checked = (0, count // 2, count - 1)
     pattern, expected_db = views.chosen(tracer, slab, checked, description.quality_db)
     depths = depth_of_views(tracer, slab)
     traced = (item.codes(views.view(tracer, slab, k, pattern)) for k in range(count))
-    codes = np.stack(list(traced)).reshape(slab.views, slab.views, side, side, 3)
+    codes = np.stack(list(traced)).reshape(slab.views, slab.views, height, width, 3)
     reach = float(depths.min()), float(depths.max())
     _add_hci(item, slab, tracer.scene.name, codes, depths)
     with item.watch.part("files"):
@@ -258,15 +301,16 @@ def _add_hci(item: Item, slab: Slab, name: str, codes: np.ndarray, depths: np.nd
     item.add("gt_depth_lowres.pfm", depths[middle])
     reach = float(depths.min()), float(depths.max())
     grid: Any = SimpleNamespace(
-        name=name, columns=slab.views, rows=slab.views, width=slab.pixels, height=slab.pixels,
-        disparity=partial(disparity, slab),
+        name=name, columns=slab.views, rows=slab.views, width=slab.size.width,
+        height=slab.size.height, disparity=partial(disparity, slab),
     )  # fmt: skip
     text = hci.parameters(grid, KnownGeometry.of_slab(slab), reach)
     item.files["parameters.cfg"] = text.encode()
 
 
 MAKERS = {
-    "focal_stacks": _focal_stack, "light_fields": _light_field, "defocus_pairs": _defocus_pair,
+    "focal_stacks": _focal_stack, "infinigen_defocus": _infinigen,
+    "light_fields": _light_field, "defocus_pairs": _defocus_pair,
 }  # fmt: skip
 
 

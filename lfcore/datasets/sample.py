@@ -260,15 +260,31 @@ def described(source: Description | str | Path | Mapping[str, Any]) -> Descripti
     return Description.read(source)
 
 
-def camera_of(description: Description) -> Camera:
-    """Return the lens that is traced, focused in the middle of the planes, in dioptres."""
-    lens = description.lens
-    focal, sensor = lens.focal_length_mm / 1e3, lens.sensor_width_mm / 1e3
+class ItemLens(NamedTuple):
+    """The lens of an item, focused in the middle of its focus distances, in dioptres."""
+
+    camera: Camera
+    focus_m: tuple[float, ...]
+
+
+def lens_of(description: Description, index: int) -> ItemLens:
+    """Return the lens of an item; its draws change no scene."""
+    lens, focus = description.lens, tuple(description.lens.focus_m)
+    seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 31, index))
+    draw = _Draw(description, np.random.Generator(np.random.Philox(seeds)))
+    focal, sensor = draw.span(lens.focal_length_mm) / 1e3, lens.sensor_width_mm / 1e3
     if description.kind == "light_fields":
         diameter = lens.views * lens.baseline_mm / 1e3
-        return Camera(focal, sensor, focal / diameter, lens.focus_m[0])
-    middle = 2 / (1 / min(lens.focus_m) + 1 / max(lens.focus_m))
-    return Camera(focal, sensor, lens.f_number, middle)
+        return ItemLens(Camera(focal, sensor, focal / diameter, focus[0]), focus)
+    f_number = draw.span(lens.f_number)
+    if description.kind == "infinigen_defocus":
+        f_number = min(lens.stops)
+    if lens.random_focus:
+        near, far = 1 / min(focus), 1 / max(focus)
+        dioptres = far + (near - far) * draw.rng.random(lens.random_focus)
+        focus = tuple(sorted((1 / dioptres).tolist()))
+    middle = 2 / (1 / min(focus) + 1 / max(focus))
+    return ItemLens(Camera(focal, sensor, f_number, middle), focus)
 
 
 class _Draw:
@@ -292,7 +308,7 @@ class _Draw:
 
     def sample(self, index: int) -> Sample:
         keys = self.description
-        place, camera = keys.placement, camera_of(keys)
+        place, (camera, focus_m) = keys.placement, lens_of(keys, index)
         resting, wall = self.chance(place.share_resting), self.span(place.wall_m)
         pitch = math.radians(self.span(place.pitch_deg)) if resting else 0.0
         low, high, _ = place.depth_m
@@ -307,7 +323,7 @@ class _Draw:
         scene = Scene(
             name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
             ambient=triple(self.span(keys.lights.ambient) * self._tint()),
-            focus_distances_m=tuple(keys.lens.focus_m), **assemble(parts, to_camera).arrays,
+            focus_distances_m=focus_m, **assemble(parts, to_camera).arrays,
         )  # fmt: skip
         if self.chance(keys.lights.share_sky):
             horizon = np.array(scene.ambient)
@@ -329,7 +345,7 @@ class _Draw:
             for _ in range(TRIES):
                 depth = self.span(place.depth_m)
                 radius = self.span(place.size) * camera.field_width * depth / 2
-                x, y = (self.rng.random(2) - 0.5) * camera.field_width * depth
+                x, y = (self.rng.random(2) - 0.5) * self.field(camera) * depth
                 centre = (to_world @ (x, y, depth, 1))[:3]
                 pose = random_rotation_matrix(self.rng.random(3))  # uniform
                 if floor is not None:
@@ -348,13 +364,18 @@ class _Draw:
     ) -> bool:  # fmt: skip
         """Return whether a sphere is visible, not too near, before the wall, and meets no other."""
         x, y, z = (to_camera @ (*centre, 1))[:3]
-        seen = max(abs(x), abs(y)) <= camera.field_width * z / 2
+        seen = (np.abs((x, y)) <= self.field(camera) * z / 2).all()
         room = (
             z - radius >= self.description.placement.depth_m[0] / 2 and -centre[2] + radius <= wall
         )
         return bool(seen and room) and all(
             np.linalg.norm(centre - other) >= radius + size for other, size in spheres
         )
+
+    def field(self, camera: Camera) -> np.ndarray:
+        """Return width and height of what the camera sees at a distance of 1 m."""
+        size = self.description.size
+        return camera.field_width * np.array(size) / size.shorter
 
     def _shape(self) -> Shape:
         names = self.description.shapes.builders

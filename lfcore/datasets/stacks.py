@@ -81,8 +81,8 @@ class Stacks:
         -------
         dict of ndarray
             The content of files by their name without number and suffix; numbered ones are stacked:
-            of focal stacks ``focus`` (P, H, W, 3) and ``sharp`` (H, W, 3), uint8 sRGB codes, and
-            ``depth`` (H, W) float32, metres.  ``focus_m`` (P,) float32, and the scene's ``index``.
+            of focal stacks ``focus`` (P, H, W, 3) and ``sharp`` (H, W, 3), codes, and ``depth``
+            (H, W) float32, metres; also ``focus_m`` (P,) float32, and the scene's ``index``.
         """
         from lfcore.datasets.items import make_item  # needs pydantic
 

@@ -23,8 +23,11 @@ from lfcore.colour import srgb_codes
 from lfcore.datasets.description import Description
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.exr import read_exr
-from lfcore.files import cannot_write, read_json, whole_file
+from lfcore.files import cannot_write, read_json, whole_file, write_json
 from lfcore.pictures import by_opencv
+
+SPLIT_NAMES = {"train": "train", "validation": "val", "test": "test"}
+"""The splits of other programs' readers."""
 
 
 def place_of(kind: str, split: str, index: int, name: str) -> str:
@@ -37,6 +40,8 @@ def place_of(kind: str, split: str, index: int, name: str) -> str:
         return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
     if name == "h5":
         return f"hdf5/{split}/{index:06d}.h5"
+    if kind == "infinigen_defocus":
+        split = SPLIT_NAMES[split]
     folder = f"hci/{split}" if kind == "light_fields" else split
     return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
 
@@ -76,6 +81,7 @@ def unpack(description: Description, shards: Iterable[str | Path], folder: Path)
             yield name, data
 
     folder.mkdir(parents=True, exist_ok=True)
+    listed: dict[str, list[dict[str, str]]] = {}
     for shard in shards:
         if description.shards:
             write_tar(folder / Path(shard).name, completed(shard))
@@ -89,6 +95,29 @@ def unpack(description: Description, shards: Iterable[str | Path], folder: Path)
                 file.write_bytes(data)
             except OSError as error:
                 raise cannot_write(file, error) from None
+            if description.kind == "infinigen_defocus" and field == "json":
+                fields = json.loads(data)["fields"]
+                listed.setdefault(split, []).append(_infinigen_row(split, index, fields))
+    for split, rows in listed.items():
+        write_json(folder / f"{SPLIT_NAMES[split]}.json", {"files": rows})
+
+
+def _infinigen_row(split: str, index: str, fields: list[str]) -> dict[str, str]:
+    """Return an item's row in the file of its split: names, and paths below the data's folder."""
+    names = {
+        "image_all_in_focus.png": "image",
+        "depth.npy": "depth",
+        "cam_all_in_focus.npz": "camera",
+    }
+    row = {"id": index}
+    for file in fields:
+        numbers = re.fullmatch(r"image_ap_([\d.]+)_fd_([\d.]+)\.png", file)
+        name = names.get(file)
+        if numbers:
+            name = "image_ap_{:.1f}_fd_{:.1f}".format(*map(float, numbers.groups()))
+        if name:
+            row[name] = f"/{place_of('infinigen_defocus', split, int(index), file)}"
+    return row
 
 
 @dataclass(frozen=True)
@@ -185,7 +214,9 @@ class StoredItem:
         return np.repeat(light[..., None], 3, 2) if light.ndim == 2 else light
 
     def floats(self, name: str) -> np.ndarray:
-        """Return (H, W) float32 of a PFM, or of an EXR's first channel."""
+        """Return (H, W) float32 of a PFM, an NPY, or an EXR's first channel."""
+        if name.endswith(".npy"):
+            return np.load(io.BytesIO(self.files[name]), allow_pickle=False)
         if name.endswith(".pfm"):
             return self.codes(name)
         return read_exr(io.BytesIO(self.files[name]))[0][..., 0].astype(np.float32)

@@ -15,7 +15,7 @@ from lfcore.datasets import items, stored, views
 from lfcore.datasets import sample as sampling
 from lfcore.datasets.card import check_refused, tables
 from lfcore.datasets.description import Description
-from lfcore.datasets.sample import camera_of, sample
+from lfcore.datasets.sample import lens_of, sample
 from lfcore.exchange import arrays, hci
 from lfcore.exr import read_exr
 from lfcore.pictures import read_picture
@@ -47,7 +47,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     item = items.make_item(of, 0, device)
     folder = written(tmp_path, item)
     scene = sample(of, 0).scene
-    tracer, camera = open_tracer(scene, device), camera_of(of)
+    tracer, camera = open_tracer(scene, device), lens_of(of, 0).camera
     plane = SensorPlane(of.lens.focus_m[0], camera.f_number)
     true = pictures_by_depth(tracer, camera, [plane], of.pixels, Lattice(24, 2))[0]
     found = srgb_decode(read_picture(folder / "focus00.tif"))
@@ -57,7 +57,7 @@ def test_a_stack_has_the_error_that_is_promised_also_at_its_border(device, tmp_p
     expected = depth_of_views(tracer, Slab(camera, 1, of.pixels))[0]
     assert depth.dtype == np.float16 and np.array_equal(depth[..., 0], expected.astype(np.float16))
     # The border: a blurred picture of a wider field has the same pixels there.
-    wide = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [of.lens.focus_m[0]])
+    wide = items.formed(of.model_copy(update={"quality_db": 44}), tracer, [plane])
     assert db(found[:3], wide.pictures[0][:3]) > of.quality_db - 4
 
 
@@ -87,7 +87,7 @@ def test_a_sensor_makes_noise_in_all_pictures_but_the_sharp_one(device, codes):
 
 
 def test_blur_is_that_of_a_thin_lens():
-    camera = camera_of(Description.check(SMALL))
+    camera = lens_of(Description.check(SMALL), 0).camera
     near, at, far = items.blur_px(camera, 100, np.array([0.1, 0.3, 3.0], np.float32), 0.3)
     assert near < 0 and abs(at) < 1e-5 and far > 0
     diameter = camera.focal_length_m / camera.f_number * (1 / 0.3 - 1 / 3)
@@ -100,7 +100,7 @@ def test_pairs(device, tmp_path):
     coc, depth = (read_exr(folder / f"{name}.exr")[0][..., 0] for name in ("coc_px", "depth_m"))
     record = json.loads((folder / "json").read_text())
     assert record["focus_m"] == [of.lens.focus_m[1]]
-    assert np.allclose(coc, items.blur_px(camera_of(of), 48, depth, of.lens.focus_m[1]))
+    assert np.allclose(coc, items.blur_px(lens_of(of, 0).camera, 48, depth, of.lens.focus_m[1]))
     sharp, soft = (read_picture(folder / f"{name}.png") for name in ("sharp", "defocused"))
     assert sharp.shape == soft.shape == (48, 48, 3) and (sharp != soft).any()
 
@@ -118,7 +118,7 @@ def test_a_light_field_is_read_as_hcis_and_its_views_are_true(device, tmp_path):
     codes = arrays.data_set(tmp_path / "h5", "LF")
     assert codes.dtype == np.uint8 and np.array_equal(codes[0, 2], grid.read(2, 0))
     assert np.array_equal(luma_as_basic_lfsr(array[0, 2]), luma_of_codes(codes[0, 2]))
-    tracer, slab = open_tracer(sample(of, 2)[0], device), Slab(camera_of(of), 3, 40)
+    tracer, slab = open_tracer(sample(of, 2)[0], device), Slab(lens_of(of, 0).camera, 3, 40)
     depths = depth_of_views(tracer, slab, all_samples(slab))
     map_of_view = (tmp_path / "gt_disp_lowres_Cam005.pfm").read_bytes()
     stored = np.frombuffer(map_of_view[-40 * 40 * 4 :], "<f4").reshape(40, 40)[::-1]

@@ -14,7 +14,7 @@ import lfcore
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
-from lfcore.datasets.sample import BACKDROP, sample
+from lfcore.datasets.sample import BACKDROP, lens_of, sample
 from lfcore.scene.files import scene_digest
 
 CONFIG = Path(__file__).resolve().parents[2] / "config/datasets"
@@ -38,6 +38,13 @@ PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
         ({"kind": "holograms"}, "kind"),
         ({"sensor": {"read_noise_e": -1}}, "sensor: .*read_noise_e: must be a number from 0"),
         ({"sensor": {"bits": 0}}, "sensor: .*bits: must be a whole number from 1 to 16"),
+        ({"pixels": 8}, "pixels: .*each side must be from 16 to 4096"),
+        ({"pixels": "64x47"}, "pixels: .*width and height must differ by an even number"),
+        ({"pixels": "wide"}, "pixels: .*must be a whole number"),
+        (
+            {"kind": "infinigen_defocus", "lens": {"focus_m": [0.11, 0.12]}},
+            "names have one decimal",
+        ),
         ({"codes": "raw16"}, "codes: raw ones need a sensor"),
     ],
 )
@@ -130,6 +137,24 @@ def test_lamps_shine_from_above_on_the_middle_of_the_scene(kind):
             if light.is_spot:
                 assert np.dot(light.normal, light.vector) < 0
         assert sum(light.colour[1] for light in scene.lights) == pytest.approx(0.93)
+
+
+def test_the_lens_of_an_item_is_drawn_and_changes_no_scene():
+    ranges = {"f_number": [1.4, 4, "log"], "focal_length_mm": [2, 3], "random_focus": 4}
+    of = Description.check(PLAIN | {"lens": ranges})
+    lenses = [lens_of(of, index) for index in range(20)]
+    assert len({lens.camera.f_number for lens in lenses}) == 20
+    for camera, focus_m in lenses:
+        assert 1.4 <= camera.f_number <= 4 and 0.002 <= camera.focal_length_m <= 0.003
+        assert len(focus_m) == 4 and sorted(focus_m) == list(focus_m)
+        assert 0.1 <= focus_m[0] and focus_m[-1] <= 1.5
+    drawn = lfcore.sample_scene(PLAIN | {"lens": {"f_number": [1.4, 4]}}, 3)
+    fixed = lfcore.sample_scene(PLAIN, 3)
+    assert np.array_equal(drawn.triangles, fixed.triangles)
+    assert (
+        drawn.camera.f_number
+        == lens_of(Description.check(PLAIN | {"lens": {"f_number": [1.4, 4]}}), 3).camera.f_number
+    )
 
 
 def test_a_sky_takes_the_place_of_ambient_light():

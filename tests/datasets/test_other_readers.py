@@ -1,14 +1,20 @@
 """Other programs' readers open a data set: DFV's rules for FoD500, webdataset and mlcroissant."""
 
+import json
+
 import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
 
+from lfcore import Slab, render, sample_scene
+from lfcore.colour import srgb_codes
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
 from lfcore.datasets.stored import stored_items, unpack
+from lfcore.rendering.depth import depth_of_views
+from lfcore.rendering.prepared import open_tracer
 from tests.datasets.test_dataset_items import SMALL
 
 pytestmark = pytest.mark.kernels
@@ -52,6 +58,45 @@ def test_dfv_reads_stacks_and_depth(made, number):
     names = sorted(name for name in item.pictures() if name.startswith("focus"))
     assert np.array_equal(stack, [item.codes(name) for name in names])
     assert depth.dtype == np.float16 and np.array_equal(depth, item.floats("depth.exr"))
+
+
+def read_as_fossa(folder, split, number, stop, distances):
+    """All-in-focus picture, depth, matrix and focal stack, by the rules of FOSSA's loader.
+
+    github.com/princeton-vl/FOSSA, dataset/infinigen_defocus.py: a split file's paths follow the
+    data's folder, and pictures are named by f-number and focus with one decimal.
+    """
+    row = json.loads((folder / f"{split}.json").read_text())["files"][number]
+    names = [f"image_ap_{stop:.1f}_fd_{metres:.1f}" for metres in distances]
+    stack = [np.array(Image.open(f"{folder}{row[name]}").convert("RGB")) for name in names]
+    sharp = np.array(Image.open(f"{folder}{row['image']}").convert("RGB"))
+    matrix = np.load(f"{folder}{row['camera']}")["K"]
+    return sharp, np.load(f"{folder}{row['depth']}"), matrix, np.stack(stack)
+
+
+def test_fossa_reads_infinigen_defocus(device, tmp_path):
+    of = Description.check(SMALL | {
+        "kind": "infinigen_defocus", "pixels": "64x48", "scenes": {"train": 1, "validation": 1},
+        "lens": {"stops": [1, 2.8], "focus_m": [0.1, 0.3, 1]},
+    })  # fmt: skip
+    shard = tmp_path / "shard.tar"
+    make_batch(of, [0, 1], shard, tmp_path / "records.json", tmp_path / "drafts", device)
+    unpack(of, [shard], tmp_path / "data")
+    sharp, depth, matrix, stack = read_as_fossa(tmp_path / "data", "val", 0, 2.8, of.lens.focus_m)
+    assert sharp.shape == (48, 64, 3) and stack.shape == (3, 48, 64, 3)
+    assert (tmp_path / "data/val/000001/image_ap_2.80_fd_0.10.png").exists()
+    scene = sample_scene(of, 1)
+    picture = render(scene, focus_m=0.3, f_number=2.8, pixels=(64, 48), views=8)
+    assert np.abs(srgb_codes(picture).astype(int) - stack[1]).mean() < 2
+    # The matrix takes points of the scene to their pixels.
+    tracer = open_tracer(scene, device)
+    assert np.allclose(
+        depth, depth_of_views(tracer, Slab.of(scene.camera, 1, (64, 48)))[0], rtol=1e-6
+    )
+    columns, rows, _ = (np.linalg.inv(matrix) @ np.array([10.5, 20.5, 1])) * depth[20, 10]
+    origin, towards = np.zeros((1, 3)), np.array([[columns, rows, depth[20, 10]]])
+    hit = tracer.closest_hit(origin.astype(np.float32), towards.astype(np.float32))[1]
+    assert hit[0] == pytest.approx(1, abs=1e-4)
 
 
 def test_webdataset_reads_the_shard(made):
