@@ -3,11 +3,18 @@
 import numpy as np
 
 from lfcore.baking.irradiance_cache import IrradianceCache
-from lfcore.baking.mesh_colours import Points, grid_point, lattice
+from lfcore.baking.mesh_colours import (
+    LIKE_NORMAL,
+    Points,
+    corner_normals,
+    grid_point,
+    lattice,
+    nearest_points,
+)
 from lfcore.baking.surroundings import mean_colour
 from lfcore.scene.baked import DARK, BakedLight
 
-_FINEST = 8
+FINEST = 8
 """The most cells along an edge, a multiple of those needed at first (times ``fineness``): the error
 at an edge between lit and dark falls with the square root of a cell."""
 _SURPRISE = 0.06
@@ -29,6 +36,10 @@ _LARGEST_SIDE = 1024
 """The most cells along an edge: half a million points per face."""
 _VALUE_BYTES = 64
 """Memory per point while grids are refined, bytes."""
+_FINER = 4
+"""Cubes, per side of those in which small faces share points, that have one value."""
+_NEAREST = 8
+"""The points from which such a value is interpolated."""
 _STEPS = np.array([[1, -1, 0], [-1, 1, 0], [1, 0, -1], [-1, 0, 1], [0, 1, -1], [0, -1, 1]])
 """Steps to a grid point's six neighbours, in units of barycentric weights."""
 
@@ -49,32 +60,68 @@ class Refinement:
         bright = self._light[: len(cache.is_open)][cache.is_open].mean(-1)
         self._dark = DARK * float(bright.mean()) if len(bright) else 0.0
         self._surprise = max(_SURPRISE, cache.options.error)
-        self._finest = _FINEST * cache.options.fineness
+        self._finest = FINEST * cache.options.fineness
         self._room = cache.options.mib * 2**20 // 2 // _VALUE_BYTES
         self._next_seed = len(self._light)
+        self._stored, self._length = np.zeros((len(cells), 3), np.int32), 0
+        self._chunks: list[np.ndarray] = []
 
     def refine(self) -> BakedLight:
         """Refine where needed; returns the grids of all triangles."""
-        sides = self.grids.sides
-        seen = self.cache.seen.reshape(-1, 2).any(1)
-        hidden = np.flatnonzero(~seen)
-        finished = [(1, hidden, self._corner_values(hidden))]
-        for side in np.unique(sides).tolist():
-            triangles = np.flatnonzero(seen & (sides == side))
+        grids, seen = self.grids, self.cache.seen.reshape(-1, 2).any(1)
+        self._store(1, grids.lacking, self._corner_values(grids.examples), grids.group)
+        hidden = np.flatnonzero((grids.first >= 0) & ~self.cache.seen)
+        self._store(1, hidden, self._corner_values(hidden))
+        shared = seen & (grids.steps > 0)
+        self._interpolate(np.flatnonzero(self.cache.seen & np.repeat(shared, 2)))
+        for side in np.unique(grids.sides[seen & ~shared]).tolist():
+            triangles = np.flatnonzero(seen & ~shared & (grids.sides == side))
             values, covered = self._values(triangles, side)
             self._room -= values.size // 3
-            finished += self._halve(triangles, side, values, covered)
-        return self._assembled(finished)
+            for finer, chosen, light in self._halve(triangles, side, values, covered):
+                faces = 2 * chosen[:, None] + np.arange(2)
+                self._store(finer, faces.ravel(), light.reshape(-1, *light.shape[2:]))
+        return BakedLight(self._stored, np.concatenate(self._chunks, dtype=np.float32))
 
-    def _corner_values(self, triangles: np.ndarray) -> np.ndarray:
-        """Return the values (T, 2, 3, 3) of grids of one cell."""
-        faces = 2 * triangles[:, None] + np.arange(2)
-        corners = np.repeat(np.eye(3)[None], faces.size, axis=0).reshape(-1, 3)
-        points = self.grids.nearest(np.repeat(faces.ravel(), 3), corners).reshape(-1, 3)
+    def _store(
+        self,
+        side: int,
+        faces: np.ndarray,
+        values: np.ndarray,
+        row: np.ndarray | slice = slice(None),
+    ) -> None:
+        """Store grids of ``values`` (G, n, 3); the ``row`` (F,) is that of each of the faces."""
+        firsts = self._length + values.shape[1] * np.arange(len(values))
+        self._stored[faces // 2, faces % 2], self._stored[faces // 2, 2] = firsts[row], side
+        self._chunks.append(values.reshape(-1, 3))
+        self._length += values.size // 3
+
+    def _corner_values(self, faces: np.ndarray) -> np.ndarray:
+        """Return the values (F, 3, 3) of grids of one cell of faces (F,)."""
+        corners = np.tile(np.eye(3), (len(faces), 1))
+        points = self.grids.nearest(np.repeat(faces, 3), corners).reshape(-1, 3)
         # The camera sees some faces that are too small for its sample rays to hit.
         seen = np.flatnonzero(self.cache.is_open)
-        points = self.grids.prefer_adjacent(faces.ravel(), seen, points)
-        return self._light[points].reshape(len(triangles), 2, 3, 3)
+        return self._light[self.grids.prefer_adjacent(faces, seen, points)]
+
+    def _interpolate(self, faces: np.ndarray) -> None:
+        """Store the light at the corners of faces that share points, interpolated between these."""
+        grids, steps = self.grids, self.grids.steps[faces // 2]
+        seen = np.flatnonzero(self.cache.is_open)
+        points, count = grids.points.take(seen), np.arange(min(_NEAREST, len(seen))) + 1
+        for step in np.unique(steps):
+            chosen = faces[steps == step]
+            places = grids.scene.triangles[chosen // 2].astype(np.float64)
+            normals, _ = corner_normals(grids.scene, self.cache.around.lens, chosen)
+            keys = grids.keys(places, normals, np.full(len(chosen), step), _FINER)
+            _, first, at = np.unique(keys, return_index=True, return_inverse=True)
+            where = places.reshape(-1, 3)[first], normals.reshape(-1, 3)[first]
+            distance, near = nearest_points(points, *where, (step, 1 / LIKE_NORMAL), count)
+            # A point's share falls smoothly to nothing where it is no longer one of the nearest.
+            reach = np.maximum(distance[:, -1:], 1e-30)
+            share = ((1 - (distance / reach) ** 2) ** 2 + 1e-9)[..., None]
+            light = (share * self._light[seen[near]]).sum(1) / share.sum(1)
+            self._store(1, chosen, light[at].reshape(-1, 3, 3))
 
     def _values(self, triangles: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the values (T, 2, n, 3) of grids, and the mask (T, 2, n) of points that others
@@ -195,18 +242,6 @@ class Refinement:
         halves = 2 * sums / rays
         error = mean_colour(halves[0] - halves[1]) / 2
         return halves.mean(0), self.cache.variance(error, near)
-
-    def _assembled(self, finished: list[tuple[int, np.ndarray, np.ndarray]]) -> BakedLight:
-        """Return the grids (side, triangles, values) as one."""
-        grids = np.zeros((len(self.grids.sides), 3), np.int32)
-        chunks, length = [], 0
-        for side, triangles, values in finished:
-            count = values.shape[2]
-            firsts = length + count * np.arange(2 * len(triangles)).reshape(-1, 2)
-            grids[triangles] = np.column_stack([firsts, np.full(len(triangles), side)])
-            chunks.append(values.reshape(-1, 3))
-            length += 2 * count * len(triangles)
-        return BakedLight(grids, np.concatenate(chunks, dtype=np.float32))
 
 
 def _rough(

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfcore.baking.adaptive_refinement import Refinement
+from lfcore.baking.adaptive_refinement import FINEST, Refinement
 from lfcore.baking.denoising import denoised
 from lfcore.baking.irradiance_cache import IrradianceCache
-from lfcore.baking.mesh_colours import Grids, corner_normals, extent, longest_edge
+from lfcore.baking.mesh_colours import Grids, extent, longest_edge
 from lfcore.baking.surroundings import FIELD, Surroundings
 from lfcore.baking.verification import measured_error
 from lfcore.errors import SceneError
@@ -62,9 +62,8 @@ def bake_light(
     if not len(faces):  # the picture is of the sky alone
         dark = np.tile(np.array([0, 0, 1], np.int32), (scene.triangle_count, 1))
         return BakedLight(dark, np.zeros((3, 3), np.float32), rays=around.rays)
-    sides, direct_sides, cells = _grid_sides(scene, distance, options.cells)
-    normals = corner_normals(scene, around.lens)
-    grids, direct_grids = (Grids(scene, each, *normals) for each in (sides, direct_sides))
+    *both_sides, cells, steps = _grid_sides(scene, distance, options)
+    grids, direct_grids = (Grids(scene, around.lens, sides, steps) for sides in both_sides)
     cache = IrradianceCache(grids, direct_grids, around, options)
     report = progress or (lambda done, of: None)
     cache.find_points(faces, weights)
@@ -96,9 +95,9 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
     Returns the seen faces (F,), the mean barycentric weights (F, 3) where each is seen, and the
     least distance (T,) of each triangle, infinite if it is not seen.
     """
-    camera, corners = scene.camera, scene.triangles.astype(np.float64)
-    step, distance = FIELD * camera.field_width / count, np.full(len(corners), np.inf)
-    sums = np.zeros((4, 2 * len(corners)))
+    camera, triangles = scene.camera, scene.triangles
+    step, distance = FIELD * camera.field_width / count, np.full(len(triangles), np.inf)
+    sums = np.zeros((4, 2 * len(triangles)))
     for number, (x, y) in enumerate(around.lens):
         spacing = 2 if number else 1
         # Rays of all lens points to one place in focus have the same direction: they interleave.
@@ -112,14 +111,15 @@ def _seen_faces(scene: Scene, around: Surroundings, count: int) -> tuple[np.ndar
         triangle, depth = triangle[on], depth[on].astype(np.float64)
         np.minimum.at(distance, triangle, depth)
         lens_point = np.array([x, y, 0], np.float32)
-        behind = dot(around.unit, scene.triangles[:, 0] - lens_point) > 0
+        behind = dot(around.unit[triangle], triangles[triangle, 0] - lens_point) > 0
         origins, towards = (vectors.reshape(-1, 3)[on] for vectors in rays.rays())
         places = origins + depth[:, None] * towards
-        faces = 2 * triangle + behind[triangle]
+        faces = 2 * triangle + behind
         for total, values in zip(sums, (*places.T, np.ones(len(on))), strict=True):
             total += np.bincount(faces, values, len(total))
     faces = np.flatnonzero(sums[3])
-    return faces, _barycentric(corners[faces // 2], (sums[:3, faces] / sums[3, faces]).T), distance
+    corners = triangles[faces // 2].astype(np.float64)
+    return faces, _barycentric(corners, (sums[:3, faces] / sums[3, faces]).T), distance
 
 
 def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -133,13 +133,14 @@ def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     return weights / weights.sum(1, keepdims=True)
 
 
-def _grid_sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
-    """Choose cells along an edge (T,) of triangles at a ``distance`` (T,), for ``cells`` over the
-    width of the picture.
+def _grid_sides(scene: Scene, distance: np.ndarray, options: BakeOptions) -> tuple[np.ndarray, ...]:
+    """Choose cells along an edge (T,) of triangles at a ``distance`` (T,).
 
-    Returns powers of 2 for irradiance, and for direct light; and the number for irradiance in the
-    mean over directions, not rounded, 0 for unseen triangles.
+    Returns powers of 2 for irradiance, and for direct light; the number for irradiance in the mean
+    over directions, not rounded, 0 for unseen triangles; and the cubes' sides in which triangles
+    smaller than the finest cells share points, metres, else 0.
     """
+    cells = options.cells
     corners = scene.triangles.astype(np.float64)
     edge, size = longest_edge(corners), extent(scene.triangles)[1]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -154,4 +155,7 @@ def _grid_sides(scene: Scene, distance: np.ndarray, cells: int) -> tuple[np.ndar
     sides, direct_sides = (
         np.minimum(1 << power.astype(np.int64), _LARGEST_SIDE) for power in powers
     )
-    return sides, direct_sides, np.where(seen, np.sqrt(2 * area) / cell, 0)
+    finest = cell / np.where(seen, FINEST * options.fineness, 1)
+    steps = np.ldexp(1.0, np.frexp(np.maximum(finest, 1e-300))[1] - 1)
+    cells_across = np.where(seen, np.sqrt(2 * area) / cell, 0)
+    return sides, direct_sides, cells_across, np.where(edge < steps, steps, 0)

@@ -58,5 +58,5 @@ def _neighbours(cache: IrradianceCache) -> tuple[np.ndarray, np.ndarray]:
     pair = np.unique(pair[:, 0] * len(cache.counts) + pair[:, 1])
     a, b = np.divmod(pair, len(cache.counts))
     normals = grids.points.normals
-    alike = (normals[a] * normals[b]).sum(1) > _LIKE_NORMALS
+    alike = ((normals[a] * normals[b]).sum(1) > _LIKE_NORMALS) & (a != b)
     return a[alike], b[alike]

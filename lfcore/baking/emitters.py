@@ -45,18 +45,20 @@ class Emitters:
     """
 
     def __init__(self, around: Surroundings, points: Points):
-        self.around = around
-        scene = around.scene
+        self.around, scene = around, around.scene
+        self.density = np.zeros(2 * scene.triangle_count, np.float32)
+        self._faces = np.zeros(0, np.int64)
+        level, of_emitters = self._mean_light(points)
+        self._interval = _OFTEN if of_emitters > _MAIN_SHARE * level else _SELDOM
+        self.share = math.pi / self._interval
+        if not around.emits.any():
+            return
         corners = scene.triangles.astype(np.float64)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         double = np.sqrt(dot(normals, normals))
         self._area = double / 2
         self._unit = (normals / np.maximum(double, 1e-300)[:, None]).astype(np.float32)
-        self.density = np.zeros(2 * scene.triangle_count, np.float32)
         emission = _mean_emission(around)
-        level, of_emitters = self._mean_light(points)
-        self._interval = _OFTEN if of_emitters > _MAIN_SHARE * level else _SELDOM
-        self.share = math.pi / self._interval
         emission[emission <= _BRIGHT * level] = 0
         power = np.repeat(emission * self._area, 2)
         self._faces = np.flatnonzero(power > 0)

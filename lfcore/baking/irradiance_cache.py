@@ -25,7 +25,7 @@ _LEAST_FIRST_RAYS = 32
 _RAYS_OF_HIDDEN = 16
 """Rays per point that the camera does not see: their errors average over many hits."""
 _ROUNDS = 4
-"""Rounds of adding grids where rays hit; faces that later rounds would reach use substitutes."""
+"""Rounds of rays from points where those of the last round hit; other faces use substitutes."""
 _INSIDE = 0.9
 """The share of the way from the centre of a face to its corner that must be free."""
 _TRIAL_BOUNCES = 2
@@ -80,18 +80,20 @@ class IrradianceCache:
         room = self.options.mib * 2**20 // 2 // (KEPT_HIT.itemsize * max(new.stop, 1))
         count = min(count, max(8, room // 8 * 8))
         self._seen_points, self._first_rays = new.stop, count
-        for turn in range(_ROUNDS):
+        bounces = self.options.bounces
+        rounds = _ROUNDS if bounces == "all" else min(_ROUNDS, bounces + 1)
+        for turn in range(rounds):
             hit_faces = self._send_first_rays(new, count)
             if not turn:
                 self.is_open &= ~hidden
                 self.is_open |= not self.is_open.any()
                 self.grids.substitute_points(~self.is_open)
-            if not self.options.bounces or not len(hit_faces):
+            if turn + 1 == rounds or not len(hit_faces):
                 break
             new, count = self.grids.add(hit_faces), min(count, _RAYS_OF_HIDDEN)
             self._pull_in(hit_faces, new.start)
         self._extend()
-        self.grids.find_substitutes()
+        self.grids.find_substitutes(self.around.unit)
 
     def _pull_in(self, faces: np.ndarray, first: int) -> None:
         """Move points from number ``first`` on to the centre of their face, if that has one cell

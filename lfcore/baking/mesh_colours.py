@@ -1,7 +1,8 @@
 """Mesh colours: points on triangles where irradiance is kept, shared between neighbours.
 
 A *face* is one side of a triangle: face 2 t is its front (corners counter-clockwise), 2 t + 1 its
-back.  A face's grid has the layout of :class:`lfcore.scene.baked.BakedLight`.
+back.  A face's grid has the layout of :class:`lfcore.scene.baked.BakedLight`.  Faces much smaller
+than a cell of the picture share points with others nearby, so that the picture bounds the points.
 
 Source: C. Yuksel, J. Keyser and D. House, "Mesh Colors", ACM TOG 29(2), 2010.
 """
@@ -13,13 +14,15 @@ from functools import cache
 
 import numpy as np
 
-from lfcore.scene.arrays import dot
+from lfcore.scene.arrays import columnwise, dot
 from lfcore.scene.model import Scene
 
 _SAME_PLACE = 2.0**-22
 """The distance below which two points are one, a share of the scene's size: rounding of float32."""
 _SAME_NORMAL = 2.0**-8
 """The difference of unit normals, per component, below which two points are one."""
+LIKE_NORMAL = 1 / 2
+"""The same for points that small faces share."""
 _ROUNDING_OFFSET = 0.37
 """Added before keys are rounded: round numbers, which models prefer, are then no boundaries."""
 _INSET = 0.02
@@ -82,54 +85,65 @@ class Points:
         return cls(*map(np.concatenate, zip(*(vars(p).values() for p in parts), strict=True)))
 
 
-def corner_normals(scene: Scene, lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return shading normals (T, 2, 3, 3) at the corners of both faces, and the triangles' own
-    normals (T, 3) in front; unit float64.
+def corner_normals(
+    scene: Scene, lens: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return shading normals (F, 3, 3) at the corners of faces (F,), and the triangles' own normals
+    (F, 3) on that side; unit float64.
 
     A shading normal is on the side of its face.  If a face is turned to a point of the ``lens``
     (n, 2), but its normals are turned away from all of them, the kernels flip the normals; so does
     this function.
     """
-    p, q, r = scene.triangles.astype(np.float64).swapaxes(0, 1)
+    triangles, back = scene.triangles[faces // 2], faces % 2 == 1
+    side = np.where(back, -1.0, 1.0)
+    p, q, r = triangles.astype(np.float64).swapaxes(0, 1)
     flat = _unit(np.cross(q - p, r - p))
-    front = np.repeat(flat[:, None], 3, axis=1)
+    own = flat * side[:, None]
+    normals = np.repeat(own[:, None], 3, axis=1)
     if len(scene.normals):
-        front = scene.normals.astype(np.float64)
-        is_reversed = dot(front, flat[:, None]).max(1) < 0
-        front = np.where(is_reversed[:, None, None], -front, front)
-    both = np.stack([front, -front], 1)
-    faces_lens, turned_away = np.zeros((len(flat), 2), bool), np.ones((len(flat), 2), bool)
+        normals = scene.normals[faces // 2] * side[:, None, None]
+        is_reversed = columnwise(np.maximum, dot(normals, own[:, None])) < 0
+        normals[is_reversed] *= -1
+    sees_lens, turned_away = np.zeros(len(faces), bool), np.ones(len(faces), bool)
     for lens_point in lens:
-        rays = scene.triangles - np.append(lens_point, 0)
-        front_seen = dot(flat, rays[:, 0]) < 0
-        faces_lens |= np.stack([front_seen, ~front_seen], 1)
-        cosines = dot(front, rays)
-        turned_away &= np.stack([(cosines > 0).all(1), (cosines < 0).all(1)], 1)
-    return np.where((faces_lens & turned_away)[..., None, None], -both, both), flat
+        rays = triangles - np.append(lens_point, 0)
+        sees_lens |= (dot(flat, rays[:, 0]) < 0) != back
+        turned_away &= columnwise(np.logical_and, dot(normals, rays) > 0)
+    normals[sees_lens & turned_away] *= -1
+    return normals, own
 
 
 class Grids:
     """The grids of faces; points at the same place with the same normal are one.
 
+    Parameters
+    ----------
+    scene : the scene.
+    lens : (n, 2) lens points: see :func:`corner_normals`.
+    sides : (T,) cells along an edge.
+    steps : (T,) the cubes' sides, metres, in which faces share points; 0: none but equal ones.
+
     Attributes
     ----------
-    sides : (T,) cells along an edge.
+    sides, steps : as given.
     first : (2 T,) where a face's grid begins in ``index``; -1 without a grid.
     index : (G,) the point of each grid point.
     substituted : (G,) whether a grid point uses the point of another place.
     substitute : (2 T,) for a face without a grid: a point that has about its light.
+    lacking, group, examples : faces without a grid, the group of each, which have one substitute,
+        and a face of each group; after :meth:`find_substitutes`.
     points : the points.
     """
 
-    def __init__(self, scene: Scene, sides: np.ndarray, normals: np.ndarray, flat: np.ndarray):
-        self.scene, self.sides = scene, sides
+    def __init__(self, scene: Scene, lens: np.ndarray, sides: np.ndarray, steps: np.ndarray):
+        self.scene, self.sides, self.steps, self._lens = scene, sides, steps, lens
         self.first = np.full(2 * len(sides), -1, np.int64)
         self.substitute = np.zeros(2 * len(sides), np.int64)
         self.index, self.substituted = np.zeros(0, np.int64), np.zeros(0, bool)
         self._hashes = np.zeros(0, np.uint64)
         empty = np.zeros((0, 3), np.float32)
         self.points = Points(empty, empty, empty, np.zeros(0))
-        self._normals, self._flat = normals, flat
         self._low, self._size = extent(scene.triangles)
 
     def add(self, faces: np.ndarray) -> slice:
@@ -165,33 +179,39 @@ class Grids:
         grids of faces (F,), and the hashes of place and normal."""
         rest, number = side - places.sum(-1, keepdims=True), places.shape[-2]
         weights = np.concatenate([rest, places], -1).astype(np.float64)
-        triangle = faces // 2
-        corners = self.scene.triangles[triangle].astype(np.float64)
+        step = self.steps[faces // 2]
+        corners = self.scene.triangles[faces // 2].astype(np.float64)
         exact = _interpolated(weights, corners) / side
-        flat = np.repeat(self._flat_of(faces)[:, None], number, axis=1)
-        normals = _unit(_interpolated(weights, self._normals[triangle, faces % 2]), flat)
+        of_corners, own = corner_normals(self.scene, self._lens, faces)
+        flat = np.repeat(own[:, None], number, axis=1)
+        normals = _unit(_interpolated(weights, of_corners), flat)
         inset = exact + _INSET / side * (corners.mean(1, keepdims=True) - exact)
-        edge = longest_edge(corners) / side
-        place_step = self._size * _SAME_PLACE
-        key = np.concatenate(
-            [np.rint((exact - self._low) / place_step + _ROUNDING_OFFSET),
-             np.rint(normals / _SAME_NORMAL + _ROUNDING_OFFSET)], -1
-        ).astype(np.int64)  # fmt: skip
+        edge = np.maximum(longest_edge(corners) / side, step)
+        keys = self.keys(exact, normals, step)
         inset, normals, flat = (
             array.reshape(-1, 3).astype(np.float32) for array in (inset, normals, flat)
         )
-        points = Points(inset, normals, flat, np.repeat(edge, number))
-        return points, hashed(key.reshape(-1, 6))
+        return Points(inset, normals, flat, np.repeat(edge, number)), keys
 
-    def _flat_of(self, faces: np.ndarray) -> np.ndarray:
-        """The triangles' own unit normals (F, 3), on the side of faces (F,)."""
-        return self._flat[faces // 2] * (1.0 - 2.0 * (faces % 2))[:, None]
+    def keys(
+        self, places: np.ndarray, normals: np.ndarray, step: np.ndarray, finer: int = 1
+    ) -> np.ndarray:
+        """Return hashes (F n,) of places (F, n, 3) and normals in cubes of sides ``step`` (F,), and
+        so many times ``finer``."""
+        shared = step[:, None, None] > 0
+        place_step = np.where(shared, step[:, None, None] / finer, self._size * _SAME_PLACE)
+        normal_step = np.where(shared, LIKE_NORMAL / finer, _SAME_NORMAL)
+        level = np.repeat(np.frexp(step)[1], places.shape[1])
+        key = np.concatenate(
+            [np.rint((places - self._low) / place_step + _ROUNDING_OFFSET),
+             np.rint(normals / normal_step + _ROUNDING_OFFSET)], -1
+        ).astype(np.int64)  # fmt: skip
+        return hashed(np.column_stack([key.reshape(-1, 6), level]))
 
     def shading_normals(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the unit normals (R, 3), float32, at barycentric ``weights`` (R, 3) of faces."""
-        corners = self._normals[faces // 2, faces % 2]
-        normals = _interpolated(weights[:, None], corners)[:, 0]
-        return _unit(normals, self._flat_of(faces)).astype(np.float32)
+        of_corners, own = corner_normals(self.scene, self._lens, faces)
+        return _unit(_interpolated(weights[:, None], of_corners)[:, 0], own).astype(np.float32)
 
     def nearest(self, faces: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the points (R,) nearest to hits on faces (R,) with barycentric ``weights`` (R, 3);
@@ -217,11 +237,11 @@ class Grids:
             weights[is_one_cell][row, None],
             faces[is_one_cell][row],
         )
-        corners, normals = self.scene.triangles[face // 2], self._normals[face // 2, face % 2]
-        self.points.places[at] = _interpolated(target, corners.astype(np.float64))[:, 0]
-        normals = _interpolated(target, normals)[:, 0]
-        self.points.normals[at] = _unit(normals, self._flat_of(face))
-        self.points.flat[at] = self._flat_of(face)
+        corners = self.scene.triangles[face // 2].astype(np.float64)
+        of_corners, own = corner_normals(self.scene, self._lens, face)
+        self.points.places[at] = _interpolated(target, corners)[:, 0]
+        self.points.normals[at] = _unit(_interpolated(target, of_corners)[:, 0], own)
+        self.points.flat[at] = own
         return np.isin(np.arange(len(which)), at)
 
     def substitute_points(self, which: np.ndarray) -> None:
@@ -235,15 +255,21 @@ class Grids:
             self.substituted = which[self.index]
             self.index = new[self.index]
 
-    def find_substitutes(self) -> None:
-        """Find, for faces without a grid, the nearest points with like normals."""
-        lacking, used = np.flatnonzero(self.first < 0), np.unique(self.index)
-        places, normals = self._centres(lacking)
-        cube = (places - self._low) * (_SUBSTITUTE_CUBES / self._size)
-        keys = hashed(np.rint(np.concatenate([cube, 1.5 * normals], 1)).astype(np.int64))
-        _, first, group = np.unique(keys, return_index=True, return_inverse=True)
-        found = self._most_alike(self.points.take(used), places[first], normals[first])
-        self.substitute[lacking] = used[found][group]
+    def find_substitutes(self, unit: np.ndarray) -> None:
+        """Find, for faces without a grid, the nearest points with like normals.
+
+        Those in one cube with about the same of the triangles' normals ``unit`` (T, 3) share one.
+        """
+        cube = self.scene.triangles.sum(1) / 3 - self._low.astype(np.float32)
+        cube = np.rint(cube * np.float32(_SUBSTITUTE_CUBES / self._size)).astype(np.int64)
+        normal = np.rint(1.5 * unit).astype(np.int64)
+        keys = np.stack([normal, -normal], 1) + 2
+        self.lacking, used = np.flatnonzero(self.first < 0), np.unique(self.index)
+        keys = _packed(np.repeat(cube, 2, axis=0), 10) << 9 | _packed(keys.reshape(-1, 3), 3)
+        _, first, self.group = np.unique(keys[self.lacking], return_index=True, return_inverse=True)
+        self.examples = self.lacking[first]
+        found = used[self._most_alike(self.points.take(used), *self._centres(self.examples))]
+        self.substitute[self.lacking] = found[self.group]
 
     def prefer_adjacent(
         self, faces: np.ndarray, candidates: np.ndarray, points: np.ndarray
@@ -257,8 +283,8 @@ class Grids:
 
     def _centres(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the centres (F, 3) of faces, and the shading normals there."""
-        triangle = faces // 2
-        attributes = self.scene.triangles[triangle], self._normals[triangle, faces % 2]
+        of_corners, _ = corner_normals(self.scene, self._lens, faces)
+        attributes = self.scene.triangles[faces // 2], of_corners
         places, normals = ((at[:, 0] + at[:, 1] + at[:, 2]) / 3 for at in attributes)
         return places, normals
 
@@ -267,12 +293,33 @@ class Grids:
     ) -> np.ndarray:
         """Return the index (P,) of the point nearest in place and normal (P, 3); ``len(points)``
         where none is nearer than ``within``, a share of the scene's size."""
-        from scipy.spatial import cKDTree  # slow to import
+        return nearest_points(points, places, normals, (self._size, _NORMAL_WEIGHT), 1, within)[1]
 
-        scale = np.float64(1 / self._size)
-        tree = cKDTree(np.concatenate([points.places * scale, _NORMAL_WEIGHT * points.normals], 1))
-        sought = np.concatenate([places * scale, _NORMAL_WEIGHT * normals], 1)
-        return tree.query(sought, distance_upper_bound=within)[1]
+
+def nearest_points(
+    points: Points,
+    places: np.ndarray,
+    normals: np.ndarray,
+    units: tuple[float, float],
+    count: int,
+    within: float = np.inf,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return distances and indices (P, count), (P,) of one, of the points nearest in place and
+    normal (P, 3).
+
+    ``units`` are the length, metres, that counts as 1, and what normals 1 apart count.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    scale, weight = np.float64(1 / units[0]), units[1]
+    tree = cKDTree(np.concatenate([points.places * scale, weight * points.normals], 1))
+    sought = np.concatenate([places * scale, weight * normals], 1)
+    return tree.query(sought, count, distance_upper_bound=within)
+
+
+def _packed(numbers: np.ndarray, bits: int) -> np.ndarray:
+    """Return three small numbers (P, 3), of so many ``bits`` each, as one (P,)."""
+    return (numbers[:, 0] << bits | numbers[:, 1]) << bits | numbers[:, 2]
 
 
 def extent(triangles: np.ndarray) -> tuple[np.ndarray, float]:

@@ -85,8 +85,8 @@ class BakedLight:
             problem = f"have a grid outside the {len(self.values)} points"
             raise SceneError(problem, key="grids", remedy="Give first points and cells from 1 on")
         if points.sum() * 2 > len(self.values):
-            ranges = np.stack([first, np.broadcast_to(points, first.shape)], -1).reshape(-1, 2)
-            if int(np.unique(ranges, axis=0)[:, 1].sum()) > len(self.values):
+            different = np.unique(first * MOST_CELLS + cells) % MOST_CELLS
+            if int(((different + 1) * (different + 2) // 2).sum()) > len(self.values):
                 raise SceneError("overlap", key="grids", remedy="Share whole grids, or none")
 
     def save(self, path: str | Path) -> None:

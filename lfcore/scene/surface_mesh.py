@@ -238,11 +238,16 @@ def crease_normals(triangles: np.ndarray, crease_deg: float = 40.0) -> np.ndarra
     for k in range(3):
         edged[corners[dot(middle[corners[:, k]], unit) < limit, k]] = True
     normals = middle[vertex]
-    if edged.any():
-        chosen = np.flatnonzero(edged[vertex])
-        chosen = chosen[np.argsort(vertex[chosen], kind="stable")]
+    chosen = np.flatnonzero(edged[vertex])
+    if len(chosen):
+        # Those of one vertex are neighbours, vertices with most corners come first.
+        vertex = vertex[chosen]
+        order = np.argsort(vertex - valence[vertex] * len(valence), kind="stable")
+        chosen, valence = chosen[order], valence[vertex[order]]
+        first = np.flatnonzero(np.append(True, np.diff(vertex[order])))
+        first = np.repeat(first, valence[first])
         least = np.cos(np.radians(crease_deg))
-        normals[chosen] = _split_normals(doubled, unit, chosen, valence[edged], least)
+        normals[chosen] = _split_normals(doubled, unit, chosen // 3, first, valence, least)
     return normals.reshape(-1, 3, 3)
 
 
@@ -274,20 +279,24 @@ def _sums(owner: np.ndarray, vectors: np.ndarray, count: int) -> np.ndarray:
 
 
 def _split_normals(
-    doubled: np.ndarray, unit: np.ndarray, corners: np.ndarray, valence: np.ndarray, least: float
+    doubled: np.ndarray,
+    unit: np.ndarray,
+    face: np.ndarray,
+    first: np.ndarray,
+    valence: np.ndarray,
+    least: float,
 ) -> np.ndarray:
-    """The normals of ``corners``, vertex by vertex, of which not all faces have a like normal.
+    """The normals of corners (C,) at vertices of which not all faces have a like normal.
 
-    ``doubled`` and ``unit`` (T, 3) are the faces' normals, ``least`` the cosine of like ones.
+    ``doubled`` and ``unit`` (T, 3) are the faces' normals, ``face`` is that of each corner,
+    ``first`` the first corner of its vertex, ``least`` the cosine of like normals.
     """
-    starts = np.cumsum(valence) - valence
-    usable = np.where(valence <= MAX_VALENCE, valence, 0)
-    # Every ordered pair of corners at one vertex: the first gathers from the face of the second.
-    repeats = np.repeat(usable, valence)
-    first = np.repeat(np.arange(len(corners)), repeats)
-    offset = np.arange(len(first)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
-    second = np.repeat(np.repeat(starts, valence), repeats) + offset
-    face = corners // 3
-    together = dot(unit[face[first]], unit[face[second]]) >= least
-    sums = _sums(first[together], doubled[face[second[together]]], len(corners))
-    return np.where(columnwise(np.logical_or, sums != 0)[:, None], normalise(sums), unit[face])
+    doubled, unit = doubled[face], unit[face]
+    sums = np.zeros_like(unit)
+    start = int(np.count_nonzero(valence > MAX_VALENCE))
+    for k in range(int(valence[start:].max(initial=0))):
+        those = slice(start, int(np.count_nonzero(valence > k)))
+        other = first[those] + k
+        like = dot(unit[those], unit[other]) >= least
+        sums[those] += np.where(like[:, None], doubled[other], 0.0)
+    return np.where(columnwise(np.logical_or, sums != 0)[:, None], normalise(sums), unit)

@@ -11,6 +11,7 @@ import trimesh
 
 import lfcore
 from lfcore import BakedLight, BakeOptions, Material, Scene, open_device
+from lfcore.baking.denoising import denoised
 from lfcore.baking.emitters import Emitters
 from lfcore.baking.gather import Gatherer
 from lfcore.baking.mesh_colours import Points, lattice
@@ -33,6 +34,7 @@ from lfcore.scene.sky import (
     texel_directions,
     under,
 )
+from lfcore.scene.surface_mesh import grid_triangles
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -102,14 +104,16 @@ def test_a_furnace_shows_nothing(size):
     assert abs(seen(replace(scene, camera=lens)) - 1).max() < 0.005
 
 
-def test_a_sphere_in_half_a_sky():
-    """A place whose normal is at an angle a to the bright half gets (1 + cos a) / 2."""
+@pytest.mark.parametrize(("subdivisions", "cells"), [(4, 32), (5, 8)])
+def test_a_sphere_in_half_a_sky(subdivisions, cells):
+    """A place whose normal is at an angle a to the bright half gets (1 + cos a) / 2; faces that are
+    small beside cells share points."""
     towards = texel_directions(64)
     sky = np.repeat(np.float32(towards[..., 1:2] < 0), 3, axis=-1)
-    ball = solid("icosphere", (0, 0, 2), subdivisions=4, radius=0.3)
+    ball = solid("icosphere", (0, 0, 2), subdivisions=subdivisions, radius=0.3)
     normals = (ball - (0, 0, 2)) / 0.3
     scene = replace(world(ball, 1.0, sky=sky, bounces=0), normals=np.float32(normals))
-    baked = lfcore.bake(scene, error=0.01).light
+    baked = lfcore.bake(scene, error=0.01, cells=cells).light
     first, side = baked.grids[:, 0], baked.grids[:, 2]
     for corner, offset in enumerate([0 * side, side, (side + 1) * (side + 2) // 2 - 1]):
         wanted = (1 - normals[:, corner, 1]) / 2
@@ -159,6 +163,37 @@ def test_rays_grow_with_surface_in_the_picture():
         return lfcore.bake(world(np.concatenate(things), bounces=1, error=0.03)).light.rays
 
     assert rays(2.8) < 2.5 * rays(0.7)  # with all of the wall as good, 4
+
+
+@pytest.fixture
+def caches(monkeypatch):
+    """The irradiance caches of bakes."""
+    found = []
+
+    def kept(cache):
+        found.append(cache)
+        return denoised(cache)
+
+    monkeypatch.setattr("lfcore.baking.bake.denoised", kept)
+    return found
+
+
+def test_points_do_not_grow_with_the_number_of_small_faces(caches, monkeypatch):
+    monkeypatch.setattr("lfcore.baking.bake.FINEST", 1)
+    for number in (64, 128):
+        places = np.stack(np.meshgrid(*[np.linspace(-1, 1, number + 1)] * 2), -1)
+        wall = np.concatenate([places, np.full_like(places[..., :1], 1.5)], -1)
+        lfcore.bake(world(grid_triangles(wall), bounces=0, error=0.3, cells=8))
+    few, many = (len(cache.grids.points) for cache in caches)
+    assert many < 1.5 * few
+
+
+def test_every_point_sends_rays(caches, monkeypatch):
+    """Also where faces are left that no round of rays reached."""
+    monkeypatch.setattr("lfcore.baking.irradiance_cache._ROUNDS", 1)
+    things = solid("box", (0, 0, 2), extents=(0.5, 0.5, 0.5)), plain_scenes.wall(2.5)[:, ::-1]
+    lfcore.bake(world(np.concatenate(things), error=0.3, cells=4))
+    assert caches[0].counts.min() > 0
 
 
 @pytest.mark.parametrize("metallic", [-1.0, 0.7])
