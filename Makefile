@@ -25,9 +25,10 @@ ARGS ?= results/tables/
 XDIST := -n $(CORES) --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-# A run of ours must not see packages of the user's home, nor of another checkout.
+# A run of ours must not see packages of the user's home, nor of another checkout. Compiled modules are
+# kept: without them, each process of the tests compiles all tests anew.
 export PYTHONNOUSERSITE := 1
-unexport PYTHONPATH PYTHONHOME
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 ifdef DEVICE
 export LFCORE_DEVICE := $(DEVICE)
 endif
