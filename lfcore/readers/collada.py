@@ -39,6 +39,8 @@ DAMAGED = LookupError, TypeError, ValueError, ArithmeticError, AttributeError, R
 """What a file raises that is no COLLADA."""
 MOST_NODES = 1 << 20
 """The most nodes of a scene, those that are shown again counted."""
+DEEPEST = 1000
+"""The deepest nesting of nodes."""
 
 
 def read_collada(
@@ -86,19 +88,22 @@ class _File:
             if number:
                 count.lose(noun, LEFT_OUT, noun, number)
         scene = self.target(below(self.root, "scene/instance_visual_scene"))
-        parts, nodes = [], [(node, self._to_metres()) for node in reversed(scene.findall("node"))]
+        parts, nodes = (
+            [],
+            [(node, self._to_metres(), 1) for node in reversed(scene.findall("node"))],
+        )
         shown = 0
         while nodes:
-            node, above = nodes.pop()
+            node, above, depth = nodes.pop()
             shown += 1
-            if shown > MOST_NODES:
+            if shown > MOST_NODES or depth > DEEPEST:
                 raise ValueError("its nodes go round in circles")
             here = above @ self._pose(node)
             for child in node:
                 if child.tag in ("instance_geometry", "instance_controller"):
                     parts += [part.transformed(here) for part in self._instance(child)]
             more = [self.target(child) for child in node.findall("instance_node")]
-            nodes += [(child, here) for child in [*node.findall("node"), *more]]
+            nodes += [(child, here, depth + 1) for child in [*node.findall("node"), *more]]
         for noun in ("geometry", "material"):
             count.hold(f"elements {noun!r}", sum(1 for _ in self.root.iter(noun)))
         count.use("elements 'geometry'", len(self._read))

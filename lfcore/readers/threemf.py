@@ -35,6 +35,8 @@ LOST = {
 """The elements that are not read, and what they are."""
 MOST_PARTS = 1 << 16
 """The most placed objects, components that are shown again counted."""
+DEEPEST = 100
+"""The deepest nesting of components."""
 
 
 def read_3mf(data: bytes, path: Path, notebook: Notebook, account: Account) -> list[SurfaceMesh]:
@@ -78,12 +80,12 @@ class _Models:
     def parts(self, root: str, to_metres: np.ndarray) -> Iterator[SurfaceMesh]:
         """Yield the placed objects of the root model."""
         items = self.models[root].findall("build/item")
-        waiting = [(root, item, to_metres) for item in reversed(items)]
+        waiting = [(root, item, to_metres, 1) for item in reversed(items)]
         shown = 0
         while waiting:
-            model, reference, above = waiting.pop()
+            model, reference, above, depth = waiting.pop()
             shown += 1
-            if shown > MOST_PARTS:
+            if shown > MOST_PARTS or depth > DEEPEST:
                 raise ValueError("its objects go round in circles")
             model = next((v for k, v in reference.items() if k.endswith("}path")), model)
             key, here = (model, reference.get("objectid")), above @ _matrix(reference)
@@ -94,7 +96,7 @@ class _Models:
                 continue
             self.account.use("placed objects")
             components = self.objects[key].findall("components/component")
-            waiting += [(model, each, here) for each in reversed(components)]
+            waiting += [(model, each, here, depth + 1) for each in reversed(components)]
             if self.objects[key].find("mesh") is not None:
                 if key not in self._meshes:
                     self._meshes[key] = self._mesh(model, self.objects[key])
