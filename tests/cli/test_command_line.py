@@ -344,10 +344,11 @@ def test_words_give_the_pictures_of_the_library(mesh, run):
         ("--plane focus=far,blur=3%", {}, {"focus_m": "far", "blur": 0.03}),
         ("--from right --zoom 1.5", side, {}),
     ):
-        run(f"render MESH --pixels 32 {options} -o a.npy")
-        found, expected = np.load("a.npy"), render(load_scene(mesh, **view), pixels=32, **settings)
+        run(f"render MESH --bare --pixels 32 {options} -o a.npy")
+        scene = load_scene(mesh, bare=True, **view)
+        found, expected = np.load("a.npy"), render(scene, pixels=32, **settings)
         np.testing.assert_array_equal(found, expected)
-    assert np.abs(found - render(load_scene(mesh), pixels=32)).max() > 0.1
+    assert np.abs(found - render(load_scene(mesh, bare=True), pixels=32)).max() > 0.1
 
 
 def test_distances_are_reported(mesh, run, capsys):

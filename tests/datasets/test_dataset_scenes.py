@@ -85,7 +85,7 @@ def test_splits_and_batches_cover_every_scene_once():
     ]  # fmt: skip
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(st.lists(st.integers(0, 10**6), min_size=2, max_size=4, unique=True), st.randoms())
 def test_a_scene_depends_on_seed_and_index_alone(indices, random):
     of = Description.check(PLAIN | {"seed": 7, "shapes": {"builders": ["ball", "book", "vase"]}})

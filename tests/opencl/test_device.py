@@ -40,6 +40,7 @@ print(len([name for name in sys.modules if name.split(".")[0] == "lfcore"]))
 """
 
 
+@pytest.mark.slow
 def test_every_module_is_imported_where_windows_and_macos_have_less():
     run = [sys.executable, "-c", IMPORTS]
     found = subprocess.run(run, capture_output=True, text=True)

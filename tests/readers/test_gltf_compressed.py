@@ -211,6 +211,7 @@ def test_everything_is_found_and_what_is_dropped_is_said(features):
     assert features.dropped == {}
 
 
+@pytest.mark.slow
 def test_it_looks_as_in_float64(features, device):
     """All but pixels at edges, and at highlights of a few of them."""
     slab = Slab(features.camera, 2, 12)

@@ -152,6 +152,7 @@ def test_a_slabs_views_become_a_tiled_exr(tmp_path):
         assert np.abs(srgb_encode(tiles[j, i]) - field.view(i, j, codes=True) / 255).max() < CODE
 
 
+@pytest.mark.slow
 def test_a_light_field_camera_is_traced_into_the_store(tmp_path):
     text = (
         'Camera "lightfield" "float fov" 40 "integer camerasperdim" [3 3]\n'

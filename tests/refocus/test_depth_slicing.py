@@ -108,6 +108,7 @@ def test_dim_light_far_from_focus_is_not_rounded_away(stops):
     np.testing.assert_allclose(picture[4:-4, 4:-4], light, rtol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("large_from", "bound"), [(2048, 2e-3), (1, 6e-3)])
 def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(large_from, bound, monkeypatch):
     """A slanted wall before another: 2 x 2 or 4 x 4 rays share each of this plane's boxes, which in
