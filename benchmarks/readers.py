@@ -1,7 +1,7 @@
 """Our readers against assimp's: python -m benchmarks.readers --models FOLDER --out FILE.csv
 
-``readers.yaml`` lists public repositories; each lies in FOLDER as ``owner+name``.  Every model file
-is read by both in a process of its own, within bounds of time and memory.
+``readers.yaml`` lists public repositories; each is a folder ``owner+name`` in FOLDER.  Both readers
+read every model file, in processes of their own with limits of time and memory.
 """
 
 import argparse
@@ -39,18 +39,16 @@ from lfcore.scene.surface_mesh import area_vectors, normalise
 LIST = Path(__file__).with_suffix(".yaml")
 SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".dae", ".zae", ".3ds", ".3mf")
 NO_MATERIALS = (".ply", ".stl", ".off")
-"""The formats whose files have colours but no materials, which each reader makes up."""
+"""The formats without materials: each reader has its own default."""
 SECONDS, BYTES = 40, 6 << 30
-"""The most of a reader for a file."""
+"""The limits of a reader per file."""
 GREY, DEFAULT = (0.8, 0.8, 0.8), 0.6
-"""The colour of what has no material, ours and assimp's."""
-
-
+"""The colours of triangles without a material: ours and assimp's."""
 BONE = np.dtype({
     "names": ["count", "weights", "matrix"], "formats": ["u4", "u8", ("f4", (4, 4))],
     "offsets": [1028, 1048, 1056],
 })  # fmt: skip
-"""assimp 6's aiBone, which impasse 5.4 has in another order."""
+"""The record aiBone of assimp 6, whose fields impasse 5.4 has in another order."""
 
 
 class Piece(NamedTuple):
@@ -67,11 +65,11 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Measures:
-    """What two readers of a file must agree on.
+    """Properties of a file's triangles on which two readers must agree.
 
-    ``place`` is the mean position by area, ``volume`` the signed one that tells how faces are
-    wound, ``where`` the mean product of colour and position, which tells where colours are;
-    ``normal`` the mean product of normal and position.
+    Means are weighted by area.  ``place`` is the mean position; ``volume`` is signed, and so shows
+    the winding of faces; ``where``, the mean product of colour and position, shows the places of
+    colours; ``normal`` is the mean product of normal and position.
     """
 
     triangles: int
@@ -85,7 +83,7 @@ class Measures:
     normal: np.ndarray | None
 
     def differences(self, other: "Measures") -> dict[str, str]:
-        """What is not equal but for rounding, and both values."""
+        """Return the properties that differ by more than rounding, with both values."""
         size = float(np.linalg.norm(other.high - other.low)) or 1.0
         pairs: dict[str, tuple[Any, Any, float]] = {
             "triangles": (self.triangles, other.triangles, 0.5),
@@ -109,7 +107,7 @@ def _short(values: Any) -> str:
 
 
 def measured(pieces: list[Piece]) -> Measures | None:
-    """Measures of all triangles of finite corners and some area; None where there are none."""
+    """Measure all triangles with finite corners and some area; None without any."""
     triangles = np.concatenate([piece.triangles for piece in pieces]).astype(np.float64)
     colours = np.concatenate([colours_of(piece) for piece in pieces])
     normals = None
@@ -135,7 +133,7 @@ def measured(pieces: list[Piece]) -> Measures | None:
 
 
 def colours_of(piece: Piece) -> np.ndarray:
-    """(T, 3) mean linear colour of each triangle: base, texture and colours of corners."""
+    """Return (T, 3) the mean linear colour of each triangle: base x texture x corners."""
     colour = np.broadcast_to(np.asarray(piece.base, np.float64), (len(piece.triangles), 3))
     if piece.colours is not None:
         colour = colour * piece.colours.mean(1)
@@ -155,7 +153,7 @@ def colours_of(piece: Piece) -> np.ndarray:
 
 
 def ours(file: Path) -> tuple[list[Piece], list[str]]:
-    """The pieces that our readers make of a file, and their notes."""
+    """Read a file by our reader; return the pieces and the notes."""
     notebook = Notebook()
     pieces, is_gltf = [], file.suffix.lower() in GLTF
     for part in read_mesh(file, notebook=notebook).parts:
@@ -172,7 +170,7 @@ def ours(file: Path) -> tuple[list[Piece], list[str]]:
 
 
 def assimps(file: Path) -> tuple[list[Piece], list[str]]:
-    """The pieces that assimp makes of a file; its nodes are placed, its meshes in their pose."""
+    """Read a file by assimp; nodes are placed, and meshes are in their pose."""
     prefix = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/lib"
     os.environ["LD_LIBRARY_PATH"] = f"{os.environ.get('LD_LIBRARY_PATH', '')}:{prefix}"
     import impasse
@@ -192,7 +190,7 @@ def assimps(file: Path) -> tuple[list[Piece], list[str]]:
 
 
 def _to_metres(file: Path) -> np.ndarray:
-    """(4, 4) of 3MF's unit and upward axis, which assimp leaves as they are."""
+    """Return (4, 4) of 3MF's unit and upward axis, which assimp does not apply."""
     if file.suffix.lower() not in MANUFACTURING:
         return np.eye(4)
     with zipfile.ZipFile(file) as archive:
@@ -203,7 +201,7 @@ def _to_metres(file: Path) -> np.ndarray:
 
 
 def _worlds(node: Any, above: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
-    """Each node, with its (4, 4) matrix to the world."""
+    """Yield each node, with its (4, 4) matrix to the world."""
     here = above @ np.array(node.transformation, np.float64)
     yield node, here
     for child in node.children:
@@ -211,7 +209,7 @@ def _worlds(node: Any, above: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
 
 
 def _matrices(mesh: Any, world: dict[str, np.ndarray], here: np.ndarray) -> np.ndarray:
-    """(V, 4, 4) from each vertex to the world, by bones if it has any."""
+    """Return (V, 4, 4) from each vertex to the world, by its bones if the mesh has any."""
     from impasse.structs import ffi
 
     raw = mesh.struct
@@ -229,7 +227,7 @@ def _matrices(mesh: Any, world: dict[str, np.ndarray], here: np.ndarray) -> np.n
 
 
 def _array(pointer: Any, count: int, width: int) -> np.ndarray | None:
-    """(count, width) float64 of C's floats; None of a null pointer."""
+    """Return (count, width) float64 of floats in C; None for a null pointer."""
     from impasse.structs import ffi
 
     if not pointer:
@@ -295,7 +293,7 @@ def _texture(scene: Any, name: str, file: Path) -> np.ndarray | None:
 
 
 def tried(read: Callable[[Path], tuple[list[Piece], list[str]]], file: Path) -> tuple:
-    """Measures and notes, or None and the reason why there are none."""
+    """Return measures and notes, or None and the reason."""
     receive, send = multiprocessing.Pipe(duplex=False)
     child = multiprocessing.get_context("fork").Process(target=_child, args=(read, file, send))
     child.start()
@@ -325,10 +323,10 @@ def _child(read: Callable, file: Path, send: Any) -> None:
 
 
 def row_of(root: Path, file: Path, known: dict) -> dict[str, Any]:
-    """What came of a file, and why.
+    """Return the result of a file: whether both readers agree, and the reason if they do not.
 
-    It ``agrees``, is ``noted`` (the difference, by ourselves), ``explained`` (by the list),
-    ``refused`` with the reason of our reader, or it ``differs``.
+    ``agrees``; ``noted``: a note of ours names the difference; ``explained``: by the list;
+    ``refused`` by our reader; or ``differs``.
     """
     name = file.relative_to(root).as_posix()
     (one, notes), (two, other) = tried(ours, file), tried(assimps, file)
@@ -359,7 +357,7 @@ def _listed(reasons: dict[str, str], name: str) -> str:
 
 
 def files_of(root: Path, repositories: dict[str, list[str]]) -> list[Path]:
-    """The model files of the folders of all repositories."""
+    """Return the model files in the folders of all repositories."""
     found = []
     for name, folders in repositories.items():
         for folder in folders:
@@ -369,7 +367,7 @@ def files_of(root: Path, repositories: dict[str, list[str]]) -> list[Path]:
 
 
 def tables_of(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Files by format and result, and those that do not agree by their reason."""
+    """Count files by format and result, and those that do not agree by their reason."""
     counts = table.groupby(["format", "result"]).size().unstack(fill_value=0)
     counts.loc["all"] = counts.sum()
     apart = table[table["result"] != "agrees"].copy()
