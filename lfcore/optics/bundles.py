@@ -98,6 +98,20 @@ class Bundles:
         direction[..., 1] = e[:, 3, None, None] + j[:, None] * s[3]
         return origin, direction
 
+    def some_rays(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Origins and directions, (R, 3) float32, of rays by their numbers (R,) among the traced
+        rows of all elements."""
+        shape = len(self.elements), self.traced_rows, self.columns
+        element, row, column = np.unravel_index(chosen, shape)
+        e, s = self.elements[element].astype(float), self.step.astype(float)
+        i = column - (self.columns - 1) / 2
+        j = row + self.first_row - (self.rows - 1) / 2
+        origin, direction = np.zeros((len(e), 3)), np.ones((len(e), 3))
+        for axis, steps in enumerate((i, j)):
+            origin[:, axis] = e[:, axis] + steps * s[axis]
+            direction[:, axis] = e[:, 2 + axis] + steps * s[2 + axis]
+        return origin.astype(np.float32), direction.astype(np.float32)
+
 
 def macropixels(slab: Slab, pixels: np.ndarray) -> Bundles:
     """Bundles with an element per pixel, (E, 2) integer (u, v); the inner grid is the lens."""

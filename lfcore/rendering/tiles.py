@@ -126,7 +126,14 @@ def _trace(
             part, light = places[start:stop], room[: stop - start]
             bundles = rays.macropixels(slab, part) if macro else rays.views(slab, part)
             bundles = replace(bundles, columns=columns, rows=rows)
-            fill_arrays(job, [bundles], part if macro else None, {"radiance": light}, depth=None)
+            fill_arrays(
+                job,
+                [bundles],
+                part if macro else None,
+                {"radiance": light},
+                depth=None,
+                triangle=None,
+            )
             if former:
                 former.add_light(light, start)
             if writer:

@@ -1,4 +1,4 @@
-"""The alpha test of triangles with holes, packed for the kernels."""
+"""The alpha of textures that cut holes into triangles or make them transparent, for the kernels."""
 
 from __future__ import annotations
 
@@ -16,44 +16,46 @@ ALPHA_TEST = np.dtype([
     ("offset", np.int32),  # of the picture in the alphas
     ("width", np.int32),
     ("height", np.int32),
-    ("least", np.float32),  # the least alpha that is no hole, in codes
+    ("least", np.float32),  # the least alpha that is no hole, in codes; -1 without holes
 ])  # fmt: skip
-"""The record of a triangle with holes."""
+"""The record of a triangle with holes, or of partial transparency."""
 SLACK = 0.01
 """The tolerance of the test, in codes: far above the rounding errors of interpolation."""
 
 
 def pack_alpha_tests(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
-    """Arrays for ``traversal/alpha_test.cl``; all empty without alpha tests.
+    """Arrays for ``traversal/alpha_test.cl``; all empty if no alpha is used.
 
-    ``alpha_test_of`` (T,) int32 is the record of a triangle, -1 without holes; ``alpha_tests`` (C,)
+    ``alpha_test_of`` (T,) int32 is the record of a triangle, -1 without alpha; ``alpha_tests`` (C,)
     ALPHA_TEST; ``alpha`` (A,) uint8, the pictures one after the other.
     """
-    if not needs.alpha_tests:
+    materials = scene.every_material
+    blends = np.array([needs.specular and scene.has_alpha_blend(each) for each in materials], bool)
+    tests = np.array([scene.has_alpha_test(each) for each in materials], bool)
+    has_alpha = blends | tests
+    if not has_alpha[scene.material_ids].any():
         empty: dict[str, Any] = {
             "alpha_test_of": np.int32,
             "alpha_tests": ALPHA_TEST,
             "alpha": np.uint8,
         }
         return {name: np.zeros(0, dtype) for name, dtype in empty.items()}
-    is_tested = np.array([scene.has_alpha_test(material) for material in scene.every_material])
-    numbers = np.flatnonzero(is_tested[scene.material_ids])
+    numbers = np.flatnonzero(has_alpha[scene.material_ids])
     record_of = np.full(scene.triangle_count, -1, np.int32)
     record_of[numbers] = np.arange(len(numbers))
     offsets, pictures, at = {}, [], 0
-    for material in scene.every_material:
-        if scene.has_alpha_test(material) and material.texture not in offsets:
+    packed = np.zeros(len(materials), ALPHA_TEST)
+    for number in np.flatnonzero(has_alpha).tolist():
+        record, material = packed[number], materials[number]
+        if material.texture not in offsets:
             picture = scene.textures[material.texture][..., 3]
             offsets[material.texture] = at
             pictures.append(picture.ravel())
             at += picture.size
-    materials = np.zeros(len(scene.every_material), ALPHA_TEST)
-    for record, material in zip(materials, scene.every_material, strict=True):
-        if scene.has_alpha_test(material):
-            record["offset"] = offsets[material.texture]
-            record["height"], record["width"] = scene.textures[material.texture].shape[:2]
-            record["least"] = 255 * material.alpha_cutoff - SLACK
-    records = materials[scene.material_ids[numbers]]
+        record["offset"] = offsets[material.texture]
+        record["height"], record["width"] = scene.textures[material.texture].shape[:2]
+        record["least"] = 255 * material.alpha_cutoff - SLACK if tests[number] else -1
+    records = packed[scene.material_ids[numbers]]
     u, v = _coordinates(scene.triangles[numbers], scene.uvs[numbers])
     records["u"], records["v"] = u, v
     alpha = np.concatenate([np.zeros(0, np.uint8), *pictures])

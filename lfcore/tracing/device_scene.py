@@ -39,6 +39,7 @@ class DeviceScene:
     defines : the macros of programs.
     kernels : the built kernels, by sink and defines.
     triangle_count : the number of triangles.
+    has_alpha : whether the alpha of a texture cuts holes, or makes surfaces transparent.
     shadow_lights : the number of lights that cast shadows.
 
     Raises
@@ -55,7 +56,9 @@ class DeviceScene:
         self.device, self.triangle_count = device, scene.triangle_count
         s = pack_surfaces(scene, needs, mipmaps=mipmaps)
         self.defines, self.shadow_lights = s.defines, s.shadow_lights
-        arrays = {**vars(bvh), **pack_alpha_tests(scene, needs), **vars(s)}
+        alphas = pack_alpha_tests(scene, needs)
+        self.has_alpha = len(alphas["alpha_tests"]) > 0
+        arrays = {**vars(bvh), **alphas, **vars(s)}
         numbers = record(
             layouts.SCENE_ARGUMENTS, ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,

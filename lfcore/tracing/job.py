@@ -13,6 +13,7 @@ from lfcore.tracing.layouts import (
     ALPHA_TESTS,
     INTERFACE,
     PARAMETERS,
+    PHYSICAL,
     RAY_ARGUMENTS,
     SINKS,
     unused,
@@ -59,6 +60,9 @@ def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> En
         }
     elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
         scene_defines = scene_defines | {"SHADOWS": 0, "CURVED": 0, "BAKED": 0}
+    elif sink == "PATHS":
+        always = PHYSICAL | ALPHA_TESTS * scene.has_alpha
+        scene_defines = scene_defines | {"TEXTURES": scene_defines["TEXTURES"] | always}
     values = {**scene_defines, **values}
     key = (sink, *sorted(values.items()))
     if key not in scene.kernels:

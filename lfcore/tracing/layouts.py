@@ -7,7 +7,7 @@ import numpy as np
 
 from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, write
 from lfcore.scene.limits import MOST_ATTENUATION
-from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS
+from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS, MIRROR_ROUGHNESS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
 from lfcore.tracing.alpha_test import ALPHA_TEST
 
@@ -23,6 +23,10 @@ CONSTANTS: dict[str, int | float] = {
     "FAR": 3.0e38,  # beyond every depth
     "FLAT_NORMALS": FLAT_NORMALS,  # corners' normals that differ by less are a flat triangle's
     "MOST_ATTENUATION": MOST_ATTENUATION,
+    "MOST_HITS": 64,  # of a path, with those at which nothing happens
+    "SPLITS": 2,  # events at which a path splits
+    "COAT": 1.5,  # the index of refraction of a clear coat
+    "MIRROR_ROUGHNESS": MIRROR_ROUGHNESS,
     "DIELECTRIC": DIELECTRIC, "LEAST_ROUGHNESS": LEAST_ROUGHNESS,  # scene/needs.py
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
@@ -46,6 +50,14 @@ MATERIAL = np.dtype([
     ("normal_scale", FLOAT),
     ("curved", INT),  # see Material.curved
     ("maps", INT, MAPS),  # textures; -1: none
+    ("opacity", FLOAT),
+    ("alpha_blend", INT),
+    ("transmission", FLOAT),
+    ("ior", FLOAT),
+    ("thin_walled", INT),
+    ("absorption", FLOAT, 3),  # 1 / metre
+    ("clearcoat", FLOAT),
+    ("clearcoat_roughness", FLOAT),
 ])  # fmt: skip
 LIGHT = np.dtype([
     ("vector", FLOAT, 3),  # position of a point light, else the direction towards the light
@@ -56,6 +68,7 @@ LIGHT = np.dtype([
     ("cone", FLOAT, 2),  # spots: slope and offset of a line in the cosine to the axis, whose square
     # is the attenuation; slope 0: no spot
     ("triangles", INT, 2),  # first and one past the last of the emitter's, which never shadow it
+    ("visible", INT),  # to mirrored rays
 ])  # fmt: skip
 LEVEL = np.dtype([("offset", INT), ("width", INT), ("height", INT), ("levels", INT)])
 """A mip level of a texture: its first texel, its size, and the number of the texture's levels."""
@@ -83,6 +96,25 @@ RAY_ARGUMENTS = np.dtype([
     ("group_side", INT),  # elements along a side of a packet
     ("side", INT),  # blocks along a side of one element's part of a packet
 ])  # fmt: skip
+PATH_ARGUMENTS = np.dtype([("most_events", INT)])
+PATH = np.dtype([
+    ("number", INT),  # of the first ray; -1: no path
+    ("events", INT),  # reflections and transmissions so far
+    ("hits", INT),
+    ("passes", INT),  # whether it did not turn back at the last hit
+    ("media", INT, 2),  # materials of the volumes it is in, the last one first; -1: none
+    ("last", INT, 2),  # the triangles it met last; -1: none
+    ("origin", FLOAT, 3),
+    ("direction", FLOAT, 3),  # of unit length
+    ("weight", FLOAT, 3),
+    ("point", FLOAT, (4, 3)),  # differentials: see differentials.cl
+    ("turn", FLOAT, (4, 3)),
+])  # fmt: skip
+"""A ray on its way from one surface to the next."""
+ARRIVED = np.dtype([("light", FLOAT, 3), ("inverse_depth", FLOAT), ("strength", FLOAT),
+                    ("cut", FLOAT)])  # fmt: skip
+"""What a path's next surface gives: light, the inverse depth at which it appears, the mean share of
+the path that ends here (-1: nothing does), and the weight of rays that are not followed."""
 IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
 """Elements in a row of a radiance image, and ADD and STREAM."""
 
@@ -90,7 +122,8 @@ RECORDS = {
     "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "AlphaTest": ALPHA_TEST, "Level": LEVEL,
     "Boxes": BOXES, "Leaf": LEAF,
     "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
-    "ImageArguments": IMAGE_ARGUMENTS,
+    "ImageArguments": IMAGE_ARGUMENTS, "PathArguments": PATH_ARGUMENTS, "Path": PATH,
+    "Arrived": ARRIVED,
 }  # fmt: skip
 """The structs, by their names in kernels; one that holds another comes after it."""
 
@@ -105,7 +138,7 @@ SURFACES = read(
 ) | given(scene_numbers="SceneArguments")  # fmt: skip
 RAYS = given(ray_numbers="RayArguments") | write(next_packet="int", scratch="uint")
 BUNDLES = read(centre_rays="float4", members="int")
-IMAGE = given(image="ImageArguments") | write(radiance="float", depth="float")
+IMAGE = given(image="ImageArguments") | write(radiance="float", depth="float", triangle="int")
 GIVEN = {
     **read(origins="float", directions="float"),
     **write(triangle="int", depth="float", weights="float"),
@@ -119,11 +152,14 @@ SINKS = {
     "GIVEN": GIVEN,
     "GIVEN_LIGHT": GIVEN_LIGHT,
     "GIVEN_SURFACE": GIVEN_LIGHT | SURFACE,
+    "PATHS": given(path_numbers="PathArguments")
+    | read(paths="Path")
+    | write(onward="Path", arrived="Arrived"),
 }
 """The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
 PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
 """The parameters of the kernel: those of all sinks."""
-_FOLDERS = "simd traversal coverage surface shadows shading output entry"
+_FOLDERS = "simd traversal coverage surface shadows shading paths output entry"
 INTERFACE = SHARED | Interface(
     tuple(f"tracing/kernels/{stage}" for stage in _FOLDERS.split()),
     CONSTANTS | {sink: number for number, sink in enumerate(SINKS)},

@@ -166,6 +166,7 @@ def _pack_materials(scene: Scene) -> np.ndarray:
         for name in same:
             row[name] = getattr(m, name)
         row["specular_cutoff"] = LEAST_HIGHLIGHT ** (1 / m.shininess) if m.shininess > 0 else 0
+        row["alpha_blend"] = scene.has_alpha_blend(m)
         row["maps"] = m.texture, m.normal_texture, m.metal_texture, m.emission_texture
     return packed
 
@@ -176,6 +177,7 @@ def _pack_lights(lights: list[Light]) -> np.ndarray:
         row["vector"], row["is_point"] = light.vector, light.kind == POINT
         row["colour"], row["reference_distance"] = light.colour, light.reference_distance_m
         row["normal"], row["triangles"] = light.normal, light.own
+        row["visible"] = light.is_of_emitter
         if light.is_spot:
             inner, outer = light.cone
             slope = np.float32(1 / max(inner - outer, 0.001))

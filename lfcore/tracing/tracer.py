@@ -18,6 +18,7 @@ from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.given_rays import GivenRays, HitSurfaces, RayHits
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.plan import Plan, probe
+from lfcore.tracing.specular import follow, specular_triangles
 
 SMALLEST_SCENE = 1e-12
 """The least coordinate of a scene, metres: products of three smaller ones underflow float32, and
@@ -66,6 +67,8 @@ class Tracer:
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
         self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
+        # With one more for misses, whose number is -1.
+        self._goes_on = np.append(specular_triangles(scene), False) if self.needs.specular else None
         self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
 
     def __repr__(self) -> str:
@@ -129,6 +132,30 @@ class Tracer:
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
         self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
         return radiance, depth
+
+    def parts(self, bundles: Bundles) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Radiance and depth of every ray, as :meth:`radiance_and_depth`, in one part or two.
+
+        The second part is what mirrors, glass, coats and veils show, and the depth at which it
+        appears; there is none where the rays meet no such surface.  Its radiance is 0, its depth
+        infinite, for rays that meet none.  The first part is then without it.
+        """
+        if not self.needs.specular:
+            return [self.radiance_and_depth(bundles)]
+        shape = len(bundles.elements), bundles.traced_rows, bundles.columns
+        light, depth = page_aligned((*shape, 3)), page_aligned(shape)
+        triangle = page_aligned(shape, np.int32)
+        arrays = {"radiance": light, "depth": depth, "triangle": triangle}
+        self._fill_image([bundles], None, arrays)
+        chosen = np.flatnonzero(self._goes_on[triangle.ravel()])
+        if not len(chosen):
+            return [(light, depth)]
+        seen = follow(self._on_device, *bundles.some_rays(chosen), bundles.pixel_pitch)
+        light.reshape(-1, 3)[chosen], depth.reshape(-1)[chosen] = seen.own, seen.own_depth
+        shown, apparent = np.zeros_like(light), np.full_like(depth, np.inf)
+        shown.reshape(-1, 3)[chosen] = seen.specular
+        apparent.reshape(-1)[chosen] = seen.specular_depth
+        return [(light, depth), (shown, apparent)]
 
     def mosaic_radiance(
         self,
@@ -228,7 +255,9 @@ class Tracer:
         **options: Any,
     ) -> None:
         job = self.job(sink, sets[0], grouped=coordinates is not None)
-        inputs: dict[str, Any] = {} if "depth" in arrays else {"depth": None}
+        inputs: dict[str, Any] = {
+            name: None for name in ("depth", "triangle") if name not in arrays
+        }
         fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
 
 

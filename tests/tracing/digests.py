@@ -94,9 +94,28 @@ def under_a_sky() -> Scene:
     return baked(soup(60, 2, 0.5), 1)
 
 
+def glass_and_mirror() -> Scene:
+    """Flat triangles with colours: mirrors, tinted glass, coats and veils before a wall."""
+    triangles = np.concatenate([soup(80, 21, 0.6), WALL]).astype(np.float32)
+    glass = {"transmission": 0.9, "attenuation_distance_m": 0.4}
+    materials = [
+        Material("mirror", (0.9, 0.8, 0.7), metallic=1.0, roughness=0.0),
+        Material("glass", ior=1.4, attenuation_colour=(0.9, 0.5, 0.3), **glass),
+        Material("coat", (0.5, 0.4, 0.3), clearcoat=0.8),
+        Material("veil", opacity=0.4),
+        Material("matt"),
+    ]
+    colours = np.random.default_rng(22).random(triangles.shape).astype(np.float32)
+    numbers = np.arange(len(triangles), dtype=np.int32) % 5
+    return scene(
+        triangles, colours=colours, materials=materials, material_ids=numbers, lights=[SUN]
+    )
+
+
 WORLDS: dict[str, Callable[[], Scene]] = {
     "lit": lit_soup, "textured": textured_soup, "fine": fine_soup, "holes": holes_and_metal,
     "curved": lambda: curved([LAMP, SUN]), "sky": under_a_sky,
+    "glass": glass_and_mirror,
 }  # fmt: skip
 Case = Callable[[Tracer], Iterator[np.ndarray]]
 
@@ -128,6 +147,13 @@ def light_and_depth(views: int, pixels: int) -> Case:
         yield from tracer.radiance_and_depth(bundles.views(Slab(CAMERA, views, pixels), places))
 
     return run
+
+
+def parts(tracer: Tracer) -> Iterator[np.ndarray]:
+    """Light and depth of surfaces, and of what they mirror or let pass."""
+    views = bundles.views(Slab(CAMERA, 3, 40), np.array([[0, 0], [2, 1]]))
+    for part in tracer.parts(views):
+        yield from part
 
 
 def given(kind: str) -> Case:
@@ -200,6 +226,7 @@ CASES: dict[tuple[str, str], Case] = {
     **{(world, "light and depth"): light_and_depth(5, 40) for world in WORLDS},
     **{(world, "light of given rays"): given("radiance") for world in ("lit", "holes", "sky")},
     ("holes", "surfaces of given rays"): given("surfaces"),
+    ("glass", "two parts"): parts,
     ("textured", "frames and planes, N = 16"): tiles("macropixels", 16, 12, "yuv444p10le"),
     ("textured", "views, N = 4"): tiles("views", 4, 40),
     ("textured", "a file with depth"): files(True),

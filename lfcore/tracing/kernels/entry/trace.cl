@@ -2,10 +2,14 @@
 //
 // A program has one SINK.  Of bundles, HITS writes triangles and depths, IMAGE radiance and
 // optionally depths, SURFACE what surfaces emit and reflect, and normals.  Of rays given one by one,
-// GIVEN writes hits; GIVEN_LIGHT and GIVEN_SURFACE read hits and write radiance, or surfaces.
+// GIVEN writes hits; GIVEN_LIGHT and GIVEN_SURFACE read hits and write radiance, or surfaces.  PATHS
+// follows paths to their next surfaces.
 #include "block_hits.cl"
 #include "shadows.cl"
 #include "arrays.cl"
+#if SINK == PATHS
+#include "paths.cl"
+#endif
 
 // A worker's memory; a bit for each ray that sees a light follows, (shadow lights, BLOCK).
 typedef struct {
@@ -16,6 +20,8 @@ typedef struct {
     VisibilityMemory visibility;
     Region regions[BLOCK_RAYS];
     PlaneEquations equations[BLOCK_RAYS];
+#elif SINK == PATHS
+    PathMemory paths;
 #else
     int order[BLOCK_RAYS];
 #endif
@@ -61,6 +67,20 @@ inline void take_packet(const Tree *tree, const Packet *packet, Pipeline *p)
         write_arrays(packet, block, coverage, m->shaded, p->out);
     }
 }
+#elif SINK == PATHS
+inline void take_paths(Paths *paths, Pipeline *p)
+{
+    global Memory *m = p->memory;
+    global PathMemory *found = &m->paths;
+    find_next_hits(paths);
+    const GivenRays rays = {.origin = found->origin, .direction = found->direction,
+                            .triangle = found->triangle, .distance = found->distance,
+                            .weights = found->weights, .footprint = found->footprint};
+    find_given_hits(p->scene, &rays, 0.0f, 0, paths->end - paths->first, found->order, &m->hits);
+    if (SHADOWS && m->hits.key_count)
+        find_lit(&p->shadows, &m->hits, 0, m->shadows.origins, (global int *)(m + 1));
+    meet_surfaces(paths);
+}
 #else
 
 // Take given rays [first, end).
@@ -101,6 +121,16 @@ KERNEL void trace_packets(trace_packets_PARAMETERS)
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Packet packet = make_packet(&rays, number);
         take_packet(&tree, &packet, &pipeline);
+    }
+#elif SINK == PATHS
+    Paths followed = {.scene = &scene, .tree = &tree, .hits = &memory->hits,
+                      .memory = &memory->paths, .lit = (global int *)(memory + 1), .paths = paths,
+                      .children = onward, .arrived = arrived,
+                      .most_events = path_numbers.most_events, .pixel_pitch = pipeline.pixel_pitch};
+    for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
+        followed.first = number * BLOCK_RAYS;
+        followed.end = min(followed.first + BLOCK_RAYS, ray_numbers.columns);
+        take_paths(&followed, &pipeline);
     }
 #else
     const GivenRays rays = {.origin = origins, .direction = directions, .triangle = triangle,

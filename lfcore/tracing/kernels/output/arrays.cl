@@ -99,7 +99,7 @@ inline void write_arrays(const Packet *packet, int block, const Coverage *covera
     for (int k = 0; k < SHADED && SINK != HITS; ++k)
         write_colours(packet, block, shaded + k * COLOURS, to->image, to->shaded[k]);
     if (to->depth) write_rays(packet, block, (global uint *)coverage->z, (global uint *)to->depth);
-    if (SINK == HITS)
+    if (to->triangle)
         write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);
 }
 

@@ -6,6 +6,11 @@
 // first).  A shading key names both, material * MIP_LEVELS + level.
 typedef struct { MaterialRecord record; Level maps[MAPS]; } Material;
 
+// What the own light of surfaces lacks, because other rays bring it: factors of the diffuse
+// reflection of lights, and of surroundings; masks of metals that reflect their surroundings, and of
+// surfaces without highlights of lights that mirrored rays meet.
+typedef struct { vf matt, scattered; vi glossy, dull; } Lacking;
+
 // The surfaces of a row of rays with one material, which are shaded together.
 typedef struct {
     const Material *material;
@@ -15,6 +20,8 @@ typedef struct {
     Vec geometric_normal, emission;  // PHYSICAL: the normal without the normal map
     vf metallic, alpha2;            // PHYSICAL: the fourth power of roughness
     Vec light;                      // BAKED: irradiance by sky and surfaces, over pi
+    vf roughness;                   // PHYSICAL
+    Lacking lacking;
 } Surface;
 
 inline int is_metallic(const Material *m) { return m->record.metallic >= 0.0f; }
@@ -65,6 +72,7 @@ inline void read_row_maps(const Scene *scene, global const Hits *hits, int at, S
     }
     if (m->maps[MAP_EMISSION].height)
         s->emission = times3(s->emission, map_row(scene, m, MAP_EMISSION, hits, at));
+    s->roughness = roughness;
     const vf alpha = max(roughness, (vf)(LEAST_ROUGHNESS)) * max(roughness, (vf)(LEAST_ROUGHNESS));
     s->alpha2 = alpha * alpha;
 }

@@ -1,0 +1,174 @@
+"""Paths over mirrors, glass, coats and veils: light and depth are the oracle's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from tracing_scenes import CAMERA, LAMP, SUN, WALL, bent_normals, scene, tiles, tracer_of
+
+from lfcore import Slab, open_device
+from lfcore.optics import bundles
+from lfcore.oracle.specular import trace_paths
+from lfcore.scene.appearance import Material
+from lfcore.tracing.specular import follow
+
+pytestmark = pytest.mark.kernels
+GLASS = {"metallic": 0.0, "roughness": 0.0, "transmission": 1.0, "diffuse": (1.0, 1.0, 1.0)}
+KINDS = {
+    "mirror": {"metallic": 1.0, "roughness": 0.0, "diffuse": (0.9, 0.8, 0.7)},
+    "glass": {**GLASS, "ior": 1.5},
+    "absorbing": {**GLASS, "ior": 1.3, "attenuation_distance_m": 0.5,
+                  "attenuation_colour": (0.9, 0.5, 0.2)},
+    "pane": {**GLASS, "transmission": 0.9, "thin_walled": True},
+    "coat": {"diffuse": (0.5, 0.6, 0.2), "clearcoat": 1.0},
+    "coated metal": {"metallic": 0.6, "roughness": 0.5, "clearcoat": 0.8},
+    "veil": {"diffuse": (0.5, 0.6, 0.2), "opacity": 0.3, "specular": (0.3, 0.3, 0.3)},
+    "nothing": {**GLASS, "opacity": 0.0},
+    "index 1": {**GLASS, "ior": 1.0},
+}  # fmt: skip
+
+
+def world(**material):
+    """A ball, smooth by its normals, between a mosaic of colours and a wall."""
+    ball = trimesh.creation.icosphere(2, radius=0.5)
+    things = ball.triangles + [0.1, 0, 2.0], tiles(3.5, 1.5, 3), WALL
+    triangles = np.concatenate(things).astype(np.float32)
+    count, rng = len(ball.triangles), np.random.default_rng(1)
+    normals = bent_normals(triangles, rng, 0.0)
+    normals[:count] = ball.vertices[ball.faces] / 0.5
+    return scene(
+        triangles,
+        normals=normals,
+        colours=(0.5 + rng.random(triangles.shape) / 2).astype(np.float32),
+        materials=[Material("ball", **material), Material("matt")],
+        material_ids=np.repeat(np.int32([0, 1]), [count, len(triangles) - count]),
+        lights=[LAMP],
+    )
+
+
+def camera_rays(count=300, seed=1, spread=0.3):
+    """Rays from a lens 2 cm wide."""
+    rng = np.random.default_rng(seed)
+    origins, directions = np.zeros((count, 3), np.float32), np.ones((count, 3), np.float32)
+    origins[:, :2] = rng.normal(size=(count, 2)) * 0.02
+    directions[:, :2] = rng.uniform(-spread, spread, (count, 2))
+    return origins, directions
+
+
+def compare(scene, rays, most=2e-5, **options):
+    """Both parts are the oracle's, but where rays graze edges."""
+    tracer = tracer_of(scene)
+    found = follow(tracer._on_device, *rays, 0.0, **options)
+    expected = trace_paths(scene, *rays, 0.3, **options)
+    parts = (
+        (found.own, expected.own, found.own_depth, expected.own_inverse_depth),
+        (found.specular, expected.specular, found.specular_depth, expected.inverse_depth),
+    )
+    for light, true_light, depth, true_depth in parts:
+        off = np.abs(np.clip(light, 0, 1) - np.clip(true_light, 0, 1)).max(1)
+        assert (off > most).mean() < 0.02 and np.median(off) < most / 20
+        seen = true_light.max(1) > 0
+        off = np.abs(1 / depth[seen] - true_depth[seen])
+        assert not len(off) or ((off > 1e-4).mean() < 0.03 and np.median(off) < 2e-6)
+    assert np.abs(found.cut - expected.cut).mean() < 1e-4
+    return found, expected
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_paths_over_a_ball_are_the_oracles(name):
+    _, expected = compare(world(**KINDS[name]), camera_rays())
+    seen = (expected.specular.max(1) > 0.01).mean()
+    assert seen == 0 if name == "nothing" else seen > 0.05
+
+
+def test_textures_that_bend_and_veil_are_the_oracles():
+    """A pane of glass whose alpha, roughness and normals come from textures, over a mosaic."""
+    rng = np.random.default_rng(4)
+    pane = np.float32(
+        [[[-1, -1, 2], [1, -1, 2.2], [1, 1, 2.2]], [[-1, -1, 2], [1, 1, 2.2], [-1, 1, 2]]]
+    )
+    triangles = np.concatenate([pane, tiles(3.0, 1.5, 4)]).astype(np.float32)
+    smooth = 128 + rng.integers(-20, 20, (6, 6, 3))
+    smooth[..., 2] = 240
+    textures = [rng.integers(60, 255, (5, 4, 4), np.uint8), smooth.astype(np.uint8)]
+    textures += [np.full((2, 2, 3), 255, np.uint8), rng.integers(60, 255, (5, 4, 3), np.uint8)]
+    front = Material("pane", (0.9, 0.8, 0.7), metallic=0.8, roughness=0.05, texture=0,
+                     normal_texture=1, metal_texture=2, alpha_blend=True, opacity=0.9)  # fmt: skip
+    veiled = scene(
+        triangles,
+        uvs=(triangles[..., :2] * 2).astype(np.float32),
+        textures=textures,
+        materials=[front, Material("matt", texture=3)],
+        material_ids=np.repeat(np.int32([0, 1]), [2, len(triangles) - 2]),
+        lights=[LAMP, SUN],
+    )
+    compare(veiled, camera_rays(), most=2e-3)
+
+
+@pytest.mark.parametrize("most_events", [0, 1, 3, 8])
+def test_mirrors_that_face_each_other_end_and_say_what_they_cut(most_events):
+    sheet = np.float32([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
+    low, high = (sheet[..., [0, 2, 1]] + [0, y, 1.2] for y in (-0.1, 0.1))
+    triangles = np.concatenate([low, high, WALL]).astype(np.float32)
+    mirror = Material("mirror", (0.9, 0.9, 0.9), metallic=1.0, roughness=0.0)
+    ids = np.int32([0] * 4 + [1] * 2)
+    facing = scene(triangles, materials=[mirror, Material("matt")], material_ids=ids)
+    found, _ = compare(facing, camera_rays(spread=0.45), most_events=most_events)
+    assert (found.cut > 0).any() == (most_events < 8)
+
+
+def test_a_plane_mirror_shows_the_unfolded_depth():
+    """What is behind the lens's back, by the way to the mirror and back."""
+    mirror = np.float32(
+        [[[-3, -3, 2], [3, -3, 2], [3, 3, 2]], [[-3, -3, 2], [3, 3, 2], [-3, 3, 2]]]
+    )
+    back = mirror - np.float32([0, 0, 3])
+    materials = [Material("mirror", (1.0, 1.0, 1.0), metallic=1.0, roughness=0.0), Material("matt")]
+    room = scene(np.concatenate([mirror, back]), materials=materials,
+                 material_ids=np.int32([0, 0, 1, 1]))  # fmt: skip
+    found = follow(tracer_of(room)._on_device, *camera_rays(), 0.0)
+    np.testing.assert_allclose(found.own_depth, 2, rtol=1e-5)
+    np.testing.assert_allclose(found.specular_depth, 5, rtol=1e-5)
+
+
+def test_faces_that_coincide_are_both_met():
+    """A cube of glass whose back touches the front of another."""
+    box = trimesh.creation.box((0.8, 0.8, 0.4))
+    boxes = [box.triangles + [0, 0, z] for z in (2.0, 2.4)]
+    triangles = np.concatenate([*boxes, tiles(3.0, 1.5, 3)]).astype(np.float32)
+    materials = [Material("a", **{**GLASS, "ior": 1.5}), Material("b", **{**GLASS, "ior": 1.2}),
+                 Material("matt")]  # fmt: skip
+    ids = np.repeat(np.int32([0, 1, 2]), [12, 12, len(triangles) - 24])
+    compare(scene(triangles, materials=materials, material_ids=ids), camera_rays(spread=0.12))
+
+
+def test_a_camera_sees_one_part_or_two():
+    matt, glass = world(), world(**KINDS["glass"])
+    rays = bundles.views(Slab(CAMERA, 3, 24), np.int32([[0, 0], [2, 1]]))
+    tracer = tracer_of(matt)
+    (one,) = tracer.parts(rays)
+    for found, expected in zip(one, tracer.radiance_and_depth(rays), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    own, shown = tracer_of(glass).parts(rays)
+    paths = trace_paths(glass, *(part.reshape(-1, 3) for part in rays.rays()), CAMERA.delta)
+    for (light, depth), true, inverse in (
+        (own, paths.own, paths.own_inverse_depth), (shown, paths.specular, paths.inverse_depth),
+    ):  # fmt: skip
+        off = np.abs(np.clip(light.reshape(-1, 3), 0, 1) - true).max(1)
+        assert (off > 1e-4).mean() < 0.02 and np.median(off) < 1e-6
+        off = np.abs(1 / depth.ravel() - inverse)
+        assert (off > 1e-4).mean() < 0.02
+    away = replace(rays, elements=rays.elements + np.float32([0, 0, 1, 0]))
+    assert len(tracer_of(glass).parts(away)) == 1
+
+
+def test_paths_have_the_same_bits_in_all_lanes(device):
+    rays, bits = camera_rays(700), []
+    for lanes in (1, 4, 8, 16):
+        tracer = tracer_of(world(**KINDS["absorbing"]), open_device(device.name, lanes=lanes))
+        bits.append(
+            np.concatenate([part.ravel() for part in follow(tracer._on_device, *rays, 0.01)])
+        )
+    for other in bits[1:]:
+        np.testing.assert_array_equal(bits[0], other)
