@@ -198,6 +198,8 @@ def render(
             planes=planes, pixels=size, device=device, progress=progress,
         ).pictures  # fmt: skip
         return pictures[0] if planes is None else pictures
+    if filter != "depth":
+        _refuse_shutter(scene, "the filter 'nearest'")
     lattice = lattice_to_trace(filter, views)
     chosen, camera = chosen_planes(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
@@ -213,6 +215,13 @@ def render(
         traced = trace_picture(tracer, camera, size, by_side[0], views=lattice, progress=progress)
         pictures = traced[None]
     return pictures[0] if planes is None else pictures
+
+
+def _refuse_shutter(scene: Scene, what: str) -> None:
+    """Raise :class:`OpticsError` for an open shutter."""
+    if scene.shutter:
+        problem, remedy = f"is open for a while, which {what} does not show", "Give an instant"
+        raise OpticsError(problem, key="shutter", remedy=remedy)
 
 
 def _check_scene(scene: object) -> None:
@@ -378,6 +387,12 @@ def record(
         scene, size, focus_m, f_number, focus_at=focus_at, blur=blur
     )
     encoding = encoding or Encoding()
+    if encoding.depth is False:
+        _refuse_shutter(scene, "a file without depth")
+    if bake_each:
+        _refuse_shutter(scene, "light that is baked for each instant")
+    if scene.shutter:
+        content["shutter_s"] = list(scene.shutter)
     if times is not None:
         _film_only(quality, encoding)
         by_depth, lattice = lattice_to_store(encoding.depth, views)
@@ -483,6 +498,7 @@ def trace_array(
     from lfcore.rendering.photograph import photograph, trace_shutter
 
     _check_scene(scene)
+    _refuse_shutter(scene, "a camera array, which has its own")
     if array is None:
         return photograph(
             scene, samples_per_pixel, instants, device=opened(device), progress=progress

@@ -45,6 +45,8 @@ KINDS: dict[str, dict[str, Any]] = {
     },
     "time": {"type": values.number(), "metavar": "T",
              "help": "the instant of a scene that moves, seconds (its first)"},
+    "shutter": {"type": values.shutter, "metavar": "A:B",
+                "help": "open from A to B seconds after the instant: what moves is blurred"},
     "animation": {"metavar": "NAME", "help": "the animation of a glTF file to play (its first)"},
     "bare": {"action": "store_true", "help": "no sky and no floor for a mesh that has no lights"},
     "views": {"type": values.views, "metavar": "N"},
@@ -273,10 +275,18 @@ def open_scene(arguments: argparse.Namespace) -> lfcore.Scene:
     scene = lfcore.load_scene(arguments.scene, light=arguments.sky, **how)
     for line in _as_options(scene.summary()).splitlines():
         say(line)
+    start = scene.instants[0] if scene.instants else 0.0
     if arguments.time is not None:
         if scene.instants is None:
             refuse("--time", "the scene does not move", "Leave it out")
-        scene = scene.at(arguments.time)
+        start = arguments.time
+    if getattr(arguments, "shutter", None) is not None:
+        opened, closed = arguments.shutter
+        if scene.instants is None:
+            refuse("--shutter", "the scene does not move", "Leave it out")
+        scene = scene.exposed(start + opened, start + closed)
+    elif arguments.time is not None:
+        scene = scene.at(start)
     seen = scene.depth_range
     say(f"{scene.name}: {scene.triangle_count} triangles" + (f", {seen}" if seen else ""))
     note(scene={"name": scene.name, "triangles": scene.triangle_count, "left_out": scene.dropped})

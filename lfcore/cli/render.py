@@ -70,6 +70,7 @@ def options(command: argparse.ArgumentParser) -> None:
         help="spread each ray over the area that its share of lens and pixel covers at its depth "
         "(default), or count it in the pixel that it hits",
     )  # fmt: skip
+    add(command, "shutter")
     plane_options.add_options(command, of_file=False)
     film.add_options(command)
 
@@ -186,6 +187,7 @@ def record_options(command: argparse.ArgumentParser) -> None:
         "--frames", type=values.frames, metavar="A:B",
         help="all frames from A to before B, in one file; a record that is killed continues",
     )  # fmt: skip
+    add(many, "shutter")
     many.add_argument("--fps", type=values.positive, metavar="N", help="frames per second (24)")
     many.add_argument(
         "--bake-each", action="store_true",
@@ -207,6 +209,8 @@ def record(arguments: argparse.Namespace) -> None:
     )
     scene = open_scene(arguments)
     times = _times(arguments, scene)
+    if times is not None and scene.shutter:
+        scene = replace(scene, shutter=arguments.shutter)
     if film.wanted(arguments, scene) and film.is_array(scene):
         film.record(arguments, scene)
         return
@@ -247,6 +251,8 @@ def _times(arguments: argparse.Namespace, scene: lfcore.Scene) -> list[float] | 
         if alone := flags(arguments, "fps", "bake_each"):
             refuse("--frames", f"is missing, and {alone[0]} needs it", "Give both")
         return None
+    if arguments.time is not None:
+        refuse("--time", "excludes --frames", "Leave one out")
     if scene.instants is None:
         refuse("--frames", "the scene does not move", "Leave it out")
     if scene.bake and not arguments.bake_each:

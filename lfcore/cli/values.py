@@ -118,6 +118,15 @@ def frames(text: str) -> range:
     return numbers
 
 
+def shutter(text: str) -> tuple[float, float]:
+    """Read when a shutter opens and closes, seconds from the instant: ``0:0.02``."""
+    opened, _, closed = text.partition(":")
+    times = number()(opened), number()(closed)
+    if times[1] < times[0]:
+        raise argparse.ArgumentTypeError(f"{text!r} closes before it opens")
+    return times
+
+
 def codec(*keys: str) -> Callable[[str], dict[str, str]]:
     """Make a type for argparse: ``libx265,preset=medium``, as keywords of :class:`lfcore.Encoding`.
 

@@ -16,6 +16,7 @@ from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.rendering.direct import focused_camera
+from lfcore.rendering.exposure import ExposedTracer, view_times
 from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
@@ -126,9 +127,20 @@ def traced_views(
 
     ``pixels`` is the longer side of the pictures that textures are filtered for; ``part`` is a
     slice of ``order``, the numbers of the views.  With ``in_rows``, large views are traced some
-    rows at a time.
+    rows at a time.  Under an open shutter each view is traced at its own instant.
     """
     slab = views.slab
+    if isinstance(tracer, ExposedTracer):
+        numbers = np.arange(slab.views**2) if order is None else order
+        shares = view_times(slab.views)[numbers]
+        for place, now in enumerate(tracer.each(shares)):
+            part = slice(place, place + 1)
+            rows_of_view = traced_views(
+                now, views, pixels, footprint_px, order=numbers[part], in_rows=in_rows
+            )
+            for _, first, light, depth in rows_of_view:
+                yield part, first, light, depth
+        return
     pitch = slab.camera.field_width / pixels
     if footprint_px is None:
         footprint_px = texture_width((slab.views * slab.pixels / pixels) ** 2)

@@ -15,6 +15,7 @@ from lfcore.files import whole_file
 from lfcore.optics import bundles
 from lfcore.optics.slab import Extent, Slab, all_samples
 from lfcore.progress import Progress
+from lfcore.rendering.exposure import ExposedTracer
 from lfcore.tracing.tracer import Tracer
 
 VIEWS_AT_A_TIME_RAYS = 1 << 24
@@ -87,7 +88,8 @@ def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:
     """Depths in metres, infinity for a miss, of a few rays all over lens and picture."""
     coarse = spread_over(slab)
     origins, directions = bundles.views(coarse, all_samples(coarse)).rays()
-    depth = tracer.closest_hit(origins, directions)[1]
+    instants = tracer.each((0.0, 0.5, 1.0)) if isinstance(tracer, ExposedTracer) else [tracer]
+    depth = np.concatenate([now.closest_hit(origins, directions)[1] for now in instants])
     return depth[depth > 0]
 
 

@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 from lfcore.opencl.device import Device, open_device
 from lfcore.progress import BAKING, Progress, stage
+from lfcore.rendering.exposure import ExposedTracer, shifted
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.model import Scene
 from lfcore.tracing.bvh import Bvh, build_bvh
@@ -53,6 +54,8 @@ def open_tracer(
     that."""
     whole = opened(device)
     scene = lit(scene, whole, progress)
+    if scene.shutter:
+        return ExposedTracer(scene, MovingTree(), whole)
     return Tracer(scene, hierarchy_of(scene), whole)
 
 
@@ -67,7 +70,7 @@ def tracers_at(
     """A tracer of the scene at each instant, in seconds, one after another.
 
     What does not move is set up once; light is baked as the scene stands, or for every instant.
-    A scene at rest has one tracer.
+    A scene at rest has one tracer.  An open shutter's times are from each instant.
     """
     whole, tree = opened(device), MovingTree()
     if scene.instants is None:
@@ -76,6 +79,9 @@ def tracers_at(
         return
     scene = scene if bake_each else lit(scene, whole, progress)
     for time in times:
+        if scene.shutter:
+            yield ExposedTracer(shifted(scene, time), tree, whole)
+            continue
         now = lit(scene.at(time), whole)
         yield Tracer(now, tree.at(now.triangles), whole)
 

@@ -108,8 +108,8 @@ def record_film(
     folder = path.with_name(f"{path.name}.parts")
     make_folder(folder)
     settings = (
-        bake_each, scene_digest(scene), slab.to_json(), layout.to_json(), store.spec.to_json(),
-        spec.to_json(), vars(codes), store.displaced, store.pixels,
+        bake_each, scene.shutter, scene_digest(scene), slab.to_json(), layout.to_json(),
+        store.spec.to_json(), spec.to_json(), vars(codes), store.displaced, store.pixels,
     )  # fmt: skip
     groups = []
     for first in range(0, len(film.times), group):

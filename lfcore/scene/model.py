@@ -6,6 +6,7 @@ of a :class:`Scene` moves the geometry there in float64 and rounds to float32 on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -117,6 +118,7 @@ class Scene:
         ``lightfield``); None: a square picture of ``camera``.
     motions : triangles that move while the shutter is open.
     animation : what else moves; None for a scene at rest, and for one that was saved.
+    shutter : when the shutter opens and closes, seconds; None: at once.
     floor : the material of the floor under a mesh, numbered after ``materials`` but not one of
         them; ``depth_range`` leaves the floor out.
     notes : differences between the file's scene and this one, with file and line.
@@ -147,6 +149,7 @@ class Scene:
     view: View | None = None
     motions: tuple[Motion, ...] = ()
     animation: Animation | None = None
+    shutter: tuple[float, float] | None = None
     notes: tuple[Note, ...] = ()
     account: tuple[Count, ...] = ()
     floor: Material | None = None
@@ -352,7 +355,32 @@ class Scene:
         """
         from lfcore.scene.motion import scene_at  # which imports this module
 
-        return scene_at(self, time_s)
+        return scene_at(replace(self, shutter=None) if self.shutter else self, time_s)
+
+    def exposed(self, opened_s: float, closed_s: float) -> Scene:
+        """The scene while a shutter is open: :func:`lfcore.render` and :func:`lfcore.record`
+        spread the lens samples over that time.
+
+        A scene at rest stays as it is.
+
+        Parameters
+        ----------
+        opened_s, closed_s : float
+            Seconds; of a film from each of its times.
+
+        Raises
+        ------
+        SceneError
+            The shutter closes before it opens.
+        """
+        if not (math.isfinite(opened_s) and opened_s <= closed_s < math.inf):
+            problem = f"opens at {opened_s!r} and closes at {closed_s!r} s"
+            raise SceneError(problem, key="shutter", remedy="Let it open first")
+        if self.instants is None:
+            return self
+        if opened_s == closed_s:
+            return self.at(opened_s)
+        return replace(self, shutter=(float(opened_s), float(closed_s)))
 
     @cached_property
     def depth_range(self) -> DepthRange | None:

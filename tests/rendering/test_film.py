@@ -6,13 +6,13 @@ import pickle
 import av
 import numpy as np
 import pytest
+from moving_scene import moving_squares
 from plain_scenes import refused
 
 import lfcore
 from lfcore.cli import main
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
-from lfcore.scene.model import Animation
 
 PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
 EXACT = lfcore.Encoding("ffv1")
@@ -20,19 +20,7 @@ EXACT = lfcore.Encoding("ffv1")
 
 @pytest.fixture(scope="module")
 def scene():
-    """Two squares; the nearer one moves 1 m per second to the right."""
-    square = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
-    triangles = np.concatenate([square * 0.3 + [-0.4, 0, 2], square * 2 + [0, 0, 4]])
-    colours = np.random.default_rng(1).random((4, 3, 3)) * 0.8
-    camera = lfcore.Camera(0.1, 0.08, 1.0, 2.5)
-    still = lfcore.Scene.from_triangles(triangles, colours=colours, camera=camera)
-
-    def at(now, time):
-        moved = now.triangles.copy()
-        moved[:2, :, 0] += np.float32(time)
-        return dataclasses.replace(now, triangles=moved)
-
-    return dataclasses.replace(still, animation=Animation(0.0, 1.0, at))
+    return moving_squares()
 
 
 @pytest.fixture(scope="module")
