@@ -184,8 +184,9 @@ def truth_of(peer: Renderer, camera: Camera, options: argparse.Namespace, seed: 
     return [*pair, peer.ask(denoised, np.mean(pair, axis=0))]
 
 
-def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
-    """Return the dB of pictures, in sRGB, to two noisy converged pictures.
+def true_psnr(pictures: np.ndarray, truths: np.ndarray, where: np.ndarray | None = None) -> float:
+    """Return the dB of pictures, in sRGB, to two noisy converged pictures; ``where`` (M, M) are
+    the pixels that count.
 
     Independent noise cancels in the product of the differences to both.  Differences are linear,
     times the slope of sRGB between the picture and the denoised one: the mean of sRGB-encoded noise
@@ -195,7 +196,7 @@ def true_psnr(pictures: np.ndarray, truths: np.ndarray) -> float:
     middle, half = (pictures + near) / 2, np.maximum(abs(pictures - near) / 2, 1e-4)
     slope = (srgb_encode(middle + half) - srgb_encode(middle - half)) / (2 * half)
     errors = slope**2 * (pictures - one) * (pictures - two)
-    return -10 * math.log10(_mean_or_noise(errors.mean(-1)))
+    return -10 * math.log10(_mean_or_noise(errors.mean(-1), where))
 
 
 def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
@@ -206,11 +207,13 @@ def true_error(pictures: np.ndarray, truths: np.ndarray) -> float:
     return math.sqrt(_mean_or_noise((grey - one) * (grey - two) / level**2))
 
 
-def _mean_or_noise(errors: np.ndarray) -> float:
+def _mean_or_noise(errors: np.ndarray, where: np.ndarray | None = None) -> float:
     """The mean of pixels (F, M, M) within the border, or its double standard error, if noise
     hides it: errors are at most as large."""
     border = math.ceil(BORDER * errors.shape[1])
     inner = errors[:, border:-border, border:-border]
+    if where is not None:
+        inner = inner[:, where[border:-border, border:-border]]
     return max(float(inner.mean()), 2 * float(inner.std()) / math.sqrt(inner.size))
 
 

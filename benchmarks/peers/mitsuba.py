@@ -4,7 +4,8 @@ The same: triangles, normals, textures, lights, lens, focus, box filter of a pix
 samples of pixel and lens.  *Shading* has our shading (`mitsuba_shading.py`).  *Path* is Mitsuba's
 integrator `path`, for matt scenes with a sky, emitters and bounces: suns are a part of the sky's
 panorama, so that their shadows have the penumbra of their size; emitters emit on both sides, since
-open meshes get a second sheet behind them.
+open meshes get a second sheet behind them.  *Even* is the same integrator for mirrors, glass, coats
+and veils in even light: all other surfaces emit their colours in front.
 """
 
 import os
@@ -20,8 +21,11 @@ from benchmarks.peers.method import Renderer, Samples, SkippedError, check_insta
 from benchmarks.peers.mitsuba_shading import shading_of
 from lfcore.evaluation.renderers.mitsuba import Description, mesh_of, start, thin_lens
 from lfcore.optics.camera import Camera
+from lfcore.oracle.specular import COAT
+from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
-from lfcore.scene.sky import radiance, suns
+from lfcore.scene.needs import is_mirror
+from lfcore.scene.sky import radiance
 
 LLVM = "DRJIT_LIBLLVM_PATH"
 NEEDS = "mitsuba-oidn and LLVM 16 or later"
@@ -31,6 +35,8 @@ SKY_HEIGHT = 512
 """The rows of the panorama."""
 BEHIND = 1e-5
 """The distance of a second sheet, relative to the scene's size."""
+COAT_M = 0.001
+"""The distance of a coat from its body, metres: Mitsuba's rays start half as far from surfaces."""
 ROULETTE = 8
 """The depth at which Russian roulette begins."""
 _here: dict[str, Any] = {}
@@ -51,6 +57,12 @@ def mitsuba_path(scene: Scene, bounces: int | str, threads: int) -> Renderer:
     """Open Mitsuba's path tracer.  Raises :class:`SkippedError` for a missing package."""
     check_installed("mitsuba", "mitsuba_oidn")
     return Renderer(_open_path, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
+
+
+def mitsuba_even(scene: Scene, events: int, threads: int) -> Renderer:
+    """Open Mitsuba's path tracer for a scene in ambient light, with paths of so many mirrors."""
+    check_installed("mitsuba", "mitsuba_oidn")
+    return Renderer(_open_even, (scene, events, threads, chosen_llvm()), _picture, NEEDS)
 
 
 def chosen_llvm() -> str | None:
@@ -111,6 +123,13 @@ def _open_path(scene: Scene, bounces: int | str, threads: int, llvm: str | None)
     _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={})
 
 
+def _open_even(scene: Scene, events: int, threads: int, llvm: str | None) -> None:
+    mitsuba = _open(threads, llvm)
+    described = Even(mitsuba, scene).all()
+    described["integrator"] = {"type": "path", "max_depth": events + 1, "rr_depth": 2 * events}
+    _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={})
+
+
 def _picture(camera: Camera, pixels: int, samples: Samples, seed: int) -> tuple[np.ndarray, float]:
     """Render in passes; return ((pixels, pixels, 3) float32 linear light, core seconds).
 
@@ -156,10 +175,48 @@ class Lit(Description):
         return {"type": "envmap", "bitmap": self.mitsuba.Bitmap(light)}
 
 
+class Even(Description):
+    """The description of a scene in ambient light, with mirrors, glass, coats and veils.
+
+    A coat is a sheet of glass on its body, which emits as much more as light loses on its way out
+    of glass.
+    """
+
+    def all(self) -> dict:
+        described = super().all()
+        for number, material in enumerate(self._scene.every_material):
+            if material.clearcoat:
+                described[f"coat_{number}"] = self._sheet(number)
+        return described
+
+    def radiance(self, material: int) -> dict | None:
+        m = self._scene.every_material[material]
+        if m.transmission or is_mirror(m):
+            return None
+        share = m.opacity * (COAT**2 if m.clearcoat else 1)
+        ambient, emission = (share * np.array(light) for light in (self._scene.ambient, m.emission))
+        return self._colour(material, ambient, emission)
+
+    def _reflection(self, material: Material, colour: dict) -> dict:
+        if not is_mirror(material):
+            return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0] * 3}}
+        return super()._reflection(material, colour)
+
+    def _sheet(self, number: int) -> Any:
+        members = self._scene.material_ids == number
+        corners = self._scene.triangles[members]
+        p, q, r = corners.swapaxes(0, 1).astype(np.float64)
+        out = np.cross(q - p, r - p)
+        out *= COAT_M / np.linalg.norm(out, axis=1, keepdims=True)
+        props, none = self.mitsuba.Properties(), np.zeros((0, 3, 3), np.float32)
+        props["bsdf"] = self.mitsuba.load_dict({"type": "dielectric", "int_ior": COAT})
+        sheet = (corners + out[:, None]).astype(np.float32)
+        return mesh_of(self.mitsuba, f"coat {number}", sheet, none, none, props)
+
+
 def without_suns(scene: Scene) -> Scene:
     """Return the scene without lights that are also in its sky."""
-    towards = [sun.vector for sun in suns(scene.sky)[1]] if len(scene.sky) else []
-    return replace(scene, lights=[x for x in scene.lights if x.vector not in towards])
+    return replace(scene, lights=[x for x in scene.lights if not x.angular_radius])
 
 
 def panorama(sky: np.ndarray, axes: np.ndarray) -> np.ndarray:

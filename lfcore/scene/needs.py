@@ -138,6 +138,12 @@ class Needs:
         )
 
 
+def is_mirror(material: Material) -> bool:
+    """Whether all that a material does is reflect like a mirror."""
+    rough = material.roughness > MIRROR_ROUGHNESS or material.metal_texture >= 0
+    return material.metallic == 1 and not rough and material.opacity == 1
+
+
 def is_specular(scene: Scene, material: Material) -> bool:
     """Whether rays go on from a material's surfaces: mirrored, refracted or straight through."""
     return (
@@ -164,13 +170,23 @@ def _has_curves(scene: Scene) -> bool:
     return bool((np.abs(normals - normals[:, :1]) >= FLAT_NORMALS).any())
 
 
-def check_exportable(scene: Scene, program: str) -> None:
-    """Raise :class:`SceneError` for features that no exporter to ``program`` supports."""
+def check_exportable(scene: Scene, program: str, *, may_be_specular: bool = False) -> None:
+    """Raise :class:`SceneError` for features that the exporter to ``program`` does not support.
+
+    One that ``may_be_specular`` exports mirrors, glass without absorption, coats and veils.
+    """
     needs = Needs.of(scene)
+    used = [scene.every_material[number] for number in np.unique(scene.material_ids)]
+    if may_be_specular:
+        physical = any(m.has_maps or (m.is_metallic and not is_mirror(m)) for m in used)
+        specular = any(scene.has_alpha_blend(m) or any(m.absorption) for m in used)
+    else:
+        physical, specular = needs.physical, needs.specular
     for has_feature, subject in (
         (len(scene.colours), "colours at corners are"),
         (scene.motions, "motion is"),
-        (needs.alpha_tests or needs.physical, "holes, metal and bent normals are"),
+        (needs.alpha_tests or physical, "holes, metal and bent normals are"),
+        (specular, "glass, coats and transparency are"),
         (
             any(light.is_of_emitter or light.is_spot for light in scene.lights),
             "spots and points of area lights are",

@@ -183,6 +183,30 @@ def test_what_is_not_exported_is_refused(chart, tmp_path):
     refused("ambient", Description, None, lit)
 
 
+def test_mirrors_glass_coats_and_veils_are_exported_to_mitsuba(chart, tmp_path):
+    def made(**changes):
+        materials = [Material("m", (0.5, 0.5, 0.5), **changes)] * len(chart.materials)
+        bare = {"textures": [], "uvs": np.zeros((0, 3, 2), np.float32)}
+        return dataclasses.replace(chart, materials=materials, **bare)
+
+    for changes, kinds in (
+        ({"metallic": 1.0, "roughness": 0.0}, ["twosided", "conductor"]),
+        ({"transmission": 1.0}, ["dielectric"]),
+        ({"transmission": 1.0, "thin_walled": True}, ["thindielectric"]),
+        ({"clearcoat": 1.0}, ["twosided", "plastic"]),
+        ({"opacity": 0.3}, ["mask", "twosided", "diffuse"]),
+    ):
+        bsdf, found = Description(None, made(**changes)).bsdf(0), []
+        while bsdf:
+            found.append(bsdf["type"])
+            bsdf = bsdf.get("inner")
+        assert found == kinds
+        refused("holes, metal|glass, coats", written, tmp_path, made(**changes))
+    tinted = {"attenuation_distance_m": 1.0, "attenuation_colour": (0.5, 0.5, 0.5)}
+    for changes in ({"transmission": 1.0, **tinted}, {"metallic": 0.5, "roughness": 0.0}):
+        refused("not exported", Description, None, made(**changes))
+
+
 @pytest.mark.parametrize(
     ("render", "installed"),
     [

@@ -19,9 +19,9 @@ from lfcore.evaluation.renderers.rendered import NotRenderedError, Rendered, tim
 from lfcore.optics.camera import Camera
 from lfcore.optics.planes import SensorPlane
 from lfcore.rendering.direct import focused_camera
-from lfcore.scene.appearance import POINT, Light
+from lfcore.scene.appearance import POINT, Light, Material
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import check_exportable
+from lfcore.scene.needs import check_exportable, is_mirror
 
 
 def start(variant: str, threads: int) -> ModuleType:
@@ -96,7 +96,7 @@ class Description:
         self.mitsuba, self._scene = mitsuba, scene
         lit = leave_out_ambient or any(any(light.colour) for light in scene.lights)
         self._is_ambient = not lit
-        check_exportable(scene, "Mitsuba")
+        check_exportable(scene, "Mitsuba", may_be_specular=True)
         if any(scene.ambient) and lit and not leave_out_ambient:
             remedy = "Leave it out, or compare a scene that has no other light"
             raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
@@ -138,7 +138,7 @@ class Description:
         if not len(members):
             return None
         props = mitsuba.Properties()
-        props["bsdf"] = mitsuba.load_dict({"type": "twosided", "inner": self._bsdf(material)})
+        props["bsdf"] = mitsuba.load_dict(self.bsdf(material))
         if radiance := self.radiance(material):
             props["emitter"] = mitsuba.load_dict({"type": "area", "radiance": radiance})
         normals, uvs = (a[members] if len(a) else a for a in (scene.normals, scene.uvs))
@@ -159,15 +159,29 @@ class Description:
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}
 
-    def _bsdf(self, index: int) -> dict:
+    def bsdf(self, index: int) -> dict:
+        """How a material reflects and transmits."""
         material = self._scene.every_material[index]
-        diffuse = self._colour(index, np.ones(3), np.zeros(3))
+        colour = self._colour(index, np.ones(3), np.zeros(3))
+        if material.transmission:
+            kind = "thindielectric" if material.thin_walled else "dielectric"
+            return {"type": kind, "int_ior": material.ior, "specular_transmittance": colour}
+        body = {"type": "twosided", "inner": self._reflection(material, colour)}
+        if material.opacity == 1:
+            return body
+        return {"type": "mask", "opacity": material.opacity, "inner": body}
+
+    def _reflection(self, material: Material, colour: dict) -> dict:
+        if is_mirror(material):
+            return {"type": "conductor", "material": "none", "specular_reflectance": colour}
+        if material.clearcoat:
+            return {"type": "plastic", "int_ior": 1.5, "diffuse_reflectance": colour}
         if not any(material.specular):
-            return {"type": "diffuse", "reflectance": diffuse}
+            return {"type": "diffuse", "reflectance": colour}
         # The Blinn-Phong exponent n is about Beckmann's 2 / alpha^2 - 2.
         return {
             "type": "roughplastic",
             "distribution": "beckmann",
             "alpha": math.sqrt(2 / (material.shininess + 2)),
-            "diffuse_reflectance": diffuse,
+            "diffuse_reflectance": colour,
         }
