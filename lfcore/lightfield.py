@@ -395,8 +395,8 @@ class LightField(LightFieldFile):
         >>> len(list(field.pull(keys)))
         1
         """
-        how = {"pixels": pixels, "device": device} | ({"filter": filter} if filter else {})
-        return pulled(self, keys, progress, **how)
+        options = {"pixels": pixels, "device": device} | ({"filter": filter} if filter else {})
+        return pulled(self, keys, progress, **options)
 
     @suggest_keywords
     def views_at(

@@ -232,16 +232,16 @@ def _read(row: Mapping[str, Any], key: str | None, file: Path | None) -> dict[st
 
 
 def save(
-    path: Path, planes: list[SensorPlane], pictures: np.ndarray, how: Mapping[str, Any],
+    path: Path, planes: list[SensorPlane], pictures: np.ndarray, options: Mapping[str, Any],
     field: lfcore.LightField | None = None,
 ) -> None:  # fmt: skip
     """Write pictures, in one NPY or in a file each, and report their names.
 
-    A file's name has its number and settings.  ``how`` has keywords of :func:`write_named`.
+    A file's name has its number and settings.  ``options`` has keywords of :func:`write_named`.
     """
     if path.suffix.lower() == ".npy":
         whole = pictures[0] if len(planes) == 1 else pictures
-        write_named([(path, whole)], sensor=how.get("sensor"))
+        write_named([(path, whole)], sensor=options.get("sensor"))
     else:
         names = [path]
         if len(planes) > 1:
@@ -254,4 +254,4 @@ def save(
                     for k, plane in enumerate(planes)
                 ]
             names = [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]
-        write_named(list(zip(names, pictures, strict=True)), **how)
+        write_named(list(zip(names, pictures, strict=True)), **options)

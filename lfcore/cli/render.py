@@ -97,10 +97,10 @@ def run(arguments: argparse.Namespace) -> None:
             same |= {"views": lattice, "filter": arguments.filter}
             pictures = lfcore.render(scene, progress=report, **same)
         else:
-            made = lfcore.render_to_quality(scene, quality, progress=report, **same)
-            pictures = made.pictures
+            rendering = lfcore.render_to_quality(scene, quality, progress=report, **same)
+            pictures = rendering.pictures
     if quality:
-        _report_quality(made)
+        _report_quality(rendering)
     plane_options.save(arguments.output, planes, pictures, form(arguments))
 
 

@@ -67,16 +67,16 @@ def refocus_options(command: argparse.ArgumentParser) -> None:
 
 def add_method(command: argparse.ArgumentParser, *more: str, help: str = "") -> None:
     """Add the options of the method that makes pictures from a file."""
-    how = command.add_argument_group("method")
+    method = command.add_argument_group("method")
     methods = ("slicing", "shift-sum", *more)
-    how.add_argument("--method", choices=methods, help=f"default: by the filter{help}")
-    how.add_argument(
+    method.add_argument("--method", choices=methods, help=f"default: by the filter{help}")
+    method.add_argument(
         "--filter", choices=("depth", "nearest", "bilinear"),
         help="depth (default for files with depth), nearest (default for others) or bilinear "
         "(shift-sum only)",
     )  # fmt: skip
     add(
-        how,
+        method,
         "device",
         pixels="pixels of the longer side, or 1920x1080 (as recorded); with slicing at most those "
         "of the views",

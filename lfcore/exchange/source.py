@@ -130,10 +130,10 @@ class Source:
                 raise ExchangeError(problem, file=scene.name, key="scene", remedy=remedy)
             self._tracer, self._materials = open_dark_tracer(scene, device), scene.material_ids
 
-    def require_geometry(self, what: str) -> KnownGeometry:
+    def require_geometry(self, user: str) -> KnownGeometry:
         """The geometry; raises :class:`ExchangeError` if it is unknown."""
         if self.geometry is None:
-            problem = f"does not hold its geometry, which {what} needs"
+            problem = f"does not hold its geometry, which {user} needs"
             remedy = f"{GIVE_GEOMETRY}, or use another format"
             raise ExchangeError(problem, file=self.field.path, remedy=remedy)
         return self.geometry
@@ -249,7 +249,7 @@ def _chosen(selection: Selection, field: LightField) -> tuple[np.ndarray, np.nda
 
 def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
     """The numbers of the selected stored views along one axis."""
-    wanted = selection.views[axis] if selection.views else None
+    number = selection.views[axis] if selection.views else None
     count, slab = field.grid[axis], field.require_slab()
     step, remedy = 1, "record with depth, which gives any views"
     if selection.baseline_m is not None:
@@ -262,18 +262,18 @@ def _stored(selection: Selection, axis: int, field: LightField) -> np.ndarray:
                 f"{1e3 * slab.lens_pitch_m:.6g} mm between its views",
                 file=field.path, key="baseline_m", remedy=f"Give a multiple, or {remedy}",
             )  # fmt: skip
-        wanted = wanted or (count - 1) // step + 1
-    elif wanted and wanted > 1 and selection.views:
-        both = [(n - 1) // (w - 1) for n, w in zip(field.grid, selection.views, strict=True)
+        number = number or (count - 1) // step + 1
+    elif number and number > 1 and selection.views:
+        steps = [(n - 1) // (w - 1) for n, w in zip(field.grid, selection.views, strict=True)
                 if w > 1]  # fmt: skip
-        step = max(1, min(both))
-    wanted = wanted or count
-    reach = (wanted - 1) * step + 1
+        step = max(1, min(steps))
+    number = number or count
+    reach = (number - 1) * step + 1
     if reach > count:
-        problem = f"{wanted} views with a step of {step} need {reach}; the file has {count}"
+        problem = f"{number} views with a step of {step} need {reach}; the file has {count}"
         remedy = f"Give fewer, or {remedy}"
         raise ExchangeError(problem, file=field.path, key="views", remedy=remedy)
-    return (count - reach + 1) // 2 + np.arange(wanted) * step
+    return (count - reach + 1) // 2 + np.arange(number) * step
 
 
 def _spread(selection: Selection, field: LightField) -> tuple[np.ndarray, np.ndarray, float]:
