@@ -96,7 +96,8 @@ def true_picture(
     share = lens_cells(slab, plane.lens_aperture(slab)).share
     order, total = np.flatnonzero(share), np.zeros((pixels, pixels, 3))
     most = np.inf if tracer.needs.stops else 1
-    for part, _, light, _ in traced_views(tracer, views, pixels, TRUTH_FOOTPRINT_PX, order=order):
+    for part, _, parts in traced_views(tracer, views, pixels, TRUTH_FOOTPRINT_PX, order=order):
+        light = sum(light for light, _ in parts)
         blocks = np.clip(light, 0, most).reshape(-1, pixels, side, pixels, side, 3)
         total += np.tensordot(share[order[part]], blocks.mean(axis=(2, 4)), 1)
     return (total / share.sum()).astype(np.float32)

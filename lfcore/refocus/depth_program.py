@@ -17,6 +17,8 @@ FULL_LAYERS = 3
 3 dB."""
 LEAST_UNITS = 1024.0
 """The least sum, in units, that determines a colour: each added part may be off by one."""
+MOST_DIOPTRES = 3e38
+"""The inverse depth above which there is no ray: depth 0."""
 
 CONSTANTS = {
     "ABREAST": ABREAST,
@@ -25,6 +27,7 @@ CONSTANTS = {
     "COARSE_PX": COARSE_PX,
     "FULL_LAYERS": FULL_LAYERS,
     "LEAST_UNITS": LEAST_UNITS,
+    "MOST_DIOPTRES": MOST_DIOPTRES,
     # The least width of a box, in distances of rays, that a square of rays shares.  With these,
     # squares of 4 x 4 rays have 66 dB and more against squares of 2 x 2, and these 69 dB against
     # single rays.
@@ -47,6 +50,8 @@ SLICING_ARGUMENTS = np.dtype([
     ("least_box", FLOAT),  # the least side of a box, pixels
     ("white", FLOAT),  # radiance 1 in sums, over a ray's weight
     ("brightest", FLOAT),  # radiance to which rays are clipped
+    ("empty", FLOAT),  # radiance of pixels without rays
+    ("parts", INT),  # 2: `shown` and `reflections` are there
 ])  # fmt: skip
 PLACED_VIEW = np.dtype([
     ("x", FLOAT),  # position of pixel (0, 0)'s ray, pixels of the picture
@@ -79,7 +84,7 @@ _RAYS = read(light="light_t", depth="depth_t", dioptres="float")
 _SUMS = write(sums="sum4", used="int")
 KERNELS = {
     # Rays: light is (views, rows, columns, 3), or (views, 3, rows, columns) of a file; depth
-    # (views, rows, columns) in metres, or codes with their dioptres.
+    # (views, rows, columns) in metres, 0 without a ray; or codes with their dioptres.
     "join_rays": _RAYS | given(numbers="SlicingArguments") | write(fours="Squares"),
     # fours of join_rays; ranges (views, rows): the least and the largest depth of a row; views
     # (planes, views); used (planes, strips): a bit per layer with light.
@@ -88,11 +93,12 @@ KERNELS = {
     | read(fours="Squares", ranges="float2", views="PlacedView", planes="FocusPlane")
     | _SUMS,
     # rooms (rows, width): the weight of all rays per pixel; room_rows (LAYERS, height): the row of
-    # rooms for each row of a layer; picture (height, width, 3).
+    # rooms for each row of a layer; picture and reflections (height, width, 3); shown: sums of
+    # specular rays.
     "compose": given(numbers="SlicingArguments")
-    | read(rooms="float", room_rows="int")
+    | read(rooms="float", room_rows="int", reflections="float", shown_used="int")
     | _SUMS
-    | write(picture="float"),
+    | write(shown="sum4", picture="float"),
 }
 INTERFACE = SHARED | Interface(
     constants=CONSTANTS,

@@ -67,9 +67,27 @@ HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
 
 def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     """Copy rays to the device once for several slicers; arrays as in :meth:`DepthSlicer.add`."""
-    ranges = np.stack([depth.min(axis=2), depth.max(axis=2)], -1).astype(np.float32)
+    ranges = depth_ranges(depth)
     light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
     return device.shown(light), device.shown(depth), ranges
+
+
+def depth_ranges(depth: np.ndarray) -> np.ndarray:
+    """The least and the largest depth of each row, (K, rows, 2) float32; 0 is no depth, and rows
+    without depths have infinity and 0."""
+    least, most = depth.min(axis=2), depth.max(axis=2)
+    if not least.all():
+        least = np.where(depth > 0, depth, np.inf).min(axis=2)
+    return np.stack([least, most], -1).astype(np.float32)
+
+
+def code_ranges(codes: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """As :func:`depth_ranges`, of codes whose depths are ``table``, from far to near; the last of
+    them may be no depths."""
+    least, most, count = codes.min(axis=2), codes.max(axis=2), np.count_nonzero(table)
+    if count < len(table):
+        most = np.where(codes < count, codes, 0).max(axis=2)
+    return np.stack([table[most], table[least]], -1)
 
 
 def planes_at_a_time(device: Device, size: Size, stops: int) -> int:
@@ -99,6 +117,8 @@ class DepthSlicer:
         The codes of a file's depths, for :meth:`add_stored`.  Default: rays are traced.
     one : float
         Radiance 1 in a file's fixed-point views.
+    empty : float
+        The radiance of pixels without rays.
     """
 
     def __init__(
@@ -112,6 +132,7 @@ class DepthSlicer:
         stops: int = 0,
         codes: DepthCodes | None = None,
         one: float = FIXED_ONE,
+        empty: float = 0.0,
     ):
         for plane in planes:
             plane.check(views.slab)
@@ -152,7 +173,7 @@ class DepthSlicer:
         self._numbers = record(
             SLICING_ARGUMENTS, views=0, columns=slab.size.width, rows=0, first_row=0,
             strip_rows=rows, width=width, height=height, white=2.0**-dropped,
-            brightest=2.0**stops,
+            brightest=2.0**stops, empty=empty, parts=1,
             least_box=min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels,
         )  # fmt: skip
         self._strips = -(-self.size.height // rows)
@@ -194,7 +215,7 @@ class DepthSlicer:
         light : ndarray
             (K, rows, columns, 3) float32 linear radiance, clipped at ``2 ** stops``.
         depth : ndarray
-            (K, rows, columns) float32, metres, infinity for a miss.
+            (K, rows, columns) float32, metres, infinity for a miss, 0 for rays to leave out.
         first_row : int
             A multiple of 4.
         """
@@ -212,11 +233,11 @@ class DepthSlicer:
 
         ``light`` has (K, 3, rows, columns) uint32 in fixed point, ``codes`` (K, rows, columns).
         """
-        ends = np.stack([codes.min(axis=2), codes.max(axis=2)], -1)
         if self._codes.shape != codes.shape:  # kept: drivers are slow with unaligned memory
             self._codes = page_aligned(codes.shape, codes.dtype.type)
         self._codes[:] = codes
-        self.add_held(part, light, self.device.shown(self._codes), self._table[ends], first_row)
+        ranges = code_ranges(codes, self._table)
+        self.add_held(part, light, self.device.shown(self._codes), ranges, first_row)
 
     def add_held(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
@@ -244,13 +265,17 @@ class DepthSlicer:
         )  # fmt: skip
         device.queue.finish()
 
-    def pictures(self) -> np.ndarray:
+    def pictures(
+        self, shown: "DepthSlicer | None" = None, reflections: np.ndarray | None = None
+    ) -> np.ndarray:
         """(P, height, width, 3) float32, linear light, of all rays; the sums are lost.
 
         A pixel is divided by the weight of its rays.  With ``normalise='lens'`` the picture then
-        dims as the lens stops down.  Pixels without rays are black.
+        dims as the lens stops down.  Pixels without rays are black.  ``reflections`` (P, height,
+        width, 3) are added where ``shown``, which has some of the rays, covers the picture.
         """
-        device = self.device
+        device, numbers = self.device, self._numbers.copy()
+        numbers["parts"] = 1 if shown is None else 2
         pictures = page_aligned((len(self.planes), *self.size[::-1], 3))
         with device.mapped(self._used, (len(self.planes), self._strips), np.int32) as used:
             layers = np.bitwise_or.reduce(used, axis=1).tolist()
@@ -258,9 +283,10 @@ class DepthSlicer:
             rooms, room_rows = placed.rooms(layers[number])
             target = device.target_buffer(picture)
             self._compose(
-                self._strips, 1, offset=(0, number), numbers=self._numbers, sums=self._sums,
+                self._strips, 1, offset=(0, number), numbers=numbers, sums=self._sums,
                 used=self._used, rooms=device.shown(rooms), room_rows=device.shown(room_rows),
-                picture=target,
+                picture=target, shown=shown and shown._sums, shown_used=shown and shown._used,
+                reflections=None if reflections is None else device.shown(reflections[number]),
             )  # fmt: skip
             device.collect(target, picture)  # rooms are kept until the kernel has run
             device.forget(self._sums, number, len(self.planes))

@@ -15,6 +15,7 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
+from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.rendering.direct import focused_camera
 from lfcore.rendering.exposure import ExposedTracer, view_times
 from lfcore.tracing.packets import PACKET_ROWS
@@ -47,6 +48,7 @@ def pictures_by_depth(
     views = views_of(Slab.of(lens, lattice, size), displaced=lattice.displaced)
     # Each group of planes traces the rays again.
     room = planes_at_a_time(tracer.device, size, tracer.needs.stops)
+    room = max(1, room // 2) if tracer.needs.specular else room
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     parts = []
     for number, group in enumerate(groups):
@@ -101,15 +103,15 @@ def trace_by_depth(
     device = tracer.device
     size = Size(*views.slab.picture(pixels)[2:])
     stops = tracer.needs.stops
-    needed = DepthSlicer.sums_bytes(len(planes), size, stops)
+    needed = DepthSlicer.sums_bytes(len(planes), size, stops) * (2 if tracer.needs.specular else 1)
     if needed > device.device.global_mem_size // 2:
         problem = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
         raise OpticsError(problem, key="size", remedy=remedy)
-    slicer = DepthSlicer(views, planes, pixels, device, stops=stops)
-    for part, first, light, depth in traced_views(tracer, views, pixels, in_rows=True):
-        slicer.add(part, light, depth, first)
-        if progress and first + depth.shape[1] == views.slab.size.height:
+    slicer = TwoPartSlicer(views, planes, pixels, device, stops=stops)
+    for part, first, parts in traced_views(tracer, views, pixels, in_rows=True):
+        slicer.add(part, parts, first)
+        if progress and first + parts[0][1].shape[1] == views.slab.size.height:
             progress(part.stop, len(views.positions))
     return slicer.pictures()
 
@@ -122,8 +124,8 @@ def traced_views(
     *,
     order: np.ndarray | None = None,
     in_rows: bool = False,
-) -> Iterator[tuple[slice, int, np.ndarray, np.ndarray]]:
-    """Trace a few views at a time: yield part, first row, light (K, rows, columns, 3) and depth.
+) -> Iterator[tuple[slice, int, list[Part]]]:
+    """Trace a few views at a time: yield part, first row, and the rays as :meth:`Tracer.parts`.
 
     ``pixels`` is the longer side of the pictures that textures are filtered for; ``part`` is a
     slice of ``order``, the numbers of the views.  With ``in_rows``, large views are traced some
@@ -155,4 +157,4 @@ def traced_views(
         bundles = views.bundles(order[part], footprint=footprint)
         for first in range(0, bundles.rows, rows):
             band = first, min(rows, bundles.rows - first)
-            yield part, first, *tracer.radiance_and_depth(replace(bundles, band=band))
+            yield part, first, tracer.parts(replace(bundles, band=band))

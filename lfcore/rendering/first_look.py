@@ -21,6 +21,7 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.ray_cells import plain_views
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Slab
+from lfcore.refocus.two_parts import placed_parts
 from lfcore.rendering.by_depth import traced_views
 from lfcore.tracing.tracer import Tracer
 
@@ -69,7 +70,8 @@ class FirstLook:
         """Trace one view of ``camera``, whose lens contains the apertures of all ``planes``."""
         slab = Slab.of(camera, 1, pixels)
         views = plain_views(slab)
-        _, _, light, depth = next(traced_views(tracer, views, Size.of(pixels).longer))
+        _, _, parts = next(traced_views(tracer, views, Size.of(pixels).longer))
+        light, depth = placed_parts(parts)[0]
         inverse = 1.0 / depth[0].astype(float)
         blur, narrower = [], []
         for plane in planes:

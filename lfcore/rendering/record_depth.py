@@ -169,7 +169,7 @@ def frames_by_depth(
     rooms: list[FrameWriter] = []
     parts = []
     traced = traced_views(tracer, views, store.pixels, order=order, in_rows=by_views)
-    for part, first, light, depth in traced:
+    for part, first, ((light, depth), *_) in traced:
         ends = first + depth.shape[1] == slab.size.height
         if progress and ends:
             progress(before + part.stop, slab.views**2)

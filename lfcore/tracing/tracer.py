@@ -137,8 +137,8 @@ class Tracer:
         """Radiance and depth of every ray, as :meth:`radiance_and_depth`, in one part or two.
 
         The second part is what mirrors, glass, coats and veils show, and the depth at which it
-        appears; there is none where the rays meet no such surface.  Its radiance is 0, its depth
-        infinite, for rays that meet none.  The first part is then without it.
+        appears; there is none where the rays meet no such surface.  Its radiance and its depth are
+        0 for rays that meet none.  The first part is then without it.
         """
         if not self.needs.specular:
             return [self.radiance_and_depth(bundles)]
@@ -152,7 +152,7 @@ class Tracer:
             return [(light, depth)]
         seen = follow(self._on_device, *bundles.some_rays(chosen), bundles.pixel_pitch)
         light.reshape(-1, 3)[chosen], depth.reshape(-1)[chosen] = seen.own, seen.own_depth
-        shown, apparent = np.zeros_like(light), np.full_like(depth, np.inf)
+        shown, apparent = np.zeros_like(light), np.zeros_like(depth)
         shown.reshape(-1, 3)[chosen] = seen.specular
         apparent.reshape(-1)[chosen] = seen.specular_depth
         return [(light, depth), (shown, apparent)]

@@ -70,7 +70,7 @@ def stored(path, tracer, kind, displaced=True, spec=LOSSLESS, slab=SLAB, pack=1)
 
 def traced(tracer, displaced, slab=SLAB):
     parts = list(traced_views(tracer, views_of(slab, displaced=displaced), PIXELS))
-    return (np.concatenate([part[k] for part in parts]) for k in (2, 3))
+    return (np.concatenate([part[2][0][k] for part in parts]) for k in (0, 1))
 
 
 @pytest.mark.parametrize(("displaced", "slab"), [(True, SLAB), (False, SLAB), (True, TALL)])

@@ -101,19 +101,24 @@ inline void add_twos(const Adding *a, int v, int start, int reached, int16 wante
         const int16 single = WITHIN(wanted, k % 2) & ALONG < (float)(of->columns - x);
         if (!(reached >> k / 2 & 1) || !any(single)) continue;
         const RaySums rays = read_row(of, y, x);
+        const int16 present = single & rays.low < MOST_DIOPTRES;
+        if (!any(present)) continue;
         add_rays_at(a, (a->plane.delta - rays.low) * a->plane.scale, ALONG + (float)x,
-                    of->numbers->first_row + y, rays.sums, 1.0f, single);
+                    of->numbers->first_row + y, rays.sums, 1.0f, present);
     }
 }
 
-// Whether any ray of `rows` rows, from row `v` on, reaches the strip; `ranges` are their depths.
+// Whether any ray of `rows` rows, from row `v` on, reaches the strip; `ranges` are their depths,
+// the first above the second in rows without rays.
 inline int reaches(const Adding *a, float v, int rows, global const float2 *ranges)
 {
-    float most = 0.0f;
+    float most = -1.0f;
     for (int k = 0; k < rows; ++k) {
+        if (ranges[k].x > ranges[k].y) continue;
         const float2 moves = fabs(a->plane.delta - 1.0f / ranges[k]) * a->plane.scale;
         most = max(most, max(moves.x, moves.y));
     }
+    if (most < 0.0f) return 0;
     const float y = fma(v + 0.5f * (rows - 1), a->plane.step, a->view.y);
     const float more = HALVED ? 4.0f : 1.0f;  // pixels: what rounding and halved layers add
     const float box = max(most * a->view.side_y, a->rays->numbers->least_box);

@@ -34,28 +34,44 @@ inline float4 light_at(const Strip *s, int layer, int x, int y)
            0.0625f;
 }
 
+// The colour of a reflection, or where no ray of its picture fell, at its surface's depth.
+inline float3 specular_colour(float4 covered, float3 reflection)
+{
+    return isnan(reflection.x) ? covered.xyz / covered.w : reflection;
+}
+
 // Form the pixels of a strip from the sums: layers front to back, each covering at most the part of
 // a pixel that nearer layers left open.  Beside an edge, light from behind is partly spread over
 // the occluder, where it is lost.  So all layers but the first fill the open rest of a pixel, with
 // at most the light that they have.  Near the ends of views, layers with wider sweeps have less
 // weight.
+//
+// Pictures of two parts: `shown` are sums of the specular rays alone, at the depth of their
+// surfaces.  Their part of a pixel's weight is the part that specular surfaces cover; there the
+// pixel has the colour of `reflections`, too, which are sliced by virtual depth.
 KERNEL void compose(compose_PARAMETERS)
 {
     const int plane = get_global_id(1), width = numbers.width, height = numbers.height;
     const Strip s = make_strip(sums, plane, get_global_id(0), &numbers);
     const float4 light = (float4)((float3)(numbers.white), 1.0f);
-    const int layers = used[plane * get_global_size(0) + get_global_id(0)];
+    global sum4 *shown_sums = numbers.parts > 1 ? shown : sums;
+    const Strip m = make_strip(shown_sums, plane, get_global_id(0), &numbers);
+    const int strip = plane * get_global_size(0) + get_global_id(0);
+    const int layers = used[strip], shown_layers = numbers.parts > 1 ? shown_used[strip] : 0;
     int list[LAYERS], count = 0;
     for (int layer = 0; layer < LAYERS; ++layer) {
         list[count] = layer;
         count += layers >> layer & 1;
     }
     for (int y = 0; y < s.rows; ++y) {
-        for (int k = 0; k < count; ++k)
-            if (IS_WIDE(list[k])) integrate(&s, list[k], y);
+        for (int k = 0; k < count; ++k) {
+            if (!IS_WIDE(list[k])) continue;
+            integrate(&s, list[k], y);
+            if (shown_layers >> list[k] & 1) integrate(&m, list[k], y);
+        }
         for (int x = 0; x < width; ++x) {
             float left = 1.0f;
-            float4 total = 0.0f, first = 0.0f;
+            float4 total = 0.0f, first = 0.0f, covered = 0.0f, first_covered = 0.0f;
             for (int k = 0; k < count; ++k) {
                 const int row = room_rows[list[k] * height + s.top + y];
                 const float room = rooms[(ulong)row * width + x];
@@ -64,13 +80,25 @@ KERNEL void compose(compose_PARAMETERS)
                 const float4 found = units / (light * room);
                 const float taken = min(found.w, left);
                 total += found * (taken / found.w);
+                if (shown_layers >> list[k] & 1)
+                    covered += light_at(&m, list[k], x, y) / (light * room) * (taken / found.w);
                 left -= taken;
-                if (!(first.w > 0.0f)) first = total;
+                if (!(first.w > 0.0f)) {
+                    first = total;
+                    first_covered = covered;
+                }
             }
             const float4 behind = total - first;
-            if (behind.w > 0.0f) total += behind * min(left / behind.w, 1.0f);
-            const float3 colour = total.w > 0.0f ? total.xyz / total.w : 0.0f;
-            vstore3(colour, (ulong)(s.top + y) * width + x, picture);
+            if (behind.w > 0.0f) {
+                const float more = min(left / behind.w, 1.0f);
+                total += behind * more;
+                covered += (covered - first_covered) * more;
+            }
+            const ulong at = (ulong)(s.top + y) * width + x;
+            float3 colour = total.w > 0.0f ? total.xyz / total.w : numbers.empty;
+            if (covered.w > 0.0f)
+                colour += specular_colour(covered, vload3(at, reflections)) * (covered.w / total.w);
+            vstore3(colour, at, picture);
         }
     }
 }
