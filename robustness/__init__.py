@@ -1,6 +1,1 @@
-"""The fuzzer and the fault injector.
-
-``python -m robustness.fuzz`` feeds damaged and hostile inputs to the library in forked children;
-``python -m robustness.faults`` kills runs, fills disks and removes folders.  See
-docs/robustness.md.
-"""
+"""Hostile inputs: ``python -m robustness.fuzz`` damages files and feeds them to the library."""

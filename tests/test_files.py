@@ -34,7 +34,7 @@ from lfcore.scene.files import read_scene, save_scene
 from lfcore.storage.segment import SegmentWriter, read_segment
 from lfcore.storage.tiled_exr import read_array, write_array
 from lfcore.tracing.bvh import build_bvh, load_bvh, save_bvh
-from robustness.disks import writers
+from tests.robustness.small_disks import writers
 
 NOISE = np.random.default_rng(3).random((96, 96, 3)).astype(np.float32)
 

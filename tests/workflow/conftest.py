@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from forked_snakemake import PROCESSES, run_snakemake
 
-from robustness.kills import copy_project
+from tests.robustness.kills import copy_project
 
 
 @dataclass

@@ -10,8 +10,8 @@ import time
 import pytest
 
 from lfcore.workflow.job import RUN
-from robustness.kills import make_run
 from robustness.outcome import ROOT
+from tests.robustness.kills import make_run
 
 pytestmark = pytest.mark.workflow
 

@@ -26,9 +26,9 @@ from lfcore.storage.segment import SegmentWriter
 from lfcore.storage.tiled_exr import write_array
 from lfcore.tracing.bvh import build_bvh, save_bvh
 from robustness.children import Limits, judged
-from robustness.kills import Killed
 from robustness.outcome import OK, REFUSED, ROOT, Outcome, SilentlyWrong, outcome_of
 from robustness.targets.stores import CODECS
+from tests.robustness.kills import Killed
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 """The bytes of a page of memory, the unit of a disk's size."""

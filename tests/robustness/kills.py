@@ -1,4 +1,4 @@
-"""Runs that are killed at random times: the same command must then have the undisturbed result."""
+"""Commands that are killed at random times: the same command must then give the same files."""
 
 import json
 import os
@@ -7,9 +7,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
@@ -50,17 +50,6 @@ class Job:
     prepare: Callable[[Path], None] = lambda folder: None
     ways: tuple[str, ...] = WAYS
     statuses: bool = True
-
-
-@dataclass
-class Tally:
-    """The counts of kills of one job in one way, the slowest end in seconds, and the findings."""
-
-    kills: int = 0
-    went_on: int = 0
-    identical: int = 0
-    slowest: float = 0.0
-    findings: list[str] = field(default_factory=list)
 
 
 class Killed:
@@ -116,53 +105,45 @@ class Killed:
         output = until_end(process)
         return (99, "it does not end") if output is None else (process.returncode, output[-2000:])
 
-    def disturb(self, draw: Random, way: str, tally: Tally) -> None:
+    def disturb(self, draw: Random, way: str) -> list[str] | None:
+        """Kill a run, and run again; return the problems, or None if it ended before."""
         self.clean()
         after = draw.uniform(0, 1.05 * self.seconds)
-        note = f"{self.job.name}, {way} after {after:.2f} of {self.seconds:.2f} s"
-        if not self._end(after, way, tally, note):
-            return
-        tally.kills += 1
+        problems = self._end(after, way)
+        if problems is None:
+            return None
         status, output = self.run()
         if status:
-            tally.findings.append(f"{note}: then status {status}: {output[-600:]}")
-            return
-        tally.went_on += 1
-        if self.digests() == self.whole:
-            tally.identical += 1
-        else:
-            tally.findings.append(f"{note}: other results: {self.digests()}")
+            problems.append(f"then status {status}: {output[-600:]}")
+        elif self.digests() != self.whole:
+            problems.append(f"other results: {self.digests()}")
         if self.drafts():
-            tally.findings.append(f"{note}: left over: {self.drafts()}")
+            problems.append(f"left over: {self.drafts()}")
+        return [f"{way} after {after:.2f} of {self.seconds:.2f} s: {text}" for text in problems]
 
-    def _end(self, after: float, way: str, tally: Tally, note: str) -> bool:
-        """Start and kill a run; return whether it was still running."""
+    def _end(self, after: float, way: str) -> list[str] | None:
+        """Start and kill a run; return the problems, or None if it had ended."""
         process = self.start()
         with suppress(subprocess.TimeoutExpired):
             process.communicate(timeout=after)
-            return False
-        began = time.monotonic()
+            return None
         if not _strike(process.pid, way):
             process.communicate()
-            return False
+            return None
         output = until_end(process)
         if output is None:
-            tally.findings.append(f"{note}: it does not end")
-            return True
-        if self.job.statuses and way in STATUS:
-            tally.slowest = max(tally.slowest, time.monotonic() - began)
-            tally.findings += [f"{note}: {text}" for text in self._problems(process, way, output)]
-        return True
-
-    def _problems(self, process: subprocess.Popen, way: str, output: str) -> Iterator[str]:
-        if process.returncode == 0:
-            return  # the run had finished before the signal
+            return ["it does not end"]
+        # With status 0 the run had finished before the signal.
+        if process.returncode == 0 or not self.job.statuses or way not in STATUS:
+            return []
+        problems = []
         if process.returncode not in STATUS[way]:
-            yield f"status {process.returncode}: {output[-300:]}"
+            problems.append(f"status {process.returncode}: {output[-300:]}")
         if "Traceback" in output:
-            yield f"a traceback: {output[-300:]}"
+            problems.append(f"a traceback: {output[-300:]}")
         if self.drafts():
-            yield f"left behind at once: {self.drafts()}"
+            problems.append(f"left behind at once: {self.drafts()}")
+        return problems
 
 
 def digests(files: Iterable[Path], folder: Path) -> dict[str, str]:
@@ -223,13 +204,14 @@ def make_run(arguments: str) -> tuple[str, ...]:
     return ("sh", "-c", printed.stdout)
 
 
-def jobs() -> list[Job]:
+def jobs() -> dict[str, Job]:
+    """Return the commands that are killed, by name."""
     scene = str(ROOT / "scenes/sphere")
     lfcore = (sys.executable, "-m", "lfcore")
     size = ("--pixels", "96", "--views", "32")  # some seconds of tracing
     goals = "results/sphere/M16/N4/planes/from_video results/sphere/M16/N2/planes/on_the_fly"
     commands = ("KILL", "TERM", "INT group")
-    return [
+    listed = [
         Job("trace", (*lfcore, "record", scene, "-o", "out/a.mkv", *size), ("out/*",),
             ways=commands),
         Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",),
@@ -237,3 +219,4 @@ def jobs() -> list[Job]:
         Job("workflow", make_run(f"--configfile micro.yaml -- {goals}"), ("results/**/*.npz",
             "results/**/*.png", "results/**/*.mkv"), copy_project, statuses=False),
     ]  # fmt: skip
+    return {job.name: job for job in listed}
