@@ -31,6 +31,7 @@ def slice_by_depth(
     bounds_px: tuple[float, ...],
     coarse_px: float = np.inf,
     edge_steps: int | None = None,
+    least_weight: float = 0.0,
 ) -> np.ndarray:
     """One picture (H, W, 3) float64, linear light; ``pixels`` are those of its longer side.
 
@@ -38,7 +39,8 @@ def slice_by_depth(
     columns), infinity for a miss.  Their boxes have sides of ``least_px`` at least; edges are
     rounded to a part of a pixel if ``edge_steps`` are given.  ``bounds_px`` are sweeps that part
     the layers, rising: what is swept by less than the first is in focus; what lies before and
-    behind it has a layer for every further bound.
+    behind it has a layer for every further bound.  A layer of less than ``least_weight`` in a pixel
+    has no light there.
     """
     slab, scale = views.slab, plane.magnification(views.slab)
     cells = lens_cells(slab, plane.lens_aperture(slab))
@@ -80,6 +82,7 @@ def slice_by_depth(
                 rows = boxes[1][rays] * weight.reshape(-1, 1)[rays]
                 parts = boxes[0][rays][..., None] * colour[rays][:, None]
                 total[number] += cells.share[k] * np.tensordot(rows, parts, (0, 0))
+    total[total[..., 3] < least_weight] = 0
     room *= (slab.pixels / pixels / scale) ** 2
     return _composed(total, room)
 

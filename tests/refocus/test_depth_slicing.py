@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from plain_scenes import refused
 from slicing_reference import slice_by_depth
@@ -10,6 +10,7 @@ from slicing_reference import slice_by_depth
 from lfcore import Camera, SensorPlane, Slab, open_device
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.ray_cells import displaced_views, plain_views
+from lfcore.refocus.depth_program import LEAST_UNITS
 from lfcore.refocus.depth_slicing import COARSE_PX, DepthSlicer
 from lfcore.refocus.free_views import _PointSlicer
 from lfcore.rendering.direct import focused_camera
@@ -71,18 +72,20 @@ focused = st.builds(SensorPlane, st.floats(1.05, 50), st.sampled_from([1.0, 1.7,
     ("pixels", "size"), [(7, 16), (16, 21), (24, 16), (7, (16, 9)), (9, (6, 18))]
 )
 @given(seed=st.integers(0, 99), plane=focused)
+@example(seed=22, plane=SensorPlane(4.0, 1.4))  # a layer of 2e-6 in a pixel
 @settings(max_examples=3)
 def test_equal_to_the_reference(pixels, size, seed, plane):
     views = displaced_views(Slab.of(CAMERA, 3, size))
     (light, depth), size = noise(views, seed), views.slab.pixels
     planes = [plane, *PLANES]
-    bounds = DepthSlicer(views, planes, pixels).bounds_px
+    placed = DepthSlicer(views, planes, pixels)._placed
     made = sliced(views, planes, pixels, light, depth)
-    for plane, bounds_px, picture in zip(planes, bounds, made, strict=True):
+    for plane, at, picture in zip(planes, placed, made, strict=True):
         least = 0.5 * pixels / size
         expected = slice_by_depth(
             views, plane, light, depth, pixels,
-            edge_steps=256, least_px=least, bounds_px=bounds_px, coarse_px=COARSE_PX,
+            edge_steps=256, least_px=least, bounds_px=at.bounds_px, coarse_px=COARSE_PX,
+            least_weight=LEAST_UNITS / at.unit_weight,
         )  # fmt: skip
         # An edge within float32's rounding of the middle between two steps may go either way.
         open_views = max(1, 9 * (CAMERA.f_number / plane.f_number) ** 2)
