@@ -140,8 +140,8 @@ def traced_views(
             rows_of_view = traced_views(
                 now, views, pixels, footprint_px, order=numbers[part], in_rows=in_rows
             )
-            for _, first, light, depth in rows_of_view:
-                yield part, first, light, depth
+            for _, first, parts in rows_of_view:
+                yield part, first, parts
         return
     pitch = slab.camera.field_width / pixels
     if footprint_px is None:
