@@ -151,6 +151,7 @@ def test_a_page_asks_no_other_host(page):
     assert data["range"][0] < FAR and data["range"][1] > NEAR
 
 
+@pytest.mark.slow
 def test_the_page_of_a_plain_model_is_at_most_four_times_the_file(tmp_path):
     ring = trimesh.creation.torus(1.6, 0.3).apply_translation((0.5, 0, -1))
     mesh = trimesh.util.concatenate([trimesh.creation.icosphere(4), ring])
