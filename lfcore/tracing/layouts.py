@@ -96,7 +96,8 @@ RAY_ARGUMENTS = np.dtype([
     ("group_side", INT),  # elements along a side of a packet
     ("side", INT),  # blocks along a side of one element's part of a packet
 ])  # fmt: skip
-PATH_ARGUMENTS = np.dtype([("most_events", INT)])
+PATH_ARGUMENTS = np.dtype([("most_events", INT), ("begins", INT)])
+"""Whether ``paths`` begin: with given rays."""
 PATH = np.dtype([
     ("number", INT),  # of the first ray; -1: no path
     ("events", INT),  # reflections and transmissions so far
@@ -153,8 +154,8 @@ SINKS = {
     "GIVEN_LIGHT": GIVEN_LIGHT,
     "GIVEN_SURFACE": GIVEN_LIGHT | SURFACE,
     "PATHS": given(path_numbers="PathArguments")
-    | read(paths="Path")
-    | write(onward="Path", arrived="Arrived"),
+    | read(origins="float", directions="float", chosen="int")
+    | write(paths="Path", onward="Path", arrived="Arrived"),
 }
 """The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
 PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfcore.opencl.device import page_aligned
+from lfcore.opencl.device import cl, page_aligned
 from lfcore.opencl.interface import record
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import is_specular
@@ -22,8 +22,8 @@ MOST_EVENTS = 8
 NEAREST = 4.0
 """The largest inverse depth at which something appears, in inverse depths of the first surface:
 rays near a focus of curved glass have any."""
-BATCH = 1 << 16
-"""Rays whose paths are followed together: 30 MB."""
+BATCH = 1 << 15
+"""Rays whose paths are followed together, in 15 MB."""
 
 
 class SeenParts(NamedTuple):
@@ -34,7 +34,8 @@ class SeenParts(NamedTuple):
     own, specular : (R, 3) float32
         Linear RGB radiance of both parts.
     own_depth, specular_depth : (R,) float32
-        Depths at which they appear, metres; infinity for what is far, or for nothing.
+        Depths at which they appear, metres; infinity for what is far.  ``specular_depth`` is 0
+        where no light arrives.
     cut : (R,) float32
         The mean weight of rays that are not followed.
     """
@@ -61,73 +62,90 @@ def follow(
 ) -> SeenParts:
     """Follow rays (R, 3) from the lens, whose directions have z = 1; textures are filtered over the
     tangent ``pixel_pitch``."""
-    batches = []
-    for first in range(0, len(origins), BATCH):
-        part = slice(first, first + BATCH)
-        paths = _first_paths(origins[part], directions[part])
-        batches.append(_follow(scene, paths, pixel_pitch, most_events))
-    if not batches:
-        batches = [_follow(scene, np.zeros(0, PATH), pixel_pitch, most_events)]
+    paths = _Paths(scene, pixel_pitch, most_events)
+    batches = [
+        paths.follow(origins[first : first + BATCH], directions[first : first + BATCH])
+        for first in range(0, max(len(origins), 1), BATCH)
+    ]
     return SeenParts(*(np.concatenate(parts) for parts in zip(*batches, strict=True)))
 
 
-def _first_paths(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(R,) PATH with the differentials of rays from (s, t, 0) in direction (x, y, 1)."""
-    paths = np.zeros(len(origins), PATH)
-    wide = directions.astype(np.float64)
-    length = np.sqrt(wide[:, 0] ** 2 + wide[:, 1] ** 2 + wide[:, 2] ** 2)[:, None]
-    unit = wide / length
-    paths["number"], paths["weight"] = np.arange(len(paths)), 1
-    paths["media"] = paths["last"] = -1
-    paths["origin"], paths["direction"] = origins, unit
-    for axis in (0, 1):
-        paths["point"][:, axis, axis] = 1
-        step = np.zeros(3)
-        step[axis] = 1
-        paths["turn"][:, 2 + axis] = (step - unit[:, axis, None] * unit) / length
-    return paths
+class _Seen:
+    """Sums of what arrives at R rays: light of both parts, depths, and what chose these."""
 
+    def __init__(self, count: int):
+        self.count, self.cut = count, np.zeros(count)
+        self.light = np.zeros((3, 2 * count))
+        self.depths, self.strongest = np.zeros((2, 2 * count), np.float32)
 
-def _follow(
-    scene: DeviceScene, paths: np.ndarray, pixel_pitch: float, most_events: int
-) -> SeenParts:
-    count = len(paths)
-    light, depths = np.zeros((2 * count, 3)), np.zeros(2 * count, np.float32)
-    strongest, cut = np.zeros(2 * count, np.float32), np.zeros(count)
-    while len(paths):
-        arrived, onward = _step(scene, paths, pixel_pitch, most_events)
-        ended = arrived["strength"] >= 0
-        events, number = paths["events"][ended], paths["number"][ended]
-        arrived, place = arrived[ended], number + count * (events > 0)
+    def add(self, arrived: np.ndarray, number: np.ndarray, events: np.ndarray) -> None:
+        """Add ARRIVED (K,) of paths of rays ``number`` (K,) after so many events (K,)."""
+        ended = np.flatnonzero(arrived["strength"] >= 0)
+        arrived, number, is_first = arrived[ended], number[ended], events[ended] == 0
+        place = np.where(is_first, number, number + self.count)
         for channel in range(3):
-            light[:, channel] += np.bincount(place, arrived["light"][:, channel], 2 * count)
-        cut += np.bincount(number, arrived["cut"], count)
+            values = arrived["light"][:, channel]
+            self.light[channel] += np.bincount(place, values, 2 * self.count)
+        self.cut += np.bincount(number, arrived["cut"], self.count)
         strength = arrived["strength"]
-        np.maximum.at(strongest, place, strength)
-        wins = (strength == strongest[place]) & ((strength > 0) | (events == 0))
-        depths[place[wins]] = arrived["inverse_depth"][wins]
-        paths = onward[onward["number"] >= 0]
-    own, virtual = np.nan_to_num(depths, nan=0.0, neginf=0.0).reshape(2, count)
-    own = np.maximum(own, 0)
-    virtual = np.clip(virtual, 0, np.where(own > 0, NEAREST * own, np.inf))
-    with np.errstate(divide="ignore"):
-        first, second = np.float32(1) / own, np.float32(1) / virtual
-    parts = light.astype(np.float32).reshape(2, count, 3)
-    return SeenParts(parts[0], first, parts[1], second, cut.astype(np.float32))
+        np.maximum.at(self.strongest, place, strength)
+        wins = (strength == self.strongest[place]) & ((strength > 0) | is_first)
+        self.depths[place[wins]] = arrived["inverse_depth"][wins]
+
+    def parts(self) -> SeenParts:
+        count = self.count
+        own, virtual = np.nan_to_num(self.depths, nan=0.0, neginf=0.0).reshape(2, count)
+        own = np.maximum(own, 0)
+        virtual = np.clip(virtual, 0, np.where(own > 0, NEAREST * own, np.inf))
+        with np.errstate(divide="ignore"):
+            first, second = np.float32(1) / own, np.float32(1) / virtual
+        second[self.strongest[count:] <= 0] = 0
+        light = self.light.astype(np.float32).T
+        return SeenParts(light[:count], first, light[count:], second, self.cut.astype(np.float32))
 
 
-def _step(
-    scene: DeviceScene, paths: np.ndarray, pixel_pitch: float, most_events: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """What arrives at paths (R,), ARRIVED, and the paths (2 R,) that go on, some of them none."""
-    device, count = scene.device, len(paths)
-    arrived, onward = page_aligned((count,), ARRIVED), page_aligned((2 * count,), PATH)
-    results = {"arrived": arrived, "onward": onward}
-    targets = {name: device.target_buffer(array) for name, array in results.items()}
-    launch_given(
-        scene, "PATHS", count, pixel_pitch, paths=device.shown(paths),
-        path_numbers=record(PATH_ARGUMENTS, most_events=most_events), **targets,
-    )  # fmt: skip
-    for name, array in results.items():
-        device.collect(targets[name], array)
-    return arrived, onward
+class _Paths:
+    """Paths on a device."""
+
+    def __init__(self, scene: DeviceScene, pixel_pitch: float, most_events: int):
+        self._scene, self._pitch, self._most_events = scene, pixel_pitch, most_events
+
+    def follow(self, origins: np.ndarray, directions: np.ndarray) -> SeenParts:
+        """Follow rays (R, 3) to the end."""
+        count, device = len(origins), self._scene.device
+        seen = _Seen(count)
+        if not count:
+            return seen.parts()
+        begun = {
+            "origins": device.shown(np.ascontiguousarray(origins)),
+            "directions": device.shown(np.ascontiguousarray(directions)),
+        }
+        paths = device.empty(count * PATH.itemsize)
+        arrived, onward, paths = self._step(count, paths, **begun)
+        seen.add(arrived, np.arange(count), np.zeros(count, np.int32))
+        while len(chosen := np.flatnonzero(onward["number"] >= 0).astype(np.int32)):
+            number, events = onward["number"][chosen], onward["events"][chosen]
+            arrived, onward, paths = self._step(len(chosen), paths, chosen=device.buffer(chosen))
+            seen.add(arrived, number, events)
+        return seen.parts()
+
+    def _step(
+        self, count: int, paths: cl.Buffer, **given: cl.Buffer
+    ) -> tuple[np.ndarray, np.ndarray, cl.Buffer]:
+        """Take ``count`` paths one surface further: the ``chosen`` ones, or those of given rays.
+
+        Returns what arrives, ARRIVED (R,), and PATH (2 R,), those that go on and places of none,
+        with their buffer.
+        """
+        device = self._scene.device
+        arrived, onward = page_aligned((count,), ARRIVED), page_aligned((2 * count,), PATH)
+        targets = {"arrived": device.target_buffer(arrived), "onward": device.target_buffer(onward)}
+        numbers = record(PATH_ARGUMENTS, most_events=self._most_events, begins="origins" in given)
+        nothing = dict.fromkeys(("origins", "directions", "chosen"))
+        launch_given(
+            self._scene, "PATHS", count, self._pitch, path_numbers=numbers, paths=paths,
+            **(nothing | given), **targets,
+        )  # fmt: skip
+        device.collect(targets["arrived"], arrived)
+        device.collect(targets["onward"], onward)
+        return arrived, onward, targets["onward"]

@@ -137,8 +137,8 @@ class Tracer:
         """Radiance and depth of every ray, as :meth:`radiance_and_depth`, in one part or two.
 
         The second part is what mirrors, glass, coats and veils show, and the depth at which it
-        appears; there is none where the rays meet no such surface.  Its radiance and its depth are
-        0 for rays that meet none.  The first part is then without it.
+        appears; there is none where the rays meet no such surface.  Its radiance and depth are 0
+        for rays to which they show nothing.  The first part is then without it.
         """
         if not self.needs.specular:
             return [self.radiance_and_depth(bundles)]

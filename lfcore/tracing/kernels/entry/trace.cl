@@ -125,11 +125,12 @@ KERNEL void trace_packets(trace_packets_PARAMETERS)
 #elif SINK == PATHS
     Paths followed = {.scene = &scene, .tree = &tree, .hits = &memory->hits,
                       .memory = &memory->paths, .lit = (global int *)(memory + 1), .paths = paths,
-                      .children = onward, .arrived = arrived,
-                      .most_events = path_numbers.most_events, .pixel_pitch = pipeline.pixel_pitch};
+                      .chosen = chosen, .children = onward, .arrived = arrived, .numbers = path_numbers,
+                      .pixel_pitch = pipeline.pixel_pitch};
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         followed.first = number * BLOCK_RAYS;
         followed.end = min(followed.first + BLOCK_RAYS, ray_numbers.columns);
+        if (path_numbers.begins) begin_paths(&followed, origins, directions);
         take_paths(&followed, &pipeline);
     }
 #else

@@ -25,12 +25,36 @@ typedef struct {
     global const Hits *hits;
     global PathMemory *memory;
     global const int *lit;
-    global const Path *paths;
+    global Path *paths;
+    global const int *chosen;   // (R,) of `paths`; 0: all
     global Path *children;      // (R, WAYS)
     global Arrived *arrived;    // (R,)
-    int first, end, most_events;
+    int first, end;
+    PathArguments numbers;
     float pixel_pitch;
 } Paths;
+
+inline global Path *path_of(const Paths *p, int ray)
+{
+    return p->paths + (p->chosen ? p->chosen[ray] : ray);
+}
+
+// Begin the paths of rays from the lens, from (s, t, 0) in direction (x, y, 1).
+inline void begin_paths(const Paths *p, global const float *origins, global const float *directions)
+{
+    for (int ray = p->first; ray < p->end; ++ray) {
+        const float3 d = vload3(ray, directions);
+        const float inverse = 1.0f / sqrt(inner_product(d, d));
+        const float3 unit = d * inverse;
+        global Path *path = p->paths + ray;
+        *path = (Path){.number = ray, .media = {-1, -1}, .last = {-1, -1}, .weight = {1, 1, 1},
+                       .point = {{1, 0, 0}, {0, 1, 0}}};
+        vstore3(vload3(ray, origins), 0, path->origin);
+        vstore3(unit, 0, path->direction);
+        vstore3(inverse * ((float3)(1, 0, 0) - unit.x * unit), 2, path->turn[0]);
+        vstore3(inverse * ((float3)(0, 1, 0) - unit.y * unit), 3, path->turn[0]);
+    }
+}
 
 // The width of a pixel across a ray, at a distance.
 inline float width_at(global const Path *path, float distance, float pixel_pitch)
@@ -44,7 +68,7 @@ inline void find_next_hits(const Paths *p)
 {
     global PathMemory *m = p->memory;
     for (int ray = p->first; ray < p->end; ++ray) {
-        global const Path *path = p->paths + ray;
+        global const Path *path = path_of(p, ray);
         const int at = ray - p->first;
         const Hit hit = next_hit(p->tree, p->scene, path);
         vstore3(vload3(0, path->origin), at, m->origin);
@@ -77,7 +101,7 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
     private int events[LANES], hits[LANES], last[LANES], media[2][LANES];
     for (int k = 0; k < LANES; ++k) {
         const int place = min(p->memory->order[at + k], p->end - p->first - 1);
-        global const Path *path = p->paths + (r->ray[k] = p->first + place);
+        global const Path *path = path_of(p, r->ray[k] = p->first + place);
         set_ray_vector(&r->direction, k, vload3(0, path->direction));
         set_ray_vector(&r->weight, k, vload3(0, path->weight));
         for (int j = 0; j < MOVES; ++j) {
@@ -162,7 +186,7 @@ inline void send_on(const Paths *p, const PathRow *r, vi mask, int way, int at, 
     for (uint left = row_bits(mask); left; left &= left - 1) {
         const uint k = lowest(left);
         global Path *to = p->children + WAYS * (long)r->ray[k] + way;
-        to->number = p->paths[r->ray[k]].number;
+        to->number = path_of(p, r->ray[k])->number;
         to->events = events[k] + event;
         to->hits = hits[k] + 1;
         to->passes = way == PASSED;
@@ -254,7 +278,7 @@ inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
         send_on(p, &r, onward, PASSED, at, 0, r.direction, r.weight, left, &r.moves);
     mine &= ~idle;
     const Events e = find_events(p->scene, material, opacity, r.media, r.front, s);
-    const vi ends = e.goes_on & GE(r.events, (vi)(p->most_events)), on = mine & e.goes_on & ~ends;
+    const vi ends = e.goes_on & GE(r.events, (vi)(p->numbers.most_events)), on = mine & e.goes_on & ~ends;
     lack_nothing(~on, s);
     const Vec light = scale3(own_light(p->scene, s, p->lit, at), pick((vf)(1.0f), e.own, on));
     const Vec white = spread3(1.0f), sent = plus3(e.mirrored, e.passed);
