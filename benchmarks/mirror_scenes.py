@@ -50,11 +50,11 @@ def checked(name: str, seed: int, dark: Tone, bright: Tone, fields: int = 4, **m
 
 def sheet(centre: tuple, across: tuple, down: tuple, surface: Surface, to: tuple = (0, 0, 0)):
     """A parallelogram about its centre that faces the place ``to``; texture 1 x 1."""
-    centre, across, down = (np.array(vector, float) for vector in (centre, across, down))
-    corners = centre + np.array([-across - down, across - down, across + down, down - across]) / 2
+    middle, a, b = (np.array(vector, float) for vector in (centre, across, down))
+    corners = middle + np.array([-a - b, a - b, a + b, b - a]) / 2
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
     order = np.array([[0, 1, 2], [0, 2, 3]])
-    if np.cross(across, down) @ (np.array(to) - centre) < 0:
+    if np.cross(a, b) @ (np.array(to) - middle) < 0:
         order = order[:, ::-1]
     return SurfaceMesh(corners[order], surface, None, uv[order])
 

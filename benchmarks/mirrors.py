@@ -90,7 +90,8 @@ def shown(tracer: Tracer, case: Case, pixels: int) -> np.ndarray:
     x, y = np.meshgrid(tangents, tangents)
     towards = np.stack([x, y, 0 * x], -1).reshape(-1, 3) * tracer.scene.camera.field_width
     towards[:, 2] = 1
-    triangle = tracer.closest_hit(np.zeros_like(towards, np.float32), np.float32(towards))[0]
+    origins = np.zeros_like(towards, np.float32)
+    triangle = tracer.closest_hit(origins, towards.astype(np.float32))[0]
     names = np.array([material.name for material in tracer.scene.every_material])
     hit = names[tracer.scene.material_ids[triangle]] == case.special
     return (hit & (triangle >= 0)).reshape(pixels, pixels)
