@@ -148,6 +148,20 @@ kernel void pictures(global const float *in, global const Leaf *leaf, global flo
     vstore2((float2)(value, FIRST(most)), get_global_id(0), out);
 }
 
+// Corners of a triangle beside a single ray, x and y: an edge function there, and its bound.
+kernel void rays(global const float *in, global const Leaf *leaf, global float *out)
+{
+    in += CANDIDATE * get_global_id(0);
+    Triple x, y;
+    for (int k = 0; k < 3; ++k) {
+        x.corner[k] = in[k];
+        y.corner[k] = in[3 + k];
+    }
+    vf error;
+    const Triple e = ray_edges(&x, &y, &error);
+    vstore2((float2)(FIRST(e.corner[0]), FIRST(error)), get_global_id(0), out);
+}
+
 // How many spans shadow rays from `origins`, all wanted, are taken in, and how many rays they take.
 kernel void spans(global const float *origins, global int *active, global int *out)
 {

@@ -1,4 +1,4 @@
-"""Bounds of rounding errors (docs/numerics.md): never exceeded, and more than half of each is used.
+"""Bounds of rounding errors (docs/numerics.md): never exceeded; half of each is exceeded.
 
 Candidates are searched for large shares of the bound: the best are kept, their numbers changed by
 a few units in the last place or by powers of two.
@@ -21,6 +21,10 @@ pytestmark = pytest.mark.kernels
 KERNELS = Path(__file__).with_name("bounds.cl")
 DEFINES = dict.fromkeys("TEXTURES SINGLE_RAYS SMOOTH VERTEX_COLOURS CURVED BAKED".split(), 0)
 CANDIDATE, ROUNDS, KEPT, CHILDREN = 16, 40, 300, 30
+SEARCHES = 4
+"""The most searches for an error beyond half of a bound: some end where none is."""
+HALF = "2.9e-8f"
+"""Slightly less than half of a rounding: 1 + 3 units in the last place becomes 1 + 1, not 1 + 2."""
 
 
 def runner(device, name, **defines):
@@ -42,8 +46,8 @@ def runner(device, name, **defines):
     return run
 
 
-def largest_share(share, run, outer, seed):
-    """The largest ``share`` (K,) of candidates (K, 16) that is found."""
+def largest_share(share, run, outer, seed, enough=np.inf):
+    """The largest ``share`` (K,) of candidates (K, 16) that is found, or one beyond ``enough``."""
     rng = np.random.default_rng(seed)
     count = KEPT * CHILDREN * 4
     signs = rng.choice([-1, 0, 1], (count, CANDIDATE), p=[0.4, 0.2, 0.4])
@@ -53,7 +57,9 @@ def largest_share(share, run, outer, seed):
         with np.errstate(all="ignore"):
             found = share(run, candidates.astype(np.float64), outer)
         found = np.nan_to_num(found, posinf=0, neginf=0)
-        best = np.argsort(-found)[:KEPT]
+        if found.max() > enough:
+            break
+        best = np.lexsort([rng.random(len(found)), -found])[:KEPT]  # of equal ones any
         kept, children = candidates[best], np.repeat(candidates[best], CHILDREN, axis=0)
         row, column = np.arange(len(children)), rng.integers(0, CANDIDATE, (2, len(children)))
         step = 2.0**-23 * rng.integers(-64, 65, len(children)) * 2.0 ** rng.integers(-3, 8)
@@ -176,6 +182,16 @@ def share_of_pictures(run, c, outer):
     return 1 - (most - value) / bound
 
 
+def share_of_rays(run, c, outer):
+    """Of edge functions whose sign is wrong: a ray is next to an edge, and at the third corner."""
+    c[:, [0, 3]] = 0
+    y = np.float32(c[:, 4] * c[:, 2] / c[:, 1])
+    c[:, 5] = y + np.spacing(y) * (between(c[:, 6], 0, 2) - 1)
+    value, bound = run(c)
+    exact = c[:, 1] * c[:, 5] - c[:, 4] * c[:, 2]
+    return np.where(value * exact <= 0, np.abs(value), -np.abs(value)) / bound
+
+
 @pytest.mark.parametrize(
     ("name", "share", "outer"),
     [
@@ -189,11 +205,13 @@ def share_of_pictures(run, c, outer):
         ("sweeps", share_of_sweeps, 1),
         ("frusta", share_of_frusta, 1),
         ("pictures", share_of_pictures, 1),
+        ("rays", share_of_rays, 1),
     ],
 )
-def test_more_than_half_of_a_bound_is_used(device, name, share, outer):
-    run = runner(device, name, OUTER=outer)
-    assert 0.5 < largest_share(share, run, outer, seed=0) <= 1
+def test_a_bound_holds_and_half_of_it_does_not(device, name, share, outer):
+    assert largest_share(share, runner(device, name, OUTER=outer), outer, seed=0) <= 1
+    half = runner(device, name, OUTER=outer, ROUNDING=HALF)
+    assert any(largest_share(share, half, outer, seed, 1) > 1 for seed in range(SEARCHES))
 
 
 def strips(step, direction, columns=2048):

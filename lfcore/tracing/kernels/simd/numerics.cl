@@ -5,7 +5,9 @@
 // Humphreys, "Physically Based Rendering", section 6.8.
 #pragma once
 
+#ifndef ROUNDING  // tests halve it
 #define ROUNDING 5.9604645e-8f  // half the unit in the last place of 1
+#endif
 #define GAMMA(n) ((n) * ROUNDING / (1.0f - (n) * ROUNDING))
 
 // Below this a function or a square counts as zero: its terms may be denormal, and inexact.
@@ -19,5 +21,6 @@
 #define FRUSTUM_SLACK GAMMA(7.0f)          // of frusta against boxes
 #define SIDE_SLACK GAMMA(6.0f)             // of the least of an affine function over rays
 #define LIGHT_SPACE_ERROR GAMMA(7.0f)      // of functions of occluders in light space
+#define RAY_EDGE_ERROR GAMMA(1.5f)         // of an edge function whose sign is wrong, at a single ray
 // The relative distance to a triangle's plane below which the triangle does not shadow a point.
 #define SHADOW_MARGIN 1.0e-6f

@@ -52,25 +52,35 @@ inline Ray scaled_ray(float3 origin, float3 direction, int *exponent)
     return r;
 }
 
+// Twice the edge functions at a ray of triangles with corners at (x, y) beside it, and a bound of
+// those with a wrong sign.
+inline Triple ray_edges(const Triple *x, const Triple *y, vf *error)
+{
+    Triple part, e;
+    for (int k = 0; k < 3; ++k) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        part.corner[k] = y->corner[a] * x->corner[b];
+        e.corner[k] = fma(x->corner[a], y->corner[b], -part.corner[k]);
+    }
+    *error = fma(largest3(part), (vf)(RAY_EDGE_ERROR), (vf)(NOTHING_LEFT));
+    return e;
+}
+
 // Bits of the triangles of a leaf that a ray may hit before `far`, in float32.  A triangle is
 // missed if two of its edge functions have opposite signs and exceed their rounding errors.
 inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
 {
     vi hits = 0;
     for (int lane = 0; lane < NODE_WIDTH; lane += LANES) {
-        Triple x, y, time, part, e;
+        Triple x, y, time;
         for (int k = 0; k < 3; ++k) {
             const vf z = VLOAD(leaf->corner[k][r->kz] + lane) - r->oz;
             x.corner[k] = fma(-z, (vf)(r->sx), VLOAD(leaf->corner[k][r->kx] + lane) - r->ox);
             y.corner[k] = fma(-z, (vf)(r->sy), VLOAD(leaf->corner[k][r->ky] + lane) - r->oy);
             time.corner[k] = z * r->sz;
         }
-        for (int k = 0; k < 3; ++k) {
-            const int a = (k + 1) % 3, b = (k + 2) % 3;
-            part.corner[k] = y.corner[a] * x.corner[b];
-            e.corner[k] = fma(x.corner[a], y.corner[b], -part.corner[k]);
-        }
-        const vf error = fma(largest3(part), (vf)(GAMMA(3.0f)), (vf)(NOTHING_LEFT));
+        vf error;
+        const Triple e = ray_edges(&x, &y, &error);
         const vi beside = LT(least3(e), -error) & GT(most3(e), error);
         const vi may = LE(least3(x), (vf)(0.0f)) & GE(most3(x), (vf)(0.0f)) & ~beside &
                        GE(most3(time), (vf)(0.0f)) & LE(least3(time), (vf)(far));
