@@ -205,7 +205,7 @@ def render(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
-    tracer = open_tracer(scene, device, progress)
+    tracer = open_tracer(scene, device, progress, by_depth=filter == "depth")
     by_side = [replace(plane, pixels=size.longer) for plane in chosen]
     if filter == "depth":
         pictures = pictures_by_depth(tracer, camera, chosen, size, lattice, progress=progress)
@@ -287,7 +287,7 @@ def render_to_quality(
         scene, planes, size, focus_m=focus_m, f_number=f_number, aperture=aperture,
         focus_at=focus_at, blur=blur,
     )  # fmt: skip
-    tracer = open_tracer(scene, device, progress)
+    tracer = open_tracer(scene, device, progress, by_depth=True)
     return QualitySearch(tracer, camera, chosen, size, quality).pictures(progress)
 
 
@@ -408,7 +408,7 @@ def record(
             progress=progress,
         )  # fmt: skip
         return LightField.open(path)
-    tracer = open_tracer(scene, device, progress)
+    tracer = open_tracer(scene, device, progress, by_depth=True)
     peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
     encoding = replace(encoding, transfer="pq" if peak else "srgb")
     if quality is not None:

@@ -10,7 +10,7 @@ from lfcore.baking.importance_guide import SIDE, ImportanceGuide
 from lfcore.baking.mesh_colours import Grids, Points, lattice, lattice_weights
 from lfcore.baking.sampling import R2, TURNS, circle, shifts
 from lfcore.baking.surroundings import ALONG_SURFACE
-from lfcore.opencl.device import cl, page_aligned
+from lfcore.opencl.device import Program, cl, page_aligned
 from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
 
@@ -50,7 +50,8 @@ INTERFACE = SHARED | Interface(
     },
 )  # fmt: skip
 """What the kernels share with the host."""
-FILE = "baking/kernels/gather.cl"
+MACROS = {"R2_A": f"{R2[0]}u", "R2_B": f"{R2[1]}u"}
+PROGRAM: Program = ["baking/kernels/gather.cl"], MACROS, INTERFACE
 
 
 class Gatherer:
@@ -62,10 +63,9 @@ class Gatherer:
         self._faces = np.zeros(len(seen), FACE)
         self._faces["is_seen"], self._faces["density"] = seen, emitters.density
         self._faces["emits"] = np.repeat(self.around.emits, 2)
-        values = {"R2_A": f"{R2[0]}u", "R2_B": f"{R2[1]}u"}
+        files, *rest = PROGRAM
         self._aim, self._sum_light, self._reflect = (
-            Kernel(self.device, [FILE], name, values, INTERFACE)
-            for name in ("aim", "sum_light", "reflect")
+            Kernel(self.device, files, name, *rest) for name in ("aim", "sum_light", "reflect")
         )
         self._circle = self._copy(circle().T)
         self._flats = self._copy(self.around.unit)

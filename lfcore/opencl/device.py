@@ -7,6 +7,7 @@ import mmap
 import os
 import shutil
 import tempfile
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -302,6 +303,10 @@ def _choose(name: str | None) -> cl.Device:
     raise DeviceError(f"no OpenCL device is named like {name!r}", key=key, remedy=f"Found: {names}")
 
 
+Program = tuple[Sequence[str], Mapping[str, object], Interface]
+"""The arguments of :func:`build_program` after the device."""
+
+
 def build_program(
     device: Device,
     files: Sequence[str],
@@ -314,6 +319,47 @@ def build_program(
     Programs are cached on disk (:mod:`lfcore.opencl.program_cache`) and in the process.  Raises
     :class:`DeviceError` with the compiler's first error; its whole text is in the cause.
     """
+    arguments = _arguments(device, files, defines, interface)
+    if early := _early.pop(arguments, None):
+        thread, end = early
+        while thread.is_alive() and not end.wait(1):  # it is not alive in a forked process
+            pass
+    try:
+        return _compile(*arguments)
+    except cl.Error as error:
+        problem = f"{device.name} cannot build {', '.join(files)}: {_reason(error)}"
+        raise DeviceError(problem, remedy=UPDATE) from error
+
+
+def build_early(device: Device, programs: Sequence[Program]) -> None:
+    """Start to build programs, one after another, beside what comes before :func:`build_program`
+    with the same arguments, which waits for its program and raises its errors."""
+    each = [_arguments(device, *program) for program in programs]
+
+    def build() -> None:
+        for arguments, done in zip(each, ends, strict=True):
+            with suppress(Exception):
+                _compile(*arguments)
+            done.set()
+
+    thread = threading.Thread(target=build)
+    ends = [threading.Event() for _ in each]
+    _early.update(zip(each, [(thread, end) for end in ends], strict=True))
+    thread.start()
+
+
+_early: dict[tuple, tuple[threading.Thread, threading.Event]] = {}
+"""The threads of :func:`build_early` and what ends each program, by arguments of
+:func:`_compile`."""
+
+
+def _arguments(
+    device: Device,
+    files: Sequence[str],
+    defines: Mapping[str, object] | None,
+    interface: Interface,
+) -> tuple[cl.Context, str, tuple[str, ...], tuple[str, ...]]:
+    """The arguments of :func:`_compile`."""
     values = {"LANES": device.lanes, **(defines or {})}
     options = [
         f"-D{key}={int(value) if isinstance(value, bool) else value}"
@@ -327,11 +373,7 @@ def build_program(
     # A plain "inline" function is also compiled separately: 0.3 s per program of the tracer.
     static = "#define inline static inline\n"
     source = f"#pragma OPENCL FP_CONTRACT OFF\n{static}{interface.header}{source}\n"
-    try:
-        return _compile(device.context, source, tuple(options), tuple(sorted(folders)))
-    except cl.Error as error:
-        problem = f"{device.name} cannot build {', '.join(files)}: {_reason(error)}"
-        raise DeviceError(problem, remedy=UPDATE) from error
+    return device.context, source, tuple(options), tuple(sorted(folders))
 
 
 @functools.cache

@@ -4,13 +4,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
-from lfcore.opencl.device import Device, open_device
+from lfcore.opencl.device import Device, build_early, open_device
 from lfcore.progress import BAKING, Progress, stage
 from lfcore.rendering.exposure import ExposedTracer, shifted
 from lfcore.scene.baked import NO_SKY
 from lfcore.scene.model import Scene
+from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import Bvh, build_bvh
 from lfcore.tracing.bvh_refit import MovingTree
+from lfcore.tracing.job import BLOCKS, SINGLE, program_of
 from lfcore.tracing.tracer import Tracer
 
 _built = WeakKeyDictionary[Scene, Bvh]()
@@ -48,15 +50,37 @@ def lit(scene: Scene, device: Device, progress: Progress | None = None) -> Scene
 
 
 def open_tracer(
-    scene: Scene, device: Device | str | None = None, progress: Progress | None = None
+    scene: Scene,
+    device: Device | str | None = None,
+    progress: Progress | None = None,
+    *,
+    by_depth: bool = False,
 ) -> Tracer:
     """A tracer of the scene on all of a device; light is baked if the scene has settings for
-    that."""
+    that.
+
+    Programs for pictures ``by_depth`` are built while the hierarchy is made and light is baked.
+    """
     whole = opened(device)
+    if by_depth:
+        _build_early(scene, whole)
     scene = lit(scene, whole, progress)
     if scene.shutter:
         return ExposedTracer(scene, MovingTree(), whole)
     return Tracer(scene, hierarchy_of(scene), whole)
+
+
+def _build_early(scene: Scene, device: Device) -> None:
+    """Start to build the programs of a bake and of pictures by depth, in the order of their use."""
+    needs, programs = Needs.of(scene), []
+    if scene.bake is not None and scene.light is None:
+        from lfcore.baking.gather import PROGRAM  # seldom needed
+
+        matt = replace(needs, smooth_normals=False)
+        programs = [program_of("HITS", matt, BLOCKS), program_of("GIVEN", matt, SINGLE), PROGRAM,
+                    program_of("GIVEN_SURFACE", matt, SINGLE)]  # fmt: skip
+        needs = replace(needs, baked=True)
+    build_early(device, [*programs, program_of("IMAGE", needs, BLOCKS)])
 
 
 def tracers_at(

@@ -77,6 +77,8 @@ def _arriving(scene: Scene, light: Light) -> float:
 
 FLAT_NORMALS = 1e-5
 """The least difference between the corners' normals of a curved triangle."""
+AT_A_TIME = 1 << 16
+"""The triangles that are searched for curves at a time: the first ones mostly have some."""
 
 
 def emitting_triangles(scene: Scene) -> np.ndarray:
@@ -121,7 +123,7 @@ class Needs:
     @classmethod
     def of(cls, scene: Scene) -> Needs:
         """The needs of a scene; unused materials and black lights do not count."""
-        used = [scene.every_material[i] for i in sorted(set(scene.material_ids.tolist()))]
+        used = [scene.every_material[i] for i in np.unique(scene.material_ids).tolist()]
         casting = any(light.casts_shadows and any(light.colour) for light in scene.lights)
         return cls(
             textures=any(material.textures for material in used) and len(scene.uvs) > 0,
@@ -166,8 +168,12 @@ def _has_curves(scene: Scene) -> bool:
     curved = np.array([material.curved for material in scene.every_material], bool)
     if not len(scene.normals) or not curved.any():
         return False
-    normals = scene.normals[curved[scene.material_ids]]
-    return bool((np.abs(normals - normals[:, :1]) >= FLAT_NORMALS).any())
+    for first in range(0, len(scene.normals), AT_A_TIME):
+        part = slice(first, first + AT_A_TIME)
+        normals = scene.normals[part][curved[scene.material_ids[part]]]
+        if (np.abs(normals - normals[:, :1]) >= FLAT_NORMALS).any():
+            return True
+    return False
 
 
 def check_exportable(scene: Scene, program: str, *, may_be_specular: bool = False) -> None:

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.opencl.device import build_program, cl
+from lfcore.opencl.device import Program, build_program, cl
 from lfcore.opencl.interface import BLOCK, record
 from lfcore.optics.bundles import Bundles
+from lfcore.scene.needs import Needs
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.layouts import (
     ALPHA_TESTS,
@@ -19,6 +20,7 @@ from lfcore.tracing.layouts import (
     unused,
 )
 from lfcore.tracing.packets import Groups, PacketShape
+from lfcore.tracing.surfaces import macros_of
 
 KERNEL = "tracing/kernels/entry/trace.cl"
 
@@ -32,7 +34,7 @@ class EntryKernel:
     def __init__(self, scene: DeviceScene, sink: str, defines: Mapping[str, object]):
         self.device, self.sink = scene.device, sink
         # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(self.device, [KERNEL], {**defines, "SINK": sink}, INTERFACE)
+        self._program = build_program(self.device, [KERNEL], defines, INTERFACE)
         self._kernel = cl.Kernel(self._program, "trace_packets")
         words, answer = np.zeros(1, np.int32), self.device.empty(4)
         ask = cl.Kernel(self._program, "scratch_words")
@@ -51,23 +53,37 @@ class EntryKernel:
         self._kernel(self.device.queue, (workers,), (1,), *ordered)
 
 
+BLOCKS = PacketShape.for_inner(BLOCK).defines
+"""The macros of programs for blocks of one element's rays."""
+SINGLE = {"OUTER": 1, "SINGLE_RAYS": 1}
+"""The macros of programs for rays that are given one by one."""
+
+
+def _macros(sink: str, scene: Mapping[str, int], *, has_alpha: bool = False) -> dict[str, object]:
+    """Those of the macros of a ``scene`` that matter to a sink, and the sink."""
+    changes: dict[str, int] = {}
+    if sink in ("HITS", "GIVEN"):  # without surfaces, but with alpha tests
+        changes = dict.fromkeys(scene, 0) | {"TEXTURES": scene["TEXTURES"] & ALPHA_TESTS}
+    elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
+        changes = {"SHADOWS": 0, "CURVED": 0, "BAKED": 0}
+    elif sink == "PATHS":
+        always = PHYSICAL | ALPHA_TESTS * has_alpha
+        changes = {"TEXTURES": scene["TEXTURES"] | always}
+    return {**scene, **changes, "SINK": sink}
+
+
 def _kernel_of(scene: DeviceScene, sink: str, values: Mapping[str, float]) -> EntryKernel:
     """The scene's kernel for a sink, which is built once."""
-    scene_defines = scene.defines
-    if sink in ("HITS", "GIVEN"):  # without surfaces, but with alpha tests
-        scene_defines = dict.fromkeys(scene_defines, 0) | {
-            "TEXTURES": scene_defines["TEXTURES"] & ALPHA_TESTS
-        }
-    elif sink in ("SURFACE", "GIVEN_SURFACE"):  # without lights
-        scene_defines = scene_defines | {"SHADOWS": 0, "CURVED": 0, "BAKED": 0}
-    elif sink == "PATHS":
-        always = PHYSICAL | ALPHA_TESTS * scene.has_alpha
-        scene_defines = scene_defines | {"TEXTURES": scene_defines["TEXTURES"] | always}
-    values = {**scene_defines, **values}
-    key = (sink, *sorted(values.items()))
+    macros = {**_macros(sink, scene.defines, has_alpha=scene.has_alpha), **values}
+    key = tuple(sorted(macros.items()))
     if key not in scene.kernels:
-        scene.kernels[key] = EntryKernel(scene, sink, values)
+        scene.kernels[key] = EntryKernel(scene, sink, macros)
     return scene.kernels[key]
+
+
+def program_of(sink: str, needs: Needs, macros: Mapping[str, int]) -> Program:
+    """The program for a sink, :data:`BLOCKS` or :data:`SINGLE`, of a scene with these needs."""
+    return [KERNEL], {**_macros(sink, macros_of(needs)), **macros}, INTERFACE
 
 
 def launch_given(
@@ -77,7 +93,7 @@ def launch_given(
 
     ``arguments`` are the sink's; ``pixel_pitch`` is the tangent over which textures are filtered.
     """
-    kernel, device = _kernel_of(scene, sink, {"OUTER": 1, "SINGLE_RAYS": 1}), scene.device
+    kernel, device = _kernel_of(scene, sink, SINGLE), scene.device
     numbers = np.zeros((), RAY_ARGUMENTS)
     numbers["columns"], numbers["pixel_pitch"] = count, pixel_pitch
     numbers["packets"] = packets = -(-count // BLOCK**2)

@@ -74,15 +74,6 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
     )
     shadows = sum(light.casts_shadows for light in lights)
-    defines = {
-        "SMOOTH": int(needs.smooth_normals),
-        "TEXTURES": needs.textures | ALPHA_TESTS * needs.alpha_tests | PHYSICAL * needs.physical,
-        "VERTEX_COLOURS": int(needs.vertex_colours),
-        "SHADOWS": int(shadows > 0),
-        "CURVED": int(needs.curved and needs.smooth_normals),
-        "BAKED": int(scene.light is not None),
-        "SKY": int(len(scene.sky) > 0),
-    }
     grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
     if len(colours) and needs.physical and scene.light is not None:
@@ -99,8 +90,21 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         light=pack_light(values),
         sky=np.concatenate([colours, np.zeros_like(colours[:, :1])], 1, dtype=np.float32),
         shadow_lights=shadows,
-        defines=defines,
+        defines=macros_of(needs),
     )
+
+
+def macros_of(needs: Needs) -> dict[str, int]:
+    """The macros that programs for the features are built with."""
+    return {
+        "SMOOTH": int(needs.smooth_normals),
+        "TEXTURES": needs.textures | ALPHA_TESTS * needs.alpha_tests | PHYSICAL * needs.physical,
+        "VERTEX_COLOURS": int(needs.vertex_colours),
+        "SHADOWS": int(needs.shadows),
+        "CURVED": int(needs.curved and needs.smooth_normals),
+        "BAKED": int(needs.baked),
+        "SKY": int(needs.sky),
+    }
 
 
 def with_levels(light: BakedLight) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from plain_scenes import refused
 from lfcore import DeviceError
 from lfcore.opencl import device as devices
 from lfcore.opencl import drivers, program_cache
-from lfcore.opencl.device import build_program, cl, open_device
+from lfcore.opencl.device import build_early, build_program, cl, open_device
+from lfcore.opencl.interface import SHARED
 from lfcore.progress import watching
 
 IMPORTS = """
@@ -159,6 +161,35 @@ def test_what_cannot_be_built_says_why(device):
         build_program(device, [LANES], {"LANES": 5})
     assert device.device.driver_version.strip() in str(refused.value)
     assert len(str(refused.value.__cause__)) > len(str(refused.value))
+
+
+@pytest.mark.kernels
+def test_early_programs_are_those_that_are_built_later(monkeypatch):
+    """One is built once, beside the main thread; one that cannot be is tried again there."""
+    monkeypatch.setattr(program_cache, "folder", lambda: None)
+    device, built = open_device(), []
+    programs = [([LANES], {"EARLY": k, "LANES": lanes}, SHARED) for k, lanes in ((1, 4), (2, 5))]
+
+    def tell(name, begins):
+        if begins:
+            built.append(threading.current_thread() is threading.main_thread())
+
+    with watching(tell):
+        build_early(device, programs)
+        assert isinstance(build_program(device, *programs[0]), cl.Program)
+        with pytest.raises(DeviceError, match="cannot build"):
+            build_program(device, *programs[1])
+    assert built == [False, False, True]
+
+
+@pytest.mark.kernels
+def test_a_forked_process_does_not_wait_for_early_programs(monkeypatch):
+    arguments = devices._arguments(open_device(), [LANES], {"FORKED": 1}, SHARED)
+    ended = threading.Thread(target=int)
+    ended.start()
+    ended.join()
+    monkeypatch.setitem(devices._early, arguments, (ended, threading.Event()))
+    assert isinstance(build_program(open_device(), [LANES], {"FORKED": 1}), cl.Program)
 
 
 @pytest.mark.parametrize("nbytes", [0, 8, 5000])
