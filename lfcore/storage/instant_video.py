@@ -24,7 +24,8 @@ class GroupedVideo(StoredVideo):
     def of_instant(self, segment: int, place: int, count: int) -> Iterator[list[np.ndarray]]:
         """Yield the planes (h, w) of a tile's frames at the instant ``place`` of ``count``.
 
-        The group's frames are kept until another group is read, if memory allows.
+        The group's frames are kept until another group is read, if memory allows, also when the
+        file is closed in between.
         """
         frames = self.segments[segment].frames
         if frames * self.layout.frame_bytes > MOST_HELD:
@@ -41,11 +42,6 @@ class GroupedVideo(StoredVideo):
                 self._held[segment] = decoded
             decoded = self._held[segment]
         yield from decoded[place::count]
-
-    def close(self) -> None:
-        """Close the file, and forget what was decoded."""
-        super().close()
-        self._held.clear()
 
 
 class InstantVideo(StoredVideo):

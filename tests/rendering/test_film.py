@@ -51,7 +51,7 @@ def test_each_instant_is_the_light_field_of_its_time(scene, film, tmp_path):
 def test_a_group_is_decoded_once(film):
     again = LightField.open(film.path)
     for number in range(6):
-        again.at(number).view(0, 0)
+        again.at(number).refocus(focus_m=2.0)
     assert again._videos[0].decoded_frames == 6 * 16
     film.verify()
 
