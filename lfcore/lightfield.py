@@ -534,6 +534,7 @@ class LightField(LightFieldFile):
         pixels: int | None = None,
         format: str | None = None,
         jpeg_quality: int | None = None,
+        film: bool = True,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> ViewerPage:
@@ -549,6 +550,8 @@ class LightField(LightFieldFile):
         jpeg_quality : int
             The quality of the pictures' encoder, 1 to 100.  Default: 90; with depth, chosen by the
             views' error.
+        film : bool
+            Show all instants of a film, which plays; else this one.
         device, progress : optional
             As in :meth:`refocus_many`.
 
@@ -559,7 +562,7 @@ class LightField(LightFieldFile):
         """
         from lfcore.viewer.page import viewer_page
 
-        return viewer_page(self, grid, pixels, format, jpeg_quality, device, progress)
+        return viewer_page(self, grid, pixels, format, jpeg_quality, device, progress, film=film)
 
 
 def _values(key: str, setting: Sequence | np.ndarray | float | None) -> list:

@@ -99,8 +99,8 @@ def _page(arguments: argparse.Namespace) -> None:
     with progress("reading views", "frames") as report:
         page = field.viewer(
             **given(arguments, "grid", "pixels", "format", "jpeg_quality", "device"),
-            progress=report,
-        )
+            film=arguments.instant is None, progress=report,
+        )  # fmt: skip
     if arguments.output is not None:
         page.save(arguments.output)
         wrote(arguments.output, f", {len(page.html):,} bytes")

@@ -86,12 +86,18 @@ class Atlas:
         return np.concatenate(cells)[:count]
 
 
-def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None = None) -> Choice:
+def choose(
+    field: LightFieldFile,
+    grid: int | None = None,
+    pixels: Pixels | None = None,
+    instants: int = 1,
+) -> Choice:
     """Choose a page's views: those in the middle of equal cells of the whole lens.
 
     ``grid`` is 9 to 33 views per side, by default 17.  ``pixels`` is the longer side, or width and
-    height, by default as recorded and at most 512.
+    height, by default as recorded and at most 512.  Views of all ``instants`` are in memory.
     """
+    most_pixels = MOST_PIXELS // instants
     count = VIEWS if grid is None else grid
     if not LEAST <= count <= MOST:
         raise StorageError(f"must be from {LEAST} to {MOST}, not {count}", key="grid")
@@ -101,13 +107,13 @@ def choose(field: LightFieldFile, grid: int | None = None, pixels: Pixels | None
     # Views of a file with depth are finer than its pictures.
     longest = stored.pixels if stored else max(width, height)
     most = min(longest, PAGE_SIDE * longest // max(width, height))
-    fits = math.isqrt(MOST_PIXELS * longest**2 // (len(columns) * len(rows) * width * height))
+    fits = math.isqrt(most_pixels * longest**2 // (len(columns) * len(rows) * width * height))
     side = max(1, min(most, 512, fits)) if pixels is None else picture_side(field, pixels)
     if not 1 <= side <= most:
         raise StorageError(f"must be from 1 to {most} pixels, not {side}", key="pixels")
     scale = side / longest
     width, height = max(1, round(width * scale)), max(1, round(height * scale))
-    if len(columns) * len(rows) * width * height > MOST_PIXELS:
+    if len(columns) * len(rows) * width * height > most_pixels:
         raise StorageError(
             f"{len(columns)} x {len(rows)} views of {width} x {height} are too many for a browser",
             file=field.path, key="pixels", remedy="Give fewer views, or fewer pixels",

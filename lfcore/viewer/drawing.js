@@ -130,11 +130,7 @@ class Drawing {
     this.upload(pages, gl.TEXTURE0, field.peak ? gl.RGBA8 : gl.SRGB8_ALPHA8, gl.RGBA);
     this.lens = this.texture(gl.TEXTURE1, gl.TEXTURE_2D, gl.NEAREST);
     this.texture(gl.TEXTURE2, gl.TEXTURE_2D, gl.LINEAR);
-    if (field.map && map) {
-      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, field.map.width, field.map.height, 0, gl.RED,
-        gl.UNSIGNED_BYTE, map);
-    }
+    this.fillMap(map);
     this.held = this.texture(gl.TEXTURE5, gl.TEXTURE_2D, gl.NEAREST);
     this.frame = gl.createFramebuffer();
     this.top = 0;             // height of what is drawn to
@@ -177,8 +173,33 @@ class Drawing {
     this.texture(unit, target, gl.LINEAR);
     gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
     gl.texStorage3D(target, 1, held, ...this.page, pages.length);
+    this.fill(pages, unit, format);
+  }
+
+  /** @param {Page[]} pages @param {number} unit @param {number} format */
+  fill(pages, unit, format) {
+    const {gl} = this;
+    gl.activeTexture(unit);
     pages.forEach((page, layer) => gl.texSubImage3D(
-      target, 0, 0, 0, layer, ...this.page, 1, format, gl.UNSIGNED_BYTE, page));
+      gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, ...this.page, 1, format, gl.UNSIGNED_BYTE, page));
+  }
+
+  /** @param {Uint8Array | null} map */
+  fillMap(map) {
+    const {gl, field} = this;
+    if (!field.map || !map) return;
+    gl.activeTexture(gl.TEXTURE2);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, field.map.width, field.map.height, 0, gl.RED, gl.UNSIGNED_BYTE, map);
+  }
+
+  /** Draw another instant. @param {Page[]} pages @param {Page[]} depths @param {Depth} depth @param {Uint8Array | null} map */
+  swap(pages, depths, depth, map) {
+    const {gl} = this;
+    this.fill(pages, gl.TEXTURE0, gl.RGBA);
+    this.fill(depths, gl.TEXTURE3, gl.RED);
+    this.fillMap(map);
+    if (this.splatting) this.splatting.depth = depth;
   }
 
   /** Hand lists of four numbers to the shaders, 64 in a row. @param {number[][]} entries */

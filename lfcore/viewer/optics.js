@@ -18,7 +18,10 @@
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
  * @property {{page: string, width: number, height: number, low: number, high: number} | null} map
  * @property {Atlas} atlas
+ * @property {{fps: number, instants: Instant[]} | null} film  The instants after the first.
  */
+
+/** @typedef {{depth: Depth, map: Field["map"]}} Instant  What changes from one instant of a film to another. */
 
 /**
  * Views side by side in pictures, row by row.
@@ -73,6 +76,7 @@
  * @property {boolean} epi
  * @property {number} u  Column of the epipolar slice, share of the width.
  * @property {number} v  Row of the epipolar slice, share of the height.
+ * @property {number} k  The instant of a film.
  */
 
 /** @typedef {{view: number, s: number, t: number, weight: number}} Entry */
@@ -84,7 +88,7 @@ const FILTERS = ["bilinear", "nearest"];
 function initial(field) {
   return {
     x: 0, y: 0, d: 0, a: field.views, shape: "circle", blades: 6, turn: 0, tx: 0, ty: 0,
-    filter: "bilinear", ev: 0, single: false, depth: false, epi: false, u: 0.5, v: 0.5,
+    filter: "bilinear", ev: 0, single: false, depth: false, epi: false, u: 0.5, v: 0.5, k: 0,
   };
 }
 
@@ -95,7 +99,7 @@ function limits(field) {
   return /** @type {Record<string, number[]>} */ ({
     x: ends(field.columns), y: ends(field.rows), d: [low, high], a: [0.5, field.views],
     blades: [3, 1000], turn: [-360, 360], tx: [-span, span], ty: [-span, span],
-    u: [0, 1], v: [0, 1], ev: [-16, 16],
+    u: [0, 1], v: [0, 1], ev: [-16, 16], k: [0, field.film ? field.film.instants.length : 0],
   });
 }
 
@@ -124,6 +128,7 @@ function changed(field, state, given) {
     }
   }
   next.blades = Math.round(next.blades);
+  next.k = Math.round(next.k);
   return /** @type {State} */ (next);
 }
 
@@ -272,7 +277,8 @@ function command(field, state) {
   const number = (/** @type {number} */ value) => String(+value.toPrecision(7));
   const file = /^[\w./-]+$/.test(field.file) ? field.file : `'${field.file}'`;
   const {metric} = field;
-  const exposure = state.ev ? `--exposure ${number(state.ev)} ` : "";
+  const instant = field.film ? `--instant ${state.k} ` : "";
+  const exposure = instant + (state.ev ? `--exposure ${number(state.ev)} ` : "");
   if (state.single && field.depth && metric && !state.depth) {
     const [x, y] = [state.x, state.y].map((views) => number(1e3 * views * metric.pitch));
     return `lfcore view ${file} --view ${x}mm ${y}mm ${exposure}-o picture.png`;

@@ -17,7 +17,7 @@ from lfcore.errors import StorageError, printable
 from lfcore.files import write_text
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
-from lfcore.progress import Progress
+from lfcore.progress import Progress, part_of
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.storage.lightfield import LightFieldFile
 from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_disparities
@@ -25,7 +25,7 @@ from lfcore.viewer.disparity import estimate
 from lfcore.viewer.neighbours import CODES, STEP_PX, Neighbours
 
 HERE = Path(__file__).parent
-SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "viewer.js")
+SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "film.js", "viewer.js")
 COMMENT = re.compile(r"^\s*//[^\n]*\n|/\*\*.*?\*/|^\s+", re.DOTALL | re.MULTILINE)
 MOST_PARALLAX = 0.08
 """The parallax over the lens if depths are unknown, relative to the picture's width."""
@@ -96,33 +96,46 @@ def viewer_page(
     jpeg_quality: int | None,
     device: Device | str | None,
     progress: Progress | None,
+    *,
+    film: bool = True,
 ) -> ViewerPage:
     """As :meth:`lfcore.LightField.viewer`."""
     device = device if isinstance(device, Device) else open_device(device)
-    slab = field.require_slab()
-    choice = choose(field, grid, pixels)
-    pictures = read(field, choice, device=device, progress=progress)
-    low, high = seen = _range(field, slab)
+    instants = [field.at(k) for k in range(len(field.times))] if film else [field]
+    field, slab = instants[0], field.require_slab()
+    choice = choose(field, grid, pixels, len(instants))
+    ends = np.array([_range(each, slab) for each in instants])
+    low, high = ends[:, 0].min(), ends[:, 1].max()
+    played = None
     if field.metadata.depth:
-        inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
-        disparities: np.ndarray | None = (inverse - slab.camera.delta) * (
-            slab.lens_pitch_m / slab.pixel_pitch
-        )
-        status = STORED
-        views = _by_depth(field, slab, choice, pictures, format or "webp", jpeg_quality)
+        status, shown = STORED, []
+        for number, each in enumerate(instants):
+            tell = part_of(progress, number, len(instants))
+            pictures = read(each, choice, device=device, progress=tell)
+            shown.append(_instant(each, slab, choice, pictures, format or "webp", jpeg_quality))
+        views = {"depth": shown[0]["depth"], "map": shown[0]["map"], "atlas": shown[0]["atlas"]}
+        if len(instants) > 1:
+            fps = (len(instants) - 1) / (field.times[-1] - field.times[0])
+            keys = "depth", "map"
+            played = {
+                "fps": fps,
+                "instants": [{key: each[key] for key in keys} for each in shown[1:]],
+            }
     else:
+        pictures = read(field, choice, device=device, progress=progress)
         places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
         disparities = estimate(pictures, places, low * choice.scale, high * choice.scale)
         disparities = None if disparities is None else disparities / choice.scale
         status = NO_MAP if disparities is None else ESTIMATED
         atlas = encode(pictures, format or "jpeg", jpeg_quality or 90)
-        views = {"depth": None, "atlas": _coded(atlas)}
+        seen = None if disparities is None else _map(disparities, (low, high))
+        views = {"depth": None, "atlas": _coded(atlas), "map": seen}
     # The recorded focus, 0, is always in the range.
     low, high = min(low, 0.0), max(high, 0.0)
     margin = MARGIN * (high - low) or 1e-3
     data = _describe(field, slab, choice) | views | {
         "range": [low - margin, high + margin],
-        "map": None if disparities is None else _map(disparities, seen),
+        "film": played,
     }  # fmt: skip
     # The program without comments and indentation.
     scripts = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS)
@@ -170,6 +183,21 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, An
         "peak": field.layout.peak or 0,
         "metric": metric if field.metric else None,
     }
+
+
+def _instant(
+    field: LightFieldFile,
+    slab: Slab,
+    choice: Choice,
+    pictures: np.ndarray,
+    format: str,
+    quality: int | None,
+) -> dict[str, Any]:
+    """The page's data of views, depths and the map of disparities, of a file with depth."""
+    inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
+    disparities = (inverse - slab.camera.delta) * (slab.lens_pitch_m / slab.pixel_pitch)
+    views = _by_depth(field, slab, choice, pictures, format, quality)
+    return views | {"map": _map(disparities, _range(field, slab))}
 
 
 def _by_depth(

@@ -33,6 +33,11 @@ function shownCodes(field) {
   });
 }
 
+/** The disparities of a map, in codes. @param {Field["map"]} map */
+async function mapOf(map) {
+  return map && greys(cellsOf(await loaded([map.page]), {across: 1, down: 1}, map)(0));
+}
+
 class Viewer {
   /** @param {Field} field */
   constructor(field) {
@@ -42,6 +47,7 @@ class Viewer {
     /** @type {Drawing | null} */ this.drawing = null;
     /** @type {Page[]} */ this.pages = [];
     /** @type {Uint8Array | null} */ this.map = null;
+    this.film = field.film && new Film(this, field.film);
     this.cost = 0;            // milliseconds of reading a million samples
     this.job = 0;             // the picture that is being drawn; a later one ends it
     this.timer = 0;
@@ -49,8 +55,8 @@ class Viewer {
   }
 
   async start() {
-    const {field} = this, map = field.map;
-    this.map = map && greys(cellsOf(await loaded([map.page]), {across: 1, down: 1}, map)(0));
+    const {field} = this;
+    this.map = await mapOf(field.map);
     const {colours, depths} = field.depth ? await restored(field, field.depth)
       : {colours: await loaded(field.atlas.pages), depths: []};
     this.pages = colours;
@@ -111,7 +117,8 @@ class Viewer {
   quick() {
     const job = ++this.job;
     this.whole = false;
-    requestAnimationFrame(() => {
+    requestAnimationFrame(async () => {
+      if (this.film) await this.film.show(this.state.k);
       if (job !== this.job) return;
       if (!this.drawing) { this.single(); return; }
       const {field, state} = this, all = this.parts(state), most = this.most();
@@ -132,6 +139,8 @@ class Viewer {
   /** Draw the whole picture in parts, which leave time for input; resolves when it is drawn. */
   async settle() {
     const job = ++this.job, {drawing, state} = this;
+    if (this.film) await this.film.show(state.k);
+    if (job !== this.job) return;
     if (!drawing) { this.single(); this.whole = true; return; }
     for (const _ of drawing.paint(state, this.parts(state), 1, this.most())) {
       drawing.finish();
@@ -185,6 +194,11 @@ class Viewer {
       input(key).setAttribute("aria-valuetext", element(`${key}-text`).textContent || "");
     }
     element("command").textContent = command(field, state) || "no command makes this picture";
+    if (this.film) {
+      input("k").value = String(state.k);
+      element("k-text").textContent = `${state.k} of ${this.film.instants.length}`;
+      if (this.film.playing) return;  // browsers count changes of the address
+    }
     try {
       history.replaceState(null, "", `#${toHash(field, state)}`);
     } catch { /* A page inside another one may have no address; nothing else depends on it. */ }
@@ -205,7 +219,9 @@ class Viewer {
     if (found === null) this.say("There is no map of depth: focus with the slider.");
     // A tilted plane goes through the clicked point.
     const tilted = state.tx * (u - 0.5) + state.ty * (v - 0.5);
-    this.set({u, v, ...(found === null ? {} : {d: found - tilted})});
+    const d = found === null ? null : found - tilted;
+    if (this.film) this.film.target = d;
+    this.set({u, v, ...(d === null || (this.film && this.film.playing) ? {} : {d})});
   }
 
   listen() {
@@ -224,6 +240,15 @@ class Viewer {
       [input("f").min, input("f").max] = [field.views, 0.5].map((a) => String(Math.log2(focal / (a * pitch))));
       input("f").addEventListener("input", () => this.set({a: focal / (2 ** Number(input("f").value) * pitch)}));
     } else input("f").disabled = true;
+    if (this.film) {
+      const film = this.film;
+      element("film").hidden = false;
+      input("k").max = String(film.instants.length - 1);
+      input("k").addEventListener("input", () => this.set({k: input("k").value}));
+      element("play").addEventListener("click", () => film.play());
+      // The focus that a hand sets is pulled to no more.
+      input("d").addEventListener("input", () => { film.target = null; });
+    }
     input("depth").disabled = !field.map;
     /** @type {HTMLElement} */ (input("filter").parentElement).hidden = Boolean(field.depth);
     element("reset").addEventListener("click", () => this.set(initial(field)));
@@ -291,6 +316,7 @@ class Viewer {
       "]": () => ({a: this.state.a * 1.1}), "[": () => ({a: this.state.a / 1.1}),
       s: () => ({single: !this.state.single}), e: () => ({epi: !this.state.epi}),
       d: () => ({depth: field.map !== null && !this.state.depth}), r: () => ({...initial(field)}),
+      " ": () => { if (this.film) this.film.play(); return {}; },
     };
     this.canvas.addEventListener("keydown", (event) => {
       const key = keys[event.key];

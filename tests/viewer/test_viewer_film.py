@@ -1,0 +1,73 @@
+"""The page of a film in a real browser: its instants, and how it plays."""
+
+import pytest
+from moving_scene import moving_squares
+from selenium.webdriver import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+from test_viewer_page import described
+from viewer_browser import choose, complaints, pixels, psnr, settle, state, visit
+
+import lfcore
+from lfcore.colour import srgb_codes
+
+pytestmark = pytest.mark.browser
+TIMES = [0.0, 0.2, 0.4, 0.6]
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    path = tmp_path_factory.mktemp("film") / "film.mkv"
+    return lfcore.record(moving_squares(), path, times=TIMES, pixels=48)
+
+
+@pytest.fixture
+def opened(browser, film):
+    page = film.path.with_suffix(".html")
+    if not page.exists():
+        film.viewer().save(page)
+    complaints(browser)
+    visit(browser, page)
+    yield browser
+    assert complaints(browser) == []
+
+
+def test_each_instant_is_what_refocus_makes(opened, film):
+    near = film.disparity_of(2.0)
+    for k in (0, 3, 1, 0):
+        choose(opened, k=k, d=near, a=2)
+        plane = film.at(k).plane(disparity_px=state(opened)["d"], aperture_views=2)
+        expected = srgb_codes(film.at(k).refocus_many([plane])[0])
+        assert psnr(pixels(opened), expected) > 36, k
+        assert f"--instant {k} " in opened.find_element("id", "command").text
+
+
+def test_it_plays_and_a_click_pulls_the_focus(opened, film):
+    choose(opened, d=film.disparity_of(4.0))
+    opened.find_element(By.ID, "play").click()
+    seen = set()
+
+    def all_seen(browser):
+        seen.add(state(browser)["k"])
+        return len(seen) == len(TIMES)
+
+    WebDriverWait(opened, 60, 0.02).until(all_seen)
+    # A click on the wall behind, near the picture's corner.
+    opened.execute_script("lightFieldViewer.set({d: arguments[0]})", film.disparity_of(2.0))
+    canvas = opened.find_element("id", "canvas")
+    aside = int(-0.45 * canvas.size["width"]), int(-0.45 * canvas.size["height"])
+    ActionChains(opened).move_to_element_with_offset(canvas, *aside).click().perform()
+    far = film.disparity_of(4.0)
+    WebDriverWait(opened, 60, 0.02).until(lambda one: abs(state(one)["d"] - far) < 0.1)
+    assert state(opened)["u"] < 0.1
+    opened.find_element(By.ID, "play").click()
+    settle(opened)
+    shown = state(opened)["k"]
+    expected = srgb_codes(film.at(shown).refocus(disparity_px=state(opened)["d"]))
+    assert psnr(pixels(opened), expected) > 36
+
+
+def test_one_instant_has_a_page_without_a_film(film):
+    alone, whole = (described(page.html) for page in (film.at(2).viewer(film=False), film.viewer()))
+    assert alone["film"] is None and len(whole["film"]["instants"]) == 3
+    assert whole["film"]["fps"] == pytest.approx(5)
