@@ -29,7 +29,7 @@ from benchmarks.lit_scenes import MADE, made_scene
 from benchmarks.peers.cycles_lens import cycles_lens, matt
 from benchmarks.peers.method import Renderer, Samples, SkippedError
 from benchmarks.peers.mitsuba import denoised, mitsuba_path
-from benchmarks.results import parser_of, report, say, with_kept
+from benchmarks.results import parser_of, report, said, say, with_kept
 from benchmarks.sample import SCENES
 from docs.examples.sky import sky
 from lfcore.api import load_scene
@@ -120,7 +120,7 @@ def bakes(scene: Scene, peer: Renderer, options: argparse.Namespace, kept: dict)
         pictures = pictures_by_depth(tracer, camera, [plane], options.pixels, SHARP)
         shown = f"error {error:g}, {cells:.0f} cells"
         kept.update({shown: pictures[0], f"{shown}, off": 0.5 + 4 * (pictures[0] - truth[0, 2])})
-        yield _said({
+        yield said({
             "scene": scene.name, "part": "bake", "setting": shown,
             "core s": f"{seconds:.1f}", "MiB": f"{mib:.0f}", "expected": f"{light.error:.3f}",
             "real": f"{true_error(pictures, truth):.3f}",
@@ -150,7 +150,7 @@ def planes(
         other.picture(cameras[0], 64, DENOISED)  # compiles
         runs = [other.picture(c, options.pixels, DENOISED, 100 + n) for n, c in enumerate(cameras)]
         pictures, seconds = map(np.array, zip(*runs, strict=True))
-        return _said(row(name, pictures, seconds.mean()))
+        return said(row(name, pictures, seconds.mean()))
 
     if "cycles" in options.parts:
         try:
@@ -171,7 +171,7 @@ def planes(
         ours = row(f"baked, {bake['setting']}, {lattice}", pictures, traced)
         per_plane = float(mitsubas["core s"]) / 10 - traced
         first = max(1, math.ceil(float(bake["core s"]) / per_plane)) if per_plane > 0 else ""
-        yield _said(ours | {"bake core s": bake["core s"], "a tenth from plane": first})
+        yield said(ours | {"bake core s": bake["core s"], "a tenth from plane": first})
         if float(ours["dB"]) >= float(mitsubas["dB"]):
             break
     yield mitsubas
@@ -228,15 +228,10 @@ def price(scene: Scene, options: argparse.Namespace) -> Iterator[dict]:
         works = [partial(tracer.bundle_radiance, some) for tracer in tracers]
         timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
         ours, without = (min(timing.seconds) for timing in timings)
-        yield _said({
+        yield said({
             "scene": scene.name, "part": "price", "setting": f"N = {views}",
             "core s": f"{ours:.3f}", "price": f"{ours / without:.2f}",
         })  # fmt: skip
-
-
-def _said(row: dict) -> dict:
-    say("  ".join(f"{key}: {value}" for key, value in row.items()))
-    return row
 
 
 SHOWN = {

@@ -22,7 +22,7 @@ from benchmarks.light import true_psnr, truth_of
 from benchmarks.mirror_scenes import CASES, MIRROR, Case, plane_mirror
 from benchmarks.peers.method import Renderer, Samples
 from benchmarks.peers.mitsuba import mitsuba_even
-from benchmarks.results import parser_of, report, say, with_kept
+from benchmarks.results import parser_of, report, said, with_kept
 from lfcore.evaluation.figures import contact_sheet
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Lattice
@@ -57,7 +57,7 @@ def quality(name: str, case: Case, options: argparse.Namespace, kept: dict) -> I
         for setting, picture, took in (
             (f"{LATTICE}", ours[0], seconds), (f"{DENOISED}", theirs, spent)
         ):  # fmt: skip
-            yield _said({
+            yield said({
                 "scene": name, "part": "quality", "setting": setting, "focus": focus,
                 "core s": f"{took:.3g}", "pixels": int(where.sum()),
                 "samples": samples if picture is theirs else LATTICE.rays_per_pixel,
@@ -124,15 +124,10 @@ def price(options: argparse.Namespace) -> Iterator[dict]:
     ]
     timings = measure_in_turn(works, repeats=options.repeats, clock=time.process_time)
     mirror, without = (min(timing.seconds) for timing in timings)
-    yield _said({
+    yield said({
         "scene": f"a mirror on {share:.0%}", "part": "price", "setting": f"{LATTICE}",
         "core s": f"{mirror:.3g}", "price": f"{mirror / without:.2f}",
     })  # fmt: skip
-
-
-def _said(row: dict) -> dict:
-    say("  ".join(f"{key}: {value}" for key, value in row.items()))
-    return row
 
 
 def main() -> None:

@@ -47,6 +47,12 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def said(row: dict) -> dict:
+    """Print a row as progress, and return it."""
+    say("  ".join(f"{key}: {value}" for key, value in row.items()))
+    return row
+
+
 def report(
     path: Path,
     program: str,
