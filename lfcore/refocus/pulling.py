@@ -22,7 +22,7 @@ Key = tuple[float, SensorPlane | Sequence[float]]
 def pulled(
     field: LightField, keys: Sequence[Key], progress: Progress | None = None, **how: Any
 ) -> Iterator[np.ndarray]:
-    """As :meth:`lfcore.LightField.pull`; ``how`` is what makes the pictures."""
+    """As :meth:`lfcore.LightField.pull`; ``how`` has keywords of ``refocus_many``."""
     times = np.array([time for time, _ in keys], np.float64)
     if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise OpticsError("must have ascending times", file=field.path, key="keys")

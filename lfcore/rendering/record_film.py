@@ -155,7 +155,7 @@ def _part(pairs: list[Any], number: int, tiles: list[Tile]) -> list[Any]:
 
 
 def _name(*parts: Any) -> str:
-    """A name for files that are made of these things."""
+    """Return a name for files: the digest of all that they depend on."""
     text = json.dumps(parts, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
