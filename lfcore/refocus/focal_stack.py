@@ -274,4 +274,7 @@ def focal_stack(
         field.require_grid(), planes, tolerance_px=tolerance_px, device=device, layout=field.layout
     )
     add_frames(summer, field, progress)
-    return crop(field.require_slab(), summer.pictures()) * np.float32(field.white)
+    pictures = crop(field.require_slab(), summer.pictures()) * np.float32(field.white)
+    if field.specular:
+        pictures += focal_stack(field.specular, planes, tolerance_px=tolerance_px, device=device)
+    return pictures

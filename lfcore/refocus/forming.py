@@ -9,7 +9,7 @@ from lfcore.errors import OpticsError, check_known
 from lfcore.opencl.device import Device
 from lfcore.optics.planes import MOST_PLANES, SensorPlane
 from lfcore.optics.size import Pixels
-from lfcore.progress import Progress
+from lfcore.progress import Progress, part_of
 from lfcore.refocus.resampling import FILTERS
 from lfcore.refocus.shift_sum import shift_sum
 from lfcore.refocus.slicing import form_planes
@@ -51,8 +51,23 @@ def form_pictures(
     if pixels is not None:
         side = picture_side(field, pixels)
         planes = [replace(plane, pixels=side) for plane in planes]
-    if method == "shift-sum":
-        pictures = shift_sum(field, planes, filter=filter, device=device, progress=progress)
-    else:
-        pictures = form_planes(field, planes, device=device, progress=progress).sums.pictures()
+    parts = [field] if field.specular is None else [field, field.specular]
+    pictures = np.add.reduce([
+        _pictures_of(each, planes, method, filter, device, part_of(progress, number, len(parts)))
+        for number, each in enumerate(parts)
+    ])  # fmt: skip
     return pictures if field.white == 1.0 else pictures * np.float32(field.white)
+
+
+def _pictures_of(
+    field: LightFieldFile,
+    planes: Sequence[SensorPlane],
+    method: str,
+    filter: str,
+    device: Device | str | None,
+    progress: Progress | None,
+) -> np.ndarray:
+    """Pictures of one part of the light, without depth."""
+    if method == "shift-sum":
+        return shift_sum(field, planes, filter=filter, device=device, progress=progress)
+    return form_planes(field, planes, device=device, progress=progress).sums.pictures()

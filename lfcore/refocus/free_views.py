@@ -22,7 +22,8 @@ from lfcore.optics.ray_cells import LensCells, ViewSet
 from lfcore.optics.size import Pixels
 from lfcore.refocus.depth_slicing import DepthSlicer, HeldRays, held_rays
 from lfcore.refocus.placed_views import PlacedViews
-from lfcore.refocus.stored_depth import picture_side, read_depths, read_rays
+from lfcore.refocus.stored_depth import picture_side, read_depths, read_parts
+from lfcore.refocus.two_parts import BLACK, Part, placed_parts
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -99,8 +100,18 @@ class FreeViews:
         """The numbers i + N j of unused views."""
 
     @cached_property
-    def _rays(self) -> HeldRays:
-        return held_rays(self.device, *read_rays(self.field, device=self.device))
+    def _parts(self) -> list[Part]:
+        return read_parts(self.field, device=self.device)
+
+    @cached_property
+    def _rays(self) -> list[HeldRays]:
+        """The rays on the device; of two parts also the specular ones, at surfaces' depth and at
+        virtual depth."""
+        (own, depth), *rest = placed_parts(self._parts, BLACK)
+        rays = [(own, depth)]
+        for light, virtual in rest:
+            rays += [(light, np.where(virtual > 0, depth, np.float32(0))), (light, virtual)]
+        return [held_rays(self.device, *each) for each in rays]
 
     @cached_property
     def device(self) -> Device:
@@ -147,12 +158,19 @@ class FreeViews:
         return np.abs(self.views.positions - point) / self.slab.lens_pitch_m
 
     def _slice(self, point: np.ndarray, share: np.ndarray) -> np.ndarray:
-        slicer = _PointSlicer(
-            self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
-            self.field.layout.stops, self.device,
-        )  # fmt: skip
-        slicer.add_held(slice(None), *self._rays)
-        return slicer.pictures()[0]
+        slicers = []
+        for number, rays in enumerate(self._rays):
+            slicer = _PointSlicer(
+                self.views, np.asarray(point, float), share, self.made.pixels, self.stored.codes,
+                self.field.layout.stops, self.device, images=number == 2,
+            )  # fmt: skip
+            slicer.add_held(slice(None), *rays)
+            slicers.append(slicer)
+        body, *specular = slicers
+        if not specular:
+            return body.pictures()[0]
+        shown, images = specular
+        return body.pictures(shown, images.pictures())[0]
 
     def _nearest(self, point: np.ndarray) -> np.ndarray:
         """The inverse depth of the nearest surface per pixel; NaN where no view sees one.
@@ -178,8 +196,8 @@ class FreeViews:
         """The kernel's codes for some views, (2, height, width) uint32: middle, whole pixel."""
         slab, device, (width, height) = self.slab, self.device, self.made.size
         columns, rows = slab.size
-        if "_rays" in self.__dict__:
-            depth, places = self._rays[1], numbers
+        if "_parts" in self.__dict__:
+            depth, places = device.shown(self._parts[0][1]), numbers
         else:
             depth = device.buffer(read_depths(self.field, numbers))
             places = np.arange(len(numbers))
@@ -290,11 +308,12 @@ def _filled(
 
 
 class _PointSlicer(DepthSlicer):
-    """Forms the picture from one point (2,) of the lens, metres; ``share`` weights the views."""
+    """Forms the picture from one point (2,) of the lens, metres; ``share`` weights the views.
+    Pictures of ``images`` have one layer."""
 
     def __init__(
         self, views: ViewSet, point: np.ndarray, share: np.ndarray, pixels: int, codes: DepthCodes,
-        stops: int, device: Device,
+        stops: int, device: Device, *, images: bool = False,
     ):  # fmt: skip
         slab = views.slab
         self.point, self.share = point, share
@@ -303,7 +322,10 @@ class _PointSlicer(DepthSlicer):
         widest = (codes.near - codes.far) * slab.lens_pitch_m * pixels / slab.camera.field_width
         bounds = np.arange(1, LAYERS) * widest / LAYERS
         self._layer_px = widest / LAYERS
-        super().__init__(views, [plane], pixels, device, bounds_px=bounds.tolist(), stops=stops)
+        super().__init__(
+            views, [plane], pixels, device, bounds_px=() if images else bounds.tolist(),
+            stops=stops, empty=np.nan if images else 0.0,
+        )  # fmt: skip
 
     def _place(self, *where: Any, long_sums: bool) -> PlacedViews:
         seen = self.point, self.share, self._layer_px

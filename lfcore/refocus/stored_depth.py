@@ -11,7 +11,8 @@ from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import all_samples
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
-from lfcore.refocus.stored_views import add_frames, frame_planes, read_views
+from lfcore.refocus.stored_views import add_frames, frame_planes, read_own_views
+from lfcore.refocus.two_parts import BLACK, Part, TwoPartSlicer
 from lfcore.storage.lightfield import LightFieldFile
 
 VIEWS_RAYS = 1 << 20
@@ -37,31 +38,42 @@ def slice_stored(
     device = device if isinstance(device, Device) else open_device(device)
     size = Size(*field.require_slab().picture(side)[2:])
     layout = field.layout
-    each = DepthSlicer.sums_bytes(1, size, layout.stops)
+    kinds = 1 if field.metadata.specular is None else 2
+    each = kinds * DepthSlicer.sums_bytes(1, size, layout.stops)
     if each > device.device.global_mem_size // 2:
         raise OpticsError(
             f"sums of a picture of {size} pixels take {each / 2**30:.1f} GiB",
             file=field.path, key="pixels", remedy="Give fewer pixels",
         )  # fmt: skip
-    room = planes_at_a_time(device, size, layout.stops)
+    room = max(1, planes_at_a_time(device, size, layout.stops) // kinds)
     groups = [planes[first : first + room] for first in range(0, len(planes), room)]
     pictures = []
     for number, group in enumerate(groups):
-        views = stored.views(field.require_slab())
-        by_views = layout.kind == "views"
-        codes = stored.codes if by_views else None
-        slicer = DepthSlicer(
-            views, group, side, device, stops=layout.stops, codes=codes, one=layout.one
-        )
         report = part_of(progress, number, len(groups))
-        if by_views:
-            add_frames(_ColourReceiver(field, slicer), field, report)
-        else:
-            light, depth = read_rays(field, device=device, progress=report)
-            slicer.add(slice(0, len(light)), light, depth)
+        pictures.append(_slice(field, group, side, device, report))
         field.close()  # decoders hold more memory than pictures
-        pictures.append(slicer.pictures())
     return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # which copies
+
+
+def _slice(
+    field: LightFieldFile,
+    planes: Sequence[SensorPlane],
+    side: int,
+    device: Device,
+    progress: Progress | None,
+) -> np.ndarray:
+    stored, layout = field.require_depth(), field.layout
+    views = stored.views(field.require_slab())
+    if layout.kind == "views" and field.specular is None:
+        slicer = DepthSlicer(
+            views, planes, side, device, stops=layout.stops, codes=stored.codes, one=layout.one
+        )
+        add_frames(_ColourReceiver(field, slicer), field, progress)
+        return slicer.pictures()
+    parts = read_parts(field, device=device, progress=progress)
+    in_parts = TwoPartSlicer(views, planes, side, device, stops=layout.stops)
+    in_parts.add(slice(0, len(parts[0][0])), parts, black=BLACK)
+    return in_parts.pictures()
 
 
 def picture_side(field: LightFieldFile, pixels: Pixels) -> int:
@@ -94,8 +106,19 @@ def read_rays(
             f"{slab.rays:,} rays are more than the {HELD_RAYS:,} that fit in memory",
             file=field.path, remedy="Record fewer views, or the layout views",
         )  # fmt: skip
-    light = read_views(field, all_samples(slab), device=device, progress=progress)
+    light = read_own_views(field, all_samples(slab), device=device, progress=progress)
     return light, read_depths(field, np.arange(len(light)))
+
+
+def read_parts(
+    field: LightFieldFile, *, device: Device, progress: Progress | None = None
+) -> list[Part]:
+    """Read all rays as :func:`read_rays`, and those of specular light if the file has it."""
+    files = [field] if field.specular is None else [field, field.specular]
+    return [
+        read_rays(each, device=device, progress=part_of(progress, number, len(files)))
+        for number, each in enumerate(files)
+    ]
 
 
 def read_depths(field: LightFieldFile, views: np.ndarray) -> np.ndarray:

@@ -231,12 +231,26 @@ def read_views(
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """Read some views, (K, height, width, 3) float32, linear light.
+    """Read some views, (K, height, width, 3) float32, linear light, with their specular part.
 
     ``samples`` (K, 2) are (i, j) from the file's first view.  With macropixels all frames are
     decoded, whatever the number of views.  Raises :class:`OpticsError` for samples outside the
     lens, or given twice.
     """
+    light = read_own_views(field, samples, device=device, progress=progress)
+    if field.specular:
+        light += read_own_views(field.specular, samples, device=device)
+    return light
+
+
+def read_own_views(
+    field: LightFieldFile,
+    samples: np.ndarray,
+    *,
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """As :func:`read_views`, without the specular part of a file that has one."""
     collector = _Collector(field, np.asarray(samples, np.int32).reshape(-1, 2), device)
     add_frames(collector, field, progress)
     return collector.views

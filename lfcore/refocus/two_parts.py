@@ -24,15 +24,19 @@ Part = tuple[np.ndarray, np.ndarray]
 """Light (K, rows, columns, 3) and depth (K, rows, columns), metres, float32."""
 
 
-def placed_parts(parts: Sequence[Part]) -> Sequence[Part]:
-    """Let specular light take the place of own light where this is black.
+BLACK = 1e-3
+"""The own light, of white, that a codec may make of none."""
+
+
+def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
+    """Let specular light take the place of own light where this is at most ``black``.
 
     The second of two parts has depth 0 for rays without specular light.
     """
     if len(parts) == 1:
         return parts
     (own, depth), (light, virtual) = parts
-    is_bare = (virtual > 0) & ~own.any(axis=-1)
+    is_bare = (virtual > 0) & (own.max(axis=-1, initial=0) <= black)
     if is_bare.any():
         own, depth = (
             np.where(is_bare[..., None], light, own), np.where(is_bare, virtual, depth)
@@ -41,6 +45,15 @@ def placed_parts(parts: Sequence[Part]) -> Sequence[Part]:
             np.where(is_bare[..., None], 0, light), np.where(is_bare, 0, virtual)
         )  # fmt: skip
     return [(own, depth), (light, virtual)] if virtual.any() else [(own, depth)]
+
+
+def one_part(parts: Sequence[Part], black: float = 0.0) -> Part:
+    """All light, at virtual depth where a surface has no light of its own, else at the surface's:
+    what one slicing can use."""
+    (light, depth), *rest = placed_parts(parts, black)
+    for shown, _ in rest:
+        light = light + shown
+    return light, depth
 
 
 class TwoPartSlicer:
@@ -57,12 +70,20 @@ class TwoPartSlicer:
         self._more = more
         self._specular: tuple[DepthSlicer, DepthSlicer] | None = None
 
-    def add(self, part: slice | np.ndarray, parts: Sequence[Part], first_row: int = 0) -> None:
+    def add(
+        self,
+        part: slice | np.ndarray,
+        parts: Sequence[Part],
+        first_row: int = 0,
+        *,
+        black: float = 0.0,
+    ) -> None:
         """Add rows of some views, as :meth:`DepthSlicer.add` does, of one part or two.
 
-        The second has depth 0 for rays without specular light.
+        The second has depth 0 for rays without specular light; ``black`` is as for
+        :func:`placed_parts`.
         """
-        (own, depth), *rest = placed_parts(parts)
+        (own, depth), *rest = placed_parts(parts, black)
         self._body.add(part, own, depth, first_row)
         for light, virtual in rest:
             shown, images = self._specular_slicers()

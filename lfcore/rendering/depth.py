@@ -24,6 +24,8 @@ RANGE_VIEWS = 3
 """The lens samples per side of the rays that measure the range of depths."""
 RANGE_PIXELS = 96
 """The pixels per side of these rays."""
+MOST_VIRTUAL = 0.995
+"""The quantile of virtual inverse depths up to which they are stored."""
 
 
 def depth_of_views(
@@ -82,6 +84,19 @@ def dioptre_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, flo
     inverse = _inverse(_spread_depths(tracer, slab))
     far, near = (float(inverse.min()), float(inverse.max())) if len(inverse) else (0.0, 0.0)
     return max(0.0, far - margin * (near - far)), near + margin * (near - far)
+
+
+def virtual_range(tracer: Tracer, slab: Slab, margin: float) -> tuple[float, float]:
+    """As :func:`dioptre_range`, of the virtual depths of a few rays, without the nearest of
+    them: rays near a focus of curved glass have any."""
+    coarse = spread_over(slab)
+    rays = bundles.views(coarse, all_samples(coarse))
+    instants = tracer.each((0.0, 0.5, 1.0)) if isinstance(tracer, ExposedTracer) else [tracer]
+    depths = [depth for now in instants for _, depth in now.parts(rays)[1:]]
+    depth = np.concatenate([np.ravel(each) for each in depths] or [np.zeros(0)])
+    inverse = 1.0 / depth[depth > 0].astype(float)
+    near = float(np.quantile(inverse, MOST_VIRTUAL)) if len(inverse) else 0.0
+    return 0.0, near * (1 + margin)
 
 
 def _spread_depths(tracer: Tracer, slab: Slab) -> np.ndarray:

@@ -16,12 +16,13 @@ from lfcore.optics.ray_cells import views_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
+from lfcore.refocus.two_parts import one_part
 from lfcore.rendering.by_depth import traced_views
-from lfcore.rendering.depth import depth_content, dioptre_range
+from lfcore.rendering.depth import depth_content, dioptre_range, virtual_range
 from lfcore.rendering.record import TILE_RAYS
 from lfcore.scene.files import scene_digest
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.container import DepthSegments, SpecularSegments, join_segments
 from lfcore.storage.defaults import frame_layout
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.frame_memory import FrameWriter
@@ -100,28 +101,43 @@ def record_by_depth(
         )  # fmt: skip
     # As few tiles as possible: encoders gain more from similar views than from cores.
     tiles = layout.tiles(TILE_RAYS, least=1)
-    dioptres = dioptre_range(tracer, slab, RANGE_MARGIN)
-    codes = DepthCodes.of_range(slab, *dioptres)
-    spec = codes.spec(slab, lossless=store.spec.lossless)
+    codes = codes_of_parts(tracer, slab)
+    specs = [code.spec(slab, lossless=store.spec.lossless) for code in codes]
+    encodings = [each for spec in specs for each in (store.spec, spec)]
     with draft_folder(path) as folder:
-        colours, depths = (
+        streams = [
             [folder / f"{tile.index:04d}.{stream}.mp4" for tile in tiles]
-            for stream in ("colours", "depths")
-        )
+            for stream in range(len(encodings))
+        ]
         for tile in tiles:
             frames = frames_by_depth(tracer, slab, store, codes, tile, progress)
-            encode(frames, layout, [(colours[tile.index], store.spec), (depths[tile.index], spec)])
+            files = [stream[tile.index] for stream in streams]
+            encode(frames, layout, list(zip(files, encodings, strict=True)))
+        colours, depths = streams[::2], [
+            DepthSegments(files, code, store.displaced, store.pixels, spec)
+            for files, code, spec in zip(streams[1::2], codes, specs, strict=True)
+        ]  # fmt: skip
         return join_segments(
             path,
-            colours,
+            colours[0],
             tiles,
             layout,
             geometry=slab,
             scene={"name": scene.name, "digest": scene_digest(scene)},
             spec=store.spec,
             content=depth_content(tracer, slab) | (content or {}),
-            depth=DepthSegments(depths, codes, store.displaced, store.pixels, spec),
+            depth=depths[0],
+            specular=SpecularSegments(colours[1], store.spec, depths[1]) if codes[1:] else None,
         )
+
+
+def codes_of_parts(tracer: Tracer, slab: Slab) -> list[DepthCodes]:
+    """The codes of surfaces' depths, and if there are specular surfaces, of virtual depths."""
+    codes = [DepthCodes.of_range(slab, *dioptre_range(tracer, slab, RANGE_MARGIN))]
+    if tracer.needs.specular:
+        virtual = virtual_range(tracer, slab, RANGE_MARGIN)
+        codes.append(DepthCodes.of_range(slab, *virtual, gaps=True))
+    return codes
 
 
 def encode(
@@ -157,38 +173,48 @@ def frames_by_depth(
     tracer: Tracer,
     slab: Slab,
     store: DepthStore,
-    codes: DepthCodes,
+    codes: Sequence[DepthCodes],
     tile: Tile,
     progress: Progress | None = None,
 ) -> Iterator[Sequence[np.ndarray]]:
-    """Some frames of a tile at a time, in order: colours and depths, (F, frame_bytes) uint8."""
+    """Some frames of a tile at a time, in order: colours and depths of each part that ``codes``
+    has, (F, frame_bytes) uint8."""
     elements, before = tile.elements(), tile.row * slab.views
     by_views = tile.layout.kind == "views"
     order = elements[:, 1] * slab.views + elements[:, 0] if by_views else None
     views = views_of(slab, displaced=store.displaced)
-    rooms: list[FrameWriter] = []
-    parts = []
+    rooms: list[list[FrameWriter]] = []
+    held = []
     traced = traced_views(tracer, views, store.pixels, order=order, in_rows=by_views)
-    for part, first, ((light, depth), *_) in traced:
-        ends = first + depth.shape[1] == slab.size.height
+    for part, first, parts in traced:
+        ends = first + parts[0][1].shape[1] == slab.size.height
         if progress and ends:
             progress(before + part.stop, slab.views**2)
+        if len(parts) < len(codes):  # nothing specular is seen
+            parts.append((np.zeros_like(parts[0][0]), np.zeros_like(parts[0][1])))
+        if len(parts) > len(codes):
+            parts = [one_part(parts)]
         if not by_views:
-            parts.append((light, depth))
+            held.append(parts)
             continue
         if not first:  # the memory before the last is free: its frames are encoded
             old = len(rooms) > 1 and rooms.pop(0)
             count = min(tile.frame_count, len(elements[part]))
-            rooms.append(old or FrameWriter(tracer.device, tile, count, codes))
-        rooms[-1].write(elements[part], light, depth, first_row=first)
+            rooms.append(old or [FrameWriter(tracer.device, tile, count, each) for each in codes])
+        for room, rays in zip(rooms[-1], parts, strict=True):
+            room.write(elements[part], *rays, first_row=first)
         if ends:
-            yield rooms[-1].read()
-    if parts:
-        light, depth = (np.concatenate(both) for both in zip(*parts, strict=True))
-        parts.clear()
+            yield [stream for room in rooms[-1] for stream in room.read()]
+    if held:
         u, v = elements.T
         shape = (len(elements), slab.views, slab.views)
-        room = FrameWriter(tracer.device, tile, min(tile.frame_count, len(elements)), codes)
-        rays = np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3)
-        room.write(elements, rays, depth[:, v, u].T.reshape(shape))
-        yield room.read()
+        streams: list[np.ndarray] = []
+        for number, code in enumerate(codes):
+            light, depth = (
+                np.concatenate([parts[number][kind] for parts in held]) for kind in (0, 1)
+            )
+            room = FrameWriter(tracer.device, tile, min(tile.frame_count, len(elements)), code)
+            colours = np.moveaxis(light[:, v, u], 0, 1).reshape(*shape, 3)
+            room.write(elements, colours, depth[:, v, u].T.reshape(shape))
+            streams += room.read()
+        yield streams

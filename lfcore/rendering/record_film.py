@@ -171,7 +171,7 @@ def _in_turn(
     """Some frames of a tile at a time, each at every instant, in order: colours and depths."""
     runs = [
         frames_by_depth(
-            tracer, slab, store, codes, tile, part_of(progress, number, len(tracers))
+            tracer, slab, store, [codes], tile, part_of(progress, number, len(tracers))
         )
         for number, tracer in enumerate(tracers)
     ]  # fmt: skip

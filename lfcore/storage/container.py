@@ -21,7 +21,7 @@ from lfcore.files import WholeFile, draft_folder, whole_file
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.decoding import ticks_per_frame
-from lfcore.storage.depth_stream import DepthCodes, StoredDepth
+from lfcore.storage.depth_stream import DepthCodes, StoredDepth, StoredSpecular
 from lfcore.storage.index import SegmentIndex
 from lfcore.storage.instants import Instants
 from lfcore.storage.layout import FrameLayout, Tile
@@ -45,6 +45,7 @@ def join_segments(
     spec: Encoding | None = None,
     content: dict | None = None,
     depth: DepthSegments | None = None,
+    specular: SpecularSegments | None = None,
     film: Instants | None = None,
 ) -> Metadata:
     """Write the light field file ``path`` from one segment per tile, in the order of tiles; of a
@@ -58,17 +59,29 @@ def join_segments(
     if film:
         counts = film.counts
     instants, tiles = np.repeat(counts, len(tiles)).tolist(), list(tiles) * len(counts)
-    colours, stored = _Stream.of(path, segments, tiles, layout, instants), None
-    streams = [colours]
-    if depth:
+    colours = _Stream.of(path, segments, tiles, layout, instants)
+    streams, stored, shown = [colours], None, None
+
+    def add(files: Sequence[Path], layout: FrameLayout, spec: Encoding) -> dict[str, Any]:
+        """Add a stream; return the fields of its metadata."""
+        stream = _Stream.of(path, files, tiles, layout, instants)
+        streams.append(stream)
+        sizes = tuple((info.bytes, info.crc32) for info in stream.infos)
+        return {
+            "codec": stream.infos[0].codec, "header_crc32": zlib.crc32(stream.header),
+            "settings": spec.to_json(), "segments": sizes,
+        }  # fmt: skip
+
+    def add_depth(depth: DepthSegments) -> StoredDepth:
         grey = replace(layout, pixel_format=depth.codes.pixel_format, peak=None)
-        deep = _Stream.of(path, depth.segments, tiles, grey, instants)
-        streams.append(deep)
-        stored = StoredDepth(
-            depth.codes, depth.displaced, depth.pixels, deep.infos[0].codec,
-            zlib.crc32(deep.header), depth.spec.to_json(),
-            tuple((info.bytes, info.crc32) for info in deep.infos),
-        )  # fmt: skip
+        fields = add(depth.segments, grey, depth.spec)
+        return StoredDepth(depth.codes, depth.displaced, depth.pixels, **fields)
+
+    if depth:
+        stored = add_depth(depth)
+    if specular:
+        fields = add(specular.segments, layout, specular.spec)
+        shown = StoredSpecular(add_depth(specular.depth), **fields)
     numbers = np.empty((len(tiles), 8), np.int64)
     first = 0
     for place, (info, tile) in enumerate(zip(colours.infos, tiles, strict=True)):
@@ -87,6 +100,7 @@ def join_segments(
         content=content or {},
         depth=stored,
         film=film,
+        specular=shown,
     )
     metadata.check()
     text = metadata.to_text()
@@ -111,6 +125,15 @@ class DepthSegments:
     displaced: bool
     pixels: int
     spec: Encoding
+
+
+@dataclass(frozen=True)
+class SpecularSegments:
+    """The segments of specular light, one per tile, with their encoding, and of its depths."""
+
+    segments: Sequence[Path]
+    spec: Encoding
+    depth: DepthSegments
 
 
 @dataclass(frozen=True)

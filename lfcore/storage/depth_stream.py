@@ -8,7 +8,7 @@ are equal steps of inverse depth: a quarter of a pixel of the sweep.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +23,8 @@ from lfcore.storage.pixels import GREY_FORMATS, PixelFormat
 
 SWEEP_PX = 0.25
 """The step of depth codes: the sweep of a view's part of the lens, in pixels of a view."""
+PRESENT = 0.75
+"""The share of codes that are depths where the last code means none: lossy codecs ring between."""
 LATTICES = ("plain", "crossed")
 """The file format's names of plain and of displaced views."""
 FINEST_CRF = 0.0
@@ -35,23 +37,38 @@ WIDE_DEPTH_CRF = 8.8
 
 @dataclass(frozen=True)
 class DepthCodes:
-    """Codes of inverse depth: equal steps from ``far`` (code 0) to ``near`` (the last), 1/m."""
+    """Codes of inverse depth: equal steps from ``far`` (code 0) to ``near`` (the last), 1/m.
+
+    Codes from ``absent`` on, if any, mean that a ray has no such depth.
+    """
 
     far: float
     near: float
     pixel_format: str = "gray"
+    absent: int | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.far < self.near < math.inf:
             raise StorageError(f"{[self.far, self.near]} is no range", key="depth.dioptres")
         check_known(StorageError, "depth.pixel_format", self.pixel_format, GREY_FORMATS)
+        if self.absent is not None and not (
+            type(self.absent) is int and 0 < self.absent <= self.last
+        ):
+            raise StorageError(f"{self.absent!r} is no code", key="depth.absent")
 
     @classmethod
-    def of_range(cls, slab: Slab, far: float, near: float) -> DepthCodes:
-        """Codes with steps of :data:`SWEEP_PX` for a slab's views, in 8 or, if needed, 10 bits."""
+    def of_range(cls, slab: Slab, far: float, near: float, *, gaps: bool = False) -> DepthCodes:
+        """Codes with steps of :data:`SWEEP_PX` for a slab's views, in 8 or, if needed, 10 bits.
+
+        With ``gaps``, the last codes mean that there is no depth.
+        """
         step = sweep_step(slab)
         near = max(near, far + step)  # for a scene with one depth
-        return cls(far, near, "gray" if near - far <= 255 * step else "gray10le")
+        if gaps:
+            near = far + (near - far) / PRESENT
+        codes = cls(far, near, "gray" if near - far <= 255 * step else "gray10le")
+        # Half way between the depths and the last code, which stands for none.
+        return replace(codes, absent=round(codes.last * (1 + PRESENT) / 2)) if gaps else codes
 
     @property
     def format(self) -> PixelFormat:
@@ -62,13 +79,14 @@ class DepthCodes:
         return (1 << self.format.bits) - 1
 
     def of_depth(self, depth: np.ndarray) -> np.ndarray:
-        """Convert depths, metres, to codes; infinity is a miss, and depths beyond the range are
-        clipped to its ends."""
-        share = (1.0 / np.asarray(depth, np.float64) - self.far) / (self.near - self.far)
+        """Convert depths, metres, to codes; infinity is a miss, 0 no depth, and depths beyond the
+        range are clipped to its ends."""
+        with np.errstate(divide="ignore"):
+            share = (1.0 / np.asarray(depth, np.float64) - self.far) / (self.near - self.far)
         return np.rint(np.clip(share, 0, 1) * self.last).astype(self.format.dtype)
 
     def depth(self, codes: np.ndarray) -> np.ndarray:
-        """Convert codes to float32 metres; 0 dioptres is infinity."""
+        """Convert codes to float32 metres; 0 dioptres is infinity, 0 metres no depth."""
         return self.table[codes]
 
     @cached_property
@@ -76,7 +94,9 @@ class DepthCodes:
         """The float32 metres of every code."""
         inverse = self.far + np.arange(self.last + 1) * ((self.near - self.far) / self.last)
         with np.errstate(divide="ignore", over="ignore"):
-            return (1.0 / inverse).astype(np.float32)
+            metres = (1.0 / inverse).astype(np.float32)
+        metres[self.last + 1 if self.absent is None else self.absent :] = 0
+        return metres
 
     def spec(self, slab: Slab, *, lossless: bool = False) -> Encoding:
         """Return FFV1, or H.264 with quantisers whose error, half a step, is :data:`SWEEP_PX`.
@@ -95,6 +115,43 @@ class DepthCodes:
         return Encoding(
             pixel_format=self.pixel_format, crf=round(crf, 1), preset="medium", gop=KEY_EVERY, **own
         )
+
+
+@dataclass(frozen=True)
+class StoredSpecular:
+    """The metadata of specular light, a stream of colours, and of its virtual depths.
+
+    Attributes
+    ----------
+    depth : StoredDepth
+        The virtual depths, absent where a ray has no specular light.
+    codec, header_crc32, settings, segments
+        Of the stream of colours, as for depths.
+    """
+
+    depth: StoredDepth
+    codec: str
+    header_crc32: int
+    settings: dict
+    segments: tuple[tuple[int, int], ...]
+
+    def to_json(self) -> dict[str, Any]:
+        return vars(self) | {
+            "depth": self.depth.to_json(), "segments": [list(part) for part in self.segments],
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> StoredSpecular:
+        """Raises :class:`StorageError` or an exception of Python's for impossible values."""
+        if set(data) != {"depth", "codec", "header_crc32", "settings", "segments"}:
+            raise StorageError(f"has the keys {sorted(data)}", key="specular")
+        depth = StoredDepth.from_json(data["depth"])
+        colours = StoredDepth.from_json(
+            data["depth"] | {key: value for key, value in data.items() if key != "depth"}
+        )
+        if depth.codes.absent is None:
+            raise StorageError("is missing", key="specular.depth.absent")
+        return cls(depth, colours.codec, colours.header_crc32, colours.settings, colours.segments)
 
 
 def sweep_step(slab: Slab) -> float:
@@ -139,6 +196,7 @@ class StoredDepth:
     def to_json(self) -> dict[str, Any]:
         return {
             "dioptres": [self.codes.far, self.codes.near],
+            **({} if self.codes.absent is None else {"absent": self.codes.absent}),
             "pixel_format": self.codes.pixel_format,
             "lattice": LATTICES[self.displaced],
             "pixels": self.pixels,
@@ -151,7 +209,7 @@ class StoredDepth:
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> StoredDepth:
         """Raises :class:`StorageError` or an exception of Python's for impossible values."""
-        if set(data) != set(KEYS):
+        if set(data) - {"absent"} != set(KEYS):
             raise StorageError(f"must have exactly the keys {sorted(KEYS)}", key="depth")
         for key, kind in (("codec", str), ("header_crc32", int), ("settings", dict)):
             if type(data[key]) is not kind:
@@ -163,8 +221,9 @@ class StoredDepth:
             raise StorageError("must be two whole numbers each", key="depth.segments")
         displaced = data["lattice"] == LATTICES[True]
         return cls(
-            DepthCodes(float(far), float(near), data["pixel_format"]), displaced, data["pixels"],
-            data["codec"], data["header_crc32"], data["settings"], segments,
+            DepthCodes(float(far), float(near), data["pixel_format"], data.get("absent")),
+            displaced, data["pixels"], data["codec"], data["header_crc32"], data["settings"],
+            segments,
         )  # fmt: skip
 
 

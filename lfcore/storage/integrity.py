@@ -46,7 +46,7 @@ def read_metadata(path: Path) -> tuple[Metadata, list[int]]:
             remedy = "Give a lightfield.mkv, as the join of segments writes it"
             raise StorageError(problem, file=path, remedy=remedy)
         metadata = Metadata.from_text(text, path)
-        described = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
+        described = metadata.streams
         streams = container.streams.video
         _compare(path, [("streams of video", len(described), len(streams))])
         for stream_metadata, stream in zip(described, streams, strict=True):

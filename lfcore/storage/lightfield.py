@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from lfcore.colour import srgb_codes
 from lfcore.errors import OpticsError, StorageError, suggest_keywords
 from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
@@ -68,12 +69,11 @@ class LightFieldFile:
         self, path: Path, metadata: Metadata, keys: list[int], *, threads: int, salvage: bool
     ):
         self.path, self.whole, self._salvage = path, metadata, salvage
-        described = [metadata, metadata.of_depth()] if metadata.depth else [metadata]
         self._file_damage: list[Damage] = []
         tiles = len(metadata.segments) // (len(metadata.film.counts) if metadata.film else 1)
         self._videos = [
             GroupedVideo(path, stream, keys, threads, track, tiles=tiles)
-            for track, stream in enumerate(described)
+            for track, stream in enumerate(metadata.streams)
         ]
         self._show(0)
 
@@ -85,12 +85,9 @@ class LightFieldFile:
         if film:
             group, place = divmod(instant, film.group)
             self.metadata = self.whole.instant(instant)
-            described = [self.metadata]
-            if self.metadata.depth:
-                described.append(self.metadata.of_depth())
             streams = [
                 InstantVideo(whole, stream, group, place, film.counts[group])
-                for whole, stream in zip(self._videos, described, strict=True)
+                for whole, stream in zip(self._videos, self.metadata.streams, strict=True)
             ]
             parts = self.metadata.segments
             first = group * len(parts)
@@ -101,6 +98,20 @@ class LightFieldFile:
             ]
         self.video: StoredVideo = streams[0]
         self.depth_video: StoredVideo | None = streams[1] if len(streams) > 1 else None
+        self._specular_videos = tuple(streams[2:])
+
+    @property
+    def specular(self) -> LightFieldFile | None:
+        """The specular light with its virtual depths, which :attr:`video` lacks, as a file of its
+        own; None in a file without."""
+        if not self._specular_videos:
+            return None
+        part = LightFieldFile.__new__(LightFieldFile)
+        for name in ("path", "whole", "_salvage", "_file_damage", "_videos", "instant", "damage"):
+            setattr(part, name, getattr(self, name))
+        part.metadata, part._specular_videos = self.metadata.of_specular(), ()
+        part.video, part.depth_video = self._specular_videos
+        return part
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -485,6 +496,12 @@ class LightFieldFile:
 
     def _rays(self, outer: Ends, inner: Ends, *, codes: bool) -> np.ndarray:
         damaged = {damage.segment.index for damage in self.damage}
+        if self._specular_videos:
+            own, shown = (
+                read_block(video, outer, inner, codes=False, damaged=damaged)
+                for video in (self.video, self._specular_videos[0])
+            )
+            return srgb_codes(own + shown) if codes else own + shown
         rays = read_block(self.video, outer, inner, codes=codes, damaged=damaged)
         return rays if codes or self.white == 1.0 else rays * np.float32(self.white)
 

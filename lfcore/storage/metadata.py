@@ -18,7 +18,7 @@ import numpy as np
 from lfcore.errors import LfcoreError, StorageError, check_known
 from lfcore.optics.array import CameraArray
 from lfcore.optics.slab import Slab
-from lfcore.storage.depth_stream import StoredDepth
+from lfcore.storage.depth_stream import StoredDepth, StoredSpecular
 from lfcore.storage.index import BYTES, CRC32, FIRST, FRAMES, SegmentIndex
 from lfcore.storage.instants import Instants
 from lfcore.storage.layout import FrameLayout
@@ -31,6 +31,8 @@ VERSION = 2
 """The version of files whose frames have wide pictures."""
 FILM = 3
 """The version of files of several instants."""
+TWO_PARTS = 4
+"""The version of files with specular light apart."""
 GEOMETRIES = ("slab", "array")
 """The kinds of geometry."""
 COLOUR = {
@@ -42,11 +44,11 @@ COLOUR = {
 }
 PQ = {"transfer": "PQ, SMPTE ST 2084; layout.peak is the linear light of the brightest code"}
 COLOUR_RGB = COLOUR | {"matrix": "none, RGB", "range": "full", "chroma_location": "none"}
-OPTIONAL_KEYS = {"content", "depth", "film"}
+OPTIONAL_KEYS = {"content", "depth", "film", "specular"}
 TYPES: dict[str, type] = {
     "software": str, "geometry": str, "slab": dict, "array": dict, "layout": dict, "colour": dict,
     "codec": str, "header_crc32": int, "settings": dict, "scene": dict, "segments": list,
-    "content": dict, "depth": dict, "film": dict,
+    "content": dict, "depth": dict, "film": dict, "specular": dict,
 }  # fmt: skip
 KEYS = {"version", *TYPES} - OPTIONAL_KEYS
 _NAMES = {str: "text", dict: "an object", int: "a whole number", list: "a list"}
@@ -80,6 +82,8 @@ class Metadata:
         The stream of inverse depths.
     film : Instants, optional
         The instants of a film; ``segments`` has the tiles of each of its groups.
+    specular : StoredSpecular, optional
+        The streams of specular light, which the other colours lack, and of its virtual depths.
     """
 
     slab: Slab | None
@@ -94,6 +98,13 @@ class Metadata:
     content: dict = field(default_factory=dict)
     depth: StoredDepth | None = None
     film: Instants | None = None
+    specular: StoredSpecular | None = None
+
+    @property
+    def streams(self) -> list[Metadata]:
+        """The metadata of each video stream, in the file's order."""
+        specular = self.of_specular().streams if self.specular else []
+        return [self, *([self.of_depth()] if self.depth else []), *specular]
 
     @property
     def camera_array(self) -> CameraArray | None:
@@ -105,27 +116,46 @@ class Metadata:
         depth = self.depth
         if depth is None:
             raise StorageError("has no depth", key="depth")
-        numbers = self.segments.numbers.copy()
-        numbers[:, [BYTES, CRC32]] = depth.segments
         layout = replace(self.layout, pixel_format=depth.codes.pixel_format, peak=None)
+        return self._of_stream(depth, layout, depth=None)
+
+    def of_specular(self) -> Metadata:
+        """Return the metadata of the specular light and its depths, as of a file of its own."""
+        if self.specular is None:
+            raise StorageError("has no specular part", key="specular")
+        return self._of_stream(self.specular, self.layout, depth=self.specular.depth)
+
+    def _of_stream(
+        self, stream: StoredDepth | StoredSpecular, layout: FrameLayout, **changes: Any
+    ) -> Metadata:
+        numbers = self.segments.numbers.copy()
+        numbers[:, [BYTES, CRC32]] = stream.segments
         return replace(
             self,
             layout=layout,
-            codec=depth.codec,
-            header_crc32=depth.header_crc32,
-            settings=depth.settings,
+            codec=stream.codec,
+            header_crc32=stream.header_crc32,
+            settings=stream.settings,
             segments=SegmentIndex(layout, numbers),
-            depth=None,
+            specular=None,
+            **changes,
         )
 
     @property
     def white(self) -> float:
         return float((self.array or {}).get("white", 1.0))
 
+    @property
+    def version(self) -> int:
+        """The least version of the format that has what the file has."""
+        if self.specular:
+            return TWO_PARTS
+        return FILM if self.film else VERSION if self.layout.picture else SQUARE
+
     def to_text(self) -> str:
         """Return JSON with a digest."""
         data = {
-            "version": FILM if self.film else VERSION if self.layout.picture else SQUARE,
+            "version": self.version,
             "software": self.software,
             "geometry": "array" if self.slab is None else "slab",
             "slab": self.slab.to_json() if self.slab else None,
@@ -145,6 +175,8 @@ class Metadata:
             data["depth"] = self.depth.to_json()
         if self.film:
             data["film"] = self.film.to_json()
+        if self.specular:
+            data["specular"] = self.specular.to_json()
         return _canonical(data | {"digest": _digest(data)})
 
     @classmethod
@@ -160,8 +192,8 @@ class Metadata:
             problem = f"the metadata (tag {TAG}) are damaged, so that nothing can be read"
             remedy = "Join the segments again, or take a copy of the file"
             raise StorageError(problem, file=file, remedy=remedy)
-        if (version := data.get("version")) not in (SQUARE, VERSION, FILM):
-            problem = f"has metadata of version {version}; only {SQUARE} to {FILM} can be read"
+        if (version := data.get("version")) not in (SQUARE, VERSION, FILM, TWO_PARTS):
+            problem = f"has metadata of version {version}; only {SQUARE} to {TWO_PARTS} can be read"
             remedy = "Use the program that wrote it, or a later one"
             raise StorageError(problem, file=file, remedy=remedy)
         if set(data) - OPTIONAL_KEYS != KEYS:
@@ -195,6 +227,7 @@ class Metadata:
             data.get("content", {}),
             StoredDepth.from_json(data["depth"]) if "depth" in data else None,
             Instants.from_json(data["film"]) if "film" in data else None,
+            StoredSpecular.from_json(data["specular"]) if "specular" in data else None,
         )  # fmt: skip
         metadata.check()
         return metadata
@@ -211,9 +244,13 @@ class Metadata:
         numbers[:, FRAMES] //= counts[group]
         numbers[:, FIRST] = np.cumsum(numbers[:, FRAMES]) - numbers[:, FRAMES]
         depth = self.depth and replace(self.depth, segments=self.depth.segments[rows])
+        specular = self.specular and replace(
+            self.specular, segments=self.specular.segments[rows],
+            depth=replace(self.specular.depth, segments=self.specular.depth.segments[rows]),
+        )  # fmt: skip
         return replace(
             self, segments=SegmentIndex(self.layout, numbers), depth=depth, film=None,
-            content=self.content | film.content[number],
+            specular=specular, content=self.content | film.content[number],
         )  # fmt: skip
 
     def _check_film(self, film: Instants) -> None:
@@ -263,8 +300,13 @@ class Metadata:
             self.segments.check(by_views.held.views if by_views else None)
         if self.depth and not (slab and whole and same):
             raise StorageError("belongs to a slab with all views", key="depth")
-        if self.depth and len(self.depth.segments) != len(self.segments):
-            raise StorageError("must have a segment for each of the colours'", key="depth")
+        if self.specular and not self.depth:
+            raise StorageError("needs depths", key="specular")
+        streams = {"depth": self.depth, "specular": self.specular}
+        streams |= {"specular.depth": self.specular.depth} if self.specular else {}
+        for key, stream in streams.items():
+            if stream and len(stream.segments) != len(self.segments):
+                raise StorageError("must have a segment for each of the colours'", key=key)
 
 
 def _check_content(content: dict) -> None:

@@ -20,8 +20,10 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.storage.metadata import Metadata
 from lfcore.storage.segment import open_video
 
-MOST_STREAMS = 2
-"""The most video streams of a file: colours, and inverse depths where they are known."""
+STREAMS = "", " of the depths", " of the specular light", " of the virtual depths"
+"""The video streams of a file, of which the last two or three may be missing."""
+MOST_STREAMS = len(STREAMS)
+"""The most video streams of a file."""
 
 
 class StoredVideo:
@@ -258,7 +260,7 @@ class StoredVideo:
         column, row, columns, rows = part.tile.to_json()
         last = f"({column + columns - 1}, {row + rows - 1})"
         place = f"{self.layout.kind} ({column}, {row}) to {last}"
-        stream = " of the depths" if self._track else ""
+        stream = STREAMS[self._track]
         remedy = "Open the file to salvage the other segments, or make it again"
         problem = f"segment {part.index}{stream} ({place}) {problem}"
         return StorageError(problem, file=self.path, remedy=remedy)

@@ -17,7 +17,8 @@ from lfcore.opencl.device import Device
 from lfcore.optics.size import Pixels
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.stored_depth import picture_side, read_depths
-from lfcore.refocus.stored_views import read_views
+from lfcore.refocus.stored_views import read_own_views, read_views
+from lfcore.refocus.two_parts import BLACK, one_part
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096
@@ -154,10 +155,17 @@ def read(
 
 
 def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
-    """Read the disparities of the chosen views, (K, height, width), their pixels per view."""
+    """Read the disparities of the chosen views, (K, height, width), their pixels per view; of
+    mirrors and glass those of what they show."""
     slab = field.require_slab()
     i, j = choice.samples.T
-    inverse = 1 / read_depths(field, i + slab.views * j)
+    numbers = i + slab.views * j
+    depth = read_depths(field, numbers)
+    if field.specular:
+        own = read_own_views(field, choice.samples)
+        virtual = own, read_depths(field.specular, numbers)
+        depth = one_part([(own, depth), virtual], BLACK)[1]
+    inverse = 1 / depth
     v, u = (
         ((np.arange(side) + 0.5) * rays / side).astype(int)
         for side, rays in ((choice.height, slab.size.height), (choice.width, slab.size.width))

@@ -29,14 +29,20 @@ def wall(z, x0, x1, count, rng):
     return np.float32(triangles), np.broadcast_to(colours, (2 * count, 3, 3))
 
 
+def make_scene(shapes):
+    """A scene of (triangles, colours, fields of the material), which shows colours as they are."""
+    triangles, colours = (np.concatenate([each[k] for each in shapes]) for k in (0, 1))
+    ids = np.repeat(np.arange(len(shapes), dtype=np.int32), [len(each[0]) for each in shapes])
+    materials = [Material(str(k), **each[2]) for k, each in enumerate(shapes)]
+    return plain_scene(
+        triangles, colours=colours.astype(np.float32), camera=CAMERA, ambient=(1.0, 1.0, 1.0),
+        materials=materials, material_ids=ids,
+    )  # fmt: skip
+
+
 def pictures(front, behind, **material):
     """Of ``front``, whose material is given, and of matt surfaces ``behind`` the camera or it."""
-    triangles, colours = (np.concatenate(both) for both in zip(front, behind, strict=True))
-    ids = np.repeat(np.int32([0, 1]), [len(front[0]), len(behind[0])])
-    scene = plain_scene(
-        triangles, colours=colours.astype(np.float32), camera=CAMERA, ambient=(1.0, 1.0, 1.0),
-        materials=[Material("front", **material), Material("matt")], material_ids=ids,
-    )  # fmt: skip
+    scene = make_scene([(*front, material), (*behind, {})])
     return pictures_by_depth(open_tracer(scene), CAMERA, PLANES, PIXELS, Lattice(4, 2))
 
 
