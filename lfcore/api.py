@@ -498,7 +498,7 @@ def trace_array(
     from lfcore.rendering.photograph import photograph, trace_shutter
 
     _check_scene(scene)
-    _refuse_shutter(scene, "a camera array, which has its own")
+    _refuse_shutter(scene, "a camera array")
     if array is None:
         return photograph(
             scene, samples_per_pixel, instants, device=opened(device), progress=progress

@@ -211,7 +211,7 @@ def record(arguments: argparse.Namespace) -> None:
     times = _times(arguments, scene)
     if times is not None and scene.shutter:
         scene = replace(scene, shutter=arguments.shutter)
-    if film.wanted(arguments, scene) and film.is_array(scene):
+    if film.wanted(arguments, scene) and film.is_array(scene) and times is None:
         film.record(arguments, scene)
         return
     pixels = arguments.pixels or 256

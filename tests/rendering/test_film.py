@@ -163,3 +163,28 @@ def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
         (["a.mp4", "--instant", "2"], "--instant"),
     ):  # fmt: skip
         assert words in run("refocus", film.path, "-o", tmp_path / how[0], *how[1:], code=1)
+
+
+def test_the_command_records_frames_and_shows_instants(tmp_path, write_scene, tetrahedron, run):
+    entry = {"file": tetrahedron.name, "motion": [{"translate_m": [0.5, 0, 0]}]}
+    scene, small = write_scene({"objects": [entry]}), ["--pixels", "16"]
+    path = tmp_path / "film.mkv"
+    said = run("record", scene, "-o", path, *small, "--frames", "0:3", "--fps", 2)
+    assert "it moves from 0 to 1 s" in said and "--time has others" in said
+    film, loaded = LightField.open(path), lfcore.load_scene(scene)
+    assert film.times == (0, 0.5, 1)
+    for how, expected in (
+        (["--time", 0.5], loaded.at(0.5)), (["--shutter", "0.1:0.4"], loaded.exposed(0.1, 0.4)),
+        (["--time", 0.5, "--shutter", "0:0.2"], loaded.exposed(0.5, 0.7)), ([], loaded.at(0)),
+    ):  # fmt: skip
+        run("render", scene, "-o", tmp_path / "a.npy", *small, *how)
+        np.testing.assert_array_equal(
+            np.load(tmp_path / "a.npy"), lfcore.render(expected, pixels=16)
+        )
+    run("record", scene, "-o", path, *small, "--frames", "0:2", "--fps", 2, "--shutter", "0.1:0.2")
+    assert LightField.open(path).content["shutter_s"] == [0.1, 0.2]
+    still = write_scene({"objects": [{"file": tetrahedron.name}]})
+    for how in (["--frames", "0:2"], ["--time", 1], ["--shutter", "0:1"]):
+        words = run("record", still, "-o", tmp_path / "b.mkv", *small, *how, code=1)
+        assert f"{how[0]}: the scene does not move" in words
+    assert "--frames: is missing" in run("record", scene, "-o", path, "--fps", 2, code=1)

@@ -4,6 +4,8 @@ Source: Khronos, "glTF 2.0 Specification", section 3.7, and the extensions
 KHR_draco_mesh_compression and EXT_mesh_gpu_instancing.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,7 @@ def read_gltf(
     Raises :class:`SceneError` for what is damaged, and for what needs an unknown extension.
     """
     document, account = Document(path), Account(notebook, path)
-    try:
+    with _named(document):
         document.check_version()
         note_extensions(document, account)
         played = Animation(document, account, animation)
@@ -56,6 +58,25 @@ def read_gltf(
         meshes = Meshes(document, nodes, account, shading, crease_deg)
         content = Content(meshes.parts(), nodes.lights(), nodes.camera())
         meshes.close()
+    account.close()
+    if not played.curves:
+        return content
+
+    def at(time_s: float) -> Content:
+        unheard = Account(Notebook(), path)
+        with _named(document):
+            nodes = Nodes(document, unheard, played.at(time_s))
+            meshes.move(nodes, unheard)
+            return Content(meshes.parts(), nodes.lights(), nodes.camera())
+
+    return content._replace(animation=Played(start, end, at))
+
+
+@contextmanager
+def _named(document: Document) -> Iterator[None]:
+    """Errors in the block, of a tree that makes no sense, name the file."""
+    try:
+        yield
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"its JSON makes no sense: {type(error).__name__}: {reason}"
@@ -63,17 +84,6 @@ def read_gltf(
     except MemoryError:
         remedy = "Split it, or use a machine with more memory"
         raise document.broken("there is not enough memory for it", remedy) from None
-    account.close()
-    if not played.curves:
-        return content
-
-    def at(time_s: float) -> Content:
-        unheard = Account(Notebook(), path)
-        nodes = Nodes(document, unheard, played.at(time_s))
-        meshes.move(nodes, unheard)
-        return Content(meshes.parts(), nodes.lights(), nodes.camera())
-
-    return content._replace(animation=Played(start, end, at))
 
 
 class Meshes:
