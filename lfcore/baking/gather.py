@@ -3,6 +3,8 @@
 Kernels do this beside the tracer's: with arrays of the host it took two thirds of a bake's time.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lfcore.baking.emitters import Emitters
@@ -63,9 +65,10 @@ class Gatherer:
         self._faces = np.zeros(len(seen), FACE)
         self._faces["is_seen"], self._faces["density"] = seen, emitters.density
         self._faces["emits"] = np.repeat(self.around.emits, 2)
-        files, *rest = PROGRAM
+        files, defines, interface = PROGRAM
         self._aim, self._sum_light, self._reflect = (
-            Kernel(self.device, files, name, *rest) for name in ("aim", "sum_light", "reflect")
+            Kernel(self.device, files, name, defines, interface)
+            for name in ("aim", "sum_light", "reflect")
         )
         self._circle = self._copy(circle().T)
         self._flats = self._copy(self.around.unit)
@@ -168,10 +171,12 @@ class Gatherer:
 
     def _launch(
         self, kernel: Kernel, numbers: np.ndarray, results: dict[str, np.ndarray],
-        **arguments: cl.Buffer | None,
+        **arguments: Any,
     ) -> None:  # fmt: skip
         """Run a kernel, which fills the arrays ``results``."""
-        targets = {name: self.device.target_buffer(array) for name, array in results.items()}
+        targets: dict[str, Any] = {
+            name: self.device.target_buffer(array) for name, array in results.items()
+        }
         workers = min(self.device.threads, int(numbers["points"]))
         kernel(workers, numbers=numbers, **arguments, **targets)
         for name, array in results.items():

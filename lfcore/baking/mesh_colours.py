@@ -301,7 +301,7 @@ def nearest_points(
     places: np.ndarray,
     normals: np.ndarray,
     units: tuple[float, float],
-    count: int,
+    count: int | np.ndarray,
     within: float = np.inf,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return distances and indices (P, count), (P,) of one, of the points nearest in place and

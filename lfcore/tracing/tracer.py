@@ -68,7 +68,8 @@ class Tracer:
         self.needs = needs or Needs.of(scene)
         self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
         # With one more for misses, whose number is -1.
-        self._goes_on = np.append(specular_triangles(scene), False) if self.needs.specular else None
+        goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(0, bool)
+        self._goes_on = np.append(goes_on, False)
         self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
 
     def __repr__(self) -> str:
