@@ -89,7 +89,11 @@ def _shaded(
     stop: float = 1.0,
     condition: float = 1.0,
 ) -> Measurement:
-    """``stop`` times f/2 keeps the lens small beside a small scene."""
+    """Measure the share of pixels that are wrongly dark or wrongly lit.
+
+    ``field`` is the tangent extent of the picture; ``stop`` multiplies f/2, so that the lens stays
+    small beside a small scene; ``offset`` is the naive method's, metres.
+    """
     camera = Camera(0.05, 0.05 * field, 2.0 * stop, float("inf"))
     slab = Slab(camera, 1, 32)
     scene = bare_scene(
