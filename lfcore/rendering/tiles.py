@@ -22,7 +22,6 @@ from lfcore.refocus.strip_tables import CHUNK
 from lfcore.storage.frame_memory import FrameWriter, grid_corner
 from lfcore.storage.layout import Tile
 from lfcore.timing import Stopwatch
-from lfcore.tracing.arrays import fill_arrays
 from lfcore.tracing.packets import ranks
 from lfcore.tracing.plan import probe
 from lfcore.tracing.tracer import Tracer
@@ -126,14 +125,7 @@ def _trace(
             part, light = places[start:stop], room[: stop - start]
             bundles = rays.macropixels(slab, part) if macro else rays.views(slab, part)
             bundles = replace(bundles, columns=columns, rows=rows)
-            fill_arrays(
-                job,
-                [bundles],
-                part if macro else None,
-                {"radiance": light},
-                depth=None,
-                triangle=None,
-            )
+            tracer.fill_radiance(job, bundles, part if macro else None, light)
             if former:
                 former.add_light(light, start)
             if writer:

@@ -1,7 +1,6 @@
 """The tracer of one scene: rays to arrays of hits, or of light and depth."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.given_rays import GivenRays, HitSurfaces, RayHits
 from lfcore.tracing.job import PacketJob
 from lfcore.tracing.plan import Plan, probe
-from lfcore.tracing.specular import follow, specular_triangles
+from lfcore.tracing.specular import SeenParts, follow, specular_triangles
 
 SMALLEST_SCENE = 1e-12
 """The least coordinate of a scene, metres: products of three smaller ones underflow float32, and
@@ -120,8 +119,34 @@ class Tracer:
         ``coordinates`` as for :meth:`bundle_hits`.
         """
         radiance = page_aligned((len(bundles.elements), bundles.traced_rows, bundles.columns, 3))
-        self._fill_image([bundles], coordinates, {"radiance": radiance})
+        job = self.job("IMAGE", bundles, grouped=coordinates is not None)
+        self.fill_radiance(job, bundles, coordinates, radiance)
         return radiance
+
+    def fill_radiance(
+        self,
+        job: PacketJob,
+        bundles: Bundles,
+        coordinates: np.ndarray | None,
+        radiance: np.ndarray,
+        depth: np.ndarray | None = None,
+    ) -> None:
+        """Fill what :meth:`bundle_radiance` or, with ``depth``, :meth:`radiance_and_depth` returns,
+        by a job for the sink IMAGE."""
+        triangle = page_aligned(radiance.shape[:-1], np.int32) if self.needs.specular else None
+        given = {"radiance": radiance, "depth": depth, "triangle": triangle}
+        arrays = {name: array for name, array in given.items() if array is not None}
+        fill_arrays(job, [bundles], coordinates, arrays, **dict.fromkeys(given.keys() - arrays))
+        if triangle is not None and (paths := self._paths(bundles, triangle)):
+            chosen, seen = paths
+            radiance.reshape(-1, 3)[chosen] = seen.own + seen.specular
+
+    def _paths(self, bundles: Bundles, triangle: np.ndarray) -> tuple[np.ndarray, SeenParts] | None:
+        """The numbers of the rays that hit specular surfaces, and what these see."""
+        chosen = np.flatnonzero(self._goes_on[triangle.ravel()])
+        if not len(chosen):
+            return None
+        return chosen, follow(self._on_device, *bundles.some_rays(chosen), bundles.pixel_pitch)
 
     def radiance_and_depth(self, bundles: Bundles) -> tuple[np.ndarray, np.ndarray]:
         """Radiance and depth of every ray in one pass: see :meth:`bundle_radiance`.
@@ -131,7 +156,8 @@ class Tracer:
         """
         shape = len(bundles.elements), bundles.traced_rows, bundles.columns
         radiance, depth = page_aligned((*shape, 3)), page_aligned(shape)
-        self._fill_image([bundles], None, {"radiance": radiance, "depth": depth})
+        job = self.job("IMAGE", bundles, grouped=False)
+        self.fill_radiance(job, bundles, None, radiance, depth)
         return radiance, depth
 
     def parts(self, bundles: Bundles) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -147,11 +173,10 @@ class Tracer:
         light, depth = page_aligned((*shape, 3)), page_aligned(shape)
         triangle = page_aligned(shape, np.int32)
         arrays = {"radiance": light, "depth": depth, "triangle": triangle}
-        self._fill_image([bundles], None, arrays)
-        chosen = np.flatnonzero(self._goes_on[triangle.ravel()])
-        if not len(chosen):
+        fill_arrays(self.job("IMAGE", bundles, grouped=False), [bundles], None, arrays)
+        if not (paths := self._paths(bundles, triangle)):
             return [(light, depth)]
-        seen = follow(self._on_device, *bundles.some_rays(chosen), bundles.pixel_pitch)
+        chosen, seen = paths
         light.reshape(-1, 3)[chosen], depth.reshape(-1)[chosen] = seen.own, seen.own_depth
         shown, apparent = np.zeros_like(light), np.zeros_like(depth)
         shown.reshape(-1, 3)[chosen] = seen.specular
@@ -179,8 +204,15 @@ class Tracer:
         """
         check_sets(sets, across)
         first, down = sets[0], len(sets[0].elements) // across
-        image = page_aligned((down * first.traced_rows, across * first.columns, 3))
-        self._fill_image(sets, coordinates, {"radiance": image}, across=across)
+        shape = down * first.traced_rows, across * first.columns, 3
+        if self.needs.specular:
+            sums = sum(self.bundle_radiance(bundles, coordinates) for bundles in sets)
+            grid = sums.reshape(down, across, first.traced_rows, first.columns, 3)
+            return np.ascontiguousarray(grid.swapaxes(1, 2)).reshape(shape)
+        image = page_aligned(shape)
+        job = self.job("IMAGE", first, grouped=coordinates is not None)
+        nothing = {"depth": None, "triangle": None}
+        fill_arrays(job, sets, coordinates, {"radiance": image}, across=across, **nothing)
         return image
 
     def bundle_surfaces(
@@ -193,7 +225,8 @@ class Tracer:
         shape = len(bundles.elements), bundles.traced_rows, bundles.columns, 3
         values = HitSurfaces(*(page_aligned(shape) for _ in HitSurfaces._fields))
         arrays = dict(zip(("radiance", "albedo", "normal"), values, strict=True))
-        self._fill_image([bundles], coordinates, arrays, sink="SURFACE")
+        job = self.job("SURFACE", bundles, grouped=coordinates is not None)
+        fill_arrays(job, [bundles], coordinates, arrays, depth=None, triangle=None)
         return values
 
     def closest_hit(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
@@ -245,21 +278,6 @@ class Tracer:
         """
         rays = GivenRays(self._on_device, origins, directions)
         return rays.surfaces(hits, filtered, normals=normals)
-
-    def _fill_image(
-        self,
-        sets: Sequence[Bundles],
-        coordinates: np.ndarray | None,
-        arrays: dict[str, np.ndarray],
-        *,
-        sink: str = "IMAGE",
-        **options: Any,
-    ) -> None:
-        job = self.job(sink, sets[0], grouped=coordinates is not None)
-        inputs: dict[str, Any] = {
-            name: None for name in ("depth", "triangle") if name not in arrays
-        }
-        fill_arrays(job, sets, coordinates, arrays, **inputs, **options)
 
 
 def _hits(

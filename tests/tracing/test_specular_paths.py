@@ -58,7 +58,7 @@ def camera_rays(count=300, seed=1, spread=0.3):
 
 def compare(scene, rays, most=2e-5, **options):
     """Both parts are the oracle's, but where rays graze edges."""
-    tracer = tracer_of(scene)
+    tracer = tracer_of(scene, specular=True)
     found = follow(tracer._on_device, *rays, 0.0, **options)
     expected = trace_paths(scene, *rays, 0.3, **options)
     parts = (
@@ -127,7 +127,7 @@ def test_a_plane_mirror_shows_the_unfolded_depth():
     materials = [Material("mirror", (1.0, 1.0, 1.0), metallic=1.0, roughness=0.0), Material("matt")]
     room = scene(np.concatenate([mirror, back]), materials=materials,
                  material_ids=np.int32([0, 0, 1, 1]))  # fmt: skip
-    found = follow(tracer_of(room)._on_device, *camera_rays(), 0.0)
+    found = follow(tracer_of(room, specular=True)._on_device, *camera_rays(), 0.0)
     np.testing.assert_allclose(found.own_depth, 2, rtol=1e-5)
     np.testing.assert_allclose(found.specular_depth, 5, rtol=1e-5)
 
@@ -146,11 +146,11 @@ def test_faces_that_coincide_are_both_met():
 def test_a_camera_sees_one_part_or_two():
     matt, glass = world(), world(**KINDS["glass"])
     rays = bundles.views(Slab(CAMERA, 3, 24), np.int32([[0, 0], [2, 1]]))
-    tracer = tracer_of(matt)
+    tracer = tracer_of(matt, specular=True)
     (one,) = tracer.parts(rays)
     for found, expected in zip(one, tracer.radiance_and_depth(rays), strict=True):
         np.testing.assert_array_equal(found, expected)
-    own, shown = tracer_of(glass).parts(rays)
+    own, shown = tracer_of(glass, specular=True).parts(rays)
     paths = trace_paths(glass, *(part.reshape(-1, 3) for part in rays.rays()), CAMERA.delta)
     for (light, depth), true, inverse in (
         (own, paths.own, paths.own_inverse_depth), (shown, paths.specular, paths.inverse_depth),
@@ -161,14 +161,20 @@ def test_a_camera_sees_one_part_or_two():
         assert (seen & (depth.ravel() == 0)).mean() < 0.01
         off = np.abs(1 / depth.ravel()[seen] - inverse[seen])
         assert (off > 1e-4).mean() < 0.02
+    whole = tracer_of(glass, specular=True).bundle_radiance(rays)
+    np.testing.assert_array_equal(whole, own[0] + shown[0])
+    mosaic = tracer_of(glass, specular=True).mosaic_radiance([rays, rays], None, 1)
+    np.testing.assert_array_equal(mosaic, 2 * whole.reshape(mosaic.shape))
     away = replace(rays, elements=rays.elements + np.float32([0, 0, 1, 0]))
-    assert len(tracer_of(glass).parts(away)) == 1
+    assert len(tracer_of(glass, specular=True).parts(away)) == 1
 
 
 def test_paths_have_the_same_bits_in_all_lanes(device):
     rays, bits = camera_rays(700), []
     for lanes in (1, 4, 8, 16):
-        tracer = tracer_of(world(**KINDS["absorbing"]), open_device(device.name, lanes=lanes))
+        tracer = tracer_of(
+            world(**KINDS["absorbing"]), open_device(device.name, lanes=lanes), specular=True
+        )
         bits.append(
             np.concatenate([part.ravel() for part in follow(tracer._on_device, *rays, 0.01)])
         )

@@ -19,6 +19,7 @@ from lfcore.oracle.slab import all_pixels, slab_hits
 from lfcore.rendering.tiles import trace_tile
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light, Material
 from lfcore.scene.baked import BakedLight
+from lfcore.scene.needs import Needs
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.tracer import Tracer
 
@@ -148,10 +149,14 @@ def painted_soup():
     return scene(lit.triangles, colours=lit.colours)
 
 
-def tracer_of(world, device=None, **options):
-    """A tracer of a scene or of triangles, which takes texels as they are."""
+def tracer_of(world, device=None, *, specular=False, **options):
+    """A tracer of a scene or of triangles, which takes texels as they are; without ``specular``
+    rays end at mirrors, as in the oracle's shading."""
     world = world if isinstance(world, Scene) else scene(world)
-    return Tracer(world, build_bvh(world.triangles), device, mipmaps=False, **options)
+    needs = Needs.of(world)
+    needs = dataclasses.replace(needs, specular=specular and needs.specular)
+    tree = build_bvh(world.triangles)
+    return Tracer(world, tree, device, needs, mipmaps=False, **options)
 
 
 def traced(tracer, layout, planes=(), max_rays=1 << 30, frames=True):
