@@ -438,6 +438,7 @@ class LightField(LightFieldFile):
         scene: Scene | None = None,
         samples: np.ndarray | None = None,
         *,
+        virtual: bool = False,
         device: Device | str | None = None,
         progress: Progress | None = None,
     ) -> np.ndarray:
@@ -449,6 +450,8 @@ class LightField(LightFieldFile):
             The recorded scene, which is traced; it is not compared with the file.
         samples : array_like, optional
             (K, 2) integer lens samples (i, j).  Default: all, row by row.
+        virtual : bool
+            Of mirrors, glass and coats the depth at which their images appear, not of the surface.
         device, progress : optional
             As in :meth:`refocus_many`; progress counts views.
 
@@ -468,7 +471,7 @@ class LightField(LightFieldFile):
         """
         from lfcore.rendering.field_depth import field_depth
 
-        return field_depth(self, scene, samples, device, progress)
+        return field_depth(self, scene, samples, device, progress, virtual=virtual)
 
     @suggest_keywords
     def all_in_focus(

@@ -47,6 +47,8 @@ def options(command: argparse.ArgumentParser) -> None:
     more("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
     more("--format", choices=("depth", "disparity"), default="depth",
          help="of one view: depth (default), or disparity in .pfm or .exr")  # fmt: skip
+    more("--depth", choices=("surface", "virtual"), default="surface",
+         help="of surfaces (default), or of what mirrors, glass and coats show")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -56,13 +58,15 @@ def run(arguments: argparse.Namespace) -> None:
 
     field = _checked(arguments)
     scene = open_scene(arguments) if arguments.scene else None
+    virtual = arguments.depth == "virtual"
     if field:
         slab = field.made_views
-        depth_of = partial(field.depth, scene, device=arguments.device)
+        depth_of = partial(field.depth, scene, device=arguments.device, virtual=virtual)
     else:
         assert scene  # checked above
         slab = Slab.of(scene.camera, arguments.views or 1, arguments.pixels or 256)
-        depth_of = partial(depths.depth_of_views, open_dark_tracer(scene, arguments.device), slab)
+        tracer = open_dark_tracer(scene, arguments.device)
+        depth_of = partial(depths.depth_of_views, tracer, slab, virtual=virtual)
     if arguments.output:
         samples = depths.all_samples(slab)
         suffix = arguments.output.suffix.lower()

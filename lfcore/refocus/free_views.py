@@ -23,7 +23,7 @@ from lfcore.optics.size import Pixels
 from lfcore.refocus.depth_slicing import DepthSlicer, HeldRays, held_rays
 from lfcore.refocus.placed_views import PlacedViews
 from lfcore.refocus.stored_depth import picture_side, read_depths, read_parts
-from lfcore.refocus.two_parts import BLACK, Part, placed_parts
+from lfcore.refocus.two_parts import BLACK, Part, placed_parts, virtual_depth
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.lightfield import LightFieldFile
 
@@ -77,6 +77,8 @@ class FreeViews:
         The pictures' longer side, or width and height.  Default: as the file was recorded for.
     device : Device or str, optional
         An open device, or part of its name.
+    virtual : bool
+        Whether inverse depths are those of images in mirrors, glass and coats.
 
     Raises
     ------
@@ -90,7 +92,9 @@ class FreeViews:
         pixels: Pixels | None = None,
         *,
         device: Device | str | None = None,
+        virtual: bool = False,
     ):
+        self.virtual = virtual
         self.field, self.stored, self.slab = field, field.require_depth(), field.require_slab()
         side = self.stored.pixels if pixels is None else picture_side(field, pixels)
         self.made = self.slab.resized(side)
@@ -197,10 +201,12 @@ class FreeViews:
         slab, device, (width, height) = self.slab, self.device, self.made.size
         columns, rows = slab.size
         if "_parts" in self.__dict__:
-            depth, places = device.shown(self._parts[0][1]), numbers
+            places, depths = numbers, [depth for _, depth in self._parts]
         else:
-            depth = device.buffer(read_depths(self.field, numbers))
+            files = (self.field, self.field.specular) if self.virtual else (self.field,)
             places = np.arange(len(numbers))
+            depths = [read_depths(file, numbers) for file in files if file]
+        depth = device.shown(virtual_depth(depths) if self.virtual else depths[0])
         step = self.made.pixels / slab.pixels
         move = (self.views.positions[numbers] - point) * (step / slab.pixel_pitch)
         first = (self.views.displacement[numbers] + slab.held.pixels[:2] + 0.5) * step

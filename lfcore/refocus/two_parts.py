@@ -47,6 +47,13 @@ def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
     return [(own, depth), (light, virtual)] if virtual.any() else [(own, depth)]
 
 
+def virtual_depth(depths: Sequence[np.ndarray]) -> np.ndarray:
+    """The depth at which the specular part of rays appears, if they have one; ``depths`` are those
+    of one part or two."""
+    surface, *virtual = depths
+    return np.where(virtual[0] > 0, virtual[0], surface) if virtual else surface
+
+
 def one_part(parts: Sequence[Part], black: float = 0.0) -> Part:
     """All light, at virtual depth where a surface has no light of its own, else at the surface's:
     what one slicing can use."""

@@ -15,6 +15,7 @@ from lfcore.files import whole_file
 from lfcore.optics import bundles
 from lfcore.optics.slab import Extent, Slab, all_samples
 from lfcore.progress import Progress
+from lfcore.refocus.two_parts import virtual_depth
 from lfcore.rendering.exposure import ExposedTracer
 from lfcore.tracing.tracer import Tracer
 
@@ -33,11 +34,13 @@ def depth_of_views(
     slab: Slab,
     samples: np.ndarray | None = None,
     *,
+    virtual: bool = False,
     progress: Progress | None = None,
 ) -> np.ndarray:
     """(K, H, W) float32, metres along the axis, indexed [view, v, u]; infinity for a miss.
 
-    ``samples`` (K, 2) are lens samples (i, j); default all, row by row.
+    ``samples`` (K, 2) are lens samples (i, j); default all, row by row.  ``virtual`` depths are,
+    for mirrors, glass and coats, those of the images that they show.
     """
     samples = check_samples(slab, samples)
     width, height = slab.size
@@ -45,7 +48,11 @@ def depth_of_views(
     step = max(1, VIEWS_AT_A_TIME_RAYS // (width * height))
     for start in range(0, len(samples), step):
         part = samples[start : start + step]
-        depth[start : start + step] = tracer.bundle_hits(bundles.views(slab, part), part)[1]
+        rays = bundles.views(slab, part)
+        if virtual:
+            depth[start : start + step] = virtual_depth([d for _, d in tracer.parts(rays)])
+        else:
+            depth[start : start + step] = tracer.bundle_hits(rays, part)[1]
         if progress:
             progress(start + len(part), len(samples))
     return depth

@@ -26,19 +26,25 @@ def field_depth(
     samples: np.ndarray | None,
     device: Device | str | None,
     progress: Progress | None,
+    *,
+    virtual: bool = False,
 ) -> np.ndarray:
     """As :meth:`lfcore.LightField.depth`."""
     slab = field.made_views
     if scene is not None:
         tracer = open_dark_tracer(scene, device)
-        return depth_of_views(tracer, slab, samples, progress=progress)
+        return depth_of_views(tracer, slab, samples, virtual=virtual, progress=progress)
     samples = check_samples(slab, samples)
     if field.metadata.depth is None:
         raise _needs_scene(field)
-    views, lens = FreeViews(field), slab.lens_positions()
+    views, lens = FreeViews(field, virtual=virtual), slab.lens_positions()
     depth = np.empty((len(samples), *slab.size[::-1]), np.float32)
     for number, point in enumerate(lens[samples]):
-        depth[number] = field.metres(views.inverse_depth(point))
+        inverse = views.inverse_depth(point)
+        if virtual:  # images are beyond the farthest surface
+            depth[number] = np.divide(1, inverse, np.full_like(inverse, np.inf), where=inverse > 0)
+        else:
+            depth[number] = field.metres(inverse)
         if progress:
             progress(number + 1, len(samples))
     return depth

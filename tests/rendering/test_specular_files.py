@@ -73,6 +73,13 @@ def test_views_have_all_light_and_depth_is_the_surfaces(field):
     assert abs(1 / inverse[16, 12] - 4.0) < 0.1  # the mirror, not its image
 
 
+def test_virtual_depth_is_that_of_the_image(field, tracer):
+    """Of a plane mirror at 4 m, that of the wall as far before it as behind the lens."""
+    for depths in (field.depth(virtual=True), field.depth(tracer.scene, virtual=True)):
+        assert abs(np.median(depths[5, 12:20, 10:14]) - 12.0) < 0.2
+    assert abs(np.median(field.depth()[5, 12:20, 10:14]) - 4.0) < 0.1
+
+
 def test_a_view_from_a_point_shows_what_the_mirror_shows(field):
     views = FreeViews(field)
     made = views.picture(views.views.positions[5])
