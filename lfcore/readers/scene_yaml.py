@@ -31,6 +31,9 @@ from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, 
 from lfcore.scene.transforms import parse_transform
 from lfcore.scene.view import View, lightfield_view
 
+INSTANTS = 5
+"""The instants of an animation that a camera frames."""
+
 
 def build(
     description: dict,
@@ -57,7 +60,7 @@ def build(
     if own and "view_from" not in description["camera"]:
         what = 'its own camera; view_from="front" frames all of it'
         notebook.add(ASSUMED, file, what)
-    extent = framing.bounds(placed.parts, file=file)
+    extent = framing.bounds([*placed.parts, *_later(placed, contents)], file=file)
     camera, to_camera = framing.place_camera(
         description["camera"], extent, where, placed.camera, lens, size
     )
@@ -145,6 +148,15 @@ def _objects(
         else:
             objects.still += parts
     return objects
+
+
+def _later(placed: Objects, contents: list[Content]) -> list[SurfaceMesh]:
+    """What moves, at later instants: a camera frames all of them."""
+    parts = [part.transformed(np.linalg.inv(start), end) for part, (start, end) in placed.moving]
+    for played in (content.animation for content in contents if content.animation):
+        for time in np.linspace(played.start_s, played.end_s, INSTANTS)[1:].tolist():
+            parts += played.at(time).parts
+    return parts
 
 
 def _objects_at(

@@ -149,6 +149,21 @@ def test_a_camera_that_moves_takes_the_world_along(moving):
     np.testing.assert_allclose(now.lights[0].vector, np.array(scene.lights[0].vector) + [-1, 0, 1])
 
 
+def test_a_camera_frames_all_of_a_movement(tmp_path):
+    file = File()
+    play(
+        file,
+        (file.node(file.primitive()), "translation", [[0, 0, 0], [6, 0, 0], [6, 0, 0]], "STEP"),
+    )
+    path = file.write(tmp_path)
+    for scene in (load_scene(path), load_scene(path, bare=True)):
+        half = scene.camera.field_width / 2
+        for now in (scene.at(1), scene.at(3)):
+            x, y, z = now.triangles[:2].reshape(-1, 3).T
+            assert (np.abs(x) < half * z).all() and (np.abs(y) < half * z).all()
+        assert (np.abs(x) > 0.5 * half * z).any()
+
+
 def test_what_shrinks_to_nothing_comes_back(moving):
     scene = moving(("node", "scale", [[0, 0, 0], [1, 1, 1], [1, 1, 1]], "LINEAR"))
     assert scene.triangle_count == 2 and scene.at(3).triangle_count == 4
