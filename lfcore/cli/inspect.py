@@ -166,6 +166,9 @@ def facts(field: lfcore.LightField) -> dict[str, str]:
     }
     if depth is None:
         return lines
+    if specular := metadata.specular:
+        parts = [size for each in (specular, specular.depth) for size, _ in each.segments]
+        lines["specular light"] = f"{sum(parts):,} bytes with virtual depths"
     of_depth = sum(size for size, _ in depth.segments)
     shown = Size(*field.require_slab().picture(depth.pixels)[2:])
     share = of_depth / (of_depth + sum(part.bytes for part in metadata.segments))

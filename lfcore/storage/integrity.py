@@ -55,7 +55,8 @@ def read_metadata(path: Path) -> tuple[Metadata, list[int]]:
             container.seek(0, stream=streams[0])
         ticks = ticks_per_frame(streams[0].time_base)
         entries = streams[0].index_entries
-        return metadata, [entry.timestamp // ticks for entry in entries if entry.is_keyframe]
+        keys = [entry.timestamp // ticks for entry in entries if ticks and entry.is_keyframe]
+        return metadata, keys
 
 
 def _check_stream(path: Path, metadata: Metadata, stream: av.VideoStream) -> None:

@@ -16,7 +16,7 @@ from lfcore.optics.array import CameraArray
 from lfcore.optics.camera import Camera
 from lfcore.optics.slab import Slab
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.container import DepthSegments, SpecularSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.index import Segment
 from lfcore.storage.layout import FrameLayout
@@ -37,7 +37,9 @@ CODECS = {
     "av1": Encoding("libsvtav1", "yuv420p", crf=10, preset="10", gop=6),
     "ffv1": Encoding("ffv1", "gbrp", crf=0, preset=None, tune=None),
     "depth": Encoding("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
+    "specular": Encoding("libx264", "yuv444p", crf=10, preset="veryfast", gop=6),
 }
+VIRTUAL = DepthCodes(0.0, 0.5, absent=200)
 DEPTHS = DepthCodes(0.0, 0.5)
 DEPTH_SPEC = Encoding("libx264", "gray", crf=10, preset="veryfast", gop=6)
 PACKS = {"av1": 8, "x265": 12}
@@ -65,15 +67,19 @@ def whole_store(name: str, folder: Path, geometry: str = "slab") -> tuple[bytes,
                 writer.write(level + fine)
         return paths
 
-    colours, depth = segments("", spec, layout), None
-    if name == "depth":
-        grey = replace(layout, pixel_format=DEPTHS.pixel_format)
+    colours, depth, specular = segments("", spec, layout), None, None
+    grey = replace(layout, pixel_format=DEPTHS.pixel_format)
+    if name in ("depth", "specular"):
         depths = segments("-depth", DEPTH_SPEC, grey)
         depth = DepthSegments(depths, DEPTHS, True, PIXELS, DEPTH_SPEC)
+    if name == "specular":
+        depths = segments("-virtual", DEPTH_SPEC, grey)
+        virtual = DepthSegments(depths, VIRTUAL, True, PIXELS, DEPTH_SPEC)
+        specular = SpecularSegments(segments("-specular", spec, layout), spec, virtual)
     path = folder / f"{name}.mkv"
     join_segments(
         path, colours, tiles, layout, spec=spec, scene={"name": "waves", "digest": "0123"},
-        geometry=_geometry(geometry, layout), depth=depth,
+        geometry=_geometry(geometry, layout), depth=depth, specular=specular,
     )  # fmt: skip
     return path.read_bytes(), pixels_of(LightFieldFile.open(path))
 
@@ -91,10 +97,10 @@ def pixels_of(field: LightFieldFile) -> bytes:
 
 
 def depths_of(field: LightFieldFile, part: Segment) -> bytes:
-    """Return the depth frames of a segment; empty if the file has none."""
-    if field.depth_video is None:
-        return b""
-    return b"".join(some.tobytes() for some in field.depth_video.frames(part.index))
+    """Return the depth frames of a segment, and the virtual ones; empty if the file has none."""
+    parts = [field] if field.specular is None else [field, field.specular]
+    videos = [each.depth_video for each in parts if each.depth_video]
+    return b"".join(some.tobytes() for video in videos for some in video.frames(part.index))
 
 
 def store_seeds(name: str, folder: Path) -> list[bytes]:
@@ -142,7 +148,8 @@ def _salvage(file: Path, right: bytes) -> None:
         raise SilentlyWrong("other pixels than were stored, when salvaged")
 
 
-SEEDS = {"slab": ("x264", "slab"), "array": ("x264", "array"), "depth": ("depth", "slab")}
+SEEDS = {"slab": ("x264", "slab"), "array": ("x264", "array"), "depth": ("depth", "slab"),
+         "specular": ("specular", "slab")}  # fmt: skip
 """The file and the geometry whose metadata are damaged."""
 
 
@@ -178,6 +185,7 @@ def judge_metadata(data: bytes, folder: Path) -> Outcome:
     file = folder / "input.mkv"
     kind = "array" if b'"geometry": "array"' in data else "slab"
     kind = "depth" if b'"dioptres"' in data else kind
+    kind = "specular" if b'"specular"' in data else kind
     _remux(seeds_folder(folder) / kind / f"{SEEDS[kind][0]}.mkv", file, sealed(data))
 
     def work() -> None:

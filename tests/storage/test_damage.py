@@ -192,3 +192,12 @@ def signed(text, change):
     canonical = json.dumps(data, sort_keys=True, separators=(",", ":"))
     data["digest"] = hashlib.sha256(canonical.encode()).hexdigest()
     return json.dumps(data)
+
+
+def test_a_file_whose_unit_of_time_has_no_whole_number_per_frame_is_refused(whole, tmp_path):
+    """40 ms are 13.3 units of 3 ms."""
+    millisecond, other = (b"\x2a\xd7\xb1\x83" + n.to_bytes(3) for n in (1_000_000, 3_000_000))
+    data = whole[0].replace(millisecond, other)
+    assert data != whole[0]
+    (path := tmp_path / "time.mkv").write_bytes(data)
+    refused(re.escape(str(path)), lambda: LightFieldFile.open(path).verify())
