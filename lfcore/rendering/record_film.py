@@ -20,7 +20,7 @@ from lfcore.files import make_folder
 from lfcore.opencl.device import Device
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress, part_of
-from lfcore.rendering.depth import depth_content, dioptre_range
+from lfcore.rendering.depth import depth_content, dioptre_range, virtual_range
 from lfcore.rendering.prepared import tracers_at
 from lfcore.rendering.record import peak_to_store
 from lfcore.rendering.record_depth import (
@@ -32,7 +32,7 @@ from lfcore.rendering.record_depth import (
 )
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
-from lfcore.storage.container import DepthSegments, join_segments
+from lfcore.storage.container import DepthSegments, SpecularSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.instants import GROUP, Instants
 from lfcore.storage.layout import Tile
@@ -47,13 +47,14 @@ class Ahead:
     Attributes
     ----------
     times : the instants, seconds.
-    dioptres : the least and the greatest inverse depth of all, 1/m.
+    ranges : the least and the greatest inverse depth of all, 1/m: of surfaces, and of specular
+        light if there is any.
     content, digests : of each instant, what its file would say.
     peak : as of :func:`lfcore.rendering.record.peak_to_store`, of the brightest instant.
     """
 
     times: tuple[float, ...]
-    dioptres: tuple[float, float]
+    ranges: tuple[tuple[float, float], ...]
     content: tuple[dict, ...]
     digests: tuple[str, ...]
     peak: float | None
@@ -62,14 +63,21 @@ class Ahead:
     def of(
         cls, scene: Scene, times: Sequence[float], slab: Slab, device: Device, transfer: str | None
     ) -> "Ahead":
-        ends, content, digests, peaks = [], [], [], []
+        ends: list[list[tuple[float, float]]] = []
+        content, digests, peaks = [], [], []
         for tracer in tracers_at(scene, times, device):
-            ends.append(dioptre_range(tracer, slab, RANGE_MARGIN))
+            ends.append([dioptre_range(tracer, slab, RANGE_MARGIN)])
+            if tracer.needs.specular:
+                ends[-1].append(virtual_range(tracer, slab, RANGE_MARGIN))
             content.append(depth_content(tracer, slab))
             digests.append(scene_digest(tracer.scene))
             peaks.append(peak_to_store(tracer, slab, transfer) or 0.0)
-        dioptres = min(far for far, _ in ends), max(near for _, near in ends)
-        return cls(tuple(times), dioptres, tuple(content), tuple(digests), max(peaks) or None)
+        ranges = [
+            (min(far for far, _ in part), max(near for _, near in part))
+            for part in zip(*ends, strict=True)
+        ]
+        peak = max(peaks) or None
+        return cls(tuple(times), tuple(ranges), tuple(content), tuple(digests), peak)
 
 
 def check_times(times: Sequence[float]) -> tuple[float, ...]:
@@ -102,56 +110,60 @@ def record_film(
     path, layout = Path(path), store.layout
     if layout.kind != "views":
         raise OpticsError("a film has views", key="layout", remedy="Leave it out")
-    codes = DepthCodes.of_range(slab, *ahead.dioptres)
-    spec = codes.spec(slab, lossless=store.spec.lossless)
+    codes = [
+        DepthCodes.of_range(slab, *ends, gaps=bool(part)) for part, ends in enumerate(ahead.ranges)
+    ]
+    specs = [code.spec(slab, lossless=store.spec.lossless) for code in codes]
+    encodings = [each for spec in specs for each in (store.spec, spec)]
     film, tiles = Instants(ahead.times, group, ahead.content), layout.tiles(TILE_RAYS, least=1)
     folder = path.with_name(f"{path.name}.parts")
     make_folder(folder)
     settings = (
         bake_each, scene.shutter, scene_digest(scene), slab.to_json(), layout.to_json(),
-        store.spec.to_json(), spec.to_json(), vars(codes), store.displaced, store.pixels,
+        [each.to_json() for each in encodings], ahead.ranges, store.displaced, store.pixels,
     )  # fmt: skip
-    groups = []
+    # Of each group and tile the files of its streams.
+    groups: list[list[list[Path]]] = []
     for first in range(0, len(film.times), group):
         some = slice(first, first + group)
-        stem = _name(settings, film.times[some], ahead.digests[some])
-        groups.append([folder / f"{stem}.{tile.index}" for tile in tiles])
-    colours, depths = (
-        [file.with_name(f"{file.name}.{stream}.mp4") for files in groups for file in files]
-        for stream in ("colours", "depths")
-    )
-    pairs = list(zip(colours, depths, strict=True))
+        name = _name(settings, film.times[some], ahead.digests[some])
+        groups.append([
+            [folder / f"{name}.{tile.index}.{stream}.mp4" for stream in range(len(encodings))]
+            for tile in tiles
+        ])  # fmt: skip
     missing = [
         number
-        for number in range(len(groups))
-        if not all(file.exists() for pair in _part(pairs, number, tiles) for file in pair)
+        for number, of_tiles in enumerate(groups)
+        if not all(file.exists() for files in of_tiles for file in files)
     ]
     times = [time for k in missing for time in film.times[k * group : (k + 1) * group]]
     traced = tracers_at(scene, times, device, bake_each=bake_each)
     for number in missing:
         tracers = list(islice(traced, film.counts[number]))
         tell = part_of(progress, number, len(groups))
-        for tile, streams in zip(tiles, _part(pairs, number, tiles), strict=True):
+        for tile, files in zip(tiles, groups[number], strict=True):
             frames = _in_turn(tracers, slab, store, codes, tile, tell)
-            encode(frames, layout, list(zip(streams, (store.spec, spec), strict=True)))
+            encode(frames, layout, list(zip(files, encodings, strict=True)))
+    streams = list(zip(*[files for of_tiles in groups for files in of_tiles], strict=True))
+    depths = [
+        DepthSegments(files, code, store.displaced, store.pixels, spec)
+        for files, code, spec in zip(streams[1::2], codes, specs, strict=True)
+    ]
     metadata = join_segments(
         path,
-        colours,
+        streams[0],
         tiles,
         layout,
         geometry=slab,
         scene={"name": scene.name, "digest": ahead.digests[0]},
         spec=store.spec,
         content=content or {},
-        depth=DepthSegments(depths, codes, store.displaced, store.pixels, spec),
+        depth=depths[0],
+        specular=SpecularSegments(streams[2], store.spec, depths[1]) if codes[1:] else None,
         film=film,
     )
     shutil.rmtree(folder, ignore_errors=True)
     return metadata
-
-
-def _part(pairs: list[Any], number: int, tiles: list[Tile]) -> list[Any]:
-    return pairs[number * len(tiles) : (number + 1) * len(tiles)]
 
 
 def _name(*parts: Any) -> str:
@@ -164,14 +176,15 @@ def _in_turn(
     tracers: list[Tracer],
     slab: Slab,
     store: DepthStore,
-    codes: DepthCodes,
+    codes: list[DepthCodes],
     tile: Tile,
     progress: Progress | None,
 ) -> Iterator[list[np.ndarray]]:
-    """Some frames of a tile at a time, each at every instant, in order: colours and depths."""
+    """Some frames of a tile at a time, each at every instant, in order: colours and depths of
+    each part."""
     runs = [
         frames_by_depth(
-            tracer, slab, store, [codes], tile, part_of(progress, number, len(tracers))
+            tracer, slab, store, codes, tile, part_of(progress, number, len(tracers))
         )
         for number, tracer in enumerate(tracers)
     ]  # fmt: skip

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from moving_scene import moving_squares
 from plain_scenes import refused
+from test_specular_pictures import make_scene, wall
 
 import lfcore
 from lfcore.cli import main
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
+from lfcore.scene.model import Animation
 
 PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
 EXACT = lfcore.Encoding("ffv1")
@@ -188,3 +190,29 @@ def test_the_command_records_frames_and_shows_instants(tmp_path, write_scene, te
         words = run("record", still, "-o", tmp_path / "b.mkv", *small, *how, code=1)
         assert f"{how[0]}: the scene does not move" in words
     assert "--frames: is missing" in run("record", scene, "-o", path, "--fps", 2, code=1)
+
+
+@pytest.mark.kernels
+def test_a_film_keeps_specular_light_apart(tmp_path):
+    """A mirror before a wall that moves behind the camera."""
+    rng = np.random.default_rng(5)
+    mirror = {"metallic": 1.0, "roughness": 0.0, "diffuse": (0.9, 0.9, 0.9)}
+    shapes = [(*wall(4.0, -0.8, 0.4, 1, rng), mirror), (*wall(-4.0, -6, 6, 30, rng), {})]
+    still = make_scene([*shapes, (*wall(9.0, -6, 6, 20, rng), {})])
+
+    def at(now, time):
+        moved = now.triangles.copy()
+        moved[2:62, :, 0] += np.float32(time)
+        return dataclasses.replace(now, triangles=moved)
+
+    scene = dataclasses.replace(still, animation=Animation(0.0, 1.0, at))
+    how = {"pixels": PIXELS, "encoding": EXACT}
+    film = lfcore.record(scene, tmp_path / "film.mkv", times=[0.0, 0.3, 0.6, 0.8, 1.0], **how)
+    assert film.metadata.specular and len(film.whole.streams) == 4
+    film.verify()
+    for number in (4, 1):
+        now = film.at(number)
+        alone = lfcore.record(scene.at(film.times[number]), tmp_path / "one.mkv", **how)
+        np.testing.assert_array_equal(now.views(0, 0, 4, 4), alone.views(0, 0, 4, 4))
+        np.testing.assert_allclose(now.refocus(focus_m=8), alone.refocus(focus_m=8), atol=0.03)
+    assert np.abs(film.at(1).view(0, 0) - film.at(4).view(0, 0)).max() > 0.1
