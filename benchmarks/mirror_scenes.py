@@ -4,11 +4,12 @@ Camera space: x right, y down, z forward, metres.  Walls face the lens, or what 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import trimesh
 
+from benchmarks.peers.mitsuba import Balls
 from lfcore.optics.camera import Camera
 from lfcore.scene.assemble import assemble
 from lfcore.scene.model import Scene
@@ -21,16 +22,19 @@ CHROME = replace(MIRROR, name="chrome")
 GLASS = Surface("glass", (1.0, 1.0, 1.0), transmission=1.0)
 PANE = replace(GLASS, name="pane", thin_walled=True)
 Tone = tuple[int, int, int]
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with the ``special`` material, in focus at ``surface_m`` and at ``image_m``."""
+    """A scene with the ``special`` material, in focus at ``surface_m`` and at ``image_m``; and the
+    centre and radius of its meshes that are balls, by the name of their material."""
 
     parts: list[SurfaceMesh]
     special: str
     surface_m: float
     image_m: float
+    balls: Balls = field(default_factory=dict)
 
     def scene(self, name: str) -> Scene:
         return Scene(
@@ -48,18 +52,20 @@ def checked(name: str, seed: int, dark: Tone, bright: Tone, fields: int = 4, **m
     return Surface(name, (1.0,) * 3, texture=textures.finish(colours), **more)
 
 
-def sheet(centre: tuple, across: tuple, down: tuple, surface: Surface, to: tuple = (0, 0, 0)):
+def sheet(
+    centre: Vector, across: Vector, down: Vector, surface: Surface, to: Vector = (0, 0, 0)
+) -> SurfaceMesh:
     """A parallelogram about its centre that faces the place ``to``; texture 1 x 1."""
-    middle, a, b = (np.array(vector, float) for vector in (centre, across, down))
-    corners = middle + np.array([-a - b, a - b, a + b, b - a]) / 2
+    c, a, d = (np.array(vector, np.float64) for vector in (centre, across, down))
+    corners = c + np.array([-a - d, a - d, a + d, d - a]) / 2
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
     order = np.array([[0, 1, 2], [0, 2, 3]])
-    if np.cross(a, b) @ (np.array(to) - middle) < 0:
+    if np.cross(a, d) @ (np.array(to) - c) < 0:
         order = order[:, ::-1]
     return SurfaceMesh(corners[order], surface, None, uv[order])
 
 
-def block(low: tuple, high: tuple, surface: Surface) -> SurfaceMesh:
+def block(low: Vector, high: Vector, surface: Surface) -> SurfaceMesh:
     mesh = trimesh.creation.box(bounds=[low, high])
     corners = mesh.triangles
     axis = np.abs(mesh.face_normals).argmax(1)
@@ -68,7 +74,7 @@ def block(low: tuple, high: tuple, surface: Surface) -> SurfaceMesh:
     return SurfaceMesh(corners, surface, None, uv)
 
 
-def ball(centre: tuple, radius: float, surface: Surface) -> SurfaceMesh:
+def ball(centre: Vector, radius: float, surface: Surface) -> SurfaceMesh:
     unit = trimesh.creation.icosphere(5).triangles
     unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
     return SurfaceMesh(centre + radius * unit, surface, unit, np.zeros((len(unit), 3, 2)))
@@ -106,6 +112,7 @@ def plane_mirror() -> Case:
 
 def chrome_ball() -> Case:
     """A chrome ball on a table, in a room."""
+    place = (0.0, 0.1, 2.6), 0.45
     table = sheet(
         (0, 0.55, 2.7),
         (2.4, 0, 0),
@@ -113,15 +120,16 @@ def chrome_ball() -> Case:
         checked("table", 8, (60, 40, 30), (205, 160, 110), 12),
         (0, -1, 2.7),
     )
-    return Case([*room(), table, ball((0, 0.1, 2.6), 0.45, CHROME)], "chrome", 2.2, 2.4)
+    return Case([*room(), table, ball(*place, CHROME)], "chrome", 2.2, 2.4, {"chrome": place})
 
 
 def glass_ball() -> Case:
     """A ball of glass before a checker: its image, upside down, is before the ball."""
+    place = (0.0, 0.0, 2.5), 0.6
     wall = sheet(
         (0, 0, 5.0), (5, 0, 0), (0, 5, 0), checked("wall", 9, (30, 50, 90), (235, 225, 200), 16)
     )
-    return Case([wall, ball((0, 0, 2.5), 0.6, GLASS)], "glass", 2.0, 1.15)
+    return Case([wall, ball(*place, GLASS)], "glass", 2.0, 1.15, {"glass": place})
 
 
 def window() -> Case:

@@ -43,7 +43,7 @@ def quality(name: str, case: Case, options: argparse.Namespace, kept: dict) -> I
     """Yield rows of our pictures and of Mitsuba's after equal time."""
     scene = case.scene(name)
     tracer = Tracer(scene, hierarchy_of(scene), opened(None))
-    peer = mitsuba_even(scene, MOST_EVENTS, options.threads)
+    peer = mitsuba_even(scene, case.balls, MOST_EVENTS, options.threads)
     where = shown(tracer, case, options.pixels)
     planes = [SensorPlane(z, scene.camera.f_number) for z in (case.surface_m, case.image_m)]
     pictures_by_depth(tracer, scene.camera, planes[:1], 16, LATTICE)  # programs
@@ -88,10 +88,10 @@ def shown(tracer: Tracer, case: Case, pixels: int) -> np.ndarray:
     """Return the mask (M, M) of pixels whose central rays meet the special material."""
     tangents = (np.arange(pixels) + 0.5) / pixels - 0.5
     x, y = np.meshgrid(tangents, tangents)
-    towards = np.stack([x, y, 0 * x], -1).reshape(-1, 3) * tracer.scene.camera.field_width
+    towards = np.stack([x, y, 0 * x], -1, dtype=np.float32).reshape(-1, 3)
+    towards *= np.float32(tracer.scene.camera.field_width)
     towards[:, 2] = 1
-    origins = np.zeros_like(towards, np.float32)
-    triangle = tracer.closest_hit(origins, towards.astype(np.float32))[0]
+    triangle = tracer.closest_hit(0 * towards, towards)[0]
     names = np.array([material.name for material in tracer.scene.every_material])
     hit = names[tracer.scene.material_ids[triangle]] == case.special
     return (hit & (triangle >= 0)).reshape(pixels, pixels)

@@ -39,6 +39,7 @@ COAT_M = 0.001
 """The distance of a coat from its body, metres: Mitsuba's rays start half as far from surfaces."""
 ROULETTE = 8
 """The depth at which Russian roulette begins."""
+Balls = dict[str, tuple[tuple[float, float, float], float]]
 _here: dict[str, Any] = {}
 """The module, the scene, and integrators by whether they have albedo and normals, too."""
 
@@ -59,10 +60,13 @@ def mitsuba_path(scene: Scene, bounces: int | str, threads: int) -> Renderer:
     return Renderer(_open_path, (scene, bounces, threads, chosen_llvm()), _picture, NEEDS)
 
 
-def mitsuba_even(scene: Scene, events: int, threads: int) -> Renderer:
-    """Open Mitsuba's path tracer for a scene in ambient light, with paths of so many mirrors."""
+def mitsuba_even(scene: Scene, balls: Balls, events: int, threads: int) -> Renderer:
+    """Open Mitsuba's path tracer for a scene in ambient light, with paths of so many mirrors.
+
+    ``balls`` are the centre and radius of spheres, in place of the meshes of materials by name.
+    """
     check_installed("mitsuba", "mitsuba_oidn")
-    return Renderer(_open_even, (scene, events, threads, chosen_llvm()), _picture, NEEDS)
+    return Renderer(_open_even, (scene, balls, events, threads, chosen_llvm()), _picture, NEEDS)
 
 
 def chosen_llvm() -> str | None:
@@ -123,9 +127,9 @@ def _open_path(scene: Scene, bounces: int | str, threads: int, llvm: str | None)
     _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={})
 
 
-def _open_even(scene: Scene, events: int, threads: int, llvm: str | None) -> None:
+def _open_even(scene: Scene, balls: Balls, events: int, threads: int, llvm: str | None) -> None:
     mitsuba = _open(threads, llvm)
-    described = Even(mitsuba, scene).all()
+    described = Even(mitsuba, scene, balls).all()
     described["integrator"] = {"type": "path", "max_depth": events + 1, "rr_depth": 2 * events}
     _here.update(mitsuba=mitsuba, scene=mitsuba.load_dict(described), integrators={})
 
@@ -181,6 +185,19 @@ class Even(Description):
     A coat is a sheet of glass on its body, which emits as much more as light loses on its way out
     of glass.
     """
+
+    def __init__(self, mitsuba, scene: Scene, balls: Balls):
+        super().__init__(mitsuba, scene)
+        self._balls = balls
+
+    def _mesh(self, material: int) -> Any:
+        name = self._scene.every_material[material].name
+        if name not in self._balls:
+            return super()._mesh(material)
+        centre, radius = self._balls[name]
+        return {
+            "type": "sphere", "center": list(centre), "radius": radius, "bsdf": self.bsdf(material),
+        }  # fmt: skip
 
     def all(self) -> dict:
         described = super().all()

@@ -15,7 +15,6 @@ from lfcore.readers.account import Account
 from lfcore.readers.side_files import SOLID, beside, is_mask, read_texture, same_size
 from lfcore.readers.text import plain
 from lfcore.reading import LARGEST_TEXT, Where, read_bytes
-from lfcore.scene.needs import SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, ASSUMED, LEFT_OUT, NOT_USED, Notebook
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, clipped, triple
 
@@ -202,10 +201,9 @@ class _Material:
         if "norm" in self.maps:
             changes["normal_scale"] = self._factor("norm")
         changes |= self._transparency(diffuse, textures["texture"])
-        if SPECULAR_TRACED:
-            changes["clearcoat"], changes["clearcoat_roughness"] = (
-                float(np.clip(self._numbers(key, 0.0)[0], 0, 1)) for key in ("pc", "pcr")
-            )
+        changes["clearcoat"], changes["clearcoat_roughness"] = (
+            float(np.clip(self._numbers(key, 0.0)[0], 0, 1)) for key in ("pc", "pcr")
+        )
         diffuse = changes.pop("diffuse", diffuse)
         self._account_for_all()
         surface = Surface(
@@ -293,7 +291,7 @@ class _Material:
         least, most = int(alpha.min()) / 255, int(alpha.max()) / 255
         base = WHITE[..., :3] if texture is None else texture
         soft = opacity * least < SOLID / 255 and (opacity < 1 or not is_mask(alpha))
-        if SPECULAR_TRACED and soft and opacity * most > 0:
+        if soft and opacity * most > 0:
             if least == 1 and int(self._numbers("illum", 2.0)[0]) in REFRACTIVE:
                 index = max(float(self._numbers("ni", 1.0)[0]), 1.0)
                 colour = opacity * diffuse + (1 - opacity) * self._numbers("tf", 1.0)
@@ -302,8 +300,6 @@ class _Material:
                 return {"opacity": opacity * least}
             codes = np.dstack(same_size(base, alpha))
             return {"opacity": opacity, "alpha_blend": True, "texture": codes}
-        if opacity * least < SOLID / 255 and not SPECULAR_TRACED:
-            self._note(APPROXIMATED, "transparency; cut out where most light passes")
         if opacity * most < 0.5:
             self._note(LEFT_OUT, "cut out wholly")
             return {"texture": np.zeros((1, 1, 4), np.uint8), "alpha_cutoff": 0.5}

@@ -22,8 +22,6 @@ DIELECTRIC = 0.04
 """The reflectance of dielectrics at normal incidence: an index of refraction of 1.5."""
 MIRROR_ROUGHNESS = 0.1
 """The largest roughness of a mirror or a coat whose reflections are traced."""
-SPECULAR_TRACED = False
-"""Whether the tracer follows specular rays; if not, readers note what is missing."""
 MOST_DISTANCES = 1 << 26
 """The most pairs of light and triangle whose distance is measured; beyond, lights count as near."""
 

@@ -1,4 +1,4 @@
-"""Notes on reflections that pictures lack: surfaces reflect the sky and lights, not one another."""
+"""Notes on reflections that pictures lack: mirrors, glass and smooth coats alone show surfaces."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +7,12 @@ import numpy as np
 
 from lfcore.scene.appearance import Material
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import emitting_triangles
+from lfcore.scene.needs import MIRROR_ROUGHNESS, emitting_triangles
 from lfcore.scene.notes import LEFT_OUT, Note
 
 _SMOOTH = 0.5
-"""The roughness below which one recognises what a surface reflects."""
+"""The roughness below which one recognises what a surface reflects; up to
+:data:`~lfcore.scene.needs.MIRROR_ROUGHNESS` its pictures have it."""
 _METAL = 0.5
 """The least ``metallic`` of a metal: more than half of its reflection is specular."""
 _LEAST_SHARE = 0.1
@@ -53,12 +54,14 @@ def _smooth_shares(scene: Scene, material: Material) -> tuple[float, float]:
     "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007.
     """
     if not material.is_metallic:
-        roughness = (2 / (max(material.shininess, 0) + 2)) ** 0.25
-        return float(any(material.specular) and roughness < _SMOOTH), 0.0
+        width = (2 / (max(material.shininess, 0) + 2)) ** 0.25
+        is_coated = material.clearcoat > 0 and material.clearcoat_roughness <= MIRROR_ROUGHNESS
+        return float(any(material.specular) and width < _SMOOTH and not is_coated), 0.0
     texels = np.ones((1, 1, 3))
     if material.metal_texture >= 0 and len(scene.uvs):
         texels = scene.textures[material.metal_texture][::_TEXEL_STEP, ::_TEXEL_STEP] / 255
-    smooth = material.roughness * texels[..., 1] < _SMOOTH
+    roughness = material.roughness * texels[..., 1]
+    smooth = (roughness > MIRROR_ROUGHNESS) & (roughness < _SMOOTH)
     is_metal = material.metallic * texels[..., 2] >= _METAL
     return float(smooth.mean()), float((smooth & is_metal).mean())
 

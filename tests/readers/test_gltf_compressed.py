@@ -187,11 +187,9 @@ def test_a_texture_in_ktx2_is_refused_by_name(tmp_path, required):
 SAID = {
     'assumed: its own camera; view_from="front" frames all of it',
     "assumed: it moves from 0 to 1 s, shown is the first instant; .at() has others",
-    "left out: extension KHR_materials_clearcoat: a clear coat; the scene keeps its numbers",
     "left out: material 'bumps': baked shadows",
     "left out: reflections of emitting surfaces (lamp, sign) in glossy ones (gold, bands, bumps)",
     "left out: reflections of things near metals (gold, bands), which reflect sky and lights alone",
-    "approximated: material 'veil': transparency; cut out where most light passes",
 }
 
 
@@ -204,7 +202,7 @@ def features(tmp_path_factory):
 
 def test_everything_is_found_and_what_is_dropped_is_said(features):
     needs = Needs.of(features)
-    assert needs.alpha_tests and needs.physical and needs.vertex_colours
+    assert needs.alpha_tests and needs.physical and needs.vertex_colours and needs.specular
     assert sorted(light.kind for light in features.lights) == [POINT, POINT, DIRECTIONAL]
     assert sum(light.is_spot for light in features.lights) == 1
     assert {f"{note.kind}: {note.what}" for note in features.notes} == SAID

@@ -6,7 +6,6 @@ from PIL import Image
 from plain_scenes import load_mesh, refused
 
 from lfcore.colour import srgb_decode
-from lfcore.readers import mtl
 from lfcore.readers.load import load_scene
 from lfcore.scene.notes import Notebook
 from lfcore.scene.surface_mesh import area_vectors
@@ -192,19 +191,19 @@ def test_holes_by_map_d(read, name, base):
     surface = part.surface
     np.testing.assert_array_equal(surface.texture[..., 3], [[0, 255], [255, 255]])
     assert (surface.texture[..., :3] == (PIXELS if base else 255)).all()
-    assert surface.alpha_cutoff == 0.5 and "transparency" in notes[0]
+    assert surface.alpha_cutoff == 0.5 and not notes
 
 
 @pytest.mark.parametrize(
-    ("lines", "cutoff", "noted"),
-    [("d 1", 0, False), ("Tr 0", 0, False), ("d 0.7", 0, True), ("Tr 0.3", 0, True),
-     ("d 0.3", 0.5, True), ("Tr 1", 0, True), ("Tr 0.9", 0.5, True), ("d -halo 0.4", 0.5, True)],
+    ("lines", "opacity", "noted"),
+    [("d 1", 1, False), ("Tr 0", 1, False), ("d 0.7", 0.7, False), ("Tr 0.25", 0.75, False),
+     ("Tr 1", 1, True), ("d -halo 0.4", 0.4, False)],
 )  # fmt: skip
-def test_opacity(read, lines, cutoff, noted):
+def test_opacity(read, lines, opacity, noted):
     (part,), notes = read(mtl=f"newmtl m\nKd 1 1 1\n{lines}\n")
-    assert bool(notes) == noted and part.surface.alpha_cutoff == cutoff
-    if cutoff:  # of a surface that lets most light pass nothing is left
-        assert part.surface.texture[..., 3].max() == 0
+    assert bool(notes) == noted and part.surface.opacity == opacity
+    (gone,), notes = read(mtl="newmtl m\nd 0\n")
+    assert gone.surface.texture[..., 3].max() == 0 and "cut out wholly" in notes[0]
 
 
 @pytest.mark.parametrize(
@@ -216,8 +215,7 @@ def test_opacity(read, lines, cutoff, noted):
      ("d 0.5\nmap_d grey.png", {"opacity": 0.5, "alpha_blend": True}),
      ("map_d grey.png", {"opacity": 1, "alpha_blend": False, "alpha_cutoff": 0.5})],
 )  # fmt: skip
-def test_veils_glass_and_coats(read, monkeypatch, lines, fields):
-    monkeypatch.setattr(mtl, "SPECULAR_TRACED", True)
+def test_veils_glass_and_coats(read, lines, fields):
     alpha_picture(read.folder)
     (part,), notes = read(mtl=f"newmtl m\nKd 1 1 1\n{lines}\n")
     for name, value in fields.items():

@@ -18,7 +18,6 @@ from lfcore.cli import main
 from lfcore.colour import srgb_decode
 from lfcore.exr import read_exr_picture
 from lfcore.oracle.shading import arriving
-from lfcore.readers.pbrt import materials
 from lfcore.readers.pbrt.build import build_pbrt_scene
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.emitters import POINTS, emitter_points
@@ -189,22 +188,17 @@ def test_materials_become_blinn_phong(read):
             '"plastic" "rgb Kd" [.4 .4 .4] "rgb Ks" [.5 .5 .5] "float roughness" [.01]',
             '"plastic" "rgb Kd" [.4 .4 .4] "rgb Ks" [.5 .5 .5] "float roughness" [.3]',
             '"metal" "float roughness" [.02]',
-            '"mirror"',
-            '"uber" "rgb Kd" [.2 .2 .2] "rgb opacity" [.5 .5 .5]',
         )
     )
     scene = read(world)
-    matte, shiny, dull, metal, mirror, uber = (scene.materials[i] for i in scene.material_ids)
+    matte, shiny, dull, metal = (scene.materials[i] for i in scene.material_ids)
     assert matte.diffuse == (0.1, 0.2, 0.3) and not any(matte.specular)
     assert shiny.shininess > dull.shininess and shiny.specular[0] > dull.specular[0] > 0
     assert metal.diffuse[0] > metal.diffuse[1] > metal.diffuse[2]  # copper
-    assert mirror.shininess > 1000 and uber.diffuse == (0.2, 0.2, 0.2)
-    text = scene.summary()
-    assert 'Material "mirror"' in text and "opaque instead" in text
+    assert 'Material "metal"' in scene.summary()
 
 
-def test_mirrors_glass_coats_and_veils(read, monkeypatch):
-    monkeypatch.setattr(materials, "SPECULAR_TRACED", True)
+def test_mirrors_glass_coats_and_veils(read):
     words = {
         "mirror": '"mirror" "rgb Kr" [.9 .8 .7]',
         "metal": '"conductor" "rgb reflectance" [.5 .6 .7]',
@@ -597,13 +591,12 @@ LISTED = {
     "approximated": {
         'LightSource "spot"', 'AreaLightSource "diffuse"',
         'Shape "plymesh": "alpha"', 'Material "matte" named "floor"', 'Material "metal"',
-        'Material "mirror"', 'Material "mix" named "blend"', 'Material "glass"',
-        'Material "subsurface"',
+        'Material "mix" named "blend"', 'Material "subsurface"',
     },
     "not used": {
         'Integrator "volpath"', 'Sampler "halton"', 'PixelFilter "gaussian"', 'Accelerator "bvh"',
         'parameter "filename"', 'parameter "octaves"', 'parameter "I" of LightSource "gonio',
-        'parameter "index"', 'parameter "name"',
+        'parameter "name"',
     },
 }  # fmt: skip
 

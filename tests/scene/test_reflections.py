@@ -9,7 +9,7 @@ from lfcore import load_scene
 from lfcore.cli import main
 from lfcore.scene.notes import LEFT_OUT
 
-GOLD = {"diffuse": [1.0, 0.8, 0.3], "metallic": 1.0, "roughness": 0.1}
+GOLD = {"diffuse": [1.0, 0.8, 0.3], "metallic": 1.0, "roughness": 0.2}
 SATIN = GOLD | {"roughness": 0.9}
 PLASTIC = GOLD | {"metallic": 0.0}
 MATT, LACQUER = {"diffuse": [0.5, 0.5, 0.5]}, {"specular": [0.2, 0.2, 0.2], "shininess": 100}

@@ -6,25 +6,17 @@ from typing import Any
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import MESHOPT, Document, extension
 from lfcore.reading import Where
-from lfcore.scene.needs import SPECULAR_TRACED
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT, NOT_USED
 
 DRACO, WEBP, BASIS = "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"
-SPECULAR = {
-    "KHR_materials_clearcoat": (LEFT_OUT, "a clear coat; the scene keeps its numbers"),
-    "KHR_materials_ior": (APPROXIMATED, "drawn as 1.5; the scene keeps its number"),
-    "KHR_materials_transmission": (LEFT_OUT, "glass is opaque; the scene keeps its numbers"),
-    "KHR_materials_volume": (LEFT_OUT, "glass has no depth; the scene keeps its numbers"),
-}
-"""Those of specular rays, and their notes until these are traced."""
 READ = {
     *MESHOPT, DRACO, WEBP, "EXT_mesh_gpu_instancing", "KHR_lights_punctual",
     "KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_mesh_quantization",
-    "KHR_node_visibility", "KHR_texture_transform", *(SPECULAR if SPECULAR_TRACED else ()),
+    "KHR_node_visibility", "KHR_texture_transform", "KHR_materials_clearcoat",
+    "KHR_materials_ior", "KHR_materials_transmission", "KHR_materials_volume",
 }  # fmt: skip
 """Those that are in the picture as they should be."""
 LOST = {
-    **({} if SPECULAR_TRACED else SPECULAR),
     "EXT_lights_ies": (LEFT_OUT, "the profiles of lights"),
     "EXT_lights_image_based": (LEFT_OUT, "light of a picture; give a sky"),
     "EXT_mesh_primitive_restart": (LEFT_OUT, "strips that start anew"),

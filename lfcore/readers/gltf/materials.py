@@ -20,7 +20,7 @@ from lfcore.readers.gltf.document import Document, extension
 from lfcore.readers.gltf.extensions import WEBP
 from lfcore.readers.side_files import SOLID, is_mask, same_size
 from lfcore.reading import Where
-from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, SPECULAR_TRACED
+from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS
 from lfcore.scene.notes import APPROXIMATED, LEFT_OUT
 from lfcore.scene.surface_mesh import Surface, triple
 
@@ -258,20 +258,15 @@ class _Material:
         least, most = (255, 255) if colours is None else (
             int(colours[..., 3].min(initial=255)), int(colours[..., 3].max(initial=0))
         )  # fmt: skip
-        blends = mode == "BLEND"
-        if blends and SPECULAR_TRACED and not (alpha == 1 and colours is not None
-                                               and is_mask(colours[..., 3])):  # fmt: skip
-            if not alpha * most:
-                self.note(LEFT_OUT, "cut out wholly")
-                return None
-            shown = {"alpha_blend": True, "texture": colours} if least < SOLID else {}
-            return {"opacity": alpha, **shown}
-        cutoff = 0.5 if blends else number(self.entry, "alphaCutoff", 0.5)
-        if blends and not SPECULAR_TRACED and alpha * least < SOLID:
-            self.note(APPROXIMATED, "transparency; cut out where most light passes")
-        if alpha * most / 255 < cutoff:
+        masks = alpha == 1 and colours is not None and is_mask(colours[..., 3])
+        blends = mode == "BLEND" and not masks
+        cutoff = number(self.entry, "alphaCutoff", 0.5) if mode == "MASK" else 0.5
+        if alpha * most < (1 if blends else 255 * cutoff):
             self.note(LEFT_OUT, "cut out wholly")
             return None
+        if blends:
+            shown = {"alpha_blend": True, "texture": colours} if least < SOLID else {}
+            return {"opacity": alpha, **shown}
         if alpha * least / 255 >= cutoff:
             return {}
         return {"alpha_cutoff": cutoff / alpha, "texture": colours}
@@ -303,7 +298,7 @@ class _Material:
             rough = self.document.share(
                 self.entry.get("pbrMetallicRoughness", {}), "roughnessFactor", 1.0
             )
-            if SPECULAR_TRACED and rough > MIRROR_ROUGHNESS:
+            if rough > MIRROR_ROUGHNESS:
                 self.note(APPROXIMATED, "rough glass, which is smooth")
             return values
         return {

@@ -17,14 +17,12 @@ from lfcore.readers.pbrt.lexer import Place
 from lfcore.readers.pbrt.parameters import ParameterSet
 from lfcore.readers.pbrt.spectra import METALS, metal_reflectance, parameter_rgb
 from lfcore.readers.pbrt.textures import Texture, TextureTable, constant
-from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS, SPECULAR_TRACED
+from lfcore.scene.needs import DIELECTRIC, MIRROR_ROUGHNESS
 from lfcore.scene.surface_mesh import Surface
 
 METAL_DIFFUSE = 0.4
 """The diffuse share of a metal's reflectance.  Polished metal reflects its surroundings, which
 Blinn-Phong cannot: outside the highlight a metal would be black."""
-MIRROR_SHININESS = 2000.0
-"""The exponent of a mirror's highlight."""
 GLASSES = {
     "BK7": 1.5168, "BAF10": 1.6700, "FK51A": 1.4866, "LASF9": 1.8503, "F5": 1.6727,
     "SF10": 1.7283, "F10": 1.7283, "SF11": 1.7847, "F11": 1.7847,
@@ -58,7 +56,7 @@ MIRROR: dict[str, Any] = {"metallic": 1.0, "roughness": 0.0}
 
 def is_smooth(alpha: float) -> bool:
     """Whether the tracer follows what microfacets of this width reflect."""
-    return SPECULAR_TRACED and math.sqrt(alpha) <= MIRROR_ROUGHNESS
+    return math.sqrt(alpha) <= MIRROR_ROUGHNESS
 
 
 def roughness_to_alpha(roughness: float) -> float:
@@ -108,9 +106,8 @@ class MaterialTable:
         makers = {
             "matte": self._matte, "uber": self._uber, "coateddiffuse": self._coated,
             "metal": self._metal, "conductor": self._metal, "mirror": self._mirror,
+            "glass": self._glass, "dielectric": self._glass, "thindielectric": self._glass,
             "mix": self._mix, "translucent": self._translucent,
-            **(dict.fromkeys(("glass", "dielectric", "thindielectric"), self._glass)
-               if SPECULAR_TRACED else {}),
             "diffuse": lambda entry: self._lambert(entry, "reflectance"),
             "plastic": lambda entry: self._glossy(entry, 0.25, DIELECTRIC),
             "substrate": lambda entry: self._glossy(entry, 0.5, 1.0),
@@ -172,13 +169,6 @@ class MaterialTable:
         opacity = np.clip(self.textures.rgb(parameters, "opacity", 1.0), 0, 1)
         index = self._index(parameters)
         look = self._glossy(parameters, 0.25, DIELECTRIC)
-        if not SPECULAR_TRACED:
-            for share, effect in ((mirrored, "mirror image (Kr)"), (passed, "transmission (Kt)")):
-                if share.any():
-                    parameters.left_out(effect)
-            if (opacity < 1).any():
-                parameters.approximated("opaque instead")
-            return look
         fields: dict[str, Any] = {**look.fields, "opacity": float(opacity.mean())}
         if np.ptp(opacity):
             parameters.approximated("opacity without colour")
@@ -259,10 +249,7 @@ class MaterialTable:
 
     def _mirror(self, parameters: ParameterSet) -> Look:
         reflectance = self.textures.rgb(parameters, "Kr", 0.9)
-        if SPECULAR_TRACED:
-            return Look(constant(np.clip(reflectance, 0, 1)), fields=MIRROR)
-        diffuse = _metal_diffuse(parameters, reflectance)
-        return Look(diffuse, np.clip(reflectance, 0, 1), MIRROR_SHININESS)
+        return Look(constant(np.clip(reflectance, 0, 1)), fields=MIRROR)
 
     def _mix(self, parameters: ParameterSet) -> Look:
         pair = parameters.get("materials", "string")
