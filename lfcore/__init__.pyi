@@ -28,6 +28,7 @@ from .optics.slab import Extent, Lattice, Slab
 from .pictures import write_picture
 from .rendering.depth import disparity
 from .rendering.quality import Quality, Rendering
+from .rendering.truth import truth, write_truth
 from .scene.appearance import Light, Material
 from .scene.baked import BakedLight, BakeOptions
 from .scene.model import Motion, Scene
@@ -45,7 +46,7 @@ __version__: str
 __all__ = [
     "load_scene", "bake", "render", "render_to_quality", "record", "trace_array", "write_picture",
     "exposed", "import_lightfield", "export_lightfield", "open_device",
-    "sample_scene", "make_dataset", "disparity", "read_exr",
+    "sample_scene", "make_dataset", "disparity", "truth", "write_truth", "read_exr",
     "LightField", "Scene", "Camera", "CameraArray", "SensorPlane", "Slab", "Lattice", "Quality",
     "Rendering", "Sensor", "Encoding", "Device", "ViewerPage",
     "Surface", "Material", "Light", "BakedLight", "BakeOptions", "Motion", "View", "Note",

@@ -31,6 +31,7 @@ examples:
       depth_m and disparity_px, (views, rows, columns), of the light field's views
   lfcore depth example --pixels 512 -o centre.png
       the middle view as a picture: near is warm, far is cold
+  lfcore depth example --views 9 --view 0 4 --truth left.exr
   lfcore depth bike.mkv --all-in-focus sharp.png
 """
 
@@ -44,6 +45,13 @@ def options(command: argparse.ArgumentParser) -> None:
     add(command, "pixels", views="N x N views (1)", view=view)
     more = command.add_argument
     more("--all-in-focus", type=Path, metavar="PICTURE", help="all-in-focus picture to write")
+    more(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="of one view, .npz or .exr: normals, albedo, "
+        "numbers of materials and triangles, and flow to the middle view and occlusion there",
+    )
     more("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
     more("--format", choices=("depth", "disparity"), default="depth",
          help="of one view: depth (default), or disparity in .pfm or .exr")  # fmt: skip
@@ -84,6 +92,15 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             picture = depths.disparity(slab, depth) if arguments.format == "disparity" else depth
             write_named([(arguments.output, picture[0])])
+    if arguments.truth:
+        from lfcore.rendering.truth import view_truth
+
+        assert scene  # checked above
+        centre = (slab.views // 2,) * 2
+        tracer = open_dark_tracer(scene, arguments.device)
+        known = view_truth(tracer, slab, arguments.view or centre, centre)
+        lfcore.write_truth(arguments.truth, known)
+        wrote(arguments.truth)
     if field and arguments.all_in_focus:
         with progress("bringing everything into focus", "views") as report:
             sharp = field.all_in_focus(scene, device=arguments.device, progress=report)
@@ -94,8 +111,12 @@ def _checked(arguments: argparse.Namespace) -> lfcore.LightField | None:
     """The light field, if one is named; raises :class:`LfcoreError` for missing options."""
     if not arguments.lightfield and str(arguments.scene).lower().endswith(".mkv"):
         arguments.scene, arguments.lightfield = None, str(arguments.scene)
-    if not (arguments.output or arguments.all_in_focus):
-        refuse("--output", "nothing to write", "Give --output or --all-in-focus")
+    if not (arguments.output or arguments.all_in_focus or arguments.truth):
+        refuse("--output", "nothing to write", "Give --output, --truth or --all-in-focus")
+    if arguments.truth:
+        check_suffix(arguments.truth, (".npz", ".exr"), key="--truth")
+        if not arguments.scene:
+            refuse("--truth", "needs a scene, since a file holds no normals", "Give it, too")
     if arguments.output:
         check_suffix(arguments.output, (".npz", ".pfm", ".exr", *CODED))
         if arguments.format == "disparity" and arguments.output.suffix not in (".pfm", ".exr"):

@@ -92,6 +92,9 @@ class Materials(_Keys):
     textures: str = _key("", description="a folder of pictures; empty: procedural ones")
     share_textured: Share = _key(0.85, description="of objects and walls that have no texture")
     repeats: span(0.1, 100) = _key((1, 4, "log"), description="of a texture over an object")
+    share_redressed: Share = _key(
+        0.25, description="of furniture and toys in one such material; others vary in colour"
+    )
     share_metal: Share = _key(0.15, description="of objects")
     roughness: span(0.02, 1) = _key((0.15, 1, "even"), description="of objects")
 
@@ -133,7 +136,10 @@ class Placement(_Keys):
     size: span(1e-3, 10) = _key(
         (0.15, 0.6, "log"), description="an object's diameter as a share of the field there"
     )
-    share_resting: Share = _key(0.5, description="of scenes with a floor; in others objects fly")
+    share_rooms: Share = _key(
+        0.0, description="of scenes in a furnished room, whose sizes are those of rooms"
+    )
+    share_resting: Share = _key(0.5, description="of others with a floor; else objects fly")
     pitch_deg: span(5, 60) = _key((12, 35, "even"), description="of the camera above a floor")
     wall_m: span(1e-3, 1e6) = _key((2.2, 2.6, "even"), description="from the camera")
     least_seen: Share = _key(0.1, description="of the picture that objects must fill")
@@ -173,6 +179,10 @@ class Description(_Keys):
     licence: str = _key("", description="of the data set, a URL or SPDX name")
     seed: int = _key(1, ge=0, lt=2**63, description="scenes depend on it and their number alone")
     scenes: Counts = Counts()
+    split_by: Literal["scene", "mesh"] = _key(
+        "scene", description="mesh: no mesh or texture of yours is in two splits; 80, 10 and 10 % "
+        "of their names, by a digest of each, are in train, validation and test"
+    )  # fmt: skip
     pixels: Annotated[int | str, AfterValidator(_as_pixels)] = _key(
         256, description="per side, or width and height such as 640x480"
     )
@@ -186,6 +196,10 @@ class Description(_Keys):
     sensor: Annotated[dict[str, Any], AfterValidator(_as_sensor)] = _key(
         {}, description="keys of lfcore.Sensor, such as iso: 800; empty: no noise"
     )
+    truth: bool = _key(
+        False, description="add truth.exr: normals, albedo, numbers of objects and materials, "
+        "blur; of each view of a light field, with flow to the middle one and occlusion"
+    )  # fmt: skip
     shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
     scenes_per_job: int = _key(32, ge=1, le=10**5, description="scenes per job of the workflow")
     shapes: Shapes = Shapes()
@@ -253,6 +267,27 @@ class Description(_Keys):
         """Return the user's meshes by name; raises :class:`SettingsError` for an empty folder."""
         return _files(self.shapes.meshes, MESHES, "shapes.meshes")
 
+    def of_split(self, files: list[Path], split: str) -> list[Path]:
+        """Return the meshes or textures of a split, or all if ``split`` is empty.
+
+        Raises :class:`SettingsError` if there are files, and none of the split.
+        """
+        if not (split and files):
+            return files
+        counts = self.scenes.model_dump()
+
+        def split_of(file: Path) -> str:
+            place = int(hashlib.sha256(file.name.encode()).hexdigest()[:8], 16) / 16**8
+            named = SPLITS[(place >= 0.8) + (place >= 0.9)]
+            return named if counts[named] else "train" if counts["train"] else split
+
+        chosen = [file for file in files if split_of(file) == split]
+        if not chosen:
+            problem = f"none of {len(files)} files is in the split {split}"
+            remedy = "Give more files, or split by scene"
+            raise SettingsError(problem, key="split_by", remedy=remedy)
+        return chosen
+
     def licence_of(self, mesh: Path) -> str:
         """Return the text of MESH.license beside a mesh, else the key ``shapes.licence``."""
         file = mesh.with_name(f"{mesh.name}.license")
@@ -267,6 +302,8 @@ class Description(_Keys):
     def of_scenes(self) -> dict[str, Any]:
         """Return the keys that scenes depend on: not the splits and licences."""
         keys = self.model_dump(exclude={"licence", "scenes", "shards", "scenes_per_job"})
+        if self.split_by == "mesh":
+            keys["scenes"] = self.scenes.model_dump()
         del keys["shapes"]["licence"]
         return keys
 

@@ -36,6 +36,7 @@ from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
 from lfcore.rendering.prepared import open_tracer
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
+from lfcore.rendering.truth import channels_exr, view_truth
 from lfcore.sensor import Sensor
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
@@ -123,7 +124,7 @@ def make_item(
     """
     item = Item(description, encoded)
     with item.watch.part("scene"):
-        scene, names, dropped = sample(description, index)
+        scene, names, dropped, owners = sample(description, index)
         tracer = open_tracer(scene, device)
     slab = Slab.of(scene.camera, 1, description.size)
     hits = tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
@@ -142,6 +143,8 @@ def make_item(
         "depths": np.histogram(finite, DEPTH_BINS)[0].tolist(),
     }  # fmt: skip
     MAKERS[description.kind](item, description, tracer, depth)
+    if description.truth:
+        _add_truth(item, description, tracer, owners)
     # The worst picture counts.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
     item.record["fields"] = list(item.files)
@@ -185,6 +188,27 @@ def _infinigen(item: Item, description: Description, tracer: Tracer, depth: np.n
     distances = [plane.focus_m for plane in planes]
     _note(item, description, camera, depth, distances, rendering)
     item.record["f_numbers"] = [plane.f_number for plane in planes]
+
+
+def _add_truth(item: Item, description: Description, tracer: Tracer, owners: np.ndarray) -> None:
+    """Add an EXR of the truth of the middle view, or of each view of a light field."""
+    camera, views = tracer.scene.camera, description.lens.views
+    of_field = description.kind == "light_fields"
+    slab = Slab.of(camera, views if of_field else 1, description.size)
+    planes = [] if of_field else [SensorPlane(m, camera.f_number) for m in item.record["focus_m"]]
+    for number, place in enumerate(all_samples(slab)):
+        known = view_truth(tracer, slab, place, (slab.views // 2,) * 2, planes)
+        known["object"] = np.append(owners, np.int32(-1))[known["triangle"]]
+        if not of_field:  # there is no other view
+            del known["flow_px"], known["occluded"], known["disparity_px"]
+        name = f"truth_Cam{number:03d}.exr" if of_field else "truth.exr"
+        with item.watch.part("files"):
+            for field, array in known.items():
+                item.arrays.setdefault(f"truth_{field}", []).append(array)
+            if item.encoded:
+                item.files[name] = channels_exr(known)
+    if not of_field:
+        item.arrays |= {k: v[0] for k, v in item.arrays.items() if k.startswith("truth_")}
 
 
 def _pair_focus(item: Item, tracer: Tracer) -> float:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lfcore.datasets import rooms
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
 from lfcore.readers.meshes import read_mesh
@@ -60,6 +61,8 @@ class Shape:
         (P, 4, 4) poses at rest on y = 0, and (P,) their probabilities.
     has_look : bool
         Whether it has its own material; else a material is drawn.
+    is_users : bool
+        Whether it is a user's mesh.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Shape:
     poses: np.ndarray
     shares: np.ndarray
     has_look: bool
+    is_users: bool = False
 
 
 @cache
@@ -109,7 +113,8 @@ def mesh(path: Path) -> Shape | SceneError:
 def _mesh(path: Path) -> Shape:
     parts = read_mesh(path).parts
     has_look = any(part.surface.has_textures or part.colours is not None for part in parts)
-    return _shape(path.name, [_unwrapped(part) for part in parts], False, has_look)
+    shape = _shape(path.name, [_unwrapped(part) for part in parts], False, has_look)
+    return replace(shape, is_users=True)
 
 
 def _unwrapped(part: SurfaceMesh) -> SurfaceMesh:
@@ -190,7 +195,7 @@ def procedural_texture(seed: int, number: int) -> np.ndarray:
 
 TRIES = 40
 """The positions that are tried before an object is left out."""
-BACKDROP = ("wall", "floor")
+BACKDROP = ("wall", "floor", "ceiling", "ground", "white paint", "print")
 """The names of the materials behind objects."""
 CONE = (math.cos(math.radians(8)), math.cos(math.radians(20)))
 """The cosines of the angles at which spots begin to fade and are dark."""
@@ -231,18 +236,22 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
 
 
 class Sample(NamedTuple):
-    """A scene, the names of its objects, and the files that cannot be read, with the reason."""
+    """A scene, the names of its objects, the files that cannot be read, with the reason, and the
+    object of each triangle, (T,) int32 from 1; 0 is behind all."""
 
     scene: Scene
     objects: list[str]
     dropped: dict[str, str]
+    owners: np.ndarray
 
 
 def sample(source: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
     """Draw scene ``index``; raises the errors of :func:`sample_scene`."""
     description = described(source)
     seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 30, index))
-    return _Draw(description, np.random.Generator(np.random.Philox(seeds))).sample(index)
+    rng = np.random.Generator(np.random.Philox(seeds))
+    split = description.split(index) if description.split_by == "mesh" else ""
+    return Draw(description, rng, split).sample(index)
 
 
 def described(source: Description | str | Path | Mapping[str, Any]) -> Description:
@@ -271,7 +280,7 @@ def lens_of(description: Description, index: int) -> ItemLens:
     """Return the lens of an item; its draws change no scene."""
     lens, focus = description.lens, tuple(description.lens.focus_m)
     seeds = np.random.SeedSequence(description.seed, spawn_key=(1 << 31, index))
-    draw = _Draw(description, np.random.Generator(np.random.Philox(seeds)))
+    draw = Draw(description, np.random.Generator(np.random.Philox(seeds)))
     focal, sensor = draw.span(lens.focal_length_mm) / 1e3, lens.sensor_width_mm / 1e3
     if description.kind == "light_fields":
         diameter = lens.views * lens.baseline_mm / 1e3
@@ -287,12 +296,18 @@ def lens_of(description: Description, index: int) -> ItemLens:
     return ItemLens(Camera(focal, sensor, f_number, middle), focus)
 
 
-class _Draw:
+def _owners(owners: list[int], parts: Parts, kept: np.ndarray) -> np.ndarray:
+    """Return the owner of each triangle that is kept, of the owners of parts."""
+    return np.repeat(np.array(owners, np.int32), [part.count for part in parts])[kept]
+
+
+class Draw:
     """The random draws of one scene.  In world space y is up; the camera is above the origin."""
 
-    def __init__(self, description: Description, rng: Rng):
+    def __init__(self, description: Description, rng: Rng, split: str = ""):
         self.description, self.rng = description, rng
-        self.meshes, self.textures = description.mesh_files(), description.texture_files()
+        files = description.mesh_files(), description.texture_files()
+        self.meshes, self.textures = (description.of_split(each, split) for each in files)
         self.dropped: dict[str, str] = {}
 
     def span(self, limits: tuple[float, float, str]) -> float:
@@ -309,6 +324,8 @@ class _Draw:
     def sample(self, index: int) -> Sample:
         keys = self.description
         place, (camera, focus_m) = keys.placement, lens_of(keys, index)
+        if place.share_rooms and self.chance(place.share_rooms):
+            return self._room(index, camera, focus_m)
         resting, wall = self.chance(place.share_resting), self.span(place.wall_m)
         pitch = math.radians(self.span(place.pitch_deg)) if resting else 0.0
         low, high, _ = place.depth_m
@@ -316,20 +333,39 @@ class _Draw:
         ahead = (0.0, height - math.sin(pitch), -math.cos(pitch))
         to_camera = look_at((0, height, 0), ahead)
         parts = self._backdrop(wall, height, resting)
-        names = []
+        names, owners = [], [0] * len(parts)
         for shape, matrix in self._placed(camera, to_camera, wall, height if resting else None):
-            parts += [part.transformed(matrix) for part in self._dressed(shape)]
+            parts += [part.transformed(matrix) for part in self.dressed(shape)]
             names.append(shape.name)
+            owners += [len(names)] * len(shape.parts)
+        made = assemble(parts, to_camera)
         scene = Scene(
             name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
             ambient=triple(self.span(keys.lights.ambient) * self._tint()),
-            focus_distances_m=focus_m, **assemble(parts, to_camera).arrays,
+            focus_distances_m=focus_m, **made.arrays,
         )  # fmt: skip
         if self.chance(keys.lights.share_sky):
             horizon = np.array(scene.ambient)
             ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
             scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
-        return Sample(within_limits(scene, scene.name), names, self.dropped)
+        scene = within_limits(scene, scene.name)
+        return Sample(scene, names, self.dropped, _owners(owners, parts, made.kept))
+
+    def _room(self, index: int, camera: Camera, focus_m: tuple[float, ...]) -> Sample:
+        room = rooms.Room(self)
+        room.add_shell()
+        room.furnish()
+        to_camera = room.camera()
+        lights, sky = room.light(to_camera)
+        name = f"{self.description.name}-{index:06d}"
+        made = assemble(room.parts, to_camera)
+        scene = Scene(
+            name=name, camera=camera, lights=lights, ambient=(0.0, 0.0, 0.0), bake=rooms.BAKE,
+            focus_distances_m=focus_m, **made.arrays,
+        )  # fmt: skip
+        scene = within_limits(with_sky(scene, sky, to_camera, file=name), name)
+        owners = _owners(room.owners, room.parts, made.kept)
+        return Sample(scene, room.names, self.dropped, owners)
 
     def _placed(
         self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None
@@ -341,7 +377,7 @@ class _Draw:
         placed: list[tuple[Shape, np.ndarray]] = []
         spheres: list[tuple[np.ndarray, float]] = []
         for _ in range(round(self.span(place.objects))):
-            shape = self._shape()
+            shape = self.shape()
             for _ in range(TRIES):
                 depth = self.span(place.depth_m)
                 radius = self.span(place.size) * camera.field_width * depth / 2
@@ -349,7 +385,7 @@ class _Draw:
                 centre = (to_world @ (x, y, depth, 1))[:3]
                 pose = random_rotation_matrix(self.rng.random(3))  # uniform
                 if floor is not None:
-                    pose = self._pose_at_rest(shape)
+                    pose = self.pose_at_rest(shape)
                     centre[1] = radius * pose[1, 3]
                     pose = translate(0, -pose[1, 3], 0) @ pose
                 if self._fits(centre, radius, spheres, camera, to_camera, wall):
@@ -377,8 +413,10 @@ class _Draw:
         size = self.description.size
         return camera.field_width * np.array(size) / size.shorter
 
-    def _shape(self) -> Shape:
-        names = self.description.shapes.builders
+    def shape(self, among: Sequence[str] = ()) -> Shape:
+        """Draw a mesh, or a procedural shape of the description, if possible ``among`` these."""
+        names: Sequence[str] = self.description.shapes.builders
+        names = [name for name in names if name in among] or names
         if self.meshes and (not names or self.chance(self.description.shapes.share_of_meshes)):
             return self._picked(mesh, self.meshes)
         return builder(self.pick(names))
@@ -394,17 +432,17 @@ class _Draw:
             self.dropped[file.name] = str(loaded)
         raise SceneError("cannot be read, nor can any other file", file=files[first])
 
-    def _pose_at_rest(self, shape: Shape) -> np.ndarray:
+    def pose_at_rest(self, shape: Shape) -> np.ndarray:
         """Draw a pose on y = 0, turned about the vertical axis through the sphere's middle."""
         along = np.cumsum(shape.shares / shape.shares.sum())
         pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
         turn = rotate("y", 360 * float(self.rng.random()))
         return turn @ translate(-pose[0, 3], 0, -pose[2, 3]) @ pose
 
-    def _dressed(self, shape: Shape) -> Parts:
+    def dressed(self, shape: Shape) -> Parts:
         if shape.has_look:
-            return shape.parts
-        surface, repeats = self._surface(shape.name), self.span(self.description.materials.repeats)
+            return shape.parts if shape.is_users else self._recoloured(shape.parts)
+        surface, repeats = self.surface(shape.name), self.span(self.description.materials.repeats)
         flat = replace(surface, curved=False)
         return [
             replace(
@@ -415,7 +453,20 @@ class _Draw:
             for part in shape.parts
         ]
 
-    def _surface(self, name: str) -> Surface:
+    def _recoloured(self, parts: Parts) -> Parts:
+        """Return parts in other colours: each surface tinted, or all of one drawn material."""
+        if self.chance(self.description.materials.share_redressed):
+            drawn = self.surface("redressed")
+            return [replace(part, surface=drawn) for part in parts]
+        tinted: dict[int, Surface] = {}
+        for part in parts:
+            if id(part.surface) not in tinted:
+                tint = 0.4 + 0.7 * self.rng.random(3)
+                colour = np.clip(np.array(part.surface.diffuse) * tint, 0, 1)
+                tinted[id(part.surface)] = replace(part.surface, diffuse=triple(colour))
+        return [replace(part, surface=tinted[id(part.surface)]) for part in parts]
+
+    def surface(self, name: str) -> Surface:
         keys = self.description.materials
         colour, picture = self._colour(), None
         if self.chance(keys.share_textured):
@@ -468,10 +519,10 @@ class _Draw:
         side = 8 * wall
         repeats = 2 * self.span(self.description.materials.repeats) / wall
         at = (-side / 2, height - side / 2, -wall)
-        upright = rectangle(at, (side, 0, 0), (0, side, 0), self._surface("wall"), repeat=repeats)
+        upright = rectangle(at, (side, 0, 0), (0, side, 0), self.surface("wall"), repeat=repeats)
         if not resting:
             return [upright]
         repeats = 2 * self.span(self.description.materials.repeats)
-        floor = self._surface("floor")
+        floor = self.surface("floor")
         start = (-side / 2, 0, side / 2)
         return [upright, rectangle(start, (side, 0, 0), (0, 0, -side), floor, repeat=repeats)]

@@ -34,7 +34,8 @@ def place_of(kind: str, split: str, index: int, name: str) -> str:
     """Return the path of a field's file in the folder of a data set."""
     if kind == "focal_stacks":  # one folder: training, then validation
         name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
-        named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json"}.get(name, name)
+        named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json",
+                 "truth.exr": "Truth.exr"}.get(name, name)  # fmt: skip
         return f"{index:06d}{named}"
     if name == "mat":
         return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"

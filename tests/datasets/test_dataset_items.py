@@ -4,6 +4,7 @@ import io
 import json
 
 import numpy as np
+import OpenEXR
 import pytest
 import trimesh
 from plain_scenes import refused
@@ -84,6 +85,29 @@ def test_a_sensor_makes_noise_in_all_pictures_but_the_sharp_one(device, codes):
     assert stored_item.shown("focus00.tif").dtype == np.uint8
     again = items.make_item(of, 1, open_device(threads=1), encoded=False).arrays["focus"]
     assert np.array_equal(again, item.arrays["focus"])
+
+
+def test_truth_has_normals_albedo_and_numbers_of_objects(device):
+    of = Description.check(SMALL | {"truth": True})
+    item = items.make_item(of, 1, device)
+    channels = OpenEXR.File(io.BytesIO(item.files["truth.exr"]), separate_channels=True).channels()
+    names = {"depth_m", "normal.X", "albedo.G", "object", "material", "triangle", "coc_px.04"}
+    assert names <= set(channels) and "flow_px.U" not in channels
+    drawn = sample(of, 1)
+    numbers = channels["object"].pixels
+    assert numbers.min() == 1 and 3 <= len(np.unique(numbers)) <= len(drawn.objects) + 1
+    assert item.record["seen"] == pytest.approx((numbers > 1).mean(), abs=1e-3)
+    blur = items.blur_px(drawn.scene.camera, 48, channels["depth_m"].pixels, of.lens.focus_m[4])
+    assert np.allclose(channels["coc_px.04"].pixels, blur, atol=1e-4)
+    assert item.arrays["truth_normal"].shape == (48, 48, 3)
+    field = Description.check(SMALL | {
+        "kind": "light_fields", "quality_db": 20, "also": [], "truth": True,
+        "lens": {"focal_length_mm": 100, "sensor_width_mm": 100, "focus_m": [1.6], "views": 2},
+        "placement": {"depth_m": [1.1, 2.8], "wall_m": 3, "objects": 4},
+    })  # fmt: skip
+    arrays = items.make_item(field, 1, device, encoded=False).arrays
+    assert np.shape(arrays["truth_flow_px"]) == (4, 48, 48, 2)
+    assert not np.any(arrays["truth_flow_px"][3]) and np.any(arrays["truth_flow_px"][0])
 
 
 def test_blur_is_that_of_a_thin_lens():

@@ -1,5 +1,6 @@
 """Descriptions that are refused, and scenes that depend on seed and index alone."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -14,7 +15,8 @@ import lfcore
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
-from lfcore.datasets.sample import BACKDROP, lens_of, sample
+from lfcore.datasets.rooms import SMALL, Room
+from lfcore.datasets.sample import BACKDROP, Draw, lens_of, sample
 from lfcore.scene.files import scene_digest
 
 CONFIG = Path(__file__).resolve().parents[2] / "config/datasets"
@@ -105,7 +107,7 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
         "placement": {"share_resting": share_resting, "objects": 20},
     })  # fmt: skip
     for index in range(6):
-        scene, names, _ = sample(of, index)
+        scene, names, *_ = sample(of, index)
         assert len(names) >= 5
         kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
         behind = np.isin(kinds, BACKDROP)
@@ -121,6 +123,63 @@ def test_objects_are_apart_before_the_wall_and_on_the_floor(share_resting):
             assert -1e-5 < heights.min() < 1e-3
         else:
             assert objects[:, 2].max() <= wall[:, 2].min() + 1e-4
+
+
+@functools.cache
+def room(index):
+    """The room before it is a scene, and its camera."""
+    of = Description.check(PLAIN | {"placement": {"share_rooms": 1}})
+    seeds = np.random.SeedSequence(of.seed, spawn_key=(1 << 30, index))
+    made = Room(Draw(of, np.random.Generator(np.random.Philox(seeds))))
+    made.add_shell()
+    made.furnish()
+    return made, made.camera()
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_furniture_of_a_room_is_apart_within_the_walls_and_the_camera_is_free(index):
+    made, to_camera = room(index)
+    eye = np.linalg.inv(to_camera)[:3, 3]
+    half = np.array([made.width / 2, made.height, made.depth / 2])
+    assert (np.abs(eye) < half).all() and len(made.names) >= 8
+    points = {}
+    for owner, part in zip(made.owners, made.parts, strict=True):
+        points.setdefault(owner, []).append(part.triangles.reshape(-1, 3))
+    # Things on the floor or on furniture: above the floor, in the room, and not on the camera.
+    for owner, pieces in points.items():
+        if owner and made.names[owner - 1] != "print":
+            corners = np.concatenate(pieces)
+            low, high = corners.min(0), corners.max(0)
+            assert low[1] > -0.01 and high[1] < made.height
+            assert (np.abs(corners[:, [0, 2]]) < half[[0, 2]] + 1e-3).all(), made.names[owner - 1]
+            assert ((eye < low - 0.05) | (eye > high + 0.05)).any() or len(corners) > 1e4
+    for number, box in enumerate(made.boxes):
+        assert not any(box.meets(other, 0.0) for other in made.boxes[:number])
+    # Each thing on furniture touches its top and no other thing.
+    for pose, (x0, x1, z0, z1, y) in made.tops:
+        on_top = [
+            (np.concatenate(pieces) - pose[:3, 3]) @ pose[:3, :3]
+            for owner, pieces in points.items()
+            if owner and made.names[owner - 1] in SMALL
+        ]
+        on_top = [p for p in on_top if abs(p[:, 1].min() - y) < 2e-3 and x0 < p[:, 0].mean() < x1
+                  and z0 < p[:, 2].mean() < z1]  # fmt: skip
+        for number, one in enumerate(on_top):
+            assert one[:, 0].min() > x0 - 1e-3 and one[:, 0].max() < x1 + 1e-3
+            for other in on_top[:number]:
+                apart = (one.min(0) > other.max(0)) | (one.max(0) < other.min(0))
+                centres = np.linalg.norm(one.mean(0) - other.mean(0))
+                assert apart[[0, 2]].any() or centres > 0.08
+
+
+def test_a_room_is_a_scene_with_sky_lamps_and_an_owner_per_triangle():
+    of = PLAIN | {"placement": {"share_rooms": 1}}
+    scene, names, _, owners = sample(of, 1)
+    assert scene.bake is not None and scene.sky.size and scene.lights
+    assert owners.shape == scene.material_ids.shape and owners.max() == len(names)
+    kinds = np.array([m.name for m in scene.materials])[scene.material_ids]
+    assert {"wall", "floor", "ceiling", "ground"} <= set(kinds[owners == 0])
+    assert scene_digest(sample(of, 1).scene) == scene_digest(scene)
 
 
 @pytest.mark.parametrize("kind", ["sun", "point", "spot"])
@@ -174,7 +233,7 @@ def test_users_meshes_and_textures(tmp_path):
     lfcore.write_picture(tmp_path / "mine.png", np.full((8, 8, 3), 200, np.uint8))
     shapes = {"meshes": str(tmp_path), "builders": []}
     more = {"shapes": shapes, "materials": {"textures": str(tmp_path), "share_textured": 1}}
-    scene, names, _ = sample(PLAIN | more, 3)
+    scene, names, *_ = sample(PLAIN | more, 3)
     assert set(names) == {"mine.ply"} and len(scene.textures) == 1
     assert scene.textures[0].shape == (8, 8, 3)
 
@@ -203,3 +262,36 @@ def test_the_page_of_light_fields_has_their_pictures(device, tmp_path):
     (seconds,) = made["seconds"].to_dict("records")
     parts = seconds["scene_core_seconds"] + seconds["files_core_seconds"]
     assert 0 < parts < seconds["core_seconds"]
+
+
+def test_splits_by_mesh_share_no_file(tmp_path):
+    for number in range(40):
+        trimesh.creation.box().export(tmp_path / f"{number}.ply")
+    keys = {"shapes": {"meshes": str(tmp_path), "builders": []}, "split_by": "mesh"}
+    of = Description.check(PLAIN | keys | {"scenes": {"train": 6, "validation": 2, "test": 2}})
+    used = {}
+    for index in range(of.count):
+        used.setdefault(of.split(index), set()).update(sample(of, index).objects)
+    assert len(used["train"]) > 15 and used["validation"] and used["test"]
+    assert not used["train"] & used["validation"] and not used["validation"] & used["test"]
+    one = Description.check(PLAIN | keys | {"shapes": {"meshes": [str(tmp_path / "1.ply")]}})
+    only = {one.split(i) for i in (0, 499)} - {s for s in ("train", "validation") if _has(one, s)}
+    assert len(only) == 1
+    assert Description.check(PLAIN).digest("") != Description.check(PLAIN | keys).digest("")
+
+
+def _has(of, split):
+    try:
+        return bool(of.of_split(of.mesh_files(), split))
+    except lfcore.SettingsError as error:
+        assert "none of 1 files is in the split" in str(error)
+        return False
+
+
+def test_furniture_varies_in_colour():
+    of = PLAIN | {"shapes": {"builders": ["armchair"]}, "materials": {"share_redressed": 0}}
+    looks = [
+        tuple(m.diffuse for m in sample(of | {"placement": {"objects": 1}}, index).scene.materials)
+        for index in range(3)
+    ]
+    assert len(set(looks)) == 3

@@ -66,8 +66,11 @@ def book_row(rng: Rng, length: float, look: Look) -> Parts:
     return parts + transform_all(volume, rotate("z", 12), translate(x + 0.05, 0, depth))
 
 
-def bed(seed: int, look: Look) -> Parts:
-    """Headboard at z = 0, foot at z = 2.1; 1.6 m wide; four pillows, quilt and throw."""
+def bed(seed: int, look: Look, detail: float = 1.0) -> Parts:
+    """Headboard at z = 0, foot at z = 2.1; 1.6 m wide; four pillows, quilt and throw.
+
+    Cloths have ``detail`` times as many pieces per side.
+    """
     width, top, walnut = 1.6, 0.56, look["walnut"]
     mattress = cushion((width, 0.26, 2.04), look["linen"], pieces=14, power=9.0)
     parts = [
@@ -84,9 +87,10 @@ def bed(seed: int, look: Look) -> Parts:
         (0.07, 0.46, (0.38, 0.02), "knit", (110, 34), 1.6, 0.016),
     )  # wider than the bed, length, drop, surface, pieces, repeat, wrinkle
     quilt, fold, throw = (
-        draped(width + more, length, drop, look[name], seed + number, *how)
-        for number, (more, length, drop, name, *how) in enumerate(covers, 1)
-    )
+        draped(width + more, length, drop, look[name], seed + number,
+               (round(detail * pieces[0]), round(detail * pieces[1])), *how)
+        for number, (more, length, drop, name, pieces, *how) in enumerate(covers, 1)
+    )  # fmt: skip
     parts += [quilt.at(0, top + 0.035, 0.72), fold.at(0, top + 0.062, 0.66)]
     parts.append(throw.transformed(rotate("y", 3), translate(0.02, top + 0.082, 1.44)))
     pillows = (
@@ -97,7 +101,7 @@ def bed(seed: int, look: Look) -> Parts:
         (0.0, 0.15, 0.48, -52, 2, "mustard", (0.40, 0.17, 0.34)),
     )
     for number, (x, y, z, tilt, turn, name, size) in enumerate(pillows):
-        soft = pillow(size, look[name], seed=seed + 10 + number, pieces=30)
+        soft = pillow(size, look[name], seed=seed + 10 + number, pieces=round(30 * detail))
         lean = rotate("x", -tilt), rotate("y", turn)
         parts.append(soft.transformed(*lean, translate(x, top + y, z)))
     return parts
@@ -181,18 +185,21 @@ def globe(look: Look) -> Parts:
     return [lathe(profile, look["walnut"], segments=30), *transform_all([ball, meridian], *tilt)]
 
 
-def armchair(seed: int, look: Look) -> Parts:
-    """0.78 wide, facing +z, seat at 0.42."""
+def armchair(seed: int, look: Look, detail: float = 1.0) -> Parts:
+    """0.78 wide, facing +z, seat at 0.42; ``detail`` as in :func:`bed`."""
+    count = round(20 * detail)
     soft, arm = look["velvet 2"], (0.14, 0.38, 0.68)
     places = ((0.66, 0.20, 0.64), 0, 0.30, 0.03), (arm, -0.36, 0.38, 0.02), (arm, 0.36, 0.38, 0.02)
     parts = [
-        cushion(size, soft, pieces=20, power=5.0, repeat=2.0).at(x, y, z)
+        cushion(size, soft, pieces=count, power=5.0, repeat=2.0).at(x, y, z)
         for size, x, y, z in places
     ]
-    back = cushion((0.74, 0.62, 0.16), soft, pieces=24, power=4.5, repeat=2.0)
+    back = cushion((0.74, 0.62, 0.16), soft, pieces=round(24 * detail), power=4.5, repeat=2.0)
     parts.append(back.transformed(rotate("x", -10), translate(0, 0.60, -0.30)))
-    parts.append(pillow((0.62, 0.20, 0.62), soft, seed=seed, pieces=28).at(0, 0.44, 0.06))
-    loose = pillow((0.42, 0.17, 0.40), look["stripe"], seed=seed + 1, pieces=30)
+    parts.append(
+        pillow((0.62, 0.20, 0.62), soft, seed=seed, pieces=round(28 * detail)).at(0, 0.44, 0.06)
+    )
+    loose = pillow((0.42, 0.17, 0.40), look["stripe"], seed=seed + 1, pieces=round(30 * detail))
     lean = rotate("x", 68), rotate("z", 8)
     parts.append(loose.transformed(*lean, translate(0.03, 0.64, -0.14)))
     return parts + _legs((-0.3, 0.3), (-0.26, 0.28), 0.22, 1.1, [0.014, 0.022], look["walnut"], 12)

@@ -71,13 +71,14 @@ def draped(
 
 
 def curtain(
-    width: float, height: float, surface: Surface, *, seed: int, pull: float
-) -> SurfaceMesh:
+    width: float, height: float, surface: Surface, *, seed: int, pull: float,
+    pieces: tuple[int, int] = (130, 30),
+) -> SurfaceMesh:  # fmt: skip
     """Hangs from y = ``height`` along +x, pleats along z; drawn in at the height of its tie.
 
     ``pull`` +1 draws it to its left end, -1 to its right.
     """
-    s, t = np.meshgrid(np.linspace(0, 1, 131), np.linspace(0, 1, 31))
+    s, t = np.meshgrid(*(np.linspace(0, 1, n + 1) for n in pieces))
     level, tied = 0.42, 0.45  # the height of the tie, and the width there
     waist = np.exp(-(((t - level) / 0.22) ** 2))
     spread = 1 - (1 - tied) * waist - 0.25 * (t < level) * (1 - waist) * (1 - tied)
