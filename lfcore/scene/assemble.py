@@ -1,6 +1,8 @@
 """Turn parts in world space into the flat float32 arrays of a scene."""
 
 import hashlib
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +12,13 @@ from lfcore.reading import Where
 from lfcore.scene.appearance import RANGES, Material
 from lfcore.scene.arrays import columnwise, dot
 from lfcore.scene.surface_mesh import (
+    DEFAULTS,
     Surface,
     SurfaceMesh,
     area_vectors,
     face_normals,
+    filled,
     normalise,
-    stacked,
     triple,
 )
 
@@ -28,6 +31,8 @@ normal range, which ends at 1e-38."""
 FLAT = 1e-13
 """The least twice area over the longest edge squared: rotation in float64 moves collinear corners
 by about its rounding."""
+AT_A_TIME = 1 << 18
+"""The triangles that are assembled at a time: their float64 arrays stay in tens of MB."""
 TEXTURES = {
     "texture": "sRGB",
     "metal_texture": "data",
@@ -73,27 +78,46 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
 
     ``dropped`` counts the triangles left out by reason; arrays that no part uses are empty.
     """
-    parts = [part.transformed(to_camera) for part in parts if part.count]
+    parts = [part for part in parts if part.count]
     materials, textures, ids = _materials(parts)
-    triangles = np.concatenate([np.zeros((0, 3, 3)), *(part.triangles for part in parts)])
-    keep, dropped = sound(triangles)
+    columns = {name: any(getattr(part, name) is not None for part in parts) for name in DEFAULTS}
     # A texture that nobody samples costs a texture coordinate per corner: leave both out.
-    columns = stacked(parts)
-    if not textures:
-        columns["uvs"] = None
-    if columns["normals"] is not None:
-        columns["normals"] = _sound_normals(columns["normals"], triangles)
-    widths, arrays = {"normals": 3, "uvs": 2, "colours": 3}, {}
-    for name, column in columns.items():
-        values = np.zeros((0, 3, widths[name])) if column is None else column[keep]
-        arrays[name] = np.ascontiguousarray(values, np.float32)
+    columns["uvs"] &= bool(textures)
+    widths, dropped = {"triangles": 3, "normals": 3, "uvs": 2, "colours": 3}, Counter[str]()
+    rounded = {name: [np.zeros((0, 3, width), np.float32)] for name, width in widths.items()}
+    kept = [np.zeros(0, bool)]  # of each batch
+    for batch in _batches(parts):
+        moved = [part.transformed(to_camera) for part in batch]
+        arrays = {"triangles": np.concatenate([part.triangles for part in moved])}
+        keep, reasons = sound(arrays["triangles"])
+        arrays |= {name: filled(moved, name) for name, used in columns.items() if used}
+        if columns["normals"]:
+            arrays["normals"] = _sound_normals(arrays["normals"], arrays["triangles"])
+        for name, values in arrays.items():
+            rounded[name].append(values[keep].astype(np.float32))
+        kept.append(keep)
+        dropped.update(reasons)
     counts = np.array([part.count for part in parts], np.int64)
-    material_ids = np.repeat(np.array(ids, np.int32), counts)[keep]
+    keep = np.concatenate(kept)
     return Geometry(
-        np.ascontiguousarray(triangles[keep], np.float32), **arrays,
-        material_ids=material_ids, materials=materials, textures=textures, dropped=dropped,
-        kept=keep,
+        **{name: np.concatenate(values) for name, values in rounded.items()},
+        material_ids=np.repeat(np.array(ids, np.int32), counts)[keep],
+        materials=materials, textures=textures, dropped=dict(dropped), kept=keep,
     )  # fmt: skip
+
+
+def _batches(parts: list[SurfaceMesh]) -> Iterator[list[SurfaceMesh]]:
+    """The parts, in order, of which large ones are cut, in lists of about AT_A_TIME triangles."""
+    batch, count = list[SurfaceMesh](), 0
+    for part in parts:
+        for first in range(0, part.count, AT_A_TIME):
+            batch.append(part.picked(slice(first, first + AT_A_TIME)))
+            count += batch[-1].count
+            if count >= AT_A_TIME:
+                yield batch
+                batch, count = [], 0
+    if batch:
+        yield batch
 
 
 def sound(triangles: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:

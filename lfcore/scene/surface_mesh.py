@@ -149,12 +149,19 @@ DEFAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 def stacked(parts: list[SurfaceMesh]) -> dict[str, np.ndarray | None]:
     """Each attribute over all parts, with :data:`DEFAULTS`; None where every part lacks it."""
-    columns: dict[str, np.ndarray | None] = {}
-    for name, default in DEFAULTS.items():
-        arrays = [(getattr(part, name), part.triangles) for part in parts]
-        filled = [default(t) if a is None else np.asarray(a, np.float64) for a, t in arrays]
-        columns[name] = np.concatenate(filled) if any(a is not None for a, _ in arrays) else None
-    return columns
+    return {
+        name: filled(parts, name)
+        if any(getattr(part, name) is not None for part in parts)
+        else None
+        for name in DEFAULTS
+    }
+
+
+def filled(parts: list[SurfaceMesh], name: str) -> np.ndarray:
+    """An attribute over all parts, with :data:`DEFAULTS`."""
+    arrays = ((getattr(part, name), part.triangles) for part in parts)
+    return np.concatenate([DEFAULTS[name](t) if a is None else np.asarray(a, np.float64)
+                           for a, t in arrays])  # fmt: skip
 
 
 def grid_triangles(grid: np.ndarray) -> np.ndarray:
