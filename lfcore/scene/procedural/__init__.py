@@ -12,7 +12,7 @@ from lfcore.errors import SceneError, did_you_mean
 from lfcore.reading import NOWHERE, Where
 from lfcore.scene.surface_mesh import SurfaceMesh
 
-BUILDERS = ("bedroom", "bike", "book", "cabin", "chart", "cornell", "ecosys", "sphere")
+BUILDERS = ("ball", "bedroom", "bike", "book", "cabin", "chart", "cornell", "ecosys", "sphere")
 
 
 def build(name: str, parameters: dict, seed: int, where: Where = NOWHERE) -> list[SurfaceMesh]:
