@@ -257,11 +257,16 @@ def _as_options(notes: str) -> str:
     )
 
 
-def open_field(arguments: argparse.Namespace) -> lfcore.LightField:
-    """Open the light field, and report damaged segments that are left out."""
+def open_field(arguments: argparse.Namespace, *, film: bool = False) -> lfcore.LightField:
+    """Open the light field, and report damaged segments that are left out.
+
+    Of a film it is one instant, which is reported unless all are used (``film``).
+    """
     field = lfcore.LightField.open(arguments.lightfield, salvage=arguments.salvage)
     if arguments.instant is not None:
         field = field.at(arguments.instant)
+    elif len(field.times) > 1 and not film:
+        say(f"the first of {len(field.times)} instants; --instant has others")
     for damage in field.damage:
         say(f"left out: {damage.reason}")
     return field

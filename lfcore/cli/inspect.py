@@ -83,7 +83,7 @@ def info(arguments: argparse.Namespace) -> None:
     if not _is_light_field(name):
         info_of_scene(arguments)
         return
-    field = open_field(arguments)
+    field = open_field(arguments, film=True)
     if arguments.verify:
         with progress("checking", "segments") as report:
             field.verify(report)

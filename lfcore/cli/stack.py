@@ -125,7 +125,7 @@ def pull(arguments: argparse.Namespace) -> None:
     excluded = given(arguments, "instant") | ({"plane": 1} if arguments.plane else {})
     for option in excluded | given(arguments, "method"):
         refuse(f"--{option}", "is for pictures, not for a film", "Leave it out, or write a .png")
-    field = open_field(arguments)
+    field = open_field(arguments, film=True)
     if len(field.times) < 2:
         refuse("--output", "the file has one instant, which is no film", "Write a .png")
     damaged = [k for k in range(len(field.times)) if field.at(k).damage]

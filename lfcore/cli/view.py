@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _page(arguments: argparse.Namespace) -> None:
-    field = open_field(arguments)
+    field = open_field(arguments, film=True)
     with progress("reading views", "frames") as report:
         page = field.viewer(
             **given(arguments, "grid", "pixels", "format", "jpeg_quality", "device"),

@@ -157,6 +157,8 @@ def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
             assert (video.frames, video.average_rate) == (6, 4)
     run("refocus", film.path, "-o", tmp_path / "a.npy", "--instant", 3, "--focus", 2)
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), film.at(3).refocus(focus_m=2.0))
+    said = run("refocus", film.path, "-o", tmp_path / "a.npy", "--focus", 2)
+    assert "the first of 6 instants; --instant has others" in said
     run("export", film.path, "-o", tmp_path / "all", "--format", "hci", "--views", "2x2")
     assert sorted(p.name for p in (tmp_path / "all").iterdir()) == [f"{k:04d}" for k in range(6)]
     table.write_text("time,view\n0,1 0\nsoon,0 0\n")
