@@ -70,6 +70,7 @@ class LightField(LightFieldFile):
         rotation_deg: float = 0.0,
         normalise: str = "aperture",
         keep_magnification: bool = False,
+        half: str | None = None,
     ) -> SensorPlane:
         """Describe one picture: its focus and aperture.
 
@@ -83,7 +84,7 @@ class LightField(LightFieldFile):
             recorded focus, more is nearer.
         aperture_views : float, optional
             Instead of an f-number: the aperture's diameter in views.
-        blades, rotation_deg, normalise, keep_magnification : optional
+        blades, rotation_deg, normalise, keep_magnification, half : optional
             As in :class:`SensorPlane`.
 
         Raises
@@ -122,7 +123,7 @@ class LightField(LightFieldFile):
             plane = SensorPlane.of(
                 slab.camera, distance, f_number, aperture, blades=blades,
                 rotation_deg=rotation_deg, normalise=normalise,
-                keep_magnification=keep_magnification,
+                keep_magnification=keep_magnification, half=half,
             )  # fmt: skip
             plane.check(slab)
             plane.lens_aperture(slab)

@@ -68,7 +68,8 @@ KINDS: dict[str, dict[str, Any]] = {
                "photons, quantum_efficiency, full_well_e, black_level, seed; .tif and .dng hold "
                "raw codes, other formats the developed picture (no sensor, no noise)"},
     "aperture": {"type": values.aperture, "metavar": "SHAPE",
-                 "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle)"},
+                 "help": "circle, square, diamond, or polygon[:BLADES[:DEGREES]] (circle); a half: "
+                 "left, square:left"},
     "normalise": {"choices": NORMALISATIONS,
                   "help": "by the open samples of the aperture, or by all of the lens, so that the "
                   "picture dims as the lens stops down (aperture)"},

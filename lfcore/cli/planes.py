@@ -38,6 +38,11 @@ def add_options(command: argparse.ArgumentParser, *, of_file: bool) -> None:
     picture = command.add_argument_group("the picture")
     add_focus(picture, of_file=of_file)
     add(picture, "aperture", "normalise", "bits", "exposure", "sensor")
+    picture.add_argument(
+        "--dual-pixel", action="store_true",
+        help="write what the left and the right half of the aperture see, too, FILE_left and "
+        "FILE_right; the picture is their mean",
+    )  # fmt: skip
     many = command.add_argument_group(f"many pictures (up to {MOST_PLANES}) from one pass")
     many.add_argument(
         "--plane", action="append", default=[], metavar="KEY=VALUE,...",
@@ -97,6 +102,16 @@ def read_planes(
         make_plane(source, default | _read(row, key, file), key, file, pixels)
         for row, key, file in rows or [({}, None, None)]
     ]
+
+
+def formed_planes(arguments: argparse.Namespace, planes: list[SensorPlane]) -> list[SensorPlane]:
+    """The planes whose pictures are formed: with ``--dual-pixel``, both halves of each."""
+    if not arguments.dual_pixel:
+        return planes
+    if any(plane.half for plane in planes):
+        refuse("--dual-pixel", "halves a whole aperture", "Leave out the half")
+    check_count(2 * len(planes))
+    return [half for plane in planes for half in plane.halves()]
 
 
 def check_count(pictures: int) -> None:
@@ -238,9 +253,14 @@ def save(
     """Write pictures, in one NPY or in a file each, and report their names.
 
     A file's name has its number and settings.  ``options`` has keywords of :func:`write_named`.
+    Twice as many pictures as planes are dual-pixel pairs: their means are written, too.
     """
+    pairs = len(pictures) == 2 * len(planes)
+    if pairs:
+        left, right = pictures[::2], pictures[1::2]
+        pictures = np.stack([(left + right) / 2, left, right], 1).reshape(-1, *left.shape[1:])
     if path.suffix.lower() == ".npy":
-        whole = pictures[0] if len(planes) == 1 else pictures
+        whole = pictures[0] if len(pictures) == 1 else pictures
         write_named([(path, whole)], sensor=options.get("sensor"))
     else:
         names = [path]
@@ -254,4 +274,9 @@ def save(
                     for k, plane in enumerate(planes)
                 ]
             names = [path.with_name(f"{path.stem}_{label}{path.suffix}") for label in labels]
+        if pairs:
+            names = [
+                name.with_name(f"{name.stem}{half}{name.suffix}")
+                for name in names for half in ("", "_left", "_right")
+            ]  # fmt: skip
         write_named(list(zip(names, pictures, strict=True)), **options)

@@ -88,7 +88,8 @@ def run(arguments: argparse.Namespace) -> None:
     pixels = arguments.pixels or 256
     planes = plane_options.read_planes(arguments, scene, pixels)
     plane_options.report(planes)
-    same = {"planes": planes, "pixels": pixels, "device": arguments.device}
+    formed = plane_options.formed_planes(arguments, planes)
+    same = {"planes": formed, "pixels": pixels, "device": arguments.device}
     lattice = lattice_to_trace(arguments.filter, arguments.views)
     lattice = replace(lattice, **given(arguments, "subpixels"))
     rays = 0 if quality else lattice.rays(pixels)

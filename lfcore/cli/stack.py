@@ -113,7 +113,7 @@ def refocus(arguments: argparse.Namespace) -> None:
     if field.metric:
         plane_options.report(planes)
     plane_options.say_doubts(planes, field)
-    pictures = make_pictures(arguments, field, planes)
+    pictures = make_pictures(arguments, field, plane_options.formed_planes(arguments, planes))
     field.close()  # decoders hold more memory than pictures
     plane_options.save(arguments.output, planes, pictures, form(arguments), field)
 

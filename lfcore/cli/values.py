@@ -10,7 +10,7 @@ from typing import Any
 from lfcore.colour import MOST_EV
 from lfcore.errors import OpticsError
 from lfcore.optics.focus import blur_share, check_place, check_words
-from lfcore.optics.planes import SHAPES
+from lfcore.optics.planes import HALVES, SHAPES
 from lfcore.optics.size import Size
 from lfcore.sensor import Sensor
 from lfcore.storage.codecs import CODECS
@@ -196,11 +196,18 @@ def f_number(text: str) -> dict[str, float]:
 
 
 def aperture(text: str) -> dict[str, Any]:
-    """Read an aperture: ``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``."""
+    """Read an aperture: ``circle``, ``square``, ``diamond``, or ``polygon:BLADES:DEGREES``; one of
+    their halves: ``square:left``, or ``left`` of the circle."""
+    *whole, half = text.split(":")
+    if half in HALVES:
+        return aperture(":".join(whole) or "circle") | {"half": half}
     shape, *more = text.split(":")
     if shape not in SHAPES or len(more) > 2 or (more and shape != "polygon"):
         shapes = ", ".join(SHAPES)
-        problem = f"{text!r} is not one of {shapes}; a polygon may be polygon:5 or polygon:5:18"
+        problem = (
+            f"{text!r} is not one of {shapes}, or left, right, top or bottom; a polygon may be "
+            "polygon:5 or polygon:5:18, a half square:left"
+        )
         raise argparse.ArgumentTypeError(problem)
     settings: dict[str, Any] = {"aperture": shape}
     if more:

@@ -14,7 +14,8 @@ from lfcore.pictures import write_pictures
 
 def plane_label(index: int, plane: SensorPlane) -> str:
     """A file name for plane ``index``, e.g. ``02_focus1.25m_f2.8_circle``."""
-    return f"{index:02d}_focus{plane.focus_m:.4g}m_f{plane.f_number:.3g}_{plane.aperture}"
+    half = f"_{plane.half}" if plane.half else ""
+    return f"{index:02d}_focus{plane.focus_m:.4g}m_f{plane.f_number:.3g}_{plane.aperture}{half}"
 
 
 def write_plane_pictures(

@@ -425,6 +425,7 @@ class Scene:
         rotation_deg: float = 0.0,
         normalise: str = "aperture",
         keep_magnification: bool = False,
+        half: str | None = None,
     ) -> SensorPlane:
         """A picture's focus and aperture, for :func:`lfcore.render`.
 
@@ -446,7 +447,7 @@ class Scene:
             visible depths, a share of the picture's shorter side: 0.03 or ``"3%"``.
         pixels : int or (int, int)
             The picture's width and height where they differ, for ``focus_at``.
-        blades, rotation_deg, normalise, keep_magnification : optional
+        blades, rotation_deg, normalise, keep_magnification, half : optional
             As in :class:`lfcore.SensorPlane`.
 
         Raises
@@ -486,7 +487,7 @@ class Scene:
             )  # fmt: skip
         return SensorPlane.of(
             camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
-            normalise=normalise, keep_magnification=keep_magnification,
+            normalise=normalise, keep_magnification=keep_magnification, half=half,
         )  # fmt: skip
 
     def has_alpha_test(self, material: Material) -> bool:
