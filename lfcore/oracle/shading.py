@@ -17,16 +17,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lfcore.oracle.crossings import crossings
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
 from lfcore.oracle.metal import Metals, bent_normals, metals, reflected_sky
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.model import Scene
+from lfcore.scene.needs import MIRROR_ROUGHNESS, is_clear
 from lfcore.scene.sky import radiance as sky_radiance
 
 TOUCHING = 1e-9
 """The least distance of an occluder, as a share of the distance to the light: nearer triangles
 touch the point."""
+COAT = 1.5
+"""The index of refraction of a clear coat."""
 FLAT_NORMALS = 1e-5
 """The least difference between the corners' normals of a curved triangle."""
 
@@ -84,6 +88,7 @@ def own_light(spots: Spots, traced: Traced | None = None) -> np.ndarray:
         visible = (cosine > 0) & ((normal * towards).sum(1) > 0)
         if light.casts_shadows:
             visible &= ~_in_shadow(scene, light, start, spots.triangle)
+            strength = strength * _tints(scene, light, start, spots.triangle)
         of_metal, shine_of_metal = metal.reflected(bent, towards, view)
         plain = np.where(is_metal, of_metal, diffuse * cosine[:, None])
         shine = np.where(is_metal, shine_of_metal, specular * gloss[:, None])
@@ -193,21 +198,85 @@ def arriving(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _in_shadow(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    vector = np.array(light.vector, np.float64)
-    if light.kind == POINT:
-        towards, until = vector - point, 1 - TOUCHING
-        after = TOUCHING
-    else:
-        towards, until = np.tile(vector, (len(point), 1)), np.inf
-        after = TOUCHING * np.linalg.norm(point, axis=1)
+    towards, after, until = _way(light, point)
     first, end = light.own
-    occluders = np.concatenate([np.arange(first), np.arange(end, len(scene.triangles))])
-    # The numbers among the other triangles.
-    is_own = (triangle >= first) & (triangle < end)
-    receiver = np.where(is_own, -1, np.where(triangle >= end, triangle - (end - first), triangle))
+    numbers = np.arange(len(scene.triangles))
+    occludes = (numbers < first) | (numbers >= end)
+    occludes &= ~_clear(scene)[scene.material_ids]
+    occluders = np.flatnonzero(occludes)
+    place = np.append(np.where(occludes, np.cumsum(occludes) - 1, -1), -1)
     solid = solid_of(scene, occluders)
     return occluded(scene.triangles[occluders], point, towards, after=after, until=until,
-                    exclude=receiver, solid=solid)  # fmt: skip
+                    exclude=place[triangle], solid=solid)  # fmt: skip
+
+
+def _way(light: Light, point: np.ndarray) -> tuple[np.ndarray, np.ndarray | float, float]:
+    """Vectors (R, 3) to a light, and where on the way occluders are, from and until."""
+    vector = np.array(light.vector, np.float64)
+    if light.kind == POINT:
+        return vector - point, TOUCHING, 1 - TOUCHING
+    return np.tile(vector, (len(point), 1)), TOUCHING * np.linalg.norm(point, axis=1), np.inf
+
+
+def _clear(scene: Scene) -> np.ndarray:
+    """(M,) bool of materials that light passes."""
+    return np.array([is_clear(scene, material) for material in scene.every_material], bool)
+
+
+def _tints(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """(R, 3) shares of a light that reach points straight through clear surfaces.
+
+    Volumes absorb light between where it enters and where it leaves.  Textures of colour do not
+    count.
+    """
+    tints, absorbed = np.ones((len(point), 3)), np.zeros((len(point), 3))
+    clear = np.flatnonzero(_clear(scene)[scene.material_ids])
+    clear = clear[(clear < light.own[0]) | (clear >= light.own[1])]
+    if not len(clear):
+        return tints
+    towards, after, until = _way(light, point)
+    after, length = np.broadcast_to(after, len(point)), np.linalg.norm(towards, axis=1)
+    for pairs in crossings(scene.triangles[clear], point, towards, near=0.0):
+        number = clear[pairs.triangle]
+        on = pairs.inside & (pairs.t > after[pairs.ray]) & (pairs.t < until)
+        on &= number != triangle[pairs.ray]
+        ray, number, t = pairs.ray[on], number[on], pairs.t[on]
+        if not len(ray):
+            continue
+        unit = towards[ray] / length[ray, None]
+        spots = Spots(scene, number, pairs.weights[on], unit)
+        shares, signs = _passing(spots)
+        np.multiply.at(tints, ray, shares)
+        rates = np.array([m.absorption for m in spots.materials]).reshape(-1, 3)
+        np.add.at(absorbed, ray, signs * rates * (t * length[ray])[:, None])
+    return tints * np.exp(-np.maximum(absorbed, 0))
+
+
+def _passing(spots: Spots) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (R, 3) that pass surfaces; and -1 where volumes begin, 1 where they end, (R, 1)."""
+    number = spots.of_material
+    plane = _unit(spots.face_normals())
+    slant = (plane * spots.view).sum(1)
+    sharp = fresnel(np.abs(slant), 1 / number("ior"))
+    glass = np.where(number("thin_walled") > 0, 2 * sharp / (1 + sharp), sharp)
+    smooth = number("clearcoat_roughness") <= MIRROR_ROUGHNESS
+    shield = number("clearcoat") * smooth * fresnel(np.abs(slant), np.full(len(slant), 1 / COAT))
+    opacity, metal = spots.opacity(), np.maximum(number("metallic"), 0)
+    through = (1 - shield) * (1 - metal) * number("transmission") * (1 - glass)
+    shares = opacity * through[:, None] * number("diffuse") + 1 - opacity
+    volume = (number("transmission") > 0) & (number("thin_walled") == 0)
+    return shares, (volume * np.where(slant < 0, -1.0, 1.0))[:, None]
+
+
+def fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Reflectance of smooth dielectrics for unpolarised light; ``eta`` is the index in front over
+    that behind, and the cosine that in front."""
+    cosine = np.clip(cosine, 0, 1)
+    behind = np.sqrt(np.maximum(1 - eta**2 * (1 - cosine**2), 0))
+    across = (eta * cosine - behind) / np.maximum(eta * cosine + behind, 1e-300)
+    along = (cosine - eta * behind) / np.maximum(cosine + eta * behind, 1e-300)
+    total = eta**2 * (1 - cosine**2) >= 1
+    return np.where(eta == 1, 0.0, np.where(total, 1.0, (across**2 + along**2) / 2))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ import numpy as np
 from lfcore.oracle.differentials import Differentials, dot, normal_bends
 from lfcore.oracle.intersect import Hits, closest_hits
 from lfcore.oracle.metal import bent_normals, metals
-from lfcore.oracle.shading import TOUCHING, Traced, albedo, normals, own_light
+from lfcore.oracle.shading import COAT, TOUCHING, Traced, albedo, fresnel, normals, own_light
 from lfcore.oracle.textures import Spots, solid_of
 from lfcore.scene.model import Scene
 from lfcore.scene.needs import MIRROR_ROUGHNESS
@@ -44,8 +44,6 @@ from lfcore.scene.sky import radiance as sky_radiance
 from lfcore.scene.surface_mesh import face_normals
 
 MOST_EVENTS, SPLITS = 8, 2
-COAT = 1.5
-"""The index of refraction of a clear coat."""
 NEAREST = 4.0
 """The largest virtual inverse depth, in inverse depths of the first surface: rays near a focus of
 curved glass have any."""
@@ -305,17 +303,6 @@ def _removed(media: np.ndarray, which: np.ndarray) -> np.ndarray:
 def _volumes(spots: Spots) -> np.ndarray:
     """(R,) bool of points on the surface of a volume of glass."""
     return (spots.of_material("transmission") > 0) & (spots.of_material("thin_walled") == 0)
-
-
-def fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    """Reflectance of smooth dielectrics for unpolarised light; ``eta`` is the index in front over
-    that behind, and the cosine that in front."""
-    cosine = np.clip(cosine, 0, 1)
-    behind = np.sqrt(np.maximum(1 - eta**2 * (1 - cosine**2), 0))
-    across = (eta * cosine - behind) / np.maximum(eta * cosine + behind, 1e-300)
-    along = (cosine - eta * behind) / np.maximum(cosine + eta * behind, 1e-300)
-    total = eta**2 * (1 - cosine**2) >= 1
-    return np.where(eta == 1, 0.0, np.where(total, 1.0, (across**2 + along**2) / 2))
 
 
 Sent = tuple[np.ndarray, Differentials]

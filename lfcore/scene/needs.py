@@ -102,6 +102,8 @@ class Needs:
         Whether shadow rays start beside hit points, on curved surfaces.
     specular : bool
         Whether rays go on from a surface: see :func:`is_specular`.
+    clear : bool
+        Whether lights shine through a surface and tint its shadow: see :func:`is_clear`.
     stops : int
         The stops above white of the brightest ray.
     """
@@ -116,6 +118,7 @@ class Needs:
     baked: bool
     sky: bool
     specular: bool
+    clear: bool
     stops: int
 
     @classmethod
@@ -134,6 +137,7 @@ class Needs:
             baked=scene.light is not None,
             sky=len(scene.sky) > 0,
             specular=any(is_specular(scene, material) for material in used),
+            clear=casting and any(is_clear(scene, material) for material in used),
             stops=stops_above_white(scene),
         )
 
@@ -147,12 +151,15 @@ def is_mirror(material: Material) -> bool:
 def is_specular(scene: Scene, material: Material) -> bool:
     """Whether rays go on from a material's surfaces: mirrored, refracted or straight through."""
     return (
-        material.transmission > 0
-        or material.opacity < 1
+        is_clear(scene, material)
         or (material.clearcoat > 0 and material.clearcoat_roughness <= MIRROR_ROUGHNESS)
         or (material.is_metallic and _least_roughness(scene, material) <= MIRROR_ROUGHNESS)
-        or scene.has_alpha_blend(material)
     )
+
+
+def is_clear(scene: Scene, material: Material) -> bool:
+    """Whether light passes a material's surfaces."""
+    return material.transmission > 0 or material.opacity < 1 or scene.has_alpha_blend(material)
 
 
 def _least_roughness(scene: Scene, material: Material) -> float:

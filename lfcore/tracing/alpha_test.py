@@ -33,7 +33,7 @@ def pack_alpha_tests(scene: Scene, needs: Needs) -> dict[str, np.ndarray]:
     blends = np.array([needs.specular and scene.has_alpha_blend(each) for each in materials], bool)
     tests = np.array([scene.has_alpha_test(each) for each in materials], bool)
     has_alpha = blends | tests
-    if not has_alpha[scene.material_ids].any():
+    if not has_alpha[scene.material_ids].any() and not needs.clear:
         empty: dict[str, Any] = {
             "alpha_test_of": np.int32,
             "alpha_tests": ALPHA_TEST,

@@ -62,7 +62,7 @@ class DeviceScene:
         numbers = record(
             layouts.SCENE_ARGUMENTS, ambient=scene.ambient, background=scene.background,
             unshadowed_lights=len(s.lights) - s.shadow_lights, shadow_lights=s.shadow_lights,
-            sky_side=len(scene.sky),
+            sky_side=len(scene.sky), clear_low=s.clear_box[0], clear_high=s.clear_box[1],
         )  # fmt: skip
         shared = [name for name in (layouts.TREE | layouts.SURFACES) if name in arrays]
         check_indices(arrays[name] for name in shared)

@@ -56,6 +56,7 @@ MATERIAL = np.dtype([
     ("ior", FLOAT),
     ("thin_walled", INT),
     ("absorption", FLOAT, 3),  # 1 / metre
+    ("clear", INT),  # whether light passes
     ("clearcoat", FLOAT),
     ("clearcoat_roughness", FLOAT),
 ])  # fmt: skip
@@ -82,6 +83,8 @@ SCENE_ARGUMENTS = np.dtype([
     ("unshadowed_lights", INT),  # these come first
     ("shadow_lights", INT),
     ("sky_side", INT),  # texels of the sky
+    ("clear_low", FLOAT, 3),  # the box around triangles that light passes
+    ("clear_high", FLOAT, 3),
 ])  # fmt: skip
 RAY_ARGUMENTS = np.dtype([
     ("step", FLOAT, 4),  # sx, sy, tx, ty: per column and row of the inner grid

@@ -11,7 +11,7 @@ from lfcore.scene.appearance import POINT, Light
 from lfcore.scene.baked import BakedLight
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
-from lfcore.scene.needs import Needs
+from lfcore.scene.needs import Needs, is_clear
 from lfcore.scene.sky_gloss import sky_gloss
 from lfcore.tracing.layouts import (
     ALPHA_TESTS,
@@ -35,6 +35,7 @@ class Surfaces:
     """Arrays of the records in :mod:`lfcore.tracing.layouts`, and the matching defines.
 
     ``lights`` has the lights without shadows, then the ``shadow_lights`` with shadows.
+    ``clear_box`` (2, 3) is around the triangles that light passes.
     """
 
     corners: np.ndarray
@@ -48,6 +49,7 @@ class Surfaces:
     light: np.ndarray
     sky: np.ndarray
     shadow_lights: int
+    clear_box: np.ndarray
     defines: dict[str, int]
 
 
@@ -74,6 +76,9 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
     )
     shadows = sum(light.casts_shadows for light in lights)
+    materials = _pack_materials(scene)
+    is_clear = (materials["clear"] > 0)[scene.material_ids] & needs.clear
+    clear = scene.triangles[is_clear].reshape(-1, 3)
     grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
     if len(colours) and needs.physical and scene.light is not None:
@@ -82,7 +87,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         corners=np.ascontiguousarray(scene.triangles, np.float32),
         attributes=np.ascontiguousarray(np.concatenate(parts, axis=1), np.float32),
         material_ids=np.ascontiguousarray(scene.material_ids, np.int32),
-        materials=_pack_materials(scene),
+        materials=materials,
         lights=_pack_lights(lights),
         levels=levels,
         texels=texels,
@@ -90,6 +95,7 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
         light=pack_light(values),
         sky=np.concatenate([colours, np.zeros_like(colours[:, :1])], 1, dtype=np.float32),
         shadow_lights=shadows,
+        clear_box=np.stack([clear.min(0), clear.max(0)]) if len(clear) else np.zeros((2, 3)),
         defines=macros_of(needs),
     )
 
@@ -98,9 +104,12 @@ def macros_of(needs: Needs) -> dict[str, int]:
     """The macros that programs for the features are built with."""
     return {
         "SMOOTH": int(needs.smooth_normals),
-        "TEXTURES": needs.textures | ALPHA_TESTS * needs.alpha_tests | PHYSICAL * needs.physical,
+        "TEXTURES": needs.textures
+        | ALPHA_TESTS * (needs.alpha_tests or needs.clear)
+        | PHYSICAL * needs.physical,
         "VERTEX_COLOURS": int(needs.vertex_colours),
         "SHADOWS": int(needs.shadows),
+        "CLEAR": int(needs.clear),
         "CURVED": int(needs.curved and needs.smooth_normals),
         "BAKED": int(needs.baked),
         "SKY": int(needs.sky),
@@ -165,12 +174,13 @@ def pack_light(values: np.ndarray) -> np.ndarray:
 
 def _pack_materials(scene: Scene) -> np.ndarray:
     packed = np.zeros(len(scene.every_material), MATERIAL)
-    same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps"}
+    same = set(MATERIAL.names or ()) - {"specular_cutoff", "maps", "clear"}
     for row, m in zip(packed, scene.every_material, strict=True):
         for name in same:
             row[name] = getattr(m, name)
         row["specular_cutoff"] = LEAST_HIGHLIGHT ** (1 / m.shininess) if m.shininess > 0 else 0
         row["alpha_blend"] = scene.has_alpha_blend(m)
+        row["clear"] = is_clear(scene, m)
         row["maps"] = m.texture, m.normal_texture, m.metal_texture, m.emission_texture
     return packed
 

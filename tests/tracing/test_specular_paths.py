@@ -169,6 +169,23 @@ def test_a_camera_sees_one_part_or_two():
     assert len(tracer_of(glass, specular=True).parts(away)) == 1
 
 
+@pytest.mark.parametrize("single_rays", [False, True])
+@pytest.mark.parametrize("name", ["absorbing", "pane", "veil", "mirror"])
+def test_shadows_of_what_light_passes_are_tinted(name, single_rays):
+    """Behind the ball, in the sun: blocks of rays, or single ones."""
+    lit = replace(world(**KINDS[name]), lights=[SUN], ambient=(0.0, 0.0, 0.0))
+    rays = bundles.views(Slab(CAMERA, 2, 32), np.int32([[0, 0]]))
+    tracer = tracer_of(lit, specular=True, single_rays=single_rays)
+    found = tracer.bundle_radiance(rays).reshape(-1, 3)
+    paths = trace_paths(lit, *(part.reshape(-1, 3) for part in rays.rays()), CAMERA.delta)
+    off = np.abs(np.clip(found, 0, 1) - np.clip(paths.own + paths.specular, 0, 1)).max(1)
+    assert (off > 1e-3).mean() < 0.02 and np.median(off) < 1e-5
+    behind = paths.specular.max(1) == 0
+    bright = paths.own[behind].max(1)
+    tinted = (bright > 0.02) & (bright < 0.6 * np.quantile(bright, 0.9))
+    assert tinted.any() == (name != "mirror")
+
+
 def test_paths_have_the_same_bits_in_all_lanes(device):
     rays, bits = camera_rays(700), []
     for lanes in (1, 4, 8, 16):

@@ -154,7 +154,8 @@ def tracer_of(world, device=None, *, specular=False, **options):
     rays end at mirrors, as in the oracle's shading."""
     world = world if isinstance(world, Scene) else scene(world)
     needs = Needs.of(world)
-    needs = dataclasses.replace(needs, specular=specular and needs.specular)
+    if not specular:
+        needs = dataclasses.replace(needs, specular=False, clear=False)
     tree = build_bvh(world.triangles)
     return Tracer(world, tree, device, needs, mipmaps=False, **options)
 

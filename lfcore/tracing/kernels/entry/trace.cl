@@ -11,7 +11,7 @@
 #include "paths.cl"
 #endif
 
-// A worker's memory; a bit for each ray that sees a light follows, (shadow lights, BLOCK).
+// A worker's memory; what tints_of describes follows.
 typedef struct {
     float shaded[SHADED * COLOURS];
     Hits hits;
@@ -27,8 +27,9 @@ typedef struct {
 #endif
 } Memory;
 
-// Words of a worker's memory, with the masks of its shadow rays.
-#define SCRATCH_WORDS(lights) (sizeof(Memory) / 4 + (ulong)(lights) * BLOCK)
+// Words of a worker's memory, with what follows.
+#define SCRATCH_WORDS(lights) \
+    (sizeof(Memory) / 4 + (ulong)(lights) * (BLOCK + (CLEAR ? COLOURS : 0)))
 
 typedef struct {
     const Scene *scene;

@@ -32,13 +32,13 @@ inline void reflect_parts(global const LightRecord *light, const Surface *s, vi 
     *shine = pick3(*shine, scale3(fresnel, peak * arriving), facing);
 }
 
-inline void add_own_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
+inline void add_own_light(global const LightRecord *light, const Surface *s, vi seeing, Vec colour,
+                          Vec *sum)
 {
     Vec matt, shine;
     reflect_parts(light, s, seeing, &matt, &shine);
     if (light->visible) shine = pick3(shine, spread3(0.0f), s->lacking.dull);
-    *sum = plus3(*sum, times3(fma3(s->lacking.matt, matt, shine),
-                              spread3(vload3(0, light->colour))));
+    *sum = plus3(*sum, times3(fma3(s->lacking.matt, matt, shine), colour));
 }
 
 inline Vec own_light(const Scene *scene, const Surface *s, global const int *lit, int at)
@@ -52,10 +52,12 @@ inline Vec own_light(const Scene *scene, const Surface *s, global const int *lit
     }
     sum = plus3(sum, emission_of(s));
     for (int k = 0; k < n->unshadowed_lights; ++k)
-        add_own_light(scene->lights + k, s, (vi)(-1), &sum);
+        add_own_light(scene->lights + k, s, (vi)(-1), spread3(vload3(0, scene->lights[k].colour)),
+                      &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
         const int seen = lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
-        add_own_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen), &sum);
+        add_own_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen),
+                      tinted_colour(scene, k, lit, at), &sum);
     }
     return sum;
 }

@@ -122,8 +122,6 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
     r->media = (Media){VLOAD(media[0]), VLOAD(media[1])};
 }
 
-#define LOG2_E 1.44269504f
-
 // Move a row of paths to the triangles that they hit, through what absorbs light on the way.
 inline void reach_surfaces(const Paths *p, int at, vi mine, PathRow *r, TriangleRow *triangles)
 {

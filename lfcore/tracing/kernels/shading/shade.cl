@@ -28,8 +28,17 @@ inline Vec towards_light(global const LightRecord *light, Vec point, vf *attenua
     return l;
 }
 
+// The colour of a light with shadows, number `k` of these, at a row of rays.
+inline Vec tinted_colour(const Scene *scene, int k, global const int *lit, int at)
+{
+    const int number = scene->numbers->unshadowed_lights + k;
+    const Vec colour = spread3(vload3(0, scene->lights[number].colour));
+    return CLEAR ? times3(colour, load3(tints_of(scene, lit, k), at)) : colour;
+}
+
 // Add the reflection of a light on the rays `seeing` it.
-inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec *sum)
+inline void add_light(global const LightRecord *light, const Surface *s, vi seeing, Vec colour,
+                      Vec *sum)
 {
     vf attenuation;
     const Vec towards = towards_light(light, s->point, &attenuation);
@@ -42,7 +51,7 @@ inline void add_light(global const LightRecord *light, const Surface *s, vi seei
     else if (is_glossy(s->material))
         c = fma3(highlight(s, towards, facing) * attenuation,
                  spread3(vload3(0, s->material->record.specular)), c);
-    *sum = plus3(*sum, times3(c, spread3(vload3(0, light->colour))));
+    *sum = plus3(*sum, times3(c, colour));
 }
 
 inline Vec emission_of(const Surface *s)
@@ -71,11 +80,12 @@ inline Vec light_row(const Scene *scene, const Surface *s, global const int *lit
     const SceneArguments *n = scene->numbers;
     Vec sum = ambient_and_emission(scene, s);
     for (int k = 0; k < n->unshadowed_lights; ++k)
-        add_light(scene->lights + k, s, (vi)(-1), &sum);
+        add_light(scene->lights + k, s, (vi)(-1), spread3(vload3(0, scene->lights[k].colour)), &sum);
     for (int k = 0; SHADOWS && k < n->shadow_lights; ++k) {
         const int seen = lit[k * BLOCK + at / BLOCK] >> at % BLOCK;
         if (seen & ((1 << LANES) - 1))
-            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen), &sum);
+            add_light(scene->lights + n->unshadowed_lights + k, s, mask_of_bits(seen),
+                      tinted_colour(scene, k, lit, at), &sum);
     }
     return sum;
 }

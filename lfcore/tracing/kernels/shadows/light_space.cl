@@ -301,7 +301,7 @@ inline void cast_leaf(const Shadows *s, int leaf, int lane, LightSpaceRays *l)
     global const int *ids = triangle_ids(s->tree, leaf, lane);
     PictureEdges edges;
     const vi may = sweep_overlaps_leaf(&l->rays.shaft, corners, lane, l->rays.end) &
-                   ~are_of_light(l->rays.light_triangles, ids);
+                   ~(are_of_light(l->rays.light_triangles, ids) | are_clear(s->scene, ids));
     const uint keep = set_up_picture(&l->rays, &l->space, corners, lane, may, &edges);
     if (!keep) return;
     private int reaching[STRIPES];

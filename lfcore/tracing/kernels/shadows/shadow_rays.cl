@@ -36,6 +36,16 @@ inline vi are_of_light(int2 triangles, global const int *ids)
     return GE(VLOAD(ids), (vi)(triangles.x)) & LT(VLOAD(ids), (vi)(triangles.y));
 }
 
+// Mask of ids of triangles that let light pass: they tint it (tints.cl) and do not occlude it.
+inline vi are_clear(const Scene *s, global const int *ids)
+{
+    private int clear[LANES];
+    if (!CLEAR) return 0;
+    for (int k = 0; k < LANES; ++k)
+        clear[k] = -(ids[k] >= 0 && s->materials[s->material_ids[ids[k]]].clear);
+    return VLOAD(clear);
+}
+
 inline void clear_lit(global int *lit)
 {
     for (int row = 0; row < BLOCK; row += LANES) VSTORE((vi)(0), lit + row);

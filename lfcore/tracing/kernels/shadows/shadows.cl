@@ -2,6 +2,7 @@
 #pragma once
 #include "light_space.cl"
 #include "single_rays.cl"
+#include "tints.cl"
 
 // The ratio of the last to the first depth of a span: hit points are processed by spans of depth.
 #define SPAN 1.1f
@@ -73,6 +74,10 @@ inline void find_lit(Shadows *s, global const Hits *hits, const Bundle *bundle,
 {
     const int curved = CURVED && offset_origins(s->scene, hits, origins);
     s->origins = curved ? origins : hits->point;
-    for (int k = 0; k < s->scene->numbers->shadow_lights; ++k)
-        light_rays(s, hits, bundle, shadow_light(s->scene, k), lit + k * BLOCK);
+    const int lights = s->scene->numbers->shadow_lights;
+    for (int k = 0; k < lights; ++k) {
+        global const LightRecord *light = shadow_light(s->scene, k);
+        light_rays(s, hits, bundle, light, lit + k * BLOCK);
+        if (CLEAR) find_tints(s, hits, light, lit + k * BLOCK, tints_of(s->scene, lit, k));
+    }
 }

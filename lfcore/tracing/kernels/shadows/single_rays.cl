@@ -6,13 +6,15 @@
 
 // Whether a triangle of a leaf, neither the receiver nor the light's, occludes the ray nearer than
 // `far`.  Triangles within the margin of the receiver do not count.
-inline int occludes(const Tree *tree, const Ray *r, int leaf, float far, int receiver, int2 light)
+inline int occludes(const Shadows *s, const Ray *r, int leaf, float far, int receiver, int2 light)
 {
+    const Tree *tree = s->tree;
     Hit hit = {far, -1};
     const uint bits = may_hit(r, tree->leaves + leaf, far * SWEEP_SLACK);
     for (int lane = 0; bits >> lane && lane < NODE_WIDTH && hit.id < 0; lane += LANES) {
         global const int *ids = triangle_ids(tree, leaf, lane);
-        const vi own = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids);
+        const vi own = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids) |
+                       are_clear(s->scene, ids);
         Vec v[3];
         load_corners(tree->leaves + leaf, lane, 0.0f, v);
         const Vec n = geometric_normal(v);
@@ -24,14 +26,14 @@ inline int occludes(const Tree *tree, const Ray *r, int leaf, float far, int rec
 }
 
 // The leaf that occludes the ray nearer than `far`, or -1.
-inline int occluding_leaf(const Tree *tree, const Ray *r, float far, int receiver, int2 light)
+inline int occluding_leaf(const Shadows *s, const Ray *r, float far, int receiver, int2 light)
 {
     const Volume volume = {0, &r->path, 1};
     Stack stack;
     start_walk(&stack);
     int leaf;
-    do leaf = next_leaf(tree, &volume, far, &stack);
-    while (leaf >= 0 && !occludes(tree, r, leaf, far, receiver, light));
+    do leaf = next_leaf(s->tree, &volume, far, &stack);
+    while (leaf >= 0 && !occludes(s, r, leaf, far, receiver, light));
     return leaf;
 }
 
@@ -50,8 +52,8 @@ inline void cast_single_rays(const Shadows *s, global const Hits *hits,
         const Ray ray = scaled_ray(p, vload3(0, light->vector) - (light->is_point ? p : 0.0f),
                                    &exponent);
         const float far = light->is_point ? ldexp(1.0f, exponent) : FAR;
-        if (last < 0 || !occludes(s->tree, &ray, last, far, receiver, triangles))
-            last = occluding_leaf(s->tree, &ray, far, receiver, triangles);
+        if (last < 0 || !occludes(s, &ray, last, far, receiver, triangles))
+            last = occluding_leaf(s, &ray, far, receiver, triangles);
         if (last >= 0) s->active[at] = 0;
     }
 }

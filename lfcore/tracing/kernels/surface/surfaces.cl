@@ -23,6 +23,13 @@ typedef struct {
     const SceneArguments *numbers;
 } Scene;
 
+// A worker's bits of rays that see each light, (shadow lights, BLOCK), are followed by tints of the
+// lights, (shadow lights, 3, BLOCK_RAYS), if a scene is CLEAR: it has surfaces that light passes.
+inline global float *tints_of(const Scene *s, global const int *lit, int light)
+{
+    return (global float *)(lit + s->numbers->shadow_lights * BLOCK) + light * 3 * BLOCK_RAYS;
+}
+
 // The slots of the interpolated quantities.  Flat triangles have one normal, towards the viewer;
 // colours are differences from the first corner's, so that equal corners give exactly theirs.
 enum {

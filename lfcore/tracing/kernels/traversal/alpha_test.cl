@@ -40,15 +40,21 @@ inline float alpha_at(global const uchar *alphas, global const AlphaTest *image,
     return fma(fy, low - high, high);
 }
 
+// Alpha in codes at a point on a triangle.
+inline float alpha_of(const AlphaTests *c, global const AlphaTest *record, float3 point)
+{
+    const float4 u = vload4(0, record->u), v = vload4(0, record->v);
+    const float at_u = fma(point.x, u.x, fma(point.y, u.y, fma(point.z, u.z, u.w)));
+    const float at_v = fma(point.x, v.x, fma(point.y, v.y, fma(point.z, v.z, v.w)));
+    return alpha_at(c->alpha, record, at_u, at_v);
+}
+
 // Whether a triangle stops a ray that hits it at `point`.
 inline int is_solid(const AlphaTests *c, int triangle, float3 point)
 {
     if (!has_holes(c, triangle)) return 1;
     global const AlphaTest *record = c->records + c->record_of[triangle];
-    const float4 u = vload4(0, record->u), v = vload4(0, record->v);
-    const float at_u = fma(point.x, u.x, fma(point.y, u.y, fma(point.z, u.z, u.w)));
-    const float at_v = fma(point.x, v.x, fma(point.y, v.y, fma(point.z, v.z, v.w)));
-    return alpha_at(c->alpha, record, at_u, at_v) >= record->least;
+    return alpha_of(c, record, point) >= record->least;
 }
 
 // The rays among `bits` of a row, which hit a triangle at `depth`, that the triangle stops.
