@@ -56,6 +56,7 @@ def test_without_motion_nothing_changes(scene):
     assert np.abs(after - before).max() > 0.1
 
 
+@pytest.mark.slow
 def test_files_and_films_have_the_blur_of_pictures(scene, tmp_path):
     how = {"pixels": PIXELS, "encoding": lfcore.Encoding("ffv1")}
     field = lfcore.record(scene.exposed(0.1, 0.5), tmp_path / "one.mkv", **how)

@@ -58,6 +58,7 @@ def test_a_group_is_decoded_once(film):
     film.verify()
 
 
+@pytest.mark.slow
 def test_a_killed_record_continues_after_the_finished_groups(scene, film, tmp_path, monkeypatch):
     path, traced, how = tmp_path / "film.mkv", [], {"pixels": PIXELS, "views": 4, "encoding": EXACT}
     encode = record_film.encode
@@ -147,6 +148,7 @@ def run(capsys):
     return made
 
 
+@pytest.mark.slow
 def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
     table = tmp_path / "keys.csv"
     table.write_text("time,focus,f_number\n0,near,2\n1,far,4\n")
@@ -169,6 +171,7 @@ def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
         assert words in run("refocus", film.path, "-o", tmp_path / how[0], *how[1:], code=1)
 
 
+@pytest.mark.slow
 def test_the_command_records_frames_and_shows_instants(tmp_path, write_scene, tetrahedron, run):
     entry = {"file": tetrahedron.name, "motion": [{"translate_m": [0.5, 0, 0]}]}
     scene, small = write_scene({"objects": [entry]}), ["--pixels", "16"]

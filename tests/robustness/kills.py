@@ -216,6 +216,8 @@ def jobs() -> dict[str, Job]:
             ways=commands),
         Job("render", (*lfcore, "render", scene, "-o", "out/a.ppm", *size), ("out/*",),
             ways=commands),
+        Job("film", (*lfcore, "record", str(ROOT / "scenes/bike/ball.yaml"), "-o", "out/a.mkv",
+            "--frames", "0:16", "--pixels", "96"), ("out/*",), ways=commands),
         Job("workflow", make_run(f"--configfile micro.yaml -- {goals}"), ("results/**/*.npz",
             "results/**/*.png", "results/**/*.mkv"), copy_project, statuses=False),
     ]  # fmt: skip

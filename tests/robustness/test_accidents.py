@@ -94,7 +94,7 @@ def test_a_render_that_is_killed_goes_on_and_is_identical(tmp_path):
 
 
 @pytest.mark.accidents
-@pytest.mark.parametrize("name", ["trace", "render", "workflow"])
+@pytest.mark.parametrize("name", ["trace", "render", "film", "workflow"])
 def test_commands_that_are_killed_go_on_and_are_identical(tmp_path, name):
     job, draw, count = kills.jobs()[name], Random(1), 0
     killed = kills.Killed(job, tmp_path / "run")
