@@ -211,7 +211,7 @@ SHOWN = 25
 """The items on the contact sheet."""
 DEPTHS = ("depth.exr", "depth_m.exr", "gt_depth_lowres.pfm", "depth.npy")
 """The fields with the first picture's depth, one per kind of data set."""
-SHARP = ("sharp.tif", "image_all_in_focus.png")
+SHARP = ("sharp.tif", "image_all_in_focus.png", "right.png")
 """The pictures that the contact sheet leaves out."""
 CAPTIONS = {
     "page": "What training sees. A scene that looks odd is a mistake: please report its number.",

@@ -48,6 +48,10 @@ BLUR_BINS = np.linspace(0, 10, 41)
 """The edges of the histogram of blur radii, pixels; larger radii count in the last bin."""
 
 
+HALF_DB = 3.0
+"""The dB by which half an aperture is worse than the whole, as it has half the rays."""
+
+
 @dataclass
 class Item:
     """An item.
@@ -226,6 +230,20 @@ def _defocus_pair(item: Item, description: Description, tracer: Tracer, depth: n
     _note(item, description, camera, depth, [focus], rendering)
 
 
+def _dual_pixel(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:
+    """Add files as in DPDD: pictures of the lens's left and right half and their mean, the sharp
+    one, depth, and the signed circle of confusion."""
+    camera, focus = tracer.scene.camera, _pair_focus(item, tracer)
+    halves = list(SensorPlane(focus, camera.f_number).halves())
+    rendering = formed(description, tracer, halves, spare_db=HALF_DB)
+    left, right = rendering.pictures
+    for name, picture in {"whole": (left + right) / 2, "left": left, "right": right}.items():
+        item.add(f"{name}.png", picture)
+    _add_sharp(item, "sharp.png", description, tracer)
+    _add_blur(item, description, camera, depth, focus)
+    _note(item, description, camera, depth, [focus], rendering)
+
+
 def _add_blur(
     item: Item, description: Description, camera: Camera, depth: np.ndarray, focus_m: float
 ) -> None:  # fmt: skip
@@ -233,17 +251,24 @@ def _add_blur(
     item.add("depth_m.exr", depth)
 
 
-def formed(description: Description, tracer: Tracer, planes: list[SensorPlane]) -> Rendering:
-    """Render these pictures to the description's quality; a wider field is cropped."""
+def formed(
+    description: Description, tracer: Tracer, planes: list[SensorPlane], spare_db: float = 0.0
+) -> Rendering:  # fmt: skip
+    """Render these pictures to the description's quality; a wider field is cropped.
+
+    ``spare_db`` are added to the quality, and subtracted from the expected one.
+    """
     camera, (width, height) = tracer.scene.camera, description.size
     side = min(width, height)
     reach = max(abs(plane.delta - camera.delta) for plane in planes) * camera.lens_radius_m
     margin = math.ceil(reach * side / camera.field_width) + 1
     wide = replace(camera, sensor_width_m=camera.sensor_width_m * (side + 2 * margin) / side)
-    size, quality = (width + 2 * margin, height + 2 * margin), Quality(description.quality_db)
+    size = width + 2 * margin, height + 2 * margin
+    quality = Quality(description.quality_db + spare_db)
     rendering = QualitySearch(tracer, wide, planes, size, quality).pictures()
     window = np.s_[:, margin : height + margin, margin : width + margin]
-    return replace(rendering, pictures=rendering.pictures[window])
+    expected = rendering.expected_db - spare_db
+    return replace(rendering, pictures=rendering.pictures[window], expected_db=expected)
 
 
 def _add_sharp(item: Item, name: str, description: Description, tracer: Tracer) -> None:
@@ -333,8 +358,8 @@ def _add_hci(item: Item, slab: Slab, name: str, codes: np.ndarray, depths: np.nd
 
 
 MAKERS = {
-    "focal_stacks": _focal_stack, "infinigen_defocus": _infinigen,
-    "light_fields": _light_field, "defocus_pairs": _defocus_pair,
+    "focal_stacks": _focal_stack, "infinigen_defocus": _infinigen, "light_fields": _light_field,
+    "defocus_pairs": _defocus_pair, "dual_pixel": _dual_pixel,
 }  # fmt: skip
 
 

@@ -24,10 +24,18 @@ from lfcore.datasets.description import Description
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.exr import read_exr
 from lfcore.files import cannot_write, read_json, whole_file, write_json
-from lfcore.pictures import by_opencv
+from lfcore.pictures import by_opencv, codes_of
 
 SPLIT_NAMES = {"train": "train", "validation": "val", "test": "test"}
 """The splits of other programs' readers."""
+
+
+DPDD = {
+    "whole.png": "c/source", "sharp.png": "c/target", "left.png": "l/source",
+    "right.png": "r/source",
+}  # fmt: skip
+"""The folders of pictures in DPDD, after the split and an underscore: whole picture (c) and halves,
+blurred (source) and sharp."""
 
 
 def place_of(kind: str, split: str, index: int, name: str) -> str:
@@ -41,8 +49,11 @@ def place_of(kind: str, split: str, index: int, name: str) -> str:
         return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
     if name == "h5":
         return f"hdf5/{split}/{index:06d}.h5"
-    if kind == "infinigen_defocus":
+    if kind in ("infinigen_defocus", "dual_pixel"):
         split = SPLIT_NAMES[split]
+    if kind == "dual_pixel":
+        other = f"truth/{index:06d}_{'item.json' if name == 'json' else name}"
+        return f"{split}_{f'{DPDD[name]}/{index:06d}.png' if name in DPDD else other}"
     folder = f"hci/{split}" if kind == "light_fields" else split
     return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
 
@@ -211,7 +222,9 @@ class StoredItem:
         codes = self.codes(name)
         if codes.dtype == np.uint8:
             return codes
-        light = srgb_codes(codes / np.float32(codes.max() or 1))  # all other codes are linear
+        if self.record["pictures"]["colour_space"].startswith("sRGB"):
+            return codes_of(codes)
+        light = srgb_codes(codes / np.float32(codes.max() or 1))
         return np.repeat(light[..., None], 3, 2) if light.ndim == 2 else light
 
     def floats(self, name: str) -> np.ndarray:

@@ -8,11 +8,13 @@ import pytest
 from PIL import Image
 
 from lfcore import Slab, render, sample_scene
-from lfcore.colour import srgb_codes
+from lfcore.colour import srgb_codes, srgb_decode
 from lfcore.datasets.card import tables, write_card
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
 from lfcore.datasets.stored import stored_items, unpack
+from lfcore.exr import read_exr
+from lfcore.pictures import read_picture
 from lfcore.rendering.depth import depth_of_views
 from lfcore.rendering.prepared import open_tracer
 from tests.datasets.test_dataset_items import SMALL
@@ -97,6 +99,38 @@ def test_fossa_reads_infinigen_defocus(device, tmp_path):
     origin, towards = np.zeros((1, 3)), np.array([[columns, rows, depth[20, 10]]])
     hit = tracer.closest_hit(origin.astype(np.float32), towards.astype(np.float32))[1]
     assert hit[0] == pytest.approx(1, abs=1e-4)
+
+
+def test_restormer_reads_dual_pixel_pairs(device, tmp_path):
+    """By the rules of Restormer's loader of DPDD: sorted PNGs of 16 bits of the split's folders.
+
+    github.com/swz30/Restormer, Defocus_Deblurring/test_dual_pixel_defocus_deblur.py
+    """
+    of = Description.check(SMALL | {
+        "kind": "dual_pixel", "codes": "srgb16", "quality_db": 38,
+        "scenes": {"train": 0, "validation": 0, "test": 2},
+        "lens": {"focus_m": [0.3], "f_number": 0.15},
+    })  # fmt: skip
+    shard = tmp_path / "shard.tar"
+    make_batch(of, [0, 1], shard, tmp_path / "records.json", tmp_path / "drafts", device)
+    unpack(of, [shard], tmp_path / "data")
+    found = {}
+    for name in ("test_c/source", "test_c/target", "test_l/source", "test_r/source"):
+        files = sorted((tmp_path / "data" / name).glob("*.png"))
+        assert [file.stem for file in files] == ["000000", "000001"]
+        found[name] = read_picture(files[1]) / np.float32(65535)
+    whole, sharp, left, right = (srgb_decode(picture) for picture in found.values())
+    below_white = np.maximum(left, right) < 0.99
+    error = np.abs((left + right) / 2 - whole)[below_white]
+    assert error.max() < 1e-4  # codes of 16 bits
+    assert (np.abs(whole - sharp) > 0.02).mean() > 0.02
+    # Before the focus the half pictures are displaced against each other in one direction, behind
+    # it in the other; in focus they are equal.
+    blur = read_exr(tmp_path / "data/test_truth/000001_coc_px.exr")[0][..., 0]
+    assert (
+        np.abs(left - right)[np.abs(blur) > 2].mean()
+        > np.abs(left - right)[np.abs(blur) < 0.5].mean()
+    )
 
 
 def test_webdataset_reads_the_shard(made):
