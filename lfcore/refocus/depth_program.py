@@ -6,6 +6,8 @@ from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, 
 
 ABREAST = 16
 """The rays of a row, or squares of rays, that are processed together."""
+PATCH_ROWS, PATCH_COLUMNS = 4, 4 * ABREAST
+"""The rays of ABREAST squares of 4 x 4 rays."""
 STEP_BITS = 8
 """Edges of boxes are multiples of 1 / 2^STEP_BITS pixel."""
 MOST_BOUNDS = 6
@@ -26,6 +28,8 @@ CONSTANTS = {
     "STEPS": 1 << STEP_BITS,
     "COARSE_PX": COARSE_PX,
     "FULL_LAYERS": FULL_LAYERS,
+    "PRESENT_ROWS": PATCH_ROWS,
+    "PRESENT_COLUMNS": PATCH_COLUMNS,
     "LEAST_UNITS": LEAST_UNITS,
     "MOST_DIOPTRES": MOST_DIOPTRES,
     # The least width of a box, in distances of rays, that a square of rays shares.  With these,
@@ -52,6 +56,7 @@ SLICING_ARGUMENTS = np.dtype([
     ("brightest", FLOAT),  # radiance to which rays are clipped
     ("empty", FLOAT),  # radiance of pixels without rays
     ("parts", INT),  # 2: `shown` and `reflections` are there
+    ("sparse", INT),  # 1: `present` is there
 ])  # fmt: skip
 PLACED_VIEW = np.dtype([
     ("x", FLOAT),  # position of pixel (0, 0)'s ray, pixels of the picture
@@ -77,8 +82,6 @@ SQUARES = np.dtype([
     ("high", FLOAT, ABREAST),
 ])  # fmt: skip
 """ABREAST squares of 4 x 4 rays, side by side."""
-PATCH_ROWS, PATCH_COLUMNS = 4, 4 * ABREAST
-"""The rays of SQUARES."""
 
 _RAYS = read(light="light_t", depth="depth_t", dioptres="float")
 _SUMS = write(sums="sum4", used="int")
@@ -87,10 +90,13 @@ KERNELS = {
     # (views, rows, columns) in metres, 0 without a ray; or codes with their dioptres.
     "join_rays": _RAYS | given(numbers="SlicingArguments") | write(fours="Squares"),
     # fours of join_rays; ranges (views, rows): the least and the largest depth of a row; views
-    # (planes, views); used (planes, strips): a bit per layer with light.
+    # (planes, views); used (planes, strips): a bit per layer with light; present (views, rows of
+    # patches, patches of a row): whether any ray of PATCH_ROWS x PATCH_COLUMNS is there.
     "add_rays": _RAYS
     | given(numbers="SlicingArguments")
-    | read(fours="Squares", ranges="float2", views="PlacedView", planes="FocusPlane")
+    | read(
+        fours="Squares", ranges="float2", views="PlacedView", planes="FocusPlane", present="uchar"
+    )
     | _SUMS,
     # rooms (rows, width): the weight of all rays per pixel; room_rows (LAYERS, height): the row of
     # rooms for each row of a layer; picture and reflections (height, width, 3); shown: sums of

@@ -61,15 +61,27 @@ KERNELS = "add_rays", "compose", "join_rays"
 MOST_RAYS_A_PIXEL = 1 << 20
 """The most rays per pixel whose sums fit in 32 bits."""
 
-HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray]
-"""Colours and depths of views on a device, and the least and largest depth of each row."""
+HeldRays = tuple[cl.Buffer, cl.Buffer, np.ndarray, np.ndarray | None]
+"""Colours and depths of views on a device, the least and largest depth of each row, and the patches
+that have rays, if some have none."""
 
 
 def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     """Copy rays to the device once for several slicers; arrays as in :meth:`DepthSlicer.add`."""
-    ranges = depth_ranges(depth)
+    ranges, present = depth_ranges(depth), present_patches(depth)
     light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
-    return device.shown(light), device.shown(depth), ranges
+    return device.shown(light), device.shown(depth), ranges, present
+
+
+def present_patches(depth: np.ndarray) -> np.ndarray | None:
+    """Which patches of PATCH_ROWS x PATCH_COLUMNS rays have a depth, (K, rows, columns) uint8; None
+    if all rays have one."""
+    if depth.all():
+        return None
+    _, rows, columns = depth.shape
+    first = np.arange(0, rows, PATCH_ROWS), np.arange(0, columns, PATCH_COLUMNS)
+    most = np.maximum.reduceat(np.maximum.reduceat(depth, first[1], axis=2), first[0], axis=1)
+    return (most > 0).astype(np.uint8)
 
 
 def depth_ranges(depth: np.ndarray) -> np.ndarray:
@@ -173,7 +185,7 @@ class DepthSlicer:
         self._numbers = record(
             SLICING_ARGUMENTS, views=0, columns=slab.size.width, rows=0, first_row=0,
             strip_rows=rows, width=width, height=height, white=2.0**-dropped,
-            brightest=2.0**stops, empty=empty, parts=1,
+            brightest=2.0**stops, empty=empty, parts=1, sparse=0,
             least_box=min(LEAST_OF_RAY, LEAST_OF_ALL / slab.views) * pixels / slab.pixels,
         )  # fmt: skip
         self._strips = -(-self.size.height // rows)
@@ -224,7 +236,7 @@ class DepthSlicer:
         fits = fits and (views, columns) == (len(self.views.positions[part]), size.width)
         if not fits or first_row + rows > size.height:
             raise ValueError(f"shapes {light.shape} and {depth.shape} are not the views'")
-        self.add_held(part, *held_rays(self.device, light, depth), first_row)
+        self.add_held(part, *held_rays(self.device, light, depth), first_row=first_row)
 
     def add_stored(
         self, part: np.ndarray, light: cl.Buffer, codes: np.ndarray, first_row: int = 0
@@ -237,16 +249,17 @@ class DepthSlicer:
             self._codes = page_aligned(codes.shape, codes.dtype.type)
         self._codes[:] = codes
         ranges = code_ranges(codes, self._table)
-        self.add_held(part, light, self.device.shown(self._codes), ranges, first_row)
+        self.add_held(part, light, self.device.shown(self._codes), ranges, first_row=first_row)
 
     def add_held(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
-        first_row: int = 0,
+        present: np.ndarray | None = None, *, first_row: int = 0,
     ) -> None:  # fmt: skip
         """As :meth:`add`, with :func:`held_rays`."""
         device, (views, rows, _) = self.device, ranges.shape
         numbers = self._numbers.copy()
         numbers["views"], numbers["rows"], numbers["first_row"] = views, rows, first_row
+        numbers["sparse"] = present is not None
         rays: dict[str, Any] = {
             "light": light,
             "depth": depth,
@@ -260,6 +273,7 @@ class DepthSlicer:
             join(patches[0], views, numbers=numbers, fours=self._fours, **rays)
         self._add(
             self._strips, len(self.planes), numbers=numbers, fours=self._fours,
+            present=None if present is None else device.buffer(present),
             ranges=device.buffer(ranges), planes=self._planes, sums=self._sums, used=self._used,
             views=device.buffer(np.ascontiguousarray(self._view_records[:, part])), **rays,
         )  # fmt: skip

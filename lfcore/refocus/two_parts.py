@@ -36,15 +36,15 @@ def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
     if len(parts) == 1:
         return parts
     (own, depth), (light, virtual) = parts
-    is_bare = (virtual > 0) & (own.max(axis=-1, initial=0) <= black)
-    if is_bare.any():
-        own, depth = (
-            np.where(is_bare[..., None], light, own), np.where(is_bare, virtual, depth)
-        )  # fmt: skip
-        light, virtual = (
-            np.where(is_bare[..., None], 0, light), np.where(is_bare, 0, virtual)
-        )  # fmt: skip
-    return [(own, depth), (light, virtual)] if virtual.any() else [(own, depth)]
+    there = np.flatnonzero(virtual)
+    bare = there[own.reshape(-1, 3)[there].max(axis=1, initial=0) <= black]
+    if len(bare):
+        own, depth, light, virtual = (each.copy() for each in (own, depth, light, virtual))
+        own.reshape(-1, 3)[bare] = light.reshape(-1, 3)[bare]
+        depth.reshape(-1)[bare] = virtual.reshape(-1)[bare]
+        light.reshape(-1, 3)[bare] = 0
+        virtual.reshape(-1)[bare] = 0
+    return [(own, depth), (light, virtual)] if len(bare) < len(there) else [(own, depth)]
 
 
 def virtual_depth(depths: Sequence[np.ndarray]) -> np.ndarray:

@@ -34,6 +34,7 @@ typedef struct {
     FocusPlane plane;
     PlacedView view;
     int *used;  // bits of the layers with light
+    global const uchar *present;  // of the view, if its rays are sparse
 } Adding;
 
 // Add the boxes that are wanted about column x and row y of the view, of side x side rays each
@@ -127,6 +128,14 @@ inline int reaches(const Adding *a, float v, int rows, global const float2 *rang
            y - reach - more <= a->strip->top + a->strip->rows;
 }
 
+// Whether the patch from column `start` of row `v` on has any ray.
+inline int is_present(const Adding *a, int v, int start)
+{
+    const int across = (a->rays->columns + PRESENT_COLUMNS - 1) / PRESENT_COLUMNS;
+    return !a->rays->numbers->sparse ||
+           a->present[v / PRESENT_ROWS * across + start / PRESENT_COLUMNS];
+}
+
 #if FOURS
 // Sum the squares of 4 x 4 rays of a row of patches, (views, rows of patches, patches of a row).
 KERNEL void join_rays(join_rays_PARAMETERS)
@@ -145,6 +154,7 @@ inline void add_patches(const Adding *a, global const Squares *fours, int v, int
 {
     for (int patch = 0; patch < a->rays->patches; ++patch) {
         const int start = patch * PATCH_COLUMNS;
+        if (!is_present(a, v, start)) continue;
         const RaySums squares = load_squares(fours + patch);
         const int16 left = ~add_squares(a, squares, v, start, 4.0f, (int16)(-1));
         for (int k = 0; k < 4; ++k)
@@ -156,7 +166,8 @@ inline void add_patches(const Adding *a, global const Squares *fours, int v, int
 inline void add_patches(const Adding *a, int v, int reached)
 {
     for (int patch = 0; patch < a->rays->patches; ++patch)
-        add_twos(a, v, patch * PATCH_COLUMNS, reached, (int16)(-1));
+        if (is_present(a, v, patch * PATCH_COLUMNS))
+            add_twos(a, v, patch * PATCH_COLUMNS, reached, (int16)(-1));
 }
 #endif
 
@@ -170,7 +181,10 @@ KERNEL void add_rays(add_rays_PARAMETERS)
         const PlacedView placed = views[plane * numbers.views + view];
         if (!(placed.weight > 0.0f)) continue;
         const View of = view_of(light, depth, dioptres, &numbers, view);
-        const Adding a = {&strip, &of, planes[plane], placed, &layers};
+        const int down = (rows + PRESENT_ROWS - 1) / PRESENT_ROWS;
+        const int across = (numbers.columns + PRESENT_COLUMNS - 1) / PRESENT_COLUMNS;
+        const ulong first = numbers.sparse ? (ulong)view * down * across : 0;
+        const Adding a = {&strip, &of, planes[plane], placed, &layers, present + first};
         for (int v = 0; v < rows; v += PATCH_ROWS) {
             global const float2 *range = ranges + (ulong)view * rows + v;
             const int count = min(PATCH_ROWS, rows - v);
