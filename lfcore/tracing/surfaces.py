@@ -191,7 +191,7 @@ def _pack_lights(lights: list[Light]) -> np.ndarray:
         row["vector"], row["is_point"] = light.vector, light.kind == POINT
         row["colour"], row["reference_distance"] = light.colour, light.reference_distance_m
         row["normal"], row["triangles"] = light.normal, light.own
-        row["visible"] = light.is_of_emitter
+        row["visible"] = light.is_visible
         if light.is_spot:
             inner, outer = light.cone
             slope = np.float32(1 / max(inner - outer, 0.001))

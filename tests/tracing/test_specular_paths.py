@@ -169,6 +169,14 @@ def test_a_camera_sees_one_part_or_two():
     assert len(tracer_of(glass, specular=True).parts(away)) == 1
 
 
+@pytest.mark.parametrize("angular_radius", [0.0, 0.01])
+def test_a_mirror_has_no_highlight_of_a_sun_that_its_rays_meet(angular_radius):
+    sun = replace(SUN, angular_radius=angular_radius)
+    _, expected = compare(replace(world(**KINDS["mirror"]), lights=[sun]), camera_rays(2000))
+    shining = expected.own[expected.specular.max(1) > 0]
+    assert (shining.max() > 0.1) == (angular_radius == 0)
+
+
 @pytest.mark.parametrize("single_rays", [False, True])
 @pytest.mark.parametrize("name", ["absorbing", "pane", "veil", "mirror"])
 def test_shadows_of_what_light_passes_are_tinted(name, single_rays):
