@@ -19,8 +19,9 @@ starts a rounding error early, so that it meets both of two coincident faces, bu
 error, no triangle of the same material that faces the same side: a neighbour that it met on an
 edge.
 
-A path splits at its first two events.  At further ones, it follows the stronger ray with the weight
-of both.  The surface after ``MOST_EVENTS`` is matt: it reflects light of its surroundings instead.
+A path splits at its first two events.  At further ones, it leaves volumes, or else follows the
+stronger ray, with the weight of both: grazing rays would be reflected within a ball to the end.
+The surface after ``MOST_EVENTS`` is matt: it reflects light of its surroundings instead.
 
 Source: B. Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007, for
 F; Khronos, KHR_materials_transmission, _volume and _clearcoat, for the shares.
@@ -231,8 +232,10 @@ def _meet(
         out.add(rays.some(on), light, share, np.ones(len(light), bool))
     weights = rays.weight[:, None] * np.stack([events.mirrored, events.passed], 1)  # (R, 2, 3)
     strength = weights.mean(2)
-    single, chosen = rays.events >= SPLITS, strength.argmax(1)
-    lost = np.where(ends, strength.sum(1), np.where(single, strength.min(1), 0))
+    leaves = _volumes(spots) & ~front & (strength[:, 1] > 0)
+    single, chosen = rays.events >= SPLITS, np.where(leaves, 1, strength.argmax(1))
+    other = np.where(chosen, strength[:, 0], strength[:, 1])
+    lost = np.where(ends, strength.sum(1), np.where(single, other, 0))
     np.add.at(out.cut, rays.number, lost)
     bends, children = normal_bends(spots, rays.moves.point, normal), []
     for way, send in enumerate((_mirrored, _passed)):

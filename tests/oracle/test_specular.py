@@ -117,6 +117,20 @@ def test_a_ball_of_glass_has_its_focus_and_a_chrome_ball_has_its_own():
     np.testing.assert_allclose(chrome.inverse_depth, 1 / (3 + behind), rtol=0.01)
 
 
+def test_grazing_rays_leave_a_ball_of_glass():
+    """They are reflected within it up to the last event, if they follow the stronger ray."""
+    unit = trimesh.creation.icosphere(3).triangles
+    unit = np.float32(unit / np.linalg.norm(unit, axis=-1, keepdims=True))
+    world = made((unit + np.float32([0, 0, 4]), GLASS), background=WHITE, ambient=(100.0,) * 3)
+    limb = math.tan(math.asin(1 / 4))
+    turn = np.linspace(0, 6, 40)
+    rays = np.stack([0 * turn, 0 * turn, np.cos(turn), np.sin(turn)], 1) * 0.995 * limb
+    seen = paths(replace(world, normals=unit), rays)
+    hit = seen.own_inverse_depth > 0
+    assert hit.mean() > 0.5 and np.median(seen.cut[hit]) < 0.2
+    assert np.median(seen.specular[hit]) == pytest.approx(1, abs=1e-6)
+
+
 def test_fresnel_at_brewster_s_angle_and_at_total_reflection():
     for n in (1.33, 1.5, 2.4):
         brewster = math.atan(n)

@@ -1,7 +1,7 @@
 // Paths: each meets its next surface, whose own light arrives, and which sends at most two rays on.
 //
-// A path splits at its first SPLITS events.  At further ones it follows the stronger ray with the
-// weight of both.  The surface after the last event is matt.
+// A path splits at its first SPLITS events.  At further ones it leaves volumes, or else follows the
+// stronger ray, with the weight of both.  The surface after the last event is matt.
 #pragma once
 #include "differentials.cl"
 #include "events.cl"
@@ -282,8 +282,11 @@ inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
     const Vec white = spread3(1.0f), sent = plus3(e.mirrored, e.passed);
     const Vec weight[WAYS] = {times3(r.weight, e.mirrored), times3(r.weight, e.passed)};
     const vf strength[WAYS] = {mean_of(weight[MIRRORED]), mean_of(weight[PASSED])};
-    const vi single = GE(r.events, (vi)(SPLITS)), passing = GT(strength[PASSED], strength[MIRRORED]);
-    vf cut = pick((vf)(0.0f), min(strength[MIRRORED], strength[PASSED]), single & on);
+    const vi single = GE(r.events, (vi)(SPLITS));
+    const vi leaves = ~r.front & GT(strength[PASSED], (vf)(0.0f));
+    const vi passing = GT(strength[PASSED], strength[MIRRORED]) | (leaves & (vi)(volume ? -1 : 0));
+    const vf other = pick(strength[PASSED], strength[MIRRORED], passing);
+    vf cut = pick((vf)(0.0f), other, single & on);
     cut = pick(cut, strength[MIRRORED] + strength[PASSED], ends);
     arrive(p, &r, mine, light, pick3(white, minus3(white, sent), on), cut, 0);
     if (!row_any(on)) return;
