@@ -42,6 +42,8 @@ def read(path):
     """(metadata, rays): float32 [j, i, v, u, channel] R'G'B'; NaN for rays that are not there."""
     with av.open(str(path)) as file:
         about = json.loads(file.metadata["LIGHTFIELD"])
+        if about["version"] > 2:
+            raise ValueError(f"{path} is a film or has specular light, which this does not read")
         layout, frames = about["layout"], file.decode(video=0)
         n, m, pack, form = (layout[key] for key in ("views", "pixels", "pack", "pixel_format"))
         outer, inner = (n, n), tuple(layout.get("picture", (m, m)))[::-1]  # rows, columns

@@ -176,8 +176,8 @@ class SensorPlane:
         """The planes of both halves of the aperture: a dual-pixel pair, whose mean is the picture.
 
         By depth each half orders surfaces by itself, so that at their edges the mean differs from
-        the picture of the whole aperture, by 1% of white at most.  With nearest pixels, the middle
-        of an odd number of lens samples is in neither half.
+        the picture of the whole aperture, by 1.5% of white at most.  With nearest pixels, the
+        middle of an odd number of lens samples is in neither half.
 
         Parameters
         ----------

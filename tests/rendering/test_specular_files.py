@@ -1,5 +1,8 @@
 """Files with specular light apart: pictures, views and depths are those of the scene."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from stored_fields import LOSSLESS
@@ -48,6 +51,12 @@ def test_a_file_has_two_more_streams_only_with_specular_surfaces(field, tmp_path
     matt = make_scene([(*wall(4.0, -6, 6, 5, np.random.default_rng(1)), {})])
     plain = recorded(tmp_path / "plain.mkv", open_tracer(matt))
     assert plain.metadata.version < TWO_PARTS and plain.specular is None
+
+
+def test_the_small_reader_refuses_a_file_that_it_would_read_in_part(field):
+    script = Path(__file__).parents[2] / "docs/examples/read_light_field.py"
+    with pytest.raises(ValueError, match="specular light"):
+        runpy.run_path(str(script))["read"](field.path)
 
 
 @pytest.mark.parametrize("kind", ["views", "macropixels"])
