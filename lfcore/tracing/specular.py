@@ -109,6 +109,14 @@ class _Paths:
 
     def __init__(self, scene: DeviceScene, pixel_pitch: float, most_events: int):
         self._scene, self._pitch, self._most_events = scene, pixel_pitch, most_events
+        self._rooms = [np.zeros(0, PATH)] * 2
+
+    def _room(self, count: int) -> np.ndarray:
+        """Memory of ``count`` paths, which stays until the second next call: new memory is slow."""
+        self._rooms.reverse()
+        if len(self._rooms[0]) < count:
+            self._rooms[0] = page_aligned((count,), PATH)
+        return self._rooms[0][:count]
 
     def follow(self, origins: np.ndarray, directions: np.ndarray) -> SeenParts:
         """Follow rays (R, 3) to the end."""
@@ -120,7 +128,7 @@ class _Paths:
             "origins": device.shown(np.ascontiguousarray(origins)),
             "directions": device.shown(np.ascontiguousarray(directions)),
         }
-        paths = device.empty(count * PATH.itemsize)
+        paths = device.target_buffer(self._room(count))
         arrived, onward, paths = self._step(count, paths, **begun)
         seen.add(arrived, np.arange(count), np.zeros(count, np.int32))
         while len(chosen := np.flatnonzero(onward["number"] >= 0).astype(np.int32)):
@@ -138,7 +146,7 @@ class _Paths:
         with their buffer.
         """
         device = self._scene.device
-        arrived, onward = page_aligned((count,), ARRIVED), page_aligned((2 * count,), PATH)
+        arrived, onward = page_aligned((count,), ARRIVED), self._room(2 * count)
         targets = {"arrived": device.target_buffer(arrived), "onward": device.target_buffer(onward)}
         numbers = record(PATH_ARGUMENTS, most_events=self._most_events, begins="origins" in given)
         nothing = dict.fromkeys(("origins", "directions", "chosen"))
