@@ -487,7 +487,7 @@ class Room:
         lights, warm = [], np.array([1.0, 0.84, 0.62])
         # The ceiling lamp shines downwards only: a bright spot above it would be noise in the bake.
         for place, reach in zip(self.lamps, [0.7] * (len(self.lamps) - 1) + [1.6], strict=True):
-            share = (1.5 if night else 1.2) * self.uniform(0.8, 1.2)
+            share = (1.8 if night else 1.6) * self.uniform(0.8, 1.2)
             where, down = (to_camera @ (*place, 1))[:3], to_camera[:3, :3] @ (0.0, -1.0, 0.0)
             lamp = Light(POINT, triple(where), triple(share * warm), reference_distance_m=reach)
             is_spot = reach > 1
