@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
-from lfcore.scene.baked import BakeOptions
 from lfcore.scene.procedural import furniture, interior, pictures, softgoods, textures
 from lfcore.scene.procedural.basics import Look, Parts
 from lfcore.scene.procedural.bedroom import surfaces
@@ -22,15 +20,11 @@ from lfcore.scene.procedural.interior import Window
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.procedural.turned import sphere
 from lfcore.scene.surface_mesh import Surface, transform_all, triple
-from lfcore.scene.transforms import look_at, rotate, scale, translate
+from lfcore.scene.transforms import rotate, scale, translate
 
 if TYPE_CHECKING:
     from lfcore.datasets.sample import Draw
 
-BAKE = BakeOptions(bounces=2, error=0.06, cells=12)
-"""The bake of rooms."""
-CONE = (math.cos(math.radians(30)), math.cos(math.radians(89)))
-"""The cosines of the angles to the vertical at which a ceiling lamp begins to fade and is dark."""
 DETAIL = 0.4
 """The pieces of cloths per side, relative to those of the bedroom."""
 TRIES = 30
@@ -361,11 +355,11 @@ class Room:
             if piece.name == "armchair":  # it faces the middle
                 turn = math.degrees(math.atan2(-x, -z)) + self.uniform(-30, 30)
             pose = translate(float(x), 0, float(z)) @ rotate("y", turn)
-            if self._inside(box := piece.box(pose)) and not any(map(box.meets, self.boxes)):
+            if self.inside(box := piece.box(pose)) and not any(map(box.meets, self.boxes)):
                 return pose
         return None
 
-    def _inside(self, box: Box) -> bool:
+    def inside(self, box: Box) -> bool:
         x, z = np.abs(box.corners()).max(0)
         return bool(x < self.width / 2 - GAP_M and z < self.depth / 2 - GAP_M)
 
@@ -438,74 +432,10 @@ class Room:
         for _ in range(TRIES):
             x, z = (self.rng.random(2) - 0.5) * (self.width, self.depth)
             box = Box(translate(float(x), 0, float(z)), low, -low, 2 * radius)
-            if self._inside(box) and not any(map(box.meets, self.boxes)):
+            if self.inside(box) and not any(map(box.meets, self.boxes)):
                 return box
         return None
 
     def _stand(self, shape: Any, pose: np.ndarray, radius: float) -> None:
         place = pose @ scale(radius) @ self.draw.pose_at_rest(shape)
         self.put(self.draw.dressed(shape), place, shape.name)
-
-    # -- camera and light --------------------------------------------------------------------
-
-    def camera(self) -> np.ndarray:
-        """Draw a person's view of the room, or one of things on a table; return (4, 4) to it."""
-        if self.tops and self.rng.random() < 0.5:
-            sizes = [(top[1] - top[0]) * (top[3] - top[2]) for _, top in self.tops]
-            number = self.rng.choice(len(sizes), p=np.array(sizes) / sum(sizes))
-            pose, (x0, x1, z0, z1, y) = self.tops[int(number)]
-            aim = (pose @ ((x0 + x1) / 2, y + 0.08, (z0 + z1) / 2, 1))[:3]
-            for _ in range(TRIES):
-                turn, away = self.uniform(0, 2 * math.pi), self.uniform(0.7, 1.2)
-                eye = aim + (away * math.sin(turn), self.uniform(0.2, 0.5), away * math.cos(turn))
-                if self._clear(eye):
-                    return look_at(eye.tolist(), aim.tolist())
-        best: tuple[float, Any, Any] = (0.0, (0, 1.4, 0), (0, 1.2, -1))
-        for _ in range(TRIES):
-            x, z = (self.rng.random(2) - 0.5) * (self.width - 0.5, self.depth - 0.5)
-            eye = np.array([x, self.uniform(1.15, 1.75), z])
-            aim = np.array([0.0, self.uniform(0.5, 1.0), 0.0])
-            aim[[0, 2]] = (self.rng.random(2) - 0.5) * (self.width / 2, self.depth / 2) - eye[
-                [0, 2]
-            ] / 2
-            far = float(np.linalg.norm((aim - eye)[[0, 2]]))
-            if far > best[0] and self._clear(eye):
-                best = far, eye.tolist(), aim.tolist()
-        return look_at(*best[1:])
-
-    def _clear(self, eye: np.ndarray) -> bool:
-        """Return whether a point is in the room, and in no furniture nor just before it."""
-        near = np.array([0.18, 0.18])
-        box = Box(translate(float(eye[0]), 0, float(eye[2])), -near, near, 0.0)
-        return self._inside(box) and not any(
-            other.height > eye[1] - 0.25 and box.meets(other) for other in self.boxes
-        )
-
-    def light(self, to_camera: np.ndarray) -> tuple[list[Light], dict[str, Any]]:
-        """Draw lamps, and the keys of a sky: by day with or without sun, or at night."""
-        night = self.rng.random() < 0.15
-        lights, warm = [], np.array([1.0, 0.84, 0.62])
-        # The ceiling lamp shines downwards only: a bright spot above it would be noise in the bake.
-        for place, reach in zip(self.lamps, [0.7] * (len(self.lamps) - 1) + [1.6], strict=True):
-            share = (1.8 if night else 1.6) * self.uniform(0.8, 1.2)
-            where, down = (to_camera @ (*place, 1))[:3], to_camera[:3, :3] @ (0.0, -1.0, 0.0)
-            lamp = Light(POINT, triple(where), triple(share * warm), reference_distance_m=reach)
-            is_spot = reach > 1
-            lights.append(replace(lamp, normal=triple(down), cone=CONE) if is_spot else lamp)
-        bright = 0.02 if night else self.uniform(2.5, 5.0)
-        tint = np.array([1.0, self.uniform(0.93, 1.0), self.uniform(0.85, 1.0)])
-        sky = {
-            "horizon": (bright * tint).tolist(),
-            "zenith": (bright * tint * (0.5, 0.7, 1.1)).tolist(),
-        }
-        if not night and self.rng.random() < 0.6:
-            number, _ = self.windows[0]
-            outward = -self.side(number)[0][:3, 2]
-            turn, rise = (
-                rotate("y", self.uniform(-50, 50))[:3, :3],
-                math.radians(self.uniform(18, 50)),
-            )
-            towards = turn @ outward * math.cos(rise) + (0, math.sin(rise), 0)
-            colour = self.uniform(1.0, 2.2) * np.array([1.0, 0.93, 0.8])
-            lights.append(Light(DIRECTIONAL, triple(to_camera[:3, :3] @ towards), triple(colour)))
-        return lights, sky

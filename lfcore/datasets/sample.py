@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lfcore.datasets import rooms
+from lfcore.datasets import room_views, rooms
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
 from lfcore.readers.meshes import read_mesh
@@ -355,12 +355,12 @@ class Draw:
         room = rooms.Room(self)
         room.add_shell()
         room.furnish()
-        to_camera = room.camera()
-        lights, sky = room.light(to_camera)
+        to_camera = room_views.camera_of(room)
+        lights, sky = room_views.light_of(room, to_camera)
         name = f"{self.description.name}-{index:06d}"
         made = assemble(room.parts, to_camera)
         scene = Scene(
-            name=name, camera=camera, lights=lights, ambient=(0.0, 0.0, 0.0), bake=rooms.BAKE,
+            name=name, camera=camera, lights=lights, ambient=(0.0, 0.0, 0.0), bake=room_views.BAKE,
             focus_distances_m=focus_m, **made.arrays,
         )  # fmt: skip
         scene = within_limits(with_sky(scene, sky, to_camera, file=name), name)

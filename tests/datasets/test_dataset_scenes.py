@@ -15,6 +15,7 @@ import lfcore
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
+from lfcore.datasets.room_views import camera_of
 from lfcore.datasets.rooms import SMALL, Room
 from lfcore.datasets.sample import BACKDROP, Draw, lens_of, sample
 from lfcore.scene.files import scene_digest
@@ -133,7 +134,7 @@ def room(index):
     made = Room(Draw(of, np.random.Generator(np.random.Philox(seeds))))
     made.add_shell()
     made.furnish()
-    return made, made.camera()
+    return made, camera_of(made)
 
 
 @pytest.mark.parametrize("index", range(4))
