@@ -33,7 +33,7 @@ SHAPES = (
     "ball", "block", "blob", "rod", "cone", "ring", "vase", "tower", "train", "book", "armchair",
     "plant", "table", "lamp", "globe",
 )  # fmt: skip
-"""The procedural shapes, built by :mod:`lfcore.datasets.sample`."""
+"""The procedural shapes, built by :mod:`lfcore.datasets.shapes`."""
 LIGHTS = ("sun", "point", "spot")
 """The kinds of lights."""
 
