@@ -59,8 +59,8 @@ def quality(name: str, case: Case, options: argparse.Namespace, kept: dict) -> I
         ):  # fmt: skip
             yield said({
                 "scene": name, "part": "quality", "setting": setting, "focus": focus,
-                "core s": f"{took:.3g}", "pixels": int(where.sum()),
-                "samples": samples if picture is theirs else LATTICE.rays_per_pixel,
+                "core s": f"{took:.3g}", "pixels": f"{where.sum()}",
+                "samples": f"{samples if picture is theirs else LATTICE.rays_per_pixel}",
                 "dB": f"{true_psnr(picture[None], truth, where):.1f}",
                 "dB, all pixels": f"{true_psnr(picture[None], truth):.1f}",
             })  # fmt: skip
@@ -148,7 +148,7 @@ def main() -> None:
         if options.pictures:
             cells = [(np.clip(picture, 0, 1), label) for label, picture in kept.items()]
             contact_sheet(options.pictures / f"{name.replace(' ', '_')}.png", cells, 5)
-    made = pd.DataFrame(rows)
+    made = pd.DataFrame(rows).fillna("")
     table = with_kept(made, options.out, "scene", "part", "setting", "focus")
     columns = ["scene", "setting", "focus", "core s", "samples", "dB", "price", "commit"]
     shown_rows = table[[column for column in columns if column in table]]
