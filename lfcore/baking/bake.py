@@ -39,6 +39,8 @@ _DIRECT_FINER = 4
 """Cells of direct light per cell, per side: its edges are sharp."""
 _DIRECT_CELLS = 128
 """The most cells of direct light over the width of the picture."""
+_GLASS = 0.9
+"""The least transmission of surfaces that light passes straight, as if they were not there."""
 _ROUND_UP = 0.25
 """Added to base-2 logarithms of cells before they are rounded down."""
 
@@ -53,10 +55,14 @@ def bake_light(
 ) -> BakedLight:
     """Bake the light of a scene's sky, emitters and bounces on all its surfaces.
 
+    Light passes glass straight.  Mirrors and veils reflect it as matt surfaces of their colour:
+    their light on other surfaces is nearer to that than to none.
+
     ``progress`` is called with (steps done, number of steps).  Raises :class:`SceneError` for a
     material that reflects more light than it receives.
     """
     _check_albedo(scene)
+    scene = _without_glass(scene)
     around = Surroundings(scene, bvh, device)
     faces, weights, distance = _seen_faces(scene, around, _RAYS_PER_CELL * options.cells)
     if not len(faces):  # the picture is of the sky alone
@@ -76,6 +82,24 @@ def bake_light(
     error = math.hypot(measured_error(cache, light), cache.cut)
     report(4, 4)
     return replace(light, error=error, rays=around.rays)
+
+
+def _without_glass(scene: Scene) -> Scene:
+    """The scene with glass that is one hole."""
+    glass = [material.transmission >= _GLASS for material in scene.materials]
+    if not any(glass):
+        return scene
+    hole = {"texture": len(scene.textures), "alpha_cutoff": 0.5}
+    uvs = scene.uvs if len(scene.uvs) else np.zeros((scene.triangle_count, 3, 2), np.float32)
+    return replace(
+        scene,
+        materials=[
+            replace(material, **hole) if is_glass else material
+            for material, is_glass in zip(scene.materials, glass, strict=True)
+        ],
+        textures=[*scene.textures, np.zeros((1, 1, 4), np.uint8)],
+        uvs=uvs,
+    )
 
 
 def _check_albedo(scene: Scene) -> None:

@@ -381,6 +381,22 @@ def test_a_picture_of_the_sky_alone_is_the_sky():
     assert seen(world(plain_scenes.wall(-3.0), sky=0.3 * WHITE), 8) == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("material", [{"transmission": 1.0}, {"diffuse": (0.0, 0.0, 0.0)}])
+def test_light_passes_glass(material):
+    """A plate that hides half of the sky from a wall, of glass or black."""
+    plate = rectangle((-5, -5), (5, 5), 1.0).astype(np.float32)
+    wall = plain_scenes.wall(1.5, 1.0)
+    made = world(np.concatenate([wall, plate]), bounces=0, error=0.02)
+    ids = np.repeat(np.int32([0, 1]), 2)
+    materials = [*made.materials, Material("plate", **material)]
+    # The camera sees the wall from between.
+    camera = replace(made.camera, focus_m=1.2)
+    scene = replace(made, materials=materials, material_ids=ids, camera=camera)
+    moved = replace(scene, triangles=scene.triangles - np.float32([0, 0, 1.1]))
+    light = on_grid(lfcore.bake(moved), 0, behind=True)[1]
+    assert np.median(light) == pytest.approx(1 if "transmission" in material else 0, abs=0.03)
+
+
 def test_a_sun_is_one_light_and_the_rest_is_a_sky():
     sky = np.ones((64, 64, 3), np.float32)
     sky[20, 40] = 1e5
