@@ -5,6 +5,7 @@ The workflow runs these steps as jobs; :func:`make_dataset` runs them in one cal
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -22,6 +23,9 @@ from lfcore.versions import commit
 
 if TYPE_CHECKING:
     from lfcore.datasets.description import Description
+
+_BATCHES = re.compile(r"batches-[0-9a-f]+-[0-9a-f]+-\d+-\d+")
+"""The folder of a set's jobs: digests of sources and code, scenes in all and per job."""
 
 
 def write_set(description: Description, batches: Path, folder: Path, command: str) -> None:
@@ -100,7 +104,10 @@ def make_dataset(
     >>> sorted(file.name for file in (lfcore.make_dataset(keys, "mine") / "data").iterdir())[0]
     '000000.json'
     """
-    description, folder = described(description), Path(folder).absolute()
+    folder = Path(folder).absolute()
+    if isinstance(description, str | Path):
+        _check_outside(Path(description), folder)
+    description = described(description)
     _check_place(folder)
     make_folder(folder)
     description.check_files(folder)
@@ -109,7 +116,7 @@ def make_dataset(
     sources, per_job = description.sources(), description.scenes_per_job
     # Complete jobs of a killed run of the same scenes are kept.
     batches = folder / f"batches-{made_of(description, sources)}-{description.count}-{per_job}"
-    for other in set(folder.glob("batches-*")) - {batches}:
+    for other in _batches(folder) - {batches}:
         shutil.rmtree(other)
     make_folder(batches)
     shards = {batches / f"{batch}.tar": batch for batch in description.batches()}
@@ -124,7 +131,8 @@ def make_dataset(
     shutil.rmtree(whole, ignore_errors=True)
     command = f"lfcore dataset {folder.name}/description.yaml -o {folder.name}"
     write_set(description, batches, whole, command)
-    for part in whole.iterdir():
+    first = ["croissant.json", "description.yaml"]  # by them, a killed run's folder is a set
+    for part in sorted(whole.iterdir(), key=lambda part: (part.name not in first, part.name)):
         if (place := folder / part.name).is_dir():
             shutil.rmtree(place)
         part.replace(place)
@@ -165,7 +173,31 @@ def _check_place(folder: Path) -> None:
     except ImportError as error:
         problem = f"data sets need the package {error.name}"
         raise SettingsError(problem, remedy="pip install 'lfcore[workflow]'") from None
-    ours = (folder / "description.yaml").exists() or any(folder.glob("batches-*"))
-    if folder.exists() and any(folder.iterdir()) and not ours:
+    if not folder.is_dir() or _is_set(folder):
+        return
+    if set(folder.iterdir()) - _batches(folder) - {folder / "croissant.json"}:
         remedy = "Name a new folder, or one with a data set"
         raise SettingsError("has files, but no data set", file=folder, remedy=remedy)
+
+
+def _check_outside(description: Path, folder: Path) -> None:
+    """Raise :class:`SettingsError` for a description in the folder, unless it is that of its
+    set."""
+    inside = folder.resolve() in description.resolve().parents
+    if inside and not (_is_set(folder) and description.resolve().parent == folder.resolve()):
+        problem = f"holds the description {description.name}"
+        remedy = "Name another folder: that of a set is replaced"
+        raise SettingsError(problem, file=folder, remedy=remedy)
+
+
+def _batches(folder: Path) -> set[Path]:
+    return {path for path in folder.iterdir() if _BATCHES.fullmatch(path.name) and path.is_dir()}
+
+
+def _is_set(folder: Path) -> bool:
+    """Whether a description and card that :func:`write_set` wrote are in a folder."""
+    try:
+        keys, card = (read_json(folder / name) for name in ("description.yaml", "croissant.json"))
+        return set(keys) == {"dataset"} and card["name"] == keys["dataset"]["name"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False

@@ -5,6 +5,7 @@ import multiprocessing
 import re
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -138,7 +139,47 @@ def test_the_command_makes_a_set(tmp_path):
     assert content(tmp_path / "again") == content(tmp_path / "mine")
 
 
-def test_a_folder_of_other_files_is_refused(tmp_path):
-    (tmp_path / "letter.txt").write_text("dear")
+def files_below(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    "other", ["letter.txt", "description.yaml", "croissant.json/a", "batches-of-bread/a"]
+)
+def test_a_folder_of_other_files_is_refused(tmp_path, other):
+    for name in (other, "data/holiday.jpg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(json.dumps({"dataset": SMALL}))
+    before = files_below(tmp_path)
     refused("has files, but no data set", lfcore.make_dataset, SMALL, tmp_path)
-    assert [file.name for file in tmp_path.iterdir()] == ["letter.txt"]
+    assert files_below(tmp_path) == before
+
+
+def test_a_description_is_not_overwritten_by_its_set(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "description.yaml").write_text(json.dumps({"dataset": SMALL}))
+    before = files_below(tmp_path)
+    refused("holds the description", lfcore.make_dataset, "description.yaml", ".")
+    assert files_below(tmp_path) == before
+
+
+@pytest.mark.kernels
+def test_a_run_that_was_killed_is_taken_up(tmp_path, monkeypatch):
+    """Killed before any part of the set has its place, and after each."""
+    folder, keys = tmp_path / "mine", SMALL | {"scenes": {"train": 1, "validation": 0}}
+    replace, moves = Path.replace, []
+
+    def killed_at(part, place):
+        if part.parent.name == "whole":
+            moves.append(part.name)
+            if len(moves) in (1, 3, 6, 10):
+                raise KeyboardInterrupt
+        return replace(part, place)
+
+    monkeypatch.setattr(Path, "replace", killed_at)
+    for _ in range(4):
+        with pytest.raises(KeyboardInterrupt):
+            lfcore.make_dataset(keys, folder)
+        assert any(folder.glob("batches-*"))
+    lfcore.make_dataset(folder / "description.yaml", folder)
+    assert not any(folder.glob("batches-*")) and len(content(folder)) > 3
