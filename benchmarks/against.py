@@ -48,11 +48,13 @@ def seconds(process: subprocess.Popen, statement: str) -> float:
     """Return the processor seconds of a statement in a worker."""
     assert process.stdin and process.stderr  # both are pipes
     print(statement, file=process.stdin, flush=True)
-    line = process.stderr.readline()
-    try:
-        return float(line)
-    except ValueError:
-        sys.exit(f"{statement}\n{line}{process.stderr.read()}")
+    said = ""
+    for line in process.stderr:
+        try:
+            return float(line)
+        except ValueError:  # a warning, or the first line of a traceback
+            said += line
+    sys.exit(f"{statement}\n{said}")
 
 
 def compared(processes: list, statement: str, rounds: int) -> np.ndarray:

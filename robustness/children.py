@@ -19,6 +19,9 @@ from typing import Any
 
 from robustness.outcome import Outcome
 
+ROOT = Path(__file__).resolve().parents[1]
+"""The checkout, of whose frames the innermost names an outcome."""
+
 FORK = get_context("fork")
 PER_CHILD = 200
 """The inputs of a child, which may leak memory."""
@@ -143,9 +146,8 @@ def _death(hangs: bool, status: int, crash_log: Path) -> Outcome:
 def _innermost(stack: str) -> str:
     """Return the project's innermost frame in a stack by faulthandler, innermost first."""
     for line in stack.splitlines():
-        for package in ("/lfcore/", "/workflow/"):
-            if package in line and "site-packages" not in line:
-                file, _, rest = line.partition('", line ')
-                function = rest.partition(" in ")[2]
-                return f"in {package[1:]}{file.rpartition(package)[2]}:{function}"
+        file, _, rest = line.partition('", line ')
+        _, root, module = file.partition(f"{ROOT}/")
+        if root and module.startswith(("lfcore/", "workflow/")):
+            return f"in {module}:{rest.partition(' in ')[2]}"
     return "in the harness"

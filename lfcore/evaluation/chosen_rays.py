@@ -66,7 +66,7 @@ def chosen_row(
     except OpticsError as error:
         if error.key != "quality_db":
             raise
-        key = "configuration: analysis.chosen_rays.qualities_db"
+        key = "workflow/reports.yaml: chosen_rays.qualities_db"
         problem = f"{scene.name}: {error.problem}"
         raise SettingsError(problem, key=key, remedy=error.remedy) from None
     with lfcore.LightField.open(path) as field:

@@ -79,7 +79,7 @@ class Rendering:
     Attributes
     ----------
     pictures : ndarray
-        (P, M, M, 3) float32, linear light.
+        (P, height, width, 3) float32, linear light.
     lattice : Lattice
         The rays.
     expected_db : ndarray

@@ -1,6 +1,6 @@
 // Pictures of a file with depth: each ray is spread over the box that its part of the lens sweeps, in layers
 // from the nearest to the farthest, and no layer takes more of a pixel than those before it have left. As
-// lfcore/refocus/kernels/depth_slicing.cl, but in floating point, with fewer layers, and what a pixel lacks is given to
+// lfcore/refocus/kernels/depth/, but in floating point, with fewer layers, and what a pixel lacks is given to
 // the last layer.
 
 const RAYS = `#version 300 es

@@ -29,7 +29,7 @@ def job(snakemake: Any) -> Iterator[tuple[Any, Any, Any]]:
     terminal = os.dup(2)
     end_with_run()
     try:
-        file = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        file = os.open(snakemake.log[0], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
         for stream in (1, 2):
             os.dup2(file, stream)
         if isinstance(sys.stdout, io.TextIOWrapper):
