@@ -2,11 +2,12 @@
 
 A sweep is a table of tab-separated values: the column ``case`` names a case, every other column is
 a key of the configuration (``encoding.crf`` for a key within a key) and every cell its value, in
-YAML.  All cases are in one job graph.  They share the scene and its hierarchy; cases that differ
-only in the encoder also share the tracing.
+YAML; a line that begins with ``#`` is a comment.  All cases are in one job graph.  They share the
+scene and its hierarchy; cases that differ only in the encoder also share the tracing.
 """
 
 import copy
+import csv
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,28 +28,48 @@ SWEPT = ("scenes", "views", "pixels", "planes", "layout", "encoding", "tile_mib"
 def read_sweep(path: Path) -> dict[str, dict[str, object]]:
     """Read the keys, with dots, and values that each case overrides.
 
-    Raises :class:`SettingsError` for a table without cases, two cases with the same name, a key
-    that a sweep may not vary, and a cell that is not YAML.
+    Raises :class:`SettingsError` for a table without cases, a name of a case or a key that is there
+    twice, a row of more or fewer cells, a key that a sweep may not vary, and a cell that is not
+    YAML.
     """
-    try:
-        table = pd.read_csv(path, sep="\t", dtype=str, comment="#", keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise SettingsError(f"cannot be read: {error}", file=path) from None
-    if "case" not in table.columns or table.empty:
+    columns, *rows = _cells(path) or [[]]
+    if "case" not in columns or not rows:
         raise SettingsError("a sweep needs a column 'case' and at least one row", file=path)
-    repeated = table.case[table.case.duplicated()]
-    if len(repeated):
-        raise SettingsError(f"two cases are called {repeated.iloc[0]!r}", file=path)
-    for column in table.columns.drop("case"):
+    if column := _repeated(columns):
+        raise SettingsError("two columns have this name", file=path, key=column)
+    for row in rows:
+        if len(row) != len(columns):
+            counts = f"{len(row)} cells, and the table {len(columns)} columns"
+            remedy = "Separate cells by one tab each"
+            raise SettingsError(f"the row {row[0]!r} has {counts}", file=path, remedy=remedy)
+    if name := _repeated([row[columns.index("case")] for row in rows]):
+        raise SettingsError(f"two cases are called {name!r}", file=path)
+    keys = [column for column in columns if column != "case"]
+    for column in keys:
         if column.split(".")[0] not in SWEPT:
             allowed = ", ".join(SWEPT)
             raise SettingsError(
                 "cannot be varied by a sweep", file=path, key=column, remedy=f"Vary {allowed}"
             )
-    return {
-        row["case"]: {key: _cell(path, key, text) for key, text in row.items() if key != "case"}
-        for row in table.to_dict("records")
-    }
+    records = (dict(zip(columns, row, strict=True)) for row in rows)
+    return {one["case"]: {key: _cell(path, key, one[key]) for key in keys} for one in records}
+
+
+def _cells(path: Path) -> list[list[str]]:
+    """Return the cells of each row, the header first; a tab at a line's end has no cell after
+    it."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+        table = [line for line in lines if line.strip() and not line.startswith("#")]
+        rows = list(csv.reader(table, delimiter="\t", strict=True))
+    except (OSError, ValueError, csv.Error) as error:
+        raise SettingsError(f"cannot be read: {error}", file=path) from None
+    width = len(rows[0]) - (not rows[0][-1]) if rows else 0
+    return [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
+
+
+def _repeated(names: list[str]) -> str | None:
+    return next((name for name in names if names.count(name) > 1), None)
 
 
 def _cell(path: Path, key: str, text: str) -> object:
@@ -59,13 +80,18 @@ def _cell(path: Path, key: str, text: str) -> object:
 
 
 def overridden(base: Mapping, row: Mapping[str, object]) -> dict:
-    """Return a copy of ``base`` with the values of ``row``, whose keys have dots."""
+    """Return a copy of ``base`` with the values of ``row``, whose keys have dots.
+
+    Raises :class:`SettingsError` for a key within one that is no mapping.
+    """
     settings = copy.deepcopy(dict(base))
     for key, value in row.items():
         *above, last = key.split(".")
         inner = settings
         for name in above:
             inner = inner.setdefault(name, {})
+            if not isinstance(inner, dict):
+                raise SettingsError(f"{name!r} has no keys within it", key=key)
         inner[last] = value
     return settings
 
@@ -108,10 +134,13 @@ def plan(path: Path, base: Mapping) -> Sweep:
     Raises :class:`SettingsError` for a case with invalid settings.
     """
     overrides = read_sweep(path)
-    settings = {
-        case: check_settings(overridden(base, row), file=path, key=f"case {case}")
-        for case, row in overrides.items()
-    }
+    settings = {}
+    for case, row in overrides.items():
+        try:
+            whole = overridden(base, row)
+        except SettingsError as error:
+            raise error.named(SettingsError, file=path) from None
+        settings[case] = check_settings(whole, file=path, key=f"case {case}")
     members: dict[tuple[str, str, int], list[str]] = {}
     for case, keys in settings.items():
         for scene in cases.scene_files(keys["scenes"]):

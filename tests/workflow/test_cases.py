@@ -24,7 +24,7 @@ from lfcore.storage.layout import FrameLayout
 from lfcore.workflow import cases, costs
 from lfcore.workflow.plan import Plan
 from lfcore.workflow.settings import check_settings, schema
-from lfcore.workflow.sweep import joined, plan
+from lfcore.workflow.sweep import joined, plan, read_sweep
 
 ROOT = Path(__file__).resolve().parents[2]
 CAMERA = Camera(0.05, 0.036, 2.0, 3.0)
@@ -327,11 +327,27 @@ def test_a_sweep_is_measured_and_joined(tmp_path):
         ("case\tencoding.crf\na\t1\na\t2\n", "two cases are called 'a'"),
         ("case\tfigures.make\na\t[]\n", "figures.make: .*Vary scenes"),
         ("case\tencoding.crf\na\t[1\n", "encoding.crf: '\\[1' is no YAML"),
+        ("case\tviews.x\na\t1\n", r"s\.tsv: views\.x: 'views' has no keys within it"),
+        ("case\tencoding.crf.x\na\t1\n", r"encoding\.crf\.x: 'crf' has no keys"),
+        ("case\tencoding\tencoding.crf\na\t3\t1\n", r"encoding\.crf: 'encoding' has no keys"),
+        ("case\tencoding.crf\tencoding.crf\na\t1\t2\n", r"encoding\.crf: two columns have"),
+        ("case\tviews\tpixels\na\t[4]\n", "'a' has 2 cells, and the table 3 columns"),
+        ("case\tviews\na\t[4]\t16\n", "'a' has 3 cells, and the table 2 columns"),
+        ('case\tviews\na\t"[4]\n', "cannot be read"),
+        ("# only a comment\n", "column 'case'"),
         ("case\tencoding.crf\na\t400\n", r"s\.tsv: case a: encoding.crf: '400': must be less"),
     ],
 )
 def test_sweeps_say_what_is_wrong(tmp_path, text, words):
     refused(words, sweep_of, tmp_path, text)
+
+
+@pytest.mark.parametrize("ends", ["\n", "\t\n", "\r\n"])
+def test_cells_keep_their_columns_and_hashes(tmp_path, ends):
+    table = ["# scenes", "case\tscenes\tviews", "a#1\t[chart]\t[4]", "", 'b\t"[bike]"\t[8]']
+    (tmp_path / "s.tsv").write_text(ends.join([*table, ""]), newline="")
+    wanted = {"a#1": {"scenes": ["chart"], "views": [4]}, "b": {"scenes": ["bike"], "views": [8]}}
+    assert read_sweep(tmp_path / "s.tsv") == wanted
 
 
 @pytest.mark.workflow
