@@ -125,13 +125,22 @@ def run_import(arguments: argparse.Namespace) -> None:
 
 
 def run_export(arguments: argparse.Namespace) -> None:
+    from lfcore.exchange.exporting import check_new, whole_folder
+
     scene = open_scene(arguments) if arguments.scene else None
     film, output = lfcore.LightField.open(arguments.lightfield), arguments.output
-    alone = len(film.times) == 1 or arguments.instant is not None
-    for number in [arguments.instant or 0] if alone else range(len(film.times)):
-        folder = output if alone else output / f"{number:04d}"
+
+    def export(number: int, folder: Path) -> None:
         now = scene.at(film.times[number]) if scene and scene.instants else scene
         _export(arguments, film.at(number), folder, now)
+
+    if len(film.times) == 1 or arguments.instant is not None:
+        export(arguments.instant or 0, output)
+    else:
+        check_new(output)
+        with whole_folder(output) as stage:
+            for number in range(len(film.times)):
+                export(number, stage / f"{number:04d}")
     wrote(output)
 
 

@@ -1,6 +1,8 @@
 """Export of light fields: choose views, write a draft folder, move it into place."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from lfcore.exchange import table
 from lfcore.exchange.grid import WriteOptions
 from lfcore.exchange.reading import ExchangeError
 from lfcore.exchange.source import Selection, Source
-from lfcore.files import draft_folder
+from lfcore.files import cannot_write, draft_folder
 from lfcore.lightfield import LightField
 from lfcore.opencl.device import Device, open_device
 from lfcore.refocus.free_views import FreeViews, expected_db
@@ -70,25 +72,40 @@ def export_lightfield(
     row = table.find(format)
     folder, options = Path(folder), replace(options or WriteOptions())  # without its notes
     opened = lightfield if isinstance(lightfield, LightField) else LightField.open(lightfield)
+    check_new(folder)
+    device = open_device(device) if isinstance(device, str) else device
+    source = Source(opened, selection or Selection(), device, scene)
+    with whole_folder(folder) as stage, named_errors(folder, "exporting"):
+        row.call("write")(source, stage, options)
+    if source.free is not None:
+        options.notes.append(_quality(source, source.free))
+    return options.notes
+
+
+def check_new(folder: Path) -> None:
+    """Raise :class:`ExchangeError` unless ``folder`` is empty or not there."""
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise ExchangeError(
             "exists already", file=folder, key="folder", remedy="Name a folder that is not there"
         )
-    device = open_device(device) if isinstance(device, str) else device
-    source = Source(opened, selection or Selection(), device, scene)
-    with draft_folder(folder) as draft, named_errors(folder, "exporting"):
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """A folder that takes the name ``folder`` when the block ends without an exception."""
+    with draft_folder(folder) as draft:
         stage = draft / "export"
         stage.mkdir()
         try:
-            row.call("write")(source, stage, options)
+            yield stage
         except StorageError as error:  # names what is about to be gone
-            if error.file and stage in Path(error.file).parents:
+            if error.file and draft in Path(error.file).parents:
                 raise error.named(StorageError, file=folder) from error
             raise
-        os.replace(stage, folder)
-    if source.free is not None:
-        options.notes.append(_quality(source, source.free))
-    return options.notes
+        try:
+            os.replace(stage, folder)
+        except OSError as error:
+            raise cannot_write(folder, error) from error
 
 
 def _quality(source: Source, free: FreeViews) -> str:

@@ -171,6 +171,25 @@ def test_the_command_writes_pulled_films_and_instants(film, tmp_path, run):
         assert words in run("refocus", film.path, "-o", tmp_path / how[0], *how[1:], code=1)
 
 
+def test_all_instants_are_exported_or_none(film, tmp_path, run, monkeypatch):
+    export, count, out = lfcore.export_lightfield, [], tmp_path / "all"
+
+    def full(field, format, folder, **more):
+        assert not out.exists()
+        count.append(folder)
+        if len(count) == 3:
+            raise lfcore.StorageError("the disk is full", file=folder / "a.png")
+        return export(field, format, folder, **more)
+
+    monkeypatch.setattr(lfcore, "export_lightfield", full)
+    words = ["export", film.path, "-o", out, "--format", "json", "--views", "2x2"]
+    assert f"{out}: the disk is full" in run(*words, code=1)
+    assert not any(tmp_path.iterdir())
+    run(*words)
+    assert [p.name for p in tmp_path.iterdir()] == ["all"] and len(list(out.iterdir())) == 6
+    assert "exists already" in run(*words, code=1)
+
+
 @pytest.mark.slow
 def test_the_command_records_frames_and_shows_instants(tmp_path, write_scene, tetrahedron, run):
     entry = {"file": tetrahedron.name, "motion": [{"translate_m": [0.5, 0, 0]}]}
