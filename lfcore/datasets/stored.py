@@ -23,7 +23,7 @@ from lfcore.colour import srgb_codes
 from lfcore.datasets.description import Description
 from lfcore.errors import LfcoreError, StorageError
 from lfcore.exr import read_exr
-from lfcore.files import cannot_write, read_json, whole_file, write_json
+from lfcore.files import cannot_write, file_digest, read_json, whole_file, write_json
 from lfcore.pictures import by_opencv, codes_of
 
 SPLIT_NAMES = {"train": "train", "validation": "val", "test": "test"}
@@ -152,6 +152,7 @@ class Finished:
     description: Description
     sums: dict[str, str]
     seconds: dict[str, dict[str, str]]
+    _places: dict[str, dict[str, tuple[int, int]]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def at(cls, folder: Path) -> "Finished | None":
@@ -184,13 +185,24 @@ class Finished:
     def _file(self, index: int, name: str) -> bytes:
         if self.description.shards:
             path = f"{index // self.description.scenes_per_job:05d}.tar"
-            with tarfile.open(self.data / path) as shard:
-                return cast(Any, shard.extractfile(f"{index:06d}.{name}")).read()
+            start, size = self._places_in(path)[f"{index:06d}.{name}"]
+            with (self.data / path).open("rb") as shard:
+                shard.seek(start)
+                return shard.read(size)
         path = place_of(self.description.kind, self.description.split(index), index, name)
         data = (self.data / path).read_bytes()
         if sha256(data).hexdigest() != self.sums[path]:
             raise ValueError("was edited")
         return data
+
+    def _places_in(self, shard: str) -> dict[str, tuple[int, int]]:
+        """Return first byte and size of each file in a shard; of none if the shard was edited."""
+        path = self.data / shard
+        if shard not in self._places and file_digest(path) == self.sums[shard]:
+            with tarfile.open(path) as whole:
+                found = {member.name: (member.offset_data, member.size) for member in whole}
+            self._places[shard] = found
+        return self._places.setdefault(shard, {})
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

@@ -252,9 +252,14 @@ def test_items_of_a_finished_set_are_kept_if_they_are_made_of_the_same(device, t
         (item,) = stored.stored_items([shard for shard, _ in batches], [index])
         assert files == item.files and found == record
     assert finished.item(0, "other code") is None and finished.item(3, "code") is None
-    if not shards:
-        (folder / "data/000000AiF.tif").write_bytes(b"edited")
-        assert finished.item(0, "code") is None
+    place = folder / "data" / ("00000.tar" if shards else "000000AiF.tif")
+    data = place.read_bytes()
+    depth = stored.Finished.at(folder).item(0, "code")[0]["depth.exr" if shards else "sharp.tif"]
+    place.write_bytes(data.replace(depth[-32:], bytes(32)))  # a whole tar file, another picture
+    again = stored.Finished.at(folder)
+    assert again.item(0, "code") is None
+    kept = again.item(1, "code"), again.item(2, "code")
+    assert [one is None for one in kept] == [shards, False]
     assert stored.Finished.at(tmp_path / "nothing") is None
 
 
