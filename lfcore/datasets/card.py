@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from lfcore import __version__
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import BLUR_BINS, DEPTH_BINS
-from lfcore.datasets.stored import stored_items
+from lfcore.datasets.stored import StoredItem, stored_items
 from lfcore.errors import SceneError
 from lfcore.evaluation.figures import save_figure
 from lfcore.evaluation.page import Section, write_page
@@ -236,7 +236,7 @@ def write_report(
     """Write the page, ``index.html``, and its figures into the folder ``page`` beside it."""
     folder = page.parent / "page"
     cells, labels = [], []
-    for item in stored_items(shards, drawn(description, records)):
+    for item in map(StoredItem.first, stored_items(shards, drawn(description, records))):
         names = [name for name in item.pictures() if name not in SHARP]
         depth = item.floats(next(name for name in DEPTHS if name in item.files))
         pictures = item.shown(names[0]), item.shown(names[-1]), depth_picture(depth)

@@ -130,6 +130,22 @@ class Lens(_Keys):
     baseline_mm: Positive = _key(4.0, description="between neighbouring views")
 
 
+class Frames(_Keys):
+    count: int = _key(1, ge=1, le=1000, description="instants per item, with flow between them")
+    fps: float = _key(24, gt=0, le=1e6, description="instants per second")
+    share_moving: Share = _key(0.5, description="of objects; animated meshes play in any case")
+    speed: span(0, 1e3) = _key(
+        (0.2, 2, "log"),
+        description="in an object's diameters per second; in rooms things turn only",
+    )
+    turn_deg: span(0, 1e5) = _key((0, 90, "even"), description="degrees per second")
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """The instants, seconds."""
+        return tuple(number / self.fps for number in range(self.count))
+
+
 class Placement(_Keys):
     objects: span(1, 1000) = _key((12, 30, "even"), description="per scene")
     depth_m: span(1e-3, 1e6) = _key((0.12, 2.0, "log"), description="of objects")
@@ -207,6 +223,7 @@ class Description(_Keys):
     lights: Lights = Lights()
     lens: Lens = Lens()
     placement: Placement = Placement()
+    frames: Frames = Frames()
 
     @pydantic.model_validator(mode="after")
     def _consistent(self) -> Description:
@@ -218,6 +235,8 @@ class Description(_Keys):
             raise ValueError("placement.depth_m: objects are beyond placement.wall_m")
         if not (self.shapes.builders or self.shapes.meshes):
             raise ValueError("shapes: neither meshes nor builders")
+        if self.frames.count > 1 and not (self.frames.share_moving or self.shapes.meshes):
+            raise ValueError("frames.share_moving: nothing moves")
         names = {f"{metres:.1f}" for metres in self.lens.focus_m}
         if self.kind == "infinigen_defocus" and len(names) < len(self.lens.focus_m):
             raise ValueError("lens.focus_m: names have one decimal, which two distances share")
@@ -353,6 +372,8 @@ class Description(_Keys):
             bytes_per_pixel = 3 * (len(self.lens.focus_m) * len(self.lens.stops) + 3)
         elif self.kind != "focal_stacks":
             bytes_per_pixel = 3 * 7
+        if self.frames.count > 1:  # instants, each with flow
+            bytes_per_pixel = self.frames.count * (bytes_per_pixel + 24)
         deep, pixels = 1 if self.codes == "srgb8" else 2, self.size.width * self.size.height
         needed = 2 * deep * self.count * bytes_per_pixel * pixels
         free = shutil.disk_usage(folder).free

@@ -21,8 +21,8 @@ import numpy as np
 from lfcore.colour import srgb_codes
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
-from lfcore.datasets.sample import BACKDROP, sample
-from lfcore.datasets.stored import Finished, members, write_tar
+from lfcore.datasets.sample import BACKDROP, Sample, sample
+from lfcore.datasets.stored import Finished, members, of_instant, write_tar
 from lfcore.errors import OpticsError, SceneError
 from lfcore.exchange import arrays, hci
 from lfcore.files import make_folder, write_json
@@ -34,9 +34,9 @@ from lfcore.optics.planes import SensorPlane
 from lfcore.optics.slab import Slab
 from lfcore.pictures import picture_bytes
 from lfcore.rendering.depth import all_samples, depth_of_views, disparity
-from lfcore.rendering.prepared import open_tracer
+from lfcore.rendering.prepared import open_tracer, tracers_at
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
-from lfcore.rendering.truth import channels_exr, view_truth
+from lfcore.rendering.truth import channels_exr, flow_between, view_truth
 from lfcore.sensor import Sensor
 from lfcore.timing import Stopwatch
 from lfcore.tracing.tracer import Tracer
@@ -126,11 +126,34 @@ def make_item(
 
     Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item.
     """
-    item = Item(description, encoded)
-    with item.watch.part("scene"):
-        scene, names, dropped, owners = sample(description, index)
-        tracer = open_tracer(scene, device)
-    slab = Slab.of(scene.camera, 1, description.size)
+    watch, times = Stopwatch(clock=time.process_time), description.frames.times
+    with watch.part("scene"):
+        drawn = sample(description, index)
+        tracer = open_tracer(drawn.scene, device) if len(times) == 1 else None
+    instants, before = list[Item](), None
+    for now in [tracer] if tracer else tracers_at(drawn.scene, times, device):
+        exposed = instants[-1]._exposed if instants else 0  # noise differs between instants
+        item = Item(description, encoded, watch=watch, _exposed=exposed)
+        _fill(item, description, now, drawn, index, made_of)
+        if before:
+            _add_flow(instants[-1], description, before, now)
+        instants.append(item)
+        before = now
+    if len(times) > 1:
+        item = _joined(instants, drawn, times)
+    # The worst picture counts.
+    item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
+    item.record["fields"] = list(item.files)
+    if encoded:
+        item.files["json"] = json.dumps(item.record).encode()
+    return item
+
+
+def _fill(
+    item: Item, description: Description, tracer: Tracer, drawn: Sample, index: int, made_of: str
+) -> None:  # fmt: skip
+    """Add files and facts of one instant."""
+    scene, slab = tracer.scene, Slab.of(tracer.scene.camera, 1, description.size)
     hits = tracer.bundle_hits(bundles.views(slab, all_samples(slab)))
     triangle, depth = (array[0] for array in hits)
     finite = depth[np.isfinite(depth)]
@@ -140,7 +163,7 @@ def make_item(
         problem = f"empty frustum: objects fill {100 * seen:.1f} % of the picture"
         raise SceneError(problem, file=scene.name)
     item.record = {
-        "index": index, "made_of": made_of, "objects": names, "dropped": dropped,
+        "index": index, "made_of": made_of, "objects": drawn.objects, "dropped": drawn.dropped,
         "seen": round(seen, 4), "pictures": description.properties(),
         "camera": scene.camera.to_json() | {"pixels": description.pixels},
         "depth_m": [float(finite.min()), float(finite.max())],
@@ -148,13 +171,52 @@ def make_item(
     }  # fmt: skip
     MAKERS[description.kind](item, description, tracer, depth)
     if description.truth:
-        _add_truth(item, description, tracer, owners)
-    # The worst picture counts.
-    item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
-    item.record["fields"] = list(item.files)
-    if encoded:
-        item.files["json"] = json.dumps(item.record).encode()
-    return item
+        _add_truth(item, description, tracer, drawn.owners)
+
+
+def _joined(instants: list[Item], drawn: Sample, times: tuple[float, ...]) -> Item:
+    """Return the item of all instants: arrays with a leading axis of time."""
+    first = instants[0]
+    whole = Item(first.description, first.encoded, watch=first.watch)
+    for number, item in enumerate(instants):
+        whole.files |= {of_instant(number, name): data for name, data in item.files.items()}
+        for name, array in item.arrays.items():
+            whole.arrays.setdefault(name, []).append(array)
+    every = {key: [item.record[key] for item in instants] for key in first.record}
+    joined: dict[str, Any] = {
+        "each_db": [db for each in every["each_db"] for db in each],
+        "rays_per_pixel": sum(every["rays_per_pixel"]),
+        "seen": min(every["seen"]), "times_s": list(times),
+        "motions": [
+            {"object": move.number, "animated": move.parts_at is not None,
+             "poses": [move.pose(time_s)[:3].tolist() for time_s in times]} for move in drawn.moves
+        ],
+    }  # fmt: skip
+    for key in ("depth_m", "disparity_px"):
+        if key in every:
+            joined[key] = [min(low for low, _ in every[key]), max(high for _, high in every[key])]
+    for key in ("depths", "blurs"):
+        if key in every:
+            joined[key] = np.sum(every[key], axis=0).tolist()
+    whole.record = first.record | joined
+    return whole
+
+
+def _add_flow(item: Item, description: Description, tracer: Tracer, later: Tracer) -> None:
+    """Add an EXR of the flow to the next instant, of the middle view or of each view of a light
+    field."""
+    of_field = description.kind == "light_fields"
+    slab = Slab.of(tracer.scene.camera, description.lens.views if of_field else 1, description.size)
+    for number, place in enumerate(all_samples(slab)):
+        known = flow_between(tracer, later, slab, place)
+        with item.watch.part("files"):
+            for name, array in known.items():
+                item.arrays.setdefault(f"next_{name}", []).append(array)
+            if item.encoded:
+                name = f"next_Cam{number:03d}.exr" if of_field else "next.exr"
+                item.files[name] = channels_exr(known)
+    if not of_field:
+        item.arrays |= {k: v[0] for k, v in item.arrays.items() if k.startswith("next_")}
 
 
 def _focal_stack(item: Item, description: Description, tracer: Tracer, depth: np.ndarray) -> None:

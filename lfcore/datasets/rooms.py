@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lfcore.datasets.moving import Thing
 from lfcore.scene.procedural import furniture, interior, pictures, softgoods, textures
 from lfcore.scene.procedural.basics import Look, Parts
 from lfcore.scene.procedural.bedroom import surfaces
@@ -102,6 +103,7 @@ class Room:
         self.boxes: list[Box] = []
         self.tops: list[tuple[np.ndarray, tuple[float, ...]]] = []
         self.names: list[str] = []
+        self.things: list[Thing] = []
         self.openings: dict[int, list[tuple[float, float, float]]] = {side: [] for side in range(4)}
         self.windows: list[tuple[int, Window]] = []
         self.lamps: list[np.ndarray] = []
@@ -439,3 +441,4 @@ class Room:
     def _stand(self, shape: Any, pose: np.ndarray, radius: float) -> None:
         place = pose @ scale(radius) @ self.draw.pose_at_rest(shape)
         self.put(self.draw.dressed(shape), place, shape.name)
+        self.things.append(Thing(len(self.names), shape, place))

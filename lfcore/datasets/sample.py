@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lfcore.datasets import room_views, rooms
+from lfcore.datasets.moving import Fits, Movement, Thing, animated, movements
 from lfcore.datasets.shapes import POOL, Shape, builder, mesh, procedural_texture, texture
 from lfcore.errors import SceneError, SettingsError
 from lfcore.optics.camera import Camera
@@ -74,13 +75,14 @@ def sample_scene(description: Description | str | Path | Mapping[str, Any], inde
 
 
 class Sample(NamedTuple):
-    """A scene, the names of its objects, the files that cannot be read, with the reason, and the
-    object of each triangle, (T,) int32 from 1; 0 is behind all."""
+    """A scene, the names of its objects, the files that cannot be read, with the reason, the object
+    of each triangle, (T,) int32 from 1; 0 is behind all; and what moves."""
 
     scene: Scene
     objects: list[str]
     dropped: dict[str, str]
     owners: np.ndarray
+    moves: tuple[Movement, ...] = ()
 
 
 def sample(source: Description | str | Path | Mapping[str, Any], index: int) -> Sample:
@@ -171,11 +173,12 @@ class Draw:
         ahead = (0.0, height - math.sin(pitch), -math.cos(pitch))
         to_camera = look_at((0, height, 0), ahead)
         parts = self._backdrop(wall, height, resting)
-        names, owners = [], [0] * len(parts)
+        names, owners, things = [], [0] * len(parts), list[Thing]()
         for shape, matrix in self._placed(camera, to_camera, wall, height if resting else None):
             parts += [part.transformed(matrix) for part in self.dressed(shape)]
             names.append(shape.name)
             owners += [len(names)] * len(shape.parts)
+            things.append(Thing(len(names), shape, matrix))
         made = assemble(parts, to_camera)
         scene = Scene(
             name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
@@ -187,7 +190,13 @@ class Draw:
             ends = {"horizon": horizon.tolist(), "zenith": (horizon * (0.8, 1.2, 2)).tolist()}
             scene = with_sky(replace(scene, bake=BAKE), ends, to_camera, file=scene.name)
         scene = within_limits(scene, scene.name)
-        return Sample(scene, names, self.dropped, _owners(owners, parts, made.kept))
+
+        def fits(middle: np.ndarray, radius: float, others: Any) -> bool:
+            return self._fits(middle, radius, others, camera, to_camera, wall)
+
+        drawn = Sample(scene, names, self.dropped, _owners(owners, parts, made.kept))
+        made_of = np.repeat(owners, [part.count for part in parts]), made.kept
+        return self._moving(index, drawn, things, made_of, to_camera, resting, fits)
 
     def _room(self, index: int, camera: Camera, focus_m: tuple[float, ...]) -> Sample:
         room = rooms.Room(self)
@@ -203,7 +212,27 @@ class Draw:
         )  # fmt: skip
         scene = within_limits(with_sky(scene, sky, to_camera, file=name), name)
         owners = _owners(room.owners, room.parts, made.kept)
-        return Sample(scene, room.names, self.dropped, owners)
+        drawn = Sample(scene, room.names, self.dropped, owners)
+        made_of = np.repeat(room.owners, [part.count for part in room.parts]), made.kept
+        return self._moving(index, drawn, room.things, made_of, to_camera, True, None)
+
+    def _moving(
+        self, index: int, drawn: Sample, things: Sequence[Thing],
+        made_of: tuple[np.ndarray, np.ndarray], to_camera: np.ndarray, upright: bool,
+        fits: Fits | None,
+    ) -> Sample:  # fmt: skip
+        """Return the scene with drawn movements, if it has several instants; ``made_of`` has the
+        owner of each triangle of the parts, and which are kept."""
+        frames, (all_owners, kept) = self.description.frames, made_of
+        if frames.count == 1:
+            return drawn
+        seeds = np.random.SeedSequence(self.description.seed, spawn_key=(1 << 29, index))
+        draw = Draw(self.description, np.random.Generator(np.random.Philox(seeds)))
+        masks = [kept[all_owners == thing.number] for thing in things]
+        moves = movements(
+            draw, things, drawn.owners, masks, to_camera, upright=upright, fits=fits
+        )  # fmt: skip
+        return drawn._replace(scene=animated(drawn.scene, moves, frames), moves=moves)
 
     def _placed(
         self, camera: Camera, to_camera: np.ndarray, wall: float, floor: float | None

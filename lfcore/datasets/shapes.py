@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.readers.content import Played
 from lfcore.readers.meshes import read_mesh
 from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
@@ -29,6 +30,8 @@ UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp
 """The shapes that stand as they are built; others rest in one of their stable poses."""
 LEAST_PROBABLE = 0.03
 """The least probability of a stable pose."""
+THIN = 1e-9
+"""The least distance of the centre of mass from the hull, of a shape of radius 1, in a solid."""
 POOL = 32
 """The number of procedural textures of a data set."""
 PLAIN = Surface("plain", curved=True)
@@ -50,6 +53,8 @@ class Shape:
         Whether it has its own material; else a material is drawn.
     is_users : bool
         Whether it is a user's mesh.
+    played : callable, optional
+        The parts at a time after the start of the file's animation, seconds.
     """
 
     name: str
@@ -58,6 +63,7 @@ class Shape:
     shares: np.ndarray
     has_look: bool
     is_users: bool = False
+    played: Callable[[float], Parts] | None = None
 
 
 @cache
@@ -98,9 +104,12 @@ def mesh(path: Path) -> Shape | SceneError:
 
 
 def _mesh(path: Path) -> Shape:
-    parts = read_mesh(path).parts
+    content = read_mesh(path)
+    parts = content.parts
     has_look = any(part.surface.has_textures or part.colours is not None for part in parts)
-    shape = _shape(path.name, [_unwrapped(part) for part in parts], False, has_look)
+    shape = _shape(
+        path.name, [_unwrapped(part) for part in parts], False, has_look, content.animation
+    )
     return replace(shape, is_users=True)
 
 
@@ -115,8 +124,11 @@ def _unwrapped(part: SurfaceMesh) -> SurfaceMesh:
     return SurfaceMesh(part.triangles, part.surface, part.normals, uvs, part.colours)
 
 
-def _shape(name: str, parts: Parts, upright: bool, has_look: bool) -> Shape:
-    kept = [part.picked(sound(part.triangles)[0]) for part in parts]
+def _shape(
+    name: str, parts: Parts, upright: bool, has_look: bool, animation: Played | None = None
+) -> Shape:  # fmt: skip
+    masks = [sound(part.triangles)[0] for part in parts]
+    kept = [part.picked(mask) for part, mask in zip(parts, masks, strict=True)]
     points = np.concatenate([part.triangles.reshape(-1, 3) for part in kept])
     if not len(points):
         raise SceneError("has no triangle that can be traced", file=name)
@@ -125,7 +137,16 @@ def _shape(name: str, parts: Parts, upright: bool, has_look: bool) -> Shape:
     unit = scale(1 / radius) @ translate(*-middle)
     points = (points - middle) / radius
     poses, shares = _standing(points) if upright else _stable(points)
-    return Shape(name, transform_all(kept, unit), poses, shares, has_look)
+    shape = Shape(name, transform_all(kept, unit), poses, shares, has_look)
+    if animation is None:
+        return shape
+
+    def played(time_s: float) -> Parts:
+        now = animation.at(min(animation.start_s + time_s, animation.end_s)).parts
+        picked = [part.picked(mask) for part, mask in zip(now, masks, strict=True)]
+        return transform_all(picked, unit)
+
+    return replace(shape, played=played)
 
 
 def _standing(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,9 +158,13 @@ def _stable(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     try:
-        hull = trimesh.PointCloud(np.unique(points.round(3), axis=0)).convex_hull
+        with np.errstate(invalid="ignore"):  # a flat hull has no centre of mass
+            hull = trimesh.PointCloud(np.unique(points.round(3), axis=0)).convex_hull
+            inwards = ((hull.triangles_center - hull.center_mass) * hull.face_normals).sum(1)
+        if not inwards.min() > THIN:  # trimesh would look for a centre of mass for ever
+            return _standing(points)
         poses, shares = hull.compute_stable_poses(threshold=LEAST_PROBABLE)
-    except Exception:  # Qhull refuses flat meshes
+    except Exception:  # Qhull refuses most flat meshes
         poses = ()
     if not len(poses):
         return _standing(points)

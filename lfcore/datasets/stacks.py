@@ -83,6 +83,8 @@ class Stacks:
             The content of files by their name without number and suffix; numbered ones are stacked:
             of focal stacks ``focus`` (P, H, W, 3) and ``sharp`` (H, W, 3), codes, and ``depth``
             (H, W) float32, metres; also ``focus_m`` (P,) float32, and the scene's ``index``.
+            Of several ``frames`` all but these two begin with an axis of time, with an instant less
+            for ``next_flow_px``, ``next_scene_flow_m`` and ``next_occluded``; and ``times_s``.
         """
         from lfcore.datasets.items import make_item  # needs pydantic
 
@@ -93,6 +95,8 @@ class Stacks:
         arrays = {name: np.asarray(array) for name, array in item.arrays.items()}
         halves = {name: a.astype(np.float32) for name, a in arrays.items() if a.dtype == np.float16}
         facts = {"focus_m": np.array(item.record["focus_m"], np.float32), "index": np.array(index)}
+        if "times_s" in item.record:
+            facts["times_s"] = np.array(item.record["times_s"])
         return arrays | halves | facts
 
     def __iter__(self) -> Iterator[dict[str, np.ndarray]]:

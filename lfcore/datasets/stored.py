@@ -38,24 +38,38 @@ DPDD = {
 blurred (source) and sharp."""
 
 
-def place_of(kind: str, split: str, index: int, name: str) -> str:
-    """Return the path of a field's file in the folder of a data set."""
+def of_instant(number: int, name: str) -> str:
+    """Return the field of an instant, of an item with several; :func:`instant_of` splits it."""
+    return f"t{number:03d}.{name}"
+
+
+def instant_of(field: str) -> tuple[str, str]:
+    """Return the instant (``t003``; empty for an item at rest, and for the record) and the name."""
+    found = re.match(r"(t\d{3,})\.(.+)", field)
+    return (found[1], found[2]) if found else ("", field)
+
+
+def place_of(kind: str, split: str, index: int, field: str) -> str:
+    """Return the path of a field's file in the folder of a data set; an instant has the place of an
+    item whose number it extends."""
+    instant, name = instant_of(field)
+    number = f"{index:06d}_{instant}" if instant else f"{index:06d}"
     if kind == "focal_stacks":  # one folder: training, then validation
         name = re.sub(r"^focus(\d+)\.tif$", r"_\1All.tif", name)
         named = {"depth.exr": "Dpt.exr", "sharp.tif": "AiF.tif", "json": ".json",
                  "truth.exr": "Truth.exr"}.get(name, name)  # fmt: skip
-        return f"{index:06d}{named}"
+        return f"{number}{named}"
     if name == "mat":
-        return f"HCI_new/{'test' if split == 'test' else 'training'}/{index:06d}.mat"
+        return f"HCI_new/{'test' if split == 'test' else 'training'}/{number}.mat"
     if name == "h5":
-        return f"hdf5/{split}/{index:06d}.h5"
+        return f"hdf5/{split}/{number}.h5"
     if kind in ("infinigen_defocus", "dual_pixel"):
         split = SPLIT_NAMES[split]
     if kind == "dual_pixel":
-        other = f"truth/{index:06d}_{'item.json' if name == 'json' else name}"
-        return f"{split}_{f'{DPDD[name]}/{index:06d}.png' if name in DPDD else other}"
+        other = f"truth/{number}_{'item.json' if name == 'json' else name}"
+        return f"{split}_{f'{DPDD[name]}/{number}.png' if name in DPDD else other}"
     folder = f"hci/{split}" if kind == "light_fields" else split
-    return f"{folder}/{index:06d}/{'item.json' if name == 'json' else name}"
+    return f"{folder}/{number}/{'item.json' if name == 'json' else name}"
 
 
 def write_tar(path: str | Path, files: Iterable[tuple[str, bytes]]) -> None:
@@ -109,27 +123,30 @@ def unpack(description: Description, shards: Iterable[str | Path], folder: Path)
                 raise cannot_write(file, error) from None
             if description.kind == "infinigen_defocus" and field == "json":
                 fields = json.loads(data)["fields"]
-                listed.setdefault(split, []).append(_infinigen_row(split, index, fields))
+                listed.setdefault(split, []).extend(_infinigen_rows(split, index, fields))
     for split, rows in listed.items():
         write_json(folder / f"{SPLIT_NAMES[split]}.json", {"files": rows})
 
 
-def _infinigen_row(split: str, index: str, fields: list[str]) -> dict[str, str]:
-    """Return an item's row in the file of its split: names, and paths below the data's folder."""
+def _infinigen_rows(split: str, index: str, fields: list[str]) -> list[dict[str, str]]:
+    """Return the rows of an item's instants in the file of its split: names, and paths below the
+    data's folder."""
     names = {
         "image_all_in_focus.png": "image",
         "depth.npy": "depth",
         "cam_all_in_focus.npz": "camera",
     }
-    row = {"id": index}
-    for file in fields:
+    rows: dict[str, dict[str, str]] = {}
+    for path in fields:
+        instant, file = instant_of(path)
+        row = rows.setdefault(instant, {"id": f"{index}_{instant}" if instant else index})
         numbers = re.fullmatch(r"image_ap_([\d.]+)_fd_([\d.]+)\.png", file)
         name = names.get(file)
         if numbers:
             name = "image_ap_{:.1f}_fd_{:.1f}".format(*map(float, numbers.groups()))
         if name:
-            row[name] = f"/{place_of('infinigen_defocus', split, int(index), file)}"
-    return row
+            row[name] = f"/{place_of('infinigen_defocus', split, int(index), path)}"
+    return list(rows.values())
 
 
 @dataclass(frozen=True)
@@ -220,6 +237,12 @@ class StoredItem:
     @cached_property
     def record(self) -> dict[str, Any]:
         return json.loads(self.files["json"])
+
+    def first(self) -> "StoredItem":
+        """The item with the files of its first instant alone, as those of an item at rest."""
+        names = {instant_of(name)[1]: name for name in reversed(self.files)}
+        return StoredItem(self.index, {name: self.files[full] for name, full in
+                                       reversed(names.items())})  # fmt: skip
 
     def pictures(self) -> list[str]:
         """The fields that are pictures, in order."""

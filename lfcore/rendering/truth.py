@@ -25,7 +25,7 @@ from lfcore.tracing.tracer import Tracer
 
 SAME_DEPTH = 1e-4
 """The relative difference of depth up to which two rays meet the same point: float32, twice."""
-VECTORS = {"normal": "XYZ", "albedo": "RGB", "flow_px": "UV"}
+VECTORS = {"normal": "XYZ", "albedo": "RGB", "flow_px": "UV", "scene_flow_m": "XYZ"}
 """The letters of channels in EXR, by field."""
 
 
@@ -102,7 +102,9 @@ def view_truth(
         "depth_m": depth, "disparity_px": offset, "normal": surfaces.normal[0],
         "albedo": surfaces.albedo[0], "triangle": triangle, "material": materials[triangle],
         "flow_px": flow, "occluded": occluded(tracer, slab, other, rays, triangle, depth),
-        "coc_px": np.array([circle_of_confusion(slab, plane, depth) for plane in planes]),
+        "coc_px": np.array(
+            [circle_of_confusion(slab, plane, depth) for plane in planes], np.float32
+        ).reshape(-1, *depth.shape),
     }  # fmt: skip
 
 
@@ -117,12 +119,58 @@ def occluded(
     eye = np.append(slab.lens_positions()[other[0]], 0.0)
     far = np.where(hit, depth.ravel(), 1.0)[:, None]
     towards = np.where(hit[:, None], origins + far * directions - eye, directions)
+    return _hidden(tracer, eye, towards, triangle.ravel()).reshape(depth.shape)
+
+
+def _hidden(
+    tracer: Tracer, eye: np.ndarray, towards: np.ndarray, triangle: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Return whether ``eye`` (3,) does not see the points ``towards`` (R, 3) on these triangles,
+    (R,) bool; of misses (-1) the points at infinity."""
+    hit = triangle >= 0
     found = tracer.closest_hit(
         np.broadcast_to(eye, towards.shape).astype(np.float32), towards.astype(np.float32)
     )
     # The distance is in units of ``towards``, which ends at the point.
     hidden = np.where(hit, found.distance < 1 - SAME_DEPTH, found.triangle >= 0)
-    return (hidden & (found.triangle != triangle.ravel())).reshape(depth.shape)
+    return hidden & (found.triangle != triangle)
+
+
+def flow_between(
+    tracer: Tracer, later: Tracer, slab: Slab, sample: Sequence[int]
+) -> dict[str, np.ndarray]:
+    """Return where the points of a view are at a later instant of the same scene.
+
+    The hit of a pixel's middle keeps its weights of the triangle's corners.
+
+    Returns
+    -------
+    dict of ndarray
+        ``flow_px`` (H, W, 2) float32, columns and rows to the same point in the later view,
+        infinity for a point that is no longer before the lens; ``scene_flow_m`` (H, W, 3) float32,
+        its way in camera space; ``occluded`` (H, W) bool, whether something hides it then.  For a
+        miss the first two are 0.
+    """
+    samples = check_samples(slab, np.array([sample]))
+    origins, directions = (part.reshape(-1, 3) for part in bundles.views(slab, samples).rays())
+    hits = tracer.closest_hit(origins, directions)
+    hit = (hits.triangle >= 0)[:, None]
+    weights = np.where(hit, hits.barycentric, 0).astype(np.float64)[..., None]
+    eye = np.append(slab.lens_positions()[samples[0]], 0.0)
+    here, there = (
+        (weights * each.scene.triangles[hits.triangle]).sum(1) - eye for each in (tracer, later)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        flow = (there[:, :2] / there[:, 2:] - here[:, :2] / here[:, 2:]) / slab.pixel_pitch
+    before = there[:, 2:] > 0
+    flow = np.where(hit, np.where(before, flow, np.inf), 0)
+    hidden = _hidden(later, eye, np.where(hit, there, directions), hits.triangle)
+    shape = slab.size.height, slab.size.width
+    return {
+        "flow_px": flow.astype(np.float32).reshape(*shape, 2),
+        "scene_flow_m": np.where(hit, there - here, 0).astype(np.float32).reshape(*shape, 3),
+        "occluded": hidden.reshape(shape) | ~(before | ~hit).reshape(shape),
+    }
 
 
 def circle_of_confusion(slab: Slab, plane: SensorPlane, depth: np.ndarray) -> np.ndarray:

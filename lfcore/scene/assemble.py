@@ -92,7 +92,7 @@ def assemble(parts: list[SurfaceMesh], to_camera: np.ndarray) -> Geometry:
         keep, reasons = sound(arrays["triangles"])
         arrays |= {name: filled(moved, name) for name, used in columns.items() if used}
         if columns["normals"]:
-            arrays["normals"] = _sound_normals(arrays["normals"], arrays["triangles"])
+            arrays["normals"] = sound_normals(arrays["normals"], arrays["triangles"])
         for name, values in arrays.items():
             rounded[name].append(values[keep].astype(np.float32))
         kept.append(keep)
@@ -152,7 +152,7 @@ def _twice_area(triangles: np.ndarray) -> np.ndarray:
     return np.sqrt(dot(vectors, vectors))
 
 
-def _sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def sound_normals(normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Unit normals; corners whose normal is zero or not finite take the geometric normal."""
     finite = columnwise(np.logical_and, np.isfinite(normals))[..., None]
     unit = normalise(normals if finite.all() else np.where(finite, normals, 0.0))

@@ -175,7 +175,7 @@ def test_furniture_of_a_room_is_apart_within_the_walls_and_the_camera_is_free(in
 
 def test_a_room_is_a_scene_with_sky_lamps_and_an_owner_per_triangle():
     of = PLAIN | {"placement": {"share_rooms": 1}}
-    scene, names, _, owners = sample(of, 1)
+    scene, names, _, owners, _ = sample(of, 1)
     assert scene.bake is not None and scene.sky.size and scene.lights
     assert owners.shape == scene.material_ids.shape and owners.max() == len(names)
     kinds = np.array([m.name for m in scene.materials])[scene.material_ids]

@@ -7,6 +7,8 @@ import pytest
 from gltf_files import CORNERS, FACES, File
 from plain_scenes import refused
 
+from lfcore.datasets.description import Description
+from lfcore.datasets.sample import sample
 from lfcore.readers.load import load_scene
 from lfcore.readers.meshes import read_mesh
 
@@ -225,3 +227,28 @@ def test_a_skin_of_missing_joints_is_one_line(tmp_path, skin, words):
     corners = {"JOINTS_0": np.tile(np.uint8([0] * 4), (4, 1)), "WEIGHTS_0": np.ones((4, 4), "f4")}
     file.node(file.primitive(indices=FACES, **corners), skin=0)
     refused(words, read_mesh, file.write(tmp_path))
+
+
+def test_animated_meshes_of_data_sets_play_in_their_place(tmp_path):
+    file = File()
+    node, shift = file.node(file.primitive()), [[0, 0, 0], [3, 0, 0]]
+    play(file, (node, "translation", shift, "LINEAR"), times=KEYS[:2])
+    mesh = file.write(tmp_path)
+    frames = {"count": 5, "fps": 2, "share_moving": 0}
+    shapes = {"meshes": [str(mesh)], "builders": []}
+    drawn = sample(
+        Description.check(
+            {"name": "mine", "kind": "focal_stacks", "shapes": shapes, "frames": frames}
+        ),
+        0,
+    )
+    assert len(drawn.moves) == len(drawn.objects) > 0
+    for move in drawn.moves:
+        start, middle, end, rest = (drawn.scene.at(t).triangles[move.rows] for t in (0, 0.5, 1, 2))
+        side = np.linalg.norm(np.diff(start[0], axis=0), axis=-1)
+        model = np.linalg.norm(np.diff(CORNERS[FACES[:3]], axis=0), axis=-1)
+        size = (side / model)[0]
+        assert np.allclose(np.linalg.norm(end - start, axis=-1), 3 * size, rtol=1e-4)
+        assert np.allclose(middle, (start + end) / 2, atol=1e-5)
+        assert np.array_equal(rest, end)
+    assert np.array_equal(drawn.scene.at(0).triangles, drawn.scene.triangles)

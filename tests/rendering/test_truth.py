@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import OpenEXR
 import pytest
+from moving_scene import moving_squares
 from plain_scenes import refused
 
 import lfcore
 from lfcore.cli import main
 from lfcore.optics import bundles
-from lfcore.rendering.prepared import open_dark_tracer
+from lfcore.optics.slab import Slab
+from lfcore.rendering import truth
+from lfcore.rendering.depth import depth_of_views
+from lfcore.rendering.prepared import open_dark_tracer, open_tracer, tracers_at
 
 CAMERA = lfcore.Camera(0.05, 0.036, 1.0, 3.0)
 PIXELS = (60, 48)
@@ -101,3 +105,36 @@ def test_the_command_writes_truth(tmp_path, capsys):
     assert main(["depth", "--lightfield", "a.mkv", "--truth", str(tmp_path / "a.npz")]) == 1
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2 and "--truth" in said[0] and "needs a scene" in said[1]
+
+
+def test_flow_between_instants_is_that_of_a_rigid_translation(device):
+    scene = moving_squares()
+    slab = Slab.of(scene.camera, 3, (32, 24))
+    now, later = tracers_at(scene, [0.0, 0.2], device)
+    for sample in ((1, 1), (0, 2)):
+        known = truth.flow_between(now, later, slab, sample)
+        depth = depth_of_views(now, slab, np.array([sample]))[0]
+        near = depth < 3
+        assert 20 < near.sum() < 400
+        flow, moved = known["flow_px"], known["scene_flow_m"]
+        expected = 0.2 / 2 / slab.pixel_pitch
+        assert np.abs(flow[near] - (expected, 0)).max() < 1e-3 < 1 < expected
+        assert np.allclose(moved[near], (0.2, 0, 0), atol=1e-6)
+        assert not flow[~near].any() and not moved[~near].any()
+        # Hidden then: the wall just right of the square, where it comes.
+        after = depth_of_views(later, slab, np.array([sample]))[0]
+        assert np.array_equal(known["occluded"], ~near & (after < 3))
+        # A pixel and its flow lead to the point in the later picture.
+        rows, columns = np.nonzero(near)
+        found = (columns + flow[near][:, 0]).round().astype(int)
+        assert (after[rows, np.minimum(found, 31)] < 3)[found < 31].mean() > 0.95
+
+
+def test_points_that_pass_the_lens_are_occluded(device):
+    scene = moving_squares()
+    tracer = open_tracer(scene.at(0), device)
+    behind = replace(scene.at(0), triangles=scene.triangles - np.float32([0, 0, 3]))
+    slab = Slab.of(scene.camera, 1, 16)
+    known = truth.flow_between(tracer, open_tracer(behind, device), slab, (0, 0))
+    near = known["flow_px"][..., 0] == np.inf
+    assert near.any() and known["occluded"][near].all()
