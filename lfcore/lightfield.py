@@ -552,8 +552,8 @@ class LightField(LightFieldFile):
             ``jpeg`` or ``webp``.  Default: ``webp`` for a file with depth, else
             ``jpeg``.
         jpeg_quality : int
-            The quality of the pictures' encoder, 1 to 100.  Default: 90; with depth, chosen by the
-            views' error.
+            The quality of the pictures' encoder, JPEG or WebP, 1 to 100.  Default: 90; with
+            depth, chosen by the views' error.
         film : bool
             Show all instants of a film, which plays; else this one.
         device, progress : optional

@@ -8,6 +8,7 @@ grids are refined where neighbours differ.  In the end the error is measured.
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,7 @@ def _without_glass(scene: Scene) -> Scene:
     glass = [material.transmission >= _GLASS for material in scene.materials]
     if not any(glass):
         return scene
-    hole = {"texture": len(scene.textures), "alpha_cutoff": 0.5}
+    hole: dict[str, Any] = {"texture": len(scene.textures), "alpha_cutoff": 0.5}
     uvs = scene.uvs if len(scene.uvs) else np.zeros((scene.triangle_count, 3, 2), np.float32)
     return replace(
         scene,

@@ -155,5 +155,6 @@ def _mean_emission(around: Surroundings) -> np.ndarray:
     a, b = (coordinate[0] for coordinate in samples(np.zeros(1, np.uint64), 0, _PLACES))
     for weights in _uniform_on_triangle(a, b).astype(np.float32):
         repeated = np.tile(weights, (len(which), 1))
-        mean[which] += around.emitted(2 * which, repeated, repeated).mean(-1) / _PLACES
+        light = around.emitted(2 * which, repeated, -around.unit[which].astype(np.float32))
+        mean[which] += light.mean(-1) / _PLACES
     return mean

@@ -65,7 +65,7 @@ def options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     page.add_argument(
         "--jpeg-quality", type=values.count(1, 100), metavar="Q",
-        help="of the page's views (with depth by their error, else 90)",
+        help="JPEG's or WebP's, of the page's views (with depth by their error, else 90)",
     )  # fmt: skip
     page.add_argument(
         "--serve", type=values.count(0, 65535), nargs="?", const=0, metavar="PORT",

@@ -116,7 +116,8 @@ class Lens(_Keys):
     f_number: span(0.1, 1e6) = _key(1.0, description="of stacks and pairs")
     stops: list[Positive] = _key(
         [1.4, 2.0, 2.8, 4.0, 5.6], min_length=1, max_length=20,
-        description="instead, the f-numbers of infinigen_defocus, each at every focus distance",
+        description="f-numbers of `infinigen_defocus` in place of `f_number`, each at every focus "
+        "distance",
     )  # fmt: skip
     focus_m: list[Positive] = _key(
         [0.1, 0.15, 0.3, 0.7, 1.5], min_length=1, max_length=100,

@@ -79,7 +79,9 @@ class LensSystem:
         stop = self.radius_m == 0
         if not stop.any():
             raise OpticsError("this lens has no aperture stop")
-        if not 0 < diameter_m / 2 <= self.aperture_m[stop].max() * (1 + 1e-9):
+        if not diameter_m > 0:
+            raise OpticsError(f"a stop of {diameter_m} m is not positive")
+        if not diameter_m / 2 <= self.aperture_m[stop].max() * (1 + 1e-9):
             raise OpticsError(f"a stop of {diameter_m} m is wider than the lens's own")
         return replace(self, aperture_m=np.where(stop, diameter_m / 2, self.aperture_m))
 

@@ -155,7 +155,8 @@ class PlaneSums:
             )
             remedy = "Form pictures of one size at a time"
             raise OpticsError(problem, key="pixels", remedy=remedy)
-        if shape != shown(slab, self.planes)[:1:-1]:
+        *_, width, height = shown(slab, self.planes)
+        if shape != (height, width):
             raise OpticsError("the planes are incomplete", remedy="Add all tiles first")
         out = np.empty((len(self.planes), *shape, 3), np.float32)
         for picture, plane, sums in zip(out, self.planes, self.sums, strict=True):

@@ -16,12 +16,12 @@ from lfcore.readers.gltf.document import SUFFIXES
 from lfcore.readers.meshes import read_mesh
 from lfcore.readers.replay import Objects, Replay
 from lfcore.readers.side_files import read_texture
+from lfcore.readers.up_axis import z_seems_up
 from lfcore.reading import Where
 from lfcore.scene import framing, procedural, studio
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import COLOURS, assemble
 from lfcore.scene.baked import ASKS, BakeOptions
-from lfcore.scene.framing import z_seems_up
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Animation, Scene
 from lfcore.scene.motion import is_rigid, motions

@@ -88,12 +88,13 @@ def whole(values: np.ndarray) -> np.ndarray:
 class Statements:
     """The lines of a text that begin with one of some words, and all the others.
 
-    ``kinds`` (lines,) is the place of a line's first word among ``words``, -1 for others.
+    ``kinds`` (lines,) is the place of a line's first word among ``words``, -1 for others; ``text``
+    has blanks in place of these first words.
     """
 
     def __init__(self, data: bytes, words: Sequence[str]):
         self.text, self.words = plain(data, joined=True), list(words)
-        raw = np.frombuffer(self.text + b"\n" * 16, np.uint8)
+        raw = np.frombuffer(bytearray(self.text + b"\n" * 16), np.uint8)
         self._ends = np.flatnonzero(raw[: len(self.text)] == ord("\n"))
         first = np.concatenate([[0], self._ends[:-1] + 1])
         for _ in range(_INDENTED):
@@ -107,6 +108,9 @@ class Statements:
             for at, letter in enumerate(word.encode()):
                 is_word &= raw[first + at] == letter
             self.kinds[is_word] = number
+            for at in range(len(word)):
+                raw[first[is_word] + at] = _BLANK
+        self.text = raw[: len(self.text)].tobytes()
         self._empty = (raw[first] == ord("\n")) | (raw[first] == ord("#"))
 
     def lines(self, word: str) -> np.ndarray:
@@ -120,7 +124,7 @@ class Statements:
         starts = self._first[lines[np.concatenate([[0], breaks + 1])]] if len(lines) else []
         ends = self._ends[lines[np.concatenate([breaks, [-1]])]] if len(lines) else []
         parts = [self.text[a : b + 1] for a, b in zip(starts, ends, strict=True)]
-        text = b"".join(parts).replace(word.encode(), b" " * len(word))
+        text = b"".join(parts)
         return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
 
     def numbers(self, word: str) -> tuple[np.ndarray, np.ndarray]:

@@ -195,9 +195,11 @@ class DepthSlicer:
         self._sums = self.device.zeros(size, sparse=True)
         self._used = self.device.zeros(4 * len(planes) * self._strips)
 
-    def _place(self, *where: Any, long_sums: bool) -> PlacedViews:
-        """The views on a plane; ``where`` and ``long_sums`` are as for :class:`PlacedViews`."""
-        return PlacedViews(self.views, *where, long_sums=long_sums)
+    def _place(
+        self, plane: SensorPlane, pixels: int, bounds_px: Sequence[float] | None, *, long_sums: bool
+    ) -> PlacedViews:
+        """The views on a plane; parameters are as for :class:`PlacedViews`."""
+        return PlacedViews(self.views, plane, pixels, bounds_px, long_sums=long_sums)
 
     @property
     def bounds_px(self) -> list[tuple[float, ...]]:

@@ -6,9 +6,8 @@ of the picture; farther views fill what nearer ones do not see.  Layers of inver
 composed from front to back.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -237,16 +236,16 @@ def views_at(
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """As :meth:`lfcore.LightField.views_at`."""
-    views = FreeViews(field, pixels, device=device)
-    points, lens = np.asarray(points_m, float).reshape(-1, 2), views.slab.camera.lens_radius_m
+    free = FreeViews(field, pixels, device=device)
+    points, lens = np.asarray(points_m, float).reshape(-1, 2), free.slab.camera.lens_radius_m
     if points.size and not np.abs(points).max() <= lens:
         raise OpticsError(
             f"is outside the lens, which reaches {1e3 * lens:.4g} mm from its middle",
             file=field.path, key="points_m",
         )  # fmt: skip
-    out = np.empty((len(points), *views.made.size[::-1], 3), np.float32)
+    out = np.empty((len(points), *free.made.size[::-1], 3), np.float32)
     for number, point in enumerate(points):
-        out[number] = views.picture(point)
+        out[number] = free.picture(point)
         if progress:
             progress(number + 1, len(points))
     return out
@@ -262,13 +261,13 @@ def served_positions(field: LightFieldFile, count: int) -> np.ndarray:
     return reach * (np.arange(count) - (count - 1) / 2) / max(1, count - 1)
 
 
-def expected_db(views: FreeViews) -> float | None:
+def expected_db(free: FreeViews) -> float | None:
     """Estimate the PSNR, dB in sRGB, of views between the outermost recorded ones.
 
     Traced views inside the lens are made from the others, and the worst counts.  None for fewer
     than 3 x 3 views.
     """
-    slab = views.slab
+    slab = free.slab
     if slab.views < 3 or not slab.views_held().all():
         return None
     inner = np.arange(1, slab.views - 1)
@@ -276,11 +275,11 @@ def expected_db(views: FreeViews) -> float | None:
     held = numbers[np.linspace(0, len(numbers) - 1, min(HELD_BACK, len(numbers))).astype(int)]
     worst = np.inf
     for number in held:
-        traced, views.without = views.only(number), [number]
-        made = views.picture(views.views.positions[number])
+        traced, free.without = free.only(number), [number]
+        made = free.picture(free.views.positions[number])
         error = np.square(srgb_encode(made) - srgb_encode(traced)).mean()
         worst = min(worst, -10 * np.log10(max(float(error), 1e-10)))
-    views.without = []
+    free.without = []
     return worst + HELD_BACK_DB
 
 
@@ -333,18 +332,23 @@ class _PointSlicer(DepthSlicer):
             stops=stops, empty=np.nan if images else 0.0,
         )  # fmt: skip
 
-    def _place(self, *where: Any, long_sums: bool) -> PlacedViews:
-        seen = self.point, self.share, self._layer_px
-        return _ViewsFromPoint(*seen, self.views, *where, long_sums=long_sums)
+    def _place(
+        self, plane: SensorPlane, pixels: int, bounds_px: Sequence[float] | None, *, long_sums: bool
+    ) -> PlacedViews:
+        return _ViewsFromPoint(
+            self.views, plane, pixels, bounds_px, long_sums=long_sums,
+            point=self.point, share=self.share, layer_px=self._layer_px,
+        )  # fmt: skip
 
 
 class _ViewsFromPoint(PlacedViews):
     """Views seen from a ``point`` of the lens, weighted by ``share``; layers sweep ``layer_px``."""
 
     def __init__(
-        self, point: np.ndarray, share: np.ndarray, layer_px: float, *where: Any, **more: Any
-    ):
-        super().__init__(*where, **more)
+        self, views: ViewSet, plane: SensorPlane, pixels: int, bounds_px: Sequence[float] | None,
+        *, long_sums: bool, point: np.ndarray, share: np.ndarray, layer_px: float,
+    ):  # fmt: skip
+        super().__init__(views, plane, pixels, bounds_px, long_sums=long_sums)
         self.point, self.share, self.layer_px = point, share, layer_px
 
     @cached_property

@@ -81,10 +81,14 @@ def _focused(
     stopped = replace(plane, normalise="aperture", keep_magnification=False)
     picture = trace_by_depth(tracer, views, [stopped], size.longer, progress=progress)[0]
     if plane.normalise == "lens":
-        whole = Slab(camera, 1, 1)
-        share = lens_cells(views.slab, stopped.lens_aperture(views.slab)).share.mean()
-        share *= (camera.f_number / plane.f_number) ** 2
-        picture *= share / plane.magnification(whole) ** 2
+        # The part of the scene's lens that is open: the aperture's of the square that was traced,
+        # times that square's of the lens, whose diameters are as 1 / f-number.
+        open_part = lens_cells(views.slab, stopped.lens_aperture(views.slab)).share.mean()
+        open_part *= (camera.f_number / plane.f_number) ** 2
+        # A sensor at another distance spreads the same light over magnification² as many pixels,
+        # by the distances of the scene's own camera: its views and pixels do not matter.
+        magnification = plane.magnification(Slab(camera, 1, 1))
+        picture *= open_part / magnification**2
     return picture
 
 
@@ -107,7 +111,7 @@ def trace_by_depth(
     if needed > device.device.global_mem_size // 2:
         problem = f"sums of {len(planes)} pictures of {size} pixels take {needed / 2**30:.1f} GiB"
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
-        raise OpticsError(problem, key="size", remedy=remedy)
+        raise OpticsError(problem, key="pixels", remedy=remedy)
     slicer = TwoPartSlicer(views, planes, pixels, device, stops=stops)
     for part, first, parts in traced_views(tracer, views, pixels, in_rows=True):
         slicer.add(part, parts, first)

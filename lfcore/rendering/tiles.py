@@ -173,7 +173,7 @@ def chunk_cuts(
     if frame_of is not None:
         ends = np.append(np.flatnonzero(np.diff(frame_of, prepend=-1)), total)
     whole = ends[_parts_no_group(places, group_side)[ends]]
-    if np.diff(whole).max() * rays_each <= MOST_GROWTH * CHUNK_RAYS:
+    if np.diff(whole).max(initial=0) * rays_each <= MOST_GROWTH * CHUNK_RAYS:
         ends = whole
     cuts, most = [0], max(1, CHUNK_RAYS // rays_each)
     while cuts[-1] < total:
@@ -186,8 +186,8 @@ def chunk_cuts(
 def _parts_no_group(places: np.ndarray, group_side: int) -> np.ndarray:
     """(E + 1,) bool: whether a cut before element e leaves every group whole."""
     groups = places // group_side
-    group = ranks(groups[:, 1].astype(np.int64) << 32 | groups[:, 0])[1]
-    last = np.zeros(group.max() + 1, np.int64)
+    keys, group = ranks(groups[:, 1].astype(np.int64) << 32 | groups[:, 0])
+    last = np.zeros(len(keys), np.int64)
     np.maximum.at(last, group, np.arange(len(group)))
     open_until = np.maximum.accumulate(last[group])
     return np.append(True, open_until == np.arange(len(group)))

@@ -5,7 +5,6 @@ give the same picture with the same defocus.
 """
 
 import math
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,9 +16,9 @@ from lfcore.optics.focus import DepthRange, check_words, f_number_of_blur, focus
 from lfcore.optics.size import Size
 from lfcore.reading import Where
 from lfcore.scene.appearance import DIRECTIONAL, Light
-from lfcore.scene.arrays import columnwise, dot
+from lfcore.scene.arrays import columnwise
 from lfcore.scene.seen import depth_range, focus_at
-from lfcore.scene.surface_mesh import SurfaceMesh, area_vectors, normalise, triple
+from lfcore.scene.surface_mesh import SurfaceMesh, normalise, triple
 from lfcore.scene.transforms import look_at, pose_from_matrix, rigid_to_camera
 
 FIELD_WIDTH = 0.7
@@ -307,56 +306,3 @@ def default_focus_distances(camera: Camera, triangles: np.ndarray) -> tuple:
         return (camera.focus_m,)
     visible = DepthRange(max(visible.near_m, nearest), visible.far_m)
     return tuple(visible.at(float(share)) for share in np.linspace(0, 1, 5))
-
-
-HEAD_BYTES = 4096
-WORDS = re.compile(rb"\bz[-_ ]?(?:axis )?(?:is )?up\b|\bup[-_ ]?(?:axis|vector)?\W{1,3}z\b", re.I)
-FOOT = 0.04
-"""The least share of the surface that is a foot."""
-CLEARLY = 4.0
-"""The least factor between the area of a foot on z and that of flat ends of y, or of z's top."""
-END = 0.02
-"""The thickness of a foot, as a share of the greatest extent."""
-LEVEL = 0.9
-"""The least cosine between a foot's normals and the axis."""
-ON_ZERO = 1e-3
-"""The greatest distance of a lower end from 0, as a share of the axis's extent."""
-ABOUT = 0.25
-"""The greatest distance of the middle from y = 0, as a share of the extent of y."""
-LOW = 0.35
-"""Terrain: the greatest height, as a share of the lesser horizontal extent."""
-FACING_UP = 0.7
-"""Terrain: the least mean of the normals' z."""
-
-
-def z_seems_up(parts: list[SurfaceMesh], path: Path) -> bool:
-    """Whether a mesh in world space, read from the file ``path``, stands on its xy plane."""
-    with path.open("rb") as file:
-        if WORDS.search(file.read(HEAD_BYTES)):
-            return True
-    flat = np.concatenate([part.triangles.reshape(-1, 9) for part in parts])
-    largest = columnwise(np.maximum, np.abs(flat))
-    finite = np.isfinite(largest)
-    size = float(largest[finite].max(initial=0.0))
-    if not size:
-        return False
-    triangles = (flat if finite.all() else flat[finite]).reshape(-1, 3, 3) / size
-    low, high = (np.array([of(triangles[..., k]) for k in range(3)]) for of in (np.min, np.max))
-    normals = area_vectors(triangles) / 2
-    area = np.sqrt(dot(normals, normals))
-    across, deep, height = high - low
-    if 0 < height < LOW * min(across, deep) and normals[:, 2].sum() > FACING_UP * area.sum():
-        return True
-    middle = (low[1] + high[1]) / 2
-    on_zero = abs(low[2]) < ON_ZERO * height and abs(low[1]) > ON_ZERO * deep
-    if on_zero and abs(middle) < ABOUT * deep:
-        return True
-
-    def flat_end(axis: int, end: np.ndarray, sign: int) -> float:
-        near = np.abs(triangles[:, :, axis] - end[axis]) <= END * (high - low).max()
-        at_end = columnwise(np.logical_and, near)
-        return float(area[at_end & (sign * normals[:, axis] > LEVEL * area)].sum())
-
-    foot = flat_end(2, low, -1)
-    rivals = flat_end(1, low, -1), flat_end(1, high, 1), flat_end(2, high, 1)
-    return foot > FOOT * area.sum() and foot > CLEARLY * max(rivals)

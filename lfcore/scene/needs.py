@@ -204,4 +204,4 @@ def check_exportable(scene: Scene, program: str, *, may_be_specular: bool = Fals
         ),
     ):
         if has_feature:
-            raise SceneError(f"{subject} not exported to {program}", key=scene.name)
+            raise SceneError(f"{subject} not exported to {program}", file=scene.name)

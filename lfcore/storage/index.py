@@ -26,7 +26,7 @@ class Segment:
     Attributes
     ----------
     index : int
-        The segment's number in the file.
+        The segment's place in the index that it was taken from; a slice counts from 0 again.
     tile : Tile
         The tile.
     first, frames : int

@@ -77,6 +77,15 @@ class LightFieldFile:
         ]
         self._show(0)
 
+    @classmethod
+    def _of(cls, field: LightFieldFile) -> Self:
+        """Another object of the same open file at the same instant, without what is cached."""
+        other = cls.__new__(cls)
+        other.path, other.whole, other._salvage = field.path, field.whole, field._salvage
+        other._file_damage, other._videos = field._file_damage, field._videos
+        other._show(field.instant)
+        return other
+
     def _show(self, instant: int) -> None:
         """Give this object an instant."""
         self.instant, self.metadata, self.damage = instant, self.whole, self._file_damage
@@ -106,9 +115,7 @@ class LightFieldFile:
         own; None in a file without."""
         if not self._specular_videos:
             return None
-        part = LightFieldFile.__new__(LightFieldFile)
-        for name in ("path", "whole", "_salvage", "_file_damage", "_videos", "instant", "damage"):
-            setattr(part, name, getattr(self, name))
+        part = LightFieldFile._of(self)
         part.metadata, part._specular_videos = self.metadata.of_specular(), ()
         part.video, part.depth_video = self._specular_videos
         return part
@@ -137,9 +144,7 @@ class LightFieldFile:
         if not -total <= instant < total:
             problem = f"has no instant {instant}; it has 0 to {total - 1}"
             raise StorageError(problem, file=self.path, key="instant")
-        other = type(self).__new__(type(self))
-        for name in ("path", "whole", "_salvage", "_file_damage", "_videos"):
-            setattr(other, name, getattr(self, name))
+        other = self._of(self)
         other._show(instant % total)
         return other
 

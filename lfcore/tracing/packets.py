@@ -81,7 +81,7 @@ class Groups:
             return cls(np.arange(len(bundles.elements), dtype=np.int32)[:, None], bundles.elements)
         u, v = np.asarray(coordinates, np.int64).T
         (column, x), (row, y) = np.divmod(u, side), np.divmod(v, side)
-        keys, group = ranks((row - row.min()) << 32 | (column - column.min()))
+        keys, group = ranks((row - row.min(initial=0)) << 32 | (column - column.min(initial=0)))
         members = np.full((len(keys), side**2), -1, np.int32)
         members[group, y * side + x] = np.arange(len(u), dtype=np.int32)
         if shape.outer == 1:
@@ -94,6 +94,6 @@ class Groups:
 
 def ranks(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`numpy.unique` with inverse, but faster: only the first of a run of equal keys is sorted."""
-    begins = np.append(True, keys[1:] != keys[:-1])
+    begins = np.append(True, keys[1:] != keys[:-1])[: len(keys)]
     distinct, rank = np.unique(keys[begins], return_inverse=True)
     return distinct, rank[np.cumsum(begins) - 1]

@@ -1,6 +1,8 @@
 """The tracer of one scene: rays to arrays of hits, or of light and depth."""
 
 from collections.abc import Sequence
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -134,9 +136,10 @@ class Tracer:
         """Fill what :meth:`bundle_radiance` or, with ``depth``, :meth:`radiance_and_depth` returns,
         by a job for the sink IMAGE."""
         triangle = page_aligned(radiance.shape[:-1], np.int32) if self.needs.specular else None
-        given = {"radiance": radiance, "depth": depth, "triangle": triangle}
-        arrays = {name: array for name, array in given.items() if array is not None}
-        fill_arrays(job, [bundles], coordinates, arrays, **dict.fromkeys(given.keys() - arrays))
+        outputs = {"radiance": radiance, "depth": depth, "triangle": triangle}
+        arrays = {name: array for name, array in outputs.items() if array is not None}
+        left_out: dict[str, Any] = {name: None for name, array in outputs.items() if array is None}
+        fill_arrays(job, [bundles], coordinates, arrays, **left_out)
         if triangle is not None and (paths := self._paths(bundles, triangle)):
             chosen, seen = paths
             radiance.reshape(-1, 3)[chosen] = seen.own + seen.specular
@@ -206,7 +209,7 @@ class Tracer:
         first, down = sets[0], len(sets[0].elements) // across
         shape = down * first.traced_rows, across * first.columns, 3
         if self.needs.specular:
-            sums = sum(self.bundle_radiance(bundles, coordinates) for bundles in sets)
+            sums = reduce(np.add, (self.bundle_radiance(each, coordinates) for each in sets))
             grid = sums.reshape(down, across, first.traced_rows, first.columns, 3)
             return np.ascontiguousarray(grid.swapaxes(1, 2)).reshape(shape)
         image = page_aligned(shape)

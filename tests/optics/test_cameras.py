@@ -240,3 +240,5 @@ def test_lenses_that_cannot_be(make):
         refused(rf"lens\.dat.*{words}", make, text)
     refused("focus", make().focused, 0.06)
     refused("wider", make(stop=4).stopped_down, 1.0)
+    for none in (0.0, -1e-3, math.nan):
+        refused("not positive", make(stop=4).stopped_down, none)

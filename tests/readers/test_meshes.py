@@ -195,6 +195,7 @@ def test_stl_is_smoothed_where_round_and_flat_where_not(tmp_path):
         ("a.obj", b"# nothing\n", "cannot be read|no triangles"),
         ("a.xyzzy", b"1 2 3", "no reader"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read|vertex"),
+        ("a.obj", b"v 1v2 3 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "'v': '1v2' is no number"),
         ("nan.obj", b"v nan 0 0\nv 0 nan 0\nv 0 0 nan\nf 1 2 3\n", "empty"),
         ("line.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "zero area"),
         ("a.ply", f"{STRIPS.format('ascii')}{ROWS}3 0 1 7\n".encode(), "names vertex 7 of 5"),

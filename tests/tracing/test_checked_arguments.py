@@ -9,16 +9,18 @@ import pytest
 from plain_scenes import refused
 from tracing_scenes import CAMERA, painted_soup
 
+import lfcore
 from lfcore import SensorPlane, Slab, open_device
 from lfcore.opencl import device as devices
 from lfcore.optics.bundles import macropixels, views
 from lfcore.rendering import tiles
-from lfcore.rendering.tiles import trace_tile
+from lfcore.rendering.tiles import chunk_cuts, trace_tile
 from lfcore.storage.layout import FrameLayout
 from lfcore.tracing import layouts
 from lfcore.tracing.bvh import build_bvh
 from lfcore.tracing.device_scene import MOST_NUMBERS, check_indices
 from lfcore.tracing.job import PacketJob
+from lfcore.tracing.packets import ranks
 from lfcore.tracing.plan import BLOCKS_EACH, PROBED_BLOCKS, best_outer, probed_blocks
 from lfcore.tracing.tracer import Tracer
 
@@ -187,3 +189,13 @@ def test_a_kernel_takes_every_argument_by_name(tracer):
         kernel(1, **dict.fromkeys(known - {"depth"}))
     with pytest.raises(TypeError, match="frames"):
         kernel(1, **dict.fromkeys([*known, "frames"]))
+
+
+def test_no_elements_are_no_chunks():
+    assert [len(part) for part in ranks(np.zeros(0, np.int64))] == [0, 0]
+    for frames in (None, np.zeros(0, np.int64)):
+        assert chunk_cuts(np.zeros((0, 2), np.int64), frames, 4, 2).tolist() == [0]
+
+
+def test_pictures_larger_than_the_memory_are_refused_by_a_parameter_of_render():
+    refused("^pixels: sums of .* Ask for fewer", lfcore.render, painted_soup(), 2.0, pixels=30000)

@@ -99,7 +99,7 @@ class Description:
         check_exportable(scene, "Mitsuba", may_be_specular=True)
         if any(scene.ambient) and lit and not leave_out_ambient:
             remedy = "Leave it out, or compare a scene that has no other light"
-            raise SceneError("Mitsuba has no ambient light", key=scene.name, remedy=remedy)
+            raise SceneError("Mitsuba has no ambient light", file=scene.name, remedy=remedy)
 
     def all(self) -> dict:
         """The dictionary for ``mitsuba.load_dict``, without a sensor."""
@@ -154,7 +154,7 @@ class Description:
             return {"type": "rgb", "value": (diffuse + emission).tolist()}
         if emission.any():
             problem = f"the emission of material {material.name!r} over a texture is not exported"
-            raise SceneError(problem, key=scene.name)
+            raise SceneError(problem, file=scene.name)
         texels = srgb_decode(scene.textures[material.texture][..., :3] / 255.0) * diffuse
         bitmap = self.mitsuba.Bitmap(np.ascontiguousarray(texels, np.float32))
         return {"type": "bitmap", "bitmap": bitmap, "filter_type": "bilinear", "raw": True}

@@ -106,7 +106,7 @@ def _texture(scene: Scene, index: int, folder: Path) -> str:
         if textured or (emission[diffuse == 0] > 0).any():
             problem = f"the emission of material {material.name!r} is not exported to POV-Ray"
             remedy = "Give it a diffuse colour without zeros, and no texture"
-            raise SceneError(problem, key=scene.name, remedy=remedy)
+            raise SceneError(problem, file=scene.name, remedy=remedy)
         # POV-Ray multiplies its emission by the pigment.
         finish += f" emission rgb {_vector(emission / np.where(diffuse == 0, 1, diffuse))}"
     if any(material.specular):

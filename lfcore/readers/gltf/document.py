@@ -136,13 +136,9 @@ class Document:
         if "://" in uri:
             remedy = "Get it, and name the file in its place"
             raise self.broken(f"{role} {uri!r} is not fetched", remedy)
-        plain_file, plain_name = (
-            self.path.parent / uri,
-            self.path.parent / urllib.parse.unquote(uri),
-        )
-        file = (
-            plain_file if plain_file.is_file() else plain_name
-        )  # names that should be escaped are not
+        as_written = self.path.parent / uri  # some writers do not escape names
+        unescaped = self.path.parent / urllib.parse.unquote(uri)
+        file = as_written if as_written.is_file() else unescaped
         return read_bytes(file, LARGEST_MESH, role)
 
     def _buffer(self, index: Any) -> bytes:
