@@ -115,7 +115,7 @@ class Device:
             host = raw[-raw.ctypes.data % PAGE :][: len(raw) - PAGE]
             return cl.Buffer(self.context, flags, hostbuf=host)
         buffer = self.empty(nbytes)
-        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint64), 0, buffer.size // 8 * 8)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint8), 0, buffer.size)
         return buffer
 
     def forget(self, buffer: cl.Buffer, part: int, parts: int) -> None:

@@ -231,7 +231,7 @@ class DepthSlicer:
         depth : ndarray
             (K, rows, columns) float32, metres, infinity for a miss, 0 for rays to leave out.
         first_row : int
-            A multiple of 4.
+            The first of them, a multiple of PATCH_ROWS.
         """
         views, rows, columns = depth.shape
         size, fits = self.views.slab.size, light.shape == (*depth.shape, 3)
@@ -259,6 +259,8 @@ class DepthSlicer:
     ) -> None:  # fmt: skip
         """As :meth:`add`, with :func:`held_rays`."""
         device, (views, rows, _) = self.device, ranges.shape
+        if first_row % PATCH_ROWS:
+            raise ValueError(f"row {first_row} is no multiple of {PATCH_ROWS}")
         numbers = self._numbers.copy()
         numbers["views"], numbers["rows"], numbers["first_row"] = views, rows, first_row
         numbers["sparse"] = present is not None
@@ -287,8 +289,9 @@ class DepthSlicer:
         """(P, height, width, 3) float32, linear light, of all rays; the sums are lost.
 
         A pixel is divided by the weight of its rays.  With ``normalise='lens'`` the picture then
-        dims as the lens stops down.  Pixels without rays are black.  ``reflections`` (P, height,
-        width, 3) are added where ``shown``, which has some of the rays, covers the picture.
+        dims as the lens stops down.  Pixels without rays are ``empty``.  ``reflections``
+        (P, height, width, 3) are added where ``shown``, which has some of the rays, covers the
+        picture.
         """
         device, numbers = self.device, self._numbers.copy()
         numbers["parts"] = 1 if shown is None else 2

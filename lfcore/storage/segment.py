@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -69,6 +69,7 @@ class SegmentWriter:
             file = scope.enter_context(whole_file(self.path))
             with self._named_errors():
                 self._output = av.open(file, "w", format="mp4")
+                scope.push(self._close)
                 stream = self._output.add_stream(
                     self.spec.codec, FRAME_RATE, width=self.width, height=self.height
                 )
@@ -119,7 +120,11 @@ class SegmentWriter:
                     if self.spec.codec == "libx265" and self.frames <= FEW_FRAMES:
                         packet.dts = packet.pts
                     self._output.mux_one(packet)
-                self._output.close()
+
+    def _close(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Close the container; what then fails hides no earlier error."""
+        with suppress(FFmpegError, OSError) if error else self._named_errors():
+            self._output.close()
 
 
 @contextmanager

@@ -203,6 +203,14 @@ def test_a_buffer_of_zeros_is_read_as_it_is_filled(device, nbytes):
         assert (held == changed).all()
 
 
+def test_zeros_fill_a_buffer_to_its_last_word_on_any_device(device, monkeypatch):
+    monkeypatch.setattr(devices, "is_cpu", lambda _: False)
+    ones = device.changed(np.full(68, 255, np.uint8))
+    monkeypatch.setattr(devices.Device, "empty", lambda self, nbytes: ones)
+    with device.mapped(device.zeros(68), (17,), np.int32) as held:
+        assert not held.any()
+
+
 def test_memory_that_is_given_back_holds_zeros_on_linux(device):
     if not (device.is_cpu and sys.platform == "linux"):
         pytest.skip("of a CPU's memory on Linux")

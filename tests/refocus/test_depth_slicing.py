@@ -135,6 +135,13 @@ def test_rays_that_share_a_wide_box_give_those_of_rays_of_their_own(large_from, 
     np.testing.assert_array_equal(slicer.pictures()[0], made)
 
 
+def test_rows_that_begin_inside_a_patch_are_refused():
+    views = displaced_views(Slab(CAMERA, 2, 16))
+    slicer, (light, depth) = DepthSlicer(views, [SensorPlane(1.0, 1.0)], 8), noise(views)
+    with pytest.raises(ValueError, match="row 6"):
+        slicer.add(slice(0, 4), light[:, 6:], depth[:, 6:], 6)
+
+
 @pytest.mark.parametrize("focus", [1.8, 4.0, 7.0])
 def test_a_ramp_at_one_depth_is_exact(focus):
     """What is linear along the surface is its own average over any pixel and lens."""

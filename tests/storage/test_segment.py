@@ -154,6 +154,7 @@ def test_failures_leave_no_file(tmp_path):
     with pytest.raises(ZeroDivisionError), SegmentWriter(path, PLAIN, 32, 32) as writer:
         writer.write(np.zeros((1, 1536), np.uint8))
         raise ZeroDivisionError
+    assert not writer._output.streams  # the container is closed
     assert list(tmp_path.iterdir()) == []
 
 
