@@ -7,7 +7,7 @@ from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, 
 ABREAST = 16
 """The rays of a row, or squares of rays, that are processed together."""
 PATCH_ROWS, PATCH_COLUMNS = 4, 4 * ABREAST
-"""The rays of ABREAST squares of 4 x 4 rays."""
+"""A patch: the rows and columns of ABREAST squares of 4 x 4 rays."""
 STEP_BITS = 8
 """Edges of boxes are multiples of 1 / 2^STEP_BITS pixel."""
 MOST_BOUNDS = 6
@@ -28,8 +28,8 @@ CONSTANTS = {
     "STEPS": 1 << STEP_BITS,
     "COARSE_PX": COARSE_PX,
     "FULL_LAYERS": FULL_LAYERS,
-    "PRESENT_ROWS": PATCH_ROWS,
-    "PRESENT_COLUMNS": PATCH_COLUMNS,
+    "PATCH_ROWS": PATCH_ROWS,
+    "PATCH_COLUMNS": PATCH_COLUMNS,
     "LEAST_UNITS": LEAST_UNITS,
     "MOST_DIOPTRES": MOST_DIOPTRES,
     # The least width of a box, in distances of rays, that a square of rays shares.  With these,

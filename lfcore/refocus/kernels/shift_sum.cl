@@ -7,9 +7,9 @@
 #include "lanes.cl"
 
 // LANES pixels of a row from x on; zero outside the view.
-inline vu load_pixels(global const uint *row, int x, int width, int good)
+inline vu load_pixels(global const uint *row, int x, int width)
 {
-    if (!good || x >= width || x + LANES <= 0) return (vu)(0);
+    if (x >= width || x + LANES <= 0) return (vu)(0);
     if (x >= 0 && x + LANES <= width) return VLOAD(row + x);
     private uint some[LANES];
     for (int k = 0; k < LANES; ++k)
@@ -17,35 +17,55 @@ inline vu load_pixels(global const uint *row, int x, int width, int good)
     return VLOAD(some);
 }
 
-inline vu gather_pixels(global const uint *row, const int *at, int step, int width, int good)
+inline vu gather_pixels(global const uint *row, const int *at, int step, int width)
 {
     private uint some[LANES];
     for (int k = 0; k < LANES; ++k) {
         const int x = at[k] + step;
-        some[k] = good && x >= 0 && x < width ? row[x] : 0;
+        some[k] = x >= 0 && x < width ? row[x] : 0;
     }
     return VLOAD(some);
 }
-
-#define ROW(line) (view + max(line, 0) * width)
-#define IS_INSIDE(line) (line >= 0 && line < height)
-#if MAGNIFIED
-#define PIXELS(line, step) gather_pixels(ROW(line), at, step, width, IS_INSIDE(line))
-#else
-#define PIXELS(line, step) load_pixels(ROW(line), source + step, width, IS_INSIDE(line))
-#endif
-#if BILINEAR
-#define SAMPLE(view) \
-    mix_pixels(PIXELS(line, 0), PIXELS(line, 1), PIXELS(below, 0), PIXELS(below, 1), right, down)
-#else
-#define SAMPLE(view) PIXELS(line, 0)
-#endif
 
 inline vu mix_pixels(vu a, vu b, vu c, vu d, vf right, float down)
 {
     const vf fa = TO_VF(a), fc = TO_VF(c);
     const vf upper = fma(right, TO_VF(b) - fa, fa), lower = fma(right, TO_VF(d) - fc, fc);
     return TO_VU(fma((vf)(down), lower - upper, upper) + 0.5f);
+}
+
+// Where LANES pixels of the picture lie in views of width x height pixels: in row `line` from
+// column `at` on, or in columns `at` each; and how far to the right and below.
+typedef struct {
+#if MAGNIFIED
+    int at[LANES];
+#else
+    int at;
+#endif
+    int line, width, height;
+    vf right;
+    float down;
+} Source;
+
+// The pixels `step` columns and `below` rows beside the source; zero outside the view.
+inline vu pixels_at(global const uint *view, const Source *s, int step, int below)
+{
+    const int line = s->line + below;
+    if (line < 0 || line >= s->height) return (vu)(0);
+    global const uint *row = view + line * s->width;
+#if MAGNIFIED
+    return gather_pixels(row, s->at, step, s->width);
+#else
+    return load_pixels(row, s->at + step, s->width);
+#endif
+}
+
+inline vu sample(global const uint *view, const Source *s)
+{
+    const vu here = pixels_at(view, s, 0, 0);
+    if (!BILINEAR) return here;
+    return mix_pixels(here, pixels_at(view, s, 1, 0), pixels_at(view, s, 0, 1),
+                      pixels_at(view, s, 1, 1), s->right, s->down);
 }
 
 inline void add_row(global SUM *sums, vu values, int count)
@@ -70,30 +90,29 @@ KERNEL void add_views(add_views_PARAMETERS)
         vu red = (vu)(0), green = (vu)(0), blue = (vu)(0);
         for (int entry = lists[plane].first; entry < lists[plane].end; ++entry) {
             const ShiftedView e = entries[entry];
+            Source from = {.width = width, .height = height};
 #if MAGNIFIED
             const int across = (plane * n.lens + e.x) * size;
             const int row = (plane * n.lens + e.y) * size + y;
-            const int line = first[row] - n.row, below = line + 1;
-            private int at[LANES];
+            from.line = first[row] - n.row;
             private float next[LANES];
             for (int k = 0; k < LANES; ++k) {
-                at[k] = first[across + min(x + k, size - 1)] - n.column;
+                from.at[k] = first[across + min(x + k, size - 1)] - n.column;
                 next[k] = share[across + min(x + k, size - 1)];
             }
-            const vf right = VLOAD(next);
-            const float down = share[row];
+            from.right = VLOAD(next);
+            from.down = share[row];
 #else
-            const int source = x + e.x - n.column, line = y + e.y - n.row, below = line + 1;
-            const vf right = (vf)(e.right);
-            const float down = e.below;
-            if (line >= height || below < 0) continue;
+            from.at = x + e.x - n.column;
+            from.line = y + e.y - n.row;
+            from.right = (vf)(e.right);
+            from.down = e.below;
+            if (from.line >= height || from.line + 1 < 0) continue;
 #endif
             global const uint *view = views + e.view * 3 * area;
-            red += SAMPLE(view);
-            view += area;
-            green += SAMPLE(view);
-            view += area;
-            blue += SAMPLE(view);
+            red += sample(view, &from);
+            green += sample(view + area, &from);
+            blue += sample(view + 2 * area, &from);
         }
         const int count = min(LANES, end - x);
         add_row(out + x, red, count);

@@ -30,10 +30,12 @@ inline int2 corner_of(Placement placed) { return 0; }
 #define FEW_BITS 0
 typedef sample stored;
 
-inline vf load_row(global const sample *at, int step, int count)
+// The samples of LANES pixels of a line from `first` on, `step` pixels a sample; those beyond
+// `count` repeat the last.
+inline vf load_row(global const sample *line, int first, int step, int count)
 {
     private float row[LANES];
-    for (int k = 0; k < LANES; ++k) row[k] = (float)at[min(k, count - 1) / step] * SCALE;
+    for (int k = 0; k < LANES; ++k) row[k] = (float)line[(first + min(k, count - 1)) / step] * SCALE;
     return VLOAD(row);
 }
 
@@ -43,19 +45,19 @@ inline void load_block(global const sample *frame, int2 size, int2 at, int colum
 {
     const int width = size.x, x0 = at.x, y0 = at.y;
     const ulong pixels = (ulong)width * size.y, chroma = pixels / (CHROMA * CHROMA);
-    for (int at = 0; at < BLOCK_RAYS; at += LANES) {
-        const int x = min(at % BLOCK, columns - 1), y = min(at / BLOCK, rows - 1);
+    for (int ray = 0; ray < BLOCK_RAYS; ray += LANES) {
+        const int x = min(ray % BLOCK, columns - 1), y = min(ray / BLOCK, rows - 1);
         const int count = max(1, columns - x);
-        const vf first = load_row(frame + (ulong)(y0 + y) * width + x0 + x, 1, count);
+        const vf first = load_row(frame + (ulong)(y0 + y) * width, x0 + x, 1, count);
         const ulong line = (y0 + y) / CHROMA;
-        global const sample *small = frame + pixels + line * (width / CHROMA) + (x0 + x) / CHROMA;
-        const vf second = load_row(small, CHROMA, count);
-        const vf third = load_row(small + chroma, CHROMA, count);
+        global const sample *small = frame + pixels + line * (width / CHROMA);
+        const vf second = load_row(small, x0 + x, CHROMA, count);
+        const vf third = load_row(small + chroma, x0 + x, CHROMA, count);
         TO_RGB(vf, first, second, third, r, g, b);
         // Multiples of the fixed-point unit; division by a power of two is exact.
-        VSTORE(TO_VF(linear_row(r)) / ONE, colours + at);
-        VSTORE(TO_VF(linear_row(g)) / ONE, colours + BLOCK_RAYS + at);
-        VSTORE(TO_VF(linear_row(b)) / ONE, colours + 2 * BLOCK_RAYS + at);
+        VSTORE(TO_VF(linear_row(r)) / ONE, colours + ray);
+        VSTORE(TO_VF(linear_row(g)) / ONE, colours + BLOCK_RAYS + ray);
+        VSTORE(TO_VF(linear_row(b)) / ONE, colours + 2 * BLOCK_RAYS + ray);
     }
 }
 

@@ -44,14 +44,19 @@ inline void add_rays_at(const Adding *a, float16 moves, float16 x, float y, cons
 {
     const PlacedView *v = &a->view;
     const float least = a->rays->numbers->least_box;
-    const float16 across = fma(x, a->plane.step, v->x) + v->offset_x * moves;
-    const float16 down = fma(y, a->plane.step, v->y) + v->offset_y * moves;
+    const Spread rays = {.x = fma(x, a->plane.step, v->x) + v->offset_x * moves,
+                         .y = fma(y, a->plane.step, v->y) + v->offset_y * moves,
+                         .half_x = 0.5f * max(fabs(moves) * v->side_x, least),
+                         .half_y = 0.5f * max(fabs(moves) * v->side_y, least),
+                         .weight = (float16)(v->weight)};
+    const int16 layer = layer_of(moves * a->plane.pitch, a->plane.bounds);
     Boxes b;
     const float16 dither = (x * DITHER_X + y * DITHER_Y) * (1.0f / side) + v->dither;
     vstore16(dither - floor(dither), 0, b.dither);
     for (int part = 0; part <= COARSE; ++part) {
-        const float16 weight =
-            find_boxes(a->strip, &a->plane, v, moves, across, down, least, part, wanted, &b);
+        Spread spread = rays;
+        if (COARSE) make_even(a->plane.step, part, &spread);
+        const float16 weight = find_boxes(a->strip, &spread, layer, wanted, &b);
         const float16 colour[4] = {light[0] * weight, light[1] * weight, light[2] * weight,
                                    weight * (side * side)};
         store_colours(colour, b.colour);
@@ -131,9 +136,9 @@ inline int reaches(const Adding *a, float v, int rows, global const float2 *rang
 // Whether the patch from column `start` of row `v` on has any ray.
 inline int is_present(const Adding *a, int v, int start)
 {
-    const int across = (a->rays->columns + PRESENT_COLUMNS - 1) / PRESENT_COLUMNS;
+    const int across = (a->rays->columns + PATCH_COLUMNS - 1) / PATCH_COLUMNS;
     return !a->rays->numbers->sparse ||
-           a->present[v / PRESENT_ROWS * across + start / PRESENT_COLUMNS];
+           a->present[v / PATCH_ROWS * across + start / PATCH_COLUMNS];
 }
 
 #if FOURS
@@ -142,8 +147,8 @@ KERNEL void join_rays(join_rays_PARAMETERS)
 {
     const int v = get_global_id(0) * PATCH_ROWS, view = get_global_id(1);
     const View of = view_of(light, depth, dioptres, &numbers, view);
-    fours += (ulong)(view * get_global_size(0) + get_global_id(0)) * of.patches;
-    for (int k = 0; k < of.patches; ++k) {
+    fours += (ulong)(view * get_global_size(0) + get_global_id(0)) * of.groups;
+    for (int k = 0; k < of.groups; ++k) {
         const RaySums sums = read_fours(&of, v, k * PATCH_COLUMNS);
         store_squares(&sums, fours + k);
     }
@@ -152,7 +157,7 @@ KERNEL void join_rays(join_rays_PARAMETERS)
 // Add a row of patches: as squares of 4 x 4 where these may be, elsewhere as squares of 2 x 2.
 inline void add_patches(const Adding *a, global const Squares *fours, int v, int reached)
 {
-    for (int patch = 0; patch < a->rays->patches; ++patch) {
+    for (int patch = 0; patch < a->rays->groups; ++patch) {
         const int start = patch * PATCH_COLUMNS;
         if (!is_present(a, v, start)) continue;
         const RaySums squares = load_squares(fours + patch);
@@ -163,11 +168,11 @@ inline void add_patches(const Adding *a, global const Squares *fours, int v, int
     }
 }
 #else
-inline void add_patches(const Adding *a, int v, int reached)
+inline void add_groups(const Adding *a, int v, int reached)
 {
-    for (int patch = 0; patch < a->rays->patches; ++patch)
-        if (is_present(a, v, patch * PATCH_COLUMNS))
-            add_twos(a, v, patch * PATCH_COLUMNS, reached, (int16)(-1));
+    for (int group = 0; group < a->rays->groups; ++group)
+        if (is_present(a, v, group * GROUP_COLUMNS))
+            add_twos(a, v, group * GROUP_COLUMNS, reached, (int16)(-1));
 }
 #endif
 
@@ -181,22 +186,22 @@ KERNEL void add_rays(add_rays_PARAMETERS)
         const PlacedView placed = views[plane * numbers.views + view];
         if (!(placed.weight > 0.0f)) continue;
         const View of = view_of(light, depth, dioptres, &numbers, view);
-        const int down = (rows + PRESENT_ROWS - 1) / PRESENT_ROWS;
-        const int across = (numbers.columns + PRESENT_COLUMNS - 1) / PRESENT_COLUMNS;
+        const int down = (rows + PATCH_ROWS - 1) / PATCH_ROWS;
+        const int across = (numbers.columns + PATCH_COLUMNS - 1) / PATCH_COLUMNS;
         const ulong first = numbers.sparse ? (ulong)view * down * across : 0;
         const Adding a = {&strip, &of, planes[plane], placed, &layers, present + first};
-        for (int v = 0; v < rows; v += PATCH_ROWS) {
+        for (int v = 0; v < rows; v += GROUP_ROWS) {
             global const float2 *range = ranges + (ulong)view * rows + v;
-            const int count = min(PATCH_ROWS, rows - v);
+            const int count = min(GROUP_ROWS, rows - v);
             if (!reaches(&a, numbers.first_row + v, count, range)) continue;
             int reached = 0;
             for (int k = 0; k < count; ++k)
                 reached |= reaches(&a, numbers.first_row + v + k, 1, range + k) << k;
 #if FOURS
-            const int row = view * ((rows + PATCH_ROWS - 1) / PATCH_ROWS) + v / PATCH_ROWS;
-            add_patches(&a, fours + row * (ulong)of.patches, v, reached);
+            const int row = view * down + v / PATCH_ROWS;
+            add_patches(&a, fours + row * (ulong)of.groups, v, reached);
 #else
-            add_patches(&a, v, reached);
+            add_groups(&a, v, reached);
 #endif
         }
     }

@@ -52,68 +52,106 @@ inline void parts_along(int16 low, int16 high, int16 first, int16 count, int16 d
     for (int k = 0; k < 3; ++k) part[k] = select(part[k], all, one);
 }
 
+// Rays spread over areas of a plane: their middles and half their sides, in pixels, and weights.
+typedef struct { float16 x, y, half_x, half_y, weight; } Spread;
+
 // COARSE: a pixel of a view is larger than one of the picture.  If a box's side is no whole number
 // of view pixels, it overlaps its neighbours unevenly, which is visible as a pattern where few
 // views see a surface.  So a ray has two boxes, with the whole numbers below and above as sides:
 // `part` selects one.  Grows the halves of a side and scales the weights.
-inline void make_even(float step, int part, float16 *half_x, float16 *half_y, float16 *weight)
+inline void make_even(float step, int part, Spread *a)
 {
     const int even = step > COARSE_PX;
-    const float16 side = 2.0f * max(*half_x, *half_y) / step;
+    const float16 side = 2.0f * max(a->half_x, a->half_y) / step;
     const float16 whole = max(side, 1.0f), below = floor(whole);
     const float16 grown = even ? (below + (float)part) / side : (float16)(1.0f);
-    *weight *= even ? fabs((float)(1 - part) - (whole - below)) : (float16)(1 - part);
-    *half_x *= grown;
-    *half_y *= grown;
+    a->weight *= even ? fabs((float)(1 - part) - (whole - below)) : (float16)(1 - part);
+    a->half_x *= grown;
+    a->half_y *= grown;
 }
 
-// The boxes about x and y of rays whose light moves by pixels per metre of the lens; returns their
-// weights.
-inline float16 find_boxes(const Strip *s, const FocusPlane *p, const PlacedView *view,
-                          float16 moves, float16 x, float16 y, float least, int part, int16 wanted,
-                          Boxes *b)
+// The pixels of a strip in sixteen layers: the first column and row, and their numbers.
+typedef struct { int16 left, top, width, rows; } Area;
+
+// Halved layers have an additional pixel at each end, so they begin at pixel -1.
+inline Area area_of(const Strip *s, int16 halved)
 {
-    float16 half_x = 0.5f * max(fabs(moves) * view->side_x, least);
-    float16 half_y = 0.5f * max(fabs(moves) * view->side_y, least), weight = view->weight;
-#if COARSE
-    make_even(p->step, part, &half_x, &half_y, &weight);
-#endif
-    const int16 layer = layer_of(moves * p->pitch, p->bounds), halved = IS_HALF(layer);
-    const float16 pixel = select((float16)(1.0f), (float16)(0.5f), halved);
-    const int16 left = to_steps(s, (x - half_x) * pixel), top = to_steps(s, (y - half_y) * pixel);
-    const int16 right = to_steps(s, (x + half_x) * pixel);
-    const int16 bottom = to_steps(s, (y + half_y) * pixel);
-    const int16 wide = right - left, tall = bottom - top;
-    const int16 rows = select((int16)(s->rows), (int16)(pixels_of(s->rows, 1)), halved);
-    const int16 width = select((int16)(s->width), (int16)(pixels_of(s->width, 1)), halved);
-    // The first pixels of the strip, and edges of its area.
-    const int16 above = select((int16)(s->top), (int16)(s->top / 2 - 1), halved), before = halved;
-    const int16 first = above * STEPS, end = first + rows * STEPS;
-    const int16 start = before * STEPS, edge = start + width * STEPS;
-    const int16 falls = wanted & bottom > first & top < end & right > start & left < edge &
-                        wide > 0 & tall > 0 & weight > 0.0f;
-    const int16 differences = IS_WIDE(layer);
-    const int16 few = FLOOR_PIXELS(right - 1) - FLOOR_PIXELS(left) > 1 |
-                      FLOOR_PIXELS(bottom - 1) - FLOOR_PIXELS(top) > 1 |
-                      left < 0 | top < first | left >= edge | top >= end;
-    const int16 narrow = select((int16)(FOUR), (int16)(FEW), few);
-    vstore16(falls & select(narrow, (int16)(EDGES), differences), 0, b->kind);
-    vstore16(layer, 0, b->layer);
-    vstore16(left, 0, b->box[0]);
-    vstore16(top, 0, b->box[1]);
-    vstore16(right, 0, b->box[2]);
-    vstore16(bottom, 0, b->box[3]);
-    int16 at_x[2], at_y[2], along[3], down[3];
-    parts_along(left, right, before, width, differences, at_x, along);
-    parts_along(top, bottom, above, rows, differences, at_y, down);
+    return (Area){
+        .left = select((int16)(0), (int16)(-1), halved),
+        .top = select((int16)(s->top), (int16)(s->top / 2 - 1), halved),
+        .width = select((int16)(s->width), (int16)(pixels_of(s->width, 1)), halved),
+        .rows = select((int16)(s->rows), (int16)(pixels_of(s->rows, 1)), halved)};
+}
+
+// The edges of boxes in 1 / STEPS pixel of their layers.
+typedef struct { int16 left, top, right, bottom; } Edges;
+
+// `pixel`: the pixels of the layers per pixel of the picture.
+inline Edges edges_of_boxes(const Strip *s, const Spread *a, float16 pixel)
+{
+    return (Edges){.left = to_steps(s, (a->x - a->half_x) * pixel),
+                   .top = to_steps(s, (a->y - a->half_y) * pixel),
+                   .right = to_steps(s, (a->x + a->half_x) * pixel),
+                   .bottom = to_steps(s, (a->y + a->half_y) * pixel)};
+}
+
+// Mask of boxes with a part inside the area.
+inline int16 overlap_area(const Edges *e, const Area *a)
+{
+    return e->right > a->left * STEPS & e->left < (a->left + a->width) * STEPS &
+           e->bottom > a->top * STEPS & e->top < (a->top + a->rows) * STEPS;
+}
+
+// Mask of boxes that begin outside the area.
+inline int16 begin_outside(const Edges *e, const Area *a)
+{
+    return e->left < a->left * STEPS | e->left >= (a->left + a->width) * STEPS |
+           e->top < a->top * STEPS | e->top >= (a->top + a->rows) * STEPS;
+}
+
+// Mask of boxes that lie in more than two pixels along an axis.
+inline int16 exceed_two(const Edges *e)
+{
+    return FLOOR_PIXELS(e->right - 1) - FLOOR_PIXELS(e->left) > 1 |
+           FLOOR_PIXELS(e->bottom - 1) - FLOOR_PIXELS(e->top) > 1;
+}
+
+// The pixels of boxes, counted from the first of the area, and their parts in them.
+inline void store_parts(const Edges *e, const Area *a, int16 differences, Boxes *b)
+{
+    int16 x[2], y[2], along[3], down[3];
+    parts_along(e->left, e->right, a->left, a->width, differences, x, along);
+    parts_along(e->top, e->bottom, a->top, a->rows, differences, y, down);
     for (int k = 0; k < 2; ++k) {
-        vstore16(at_x[k], 0, b->x[k]);
-        vstore16(at_y[k] * (width + 1), 0, b->y[k]);
+        vstore16(x[k], 0, b->x[k]);
+        vstore16(y[k] * (a->width + 1), 0, b->y[k]);
     }
     for (int k = 0; k < 3; ++k) {
         vstore16(convert_float16(along[k]), 0, b->along[k]);
         vstore16(convert_float16(down[k]), 0, b->down[k]);
     }
-    const float16 area = convert_float16(wide) * convert_float16(tall);
-    return select((float16)(0.0f), weight * pixel * pixel / area, falls);
+}
+
+// The boxes of the rays in the mask `wanted`, in their layers; returns weights per part of a pixel,
+// 0 where no box meets the strip.
+inline float16 find_boxes(const Strip *s, const Spread *rays, int16 layer, int16 wanted, Boxes *b)
+{
+    const int16 differences = ARE_BEYOND(layer, NARROW_LAYERS);
+    const int16 halved = -HALVED & ARE_BEYOND(layer, FULL_LAYERS);
+    const float16 pixel = select((float16)(1.0f), (float16)(0.5f), halved);
+    const Area area = area_of(s, halved);
+    const Edges e = edges_of_boxes(s, rays, pixel);
+    const int16 wide = e.right - e.left, tall = e.bottom - e.top;
+    const int16 falls = wanted & overlap_area(&e, &area) & wide > 0 & tall > 0 & rays->weight > 0.0f;
+    const int16 pixel_by_pixel = exceed_two(&e) | begin_outside(&e, &area);
+    const int16 narrow = select((int16)(FOUR), (int16)(FEW), pixel_by_pixel);
+    vstore16(falls & select(narrow, (int16)(EDGES), differences), 0, b->kind);
+    vstore16(layer, 0, b->layer);
+    vstore16(e.left, 0, b->box[0]);
+    vstore16(e.top, 0, b->box[1]);
+    vstore16(e.right, 0, b->box[2]);
+    vstore16(e.bottom, 0, b->box[3]);
+    store_parts(&e, &area, differences, b);
+    const float16 size = convert_float16(wide) * convert_float16(tall);
+    return select((float16)(0.0f), rays->weight * pixel * pixel / size, falls);
 }

@@ -2,7 +2,7 @@
 #include "sums.cl"
 
 // The last row of a wide layer that row `y` of a strip needs.
-inline int last_row(int layer, int y) { return IS_HALF(layer) ? (y + 1) / 2 + 1 : y; }
+inline int last_row(int layer, int y) { return is_half(layer) ? (y + 1) / 2 + 1 : y; }
 
 // Sum the differences of a wide layer up to the rows that row `y` of the strip needs.  The first
 // two rows of the layer hold the running sums in turn: pages that are only read take no memory.
@@ -26,7 +26,7 @@ inline float4 light_at(const Strip *s, int layer, int x, int y)
 {
     const int pitch = pitch_of(s, layer);
     global const sum4 *sums = s->sums[layer];
-    if (!IS_HALF(layer)) return convert_float4(sums[(IS_WIDE(layer) ? y & 1 : y) * pitch + x]);
+    if (!is_half(layer)) return convert_float4(sums[(is_wide(layer) ? y & 1 : y) * pitch + x]);
     const int column = x / 2 + 1, row = y / 2 + 1, beside = column + (x % 2 ? 1 : -1);
     global const sum4 *near = sums + row % 2 * pitch, *far = sums + (row + 1) % 2 * pitch;
     const float4 sides = convert_float4(near[beside]) + convert_float4(far[column]);
@@ -65,7 +65,7 @@ KERNEL void compose(compose_PARAMETERS)
     }
     for (int y = 0; y < s.rows; ++y) {
         for (int k = 0; k < count; ++k) {
-            if (!IS_WIDE(list[k])) continue;
+            if (!is_wide(list[k])) continue;
             integrate(&s, list[k], y);
             if (shown_layers >> list[k] & 1) integrate(&m, list[k], y);
         }

@@ -15,9 +15,9 @@ typedef float light_t, depth_t;
 #define RADIANCE(light) (light)
 #endif
 
-// A patch is the rays that are added together: PATCH_ROWS rows of PATCH_COLUMNS.
-#define PATCH_ROWS (FOURS ? 4 : 2)
-#define PATCH_COLUMNS (PATCH_ROWS * ABREAST)
+// A group is the rays that are added together, ABREAST squares: a patch, or squares of 2 x 2.
+#define GROUP_ROWS (FOURS ? PATCH_ROWS : 2)
+#define GROUP_COLUMNS (GROUP_ROWS * ABREAST)
 
 // Rows of one view; steps to the next colour, pixel and row of its light.
 typedef struct {
@@ -26,7 +26,7 @@ typedef struct {
     global const depth_t *depth;
     global const float *dioptres;
     ulong channel, pixel, row;
-    int columns, rows, patches;  // patches of a row
+    int columns, rows, groups;  // groups of a row
 } View;
 
 inline View view_of(global const light_t *light, global const depth_t *depth,
@@ -36,7 +36,7 @@ inline View view_of(global const light_t *light, global const depth_t *depth,
     return (View){.numbers = n, .light = light + 3 * at, .depth = depth + at,
                   .dioptres = dioptres, .channel = STORED ? count : 1, .pixel = pixel,
                   .row = pixel * n->columns, .columns = n->columns, .rows = n->rows,
-                  .patches = (n->columns + PATCH_COLUMNS - 1) / PATCH_COLUMNS};
+                  .groups = (n->columns + GROUP_COLUMNS - 1) / GROUP_COLUMNS};
 }
 
 // ABREAST rays of a row, or squares of rays: sums of their colours and dioptres, and the least and

@@ -14,9 +14,11 @@
 #define KERNEL KERNEL_OF(float16)
 #define LAYERS (2 * N_BOUNDS + 1)
 #define NARROW_LAYERS min(1, N_BOUNDS - 1)  // before and behind the middle layer
-#define IS_BEYOND(layer, n) ((layer) < N_BOUNDS - (n) | (layer) > N_BOUNDS + (n))
-#define IS_WIDE(layer) IS_BEYOND(layer, NARROW_LAYERS)
-#define IS_HALF(layer) (-HALVED & IS_BEYOND(layer, FULL_LAYERS))
+// Whether a layer, or which of sixteen, are more than n layers from the middle one: OpenCL compares
+// numbers to 1 or 0, and vectors to masks of -1 or 0.
+#define ARE_BEYOND(layers, n) ((layers) < N_BOUNDS - (n) | (layers) > N_BOUNDS + (n))
+inline int is_wide(int layer) { return ARE_BEYOND(layer, NARROW_LAYERS); }
+inline int is_half(int layer) { return HALVED && ARE_BEYOND(layer, FULL_LAYERS); }
 
 // Sums are modulo 2^32, or 2^64 where light above white needs more bits (LONG_SUMS).
 #if LONG_SUMS
@@ -51,7 +53,7 @@ inline Strip make_strip(global sum4 *sums, int plane, int strip, const SlicingAr
                .far = 4.0f * max(n->width, n->height)};
     ulong count[LAYERS], all = 0;
     for (int layer = 0; layer < LAYERS; ++layer) {
-        const int halved = IS_HALF(layer), rows = pixels_of(n->strip_rows, halved) + 1;
+        const int halved = is_half(layer), rows = pixels_of(n->strip_rows, halved) + 1;
         count[layer] = all;
         all += (ulong)rows * (pixels_of(n->width, halved) + 1);
     }
@@ -62,5 +64,5 @@ inline Strip make_strip(global sum4 *sums, int plane, int strip, const SlicingAr
 
 inline int pitch_of(const Strip *s, int layer)
 {
-    return pixels_of(s->width, IS_HALF(layer)) + 1;
+    return pixels_of(s->width, is_half(layer)) + 1;
 }
