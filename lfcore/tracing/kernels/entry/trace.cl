@@ -31,6 +31,9 @@ typedef struct {
 #define SCRATCH_WORDS(lights) \
     (sizeof(Memory) / 4 + (ulong)(lights) * (BLOCK + (CLEAR ? COLOURS : 0)))
 
+// What the lights reach: see find_lit.
+inline global int *lit_of(global Memory *m) { return (global int *)(m + 1); }
+
 typedef struct {
     const Scene *scene;
     float pixel_pitch;  // tangent between neighbouring pixels
@@ -43,7 +46,7 @@ typedef struct {
 inline void shade_record(Pipeline *p, const Bundle *bundle)
 {
     global Memory *m = p->memory;
-    global int *lit = (global int *)(m + 1);
+    global int *lit = lit_of(m);
     if (SHADOWS && m->hits.key_count)
         find_lit(&p->shadows, &m->hits, bundle, m->shadows.origins, lit);
     shade_hits(p->scene, &m->hits, lit, m->shaded);
@@ -79,7 +82,7 @@ inline void take_paths(Paths *paths, Pipeline *p)
                             .weights = found->weights, .footprint = found->footprint};
     find_given_hits(p->scene, &rays, 0.0f, 0, paths->end - paths->first, found->order, &m->hits);
     if (SHADOWS && m->hits.key_count)
-        find_lit(&p->shadows, &m->hits, 0, m->shadows.origins, (global int *)(m + 1));
+        find_lit(&p->shadows, &m->hits, 0, m->shadows.origins, lit_of(m));
     meet_surfaces(paths);
 }
 #else
@@ -125,7 +128,7 @@ KERNEL void trace_packets(trace_packets_PARAMETERS)
     }
 #elif SINK == PATHS
     Paths followed = {.scene = &scene, .tree = &tree, .hits = &memory->hits,
-                      .memory = &memory->paths, .lit = (global int *)(memory + 1), .paths = paths,
+                      .memory = &memory->paths, .lit = lit_of(memory), .paths = paths,
                       .chosen = chosen, .children = onward, .arrived = arrived, .numbers = path_numbers,
                       .pixel_pitch = pipeline.pixel_pitch};
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {

@@ -51,16 +51,16 @@ inline void begin_paths(const Paths *p, global const float *origins, global cons
                        .point = {{1, 0, 0}, {0, 1, 0}}};
         vstore3(vload3(ray, origins), 0, path->origin);
         vstore3(unit, 0, path->direction);
-        vstore3(inverse * ((float3)(1, 0, 0) - unit.x * unit), 2, path->turn[0]);
-        vstore3(inverse * ((float3)(0, 1, 0) - unit.y * unit), 3, path->turn[0]);
+        vstore3(inverse * ((float3)(1, 0, 0) - unit.x * unit), 0, path->turn[2]);
+        vstore3(inverse * ((float3)(0, 1, 0) - unit.y * unit), 0, path->turn[3]);
     }
 }
 
 // The width of a pixel across a ray, at a distance.
 inline float width_at(global const Path *path, float distance, float pixel_pitch)
 {
-    const float3 x = vload3(2, path->point[0]) + distance * vload3(2, path->turn[0]);
-    const float3 y = vload3(3, path->point[0]) + distance * vload3(3, path->turn[0]);
+    const float3 x = vload3(0, path->point[2]) + distance * vload3(0, path->turn[2]);
+    const float3 y = vload3(0, path->point[3]) + distance * vload3(0, path->turn[3]);
     return pixel_pitch * sqrt(fabs(inner_product(cross_product(x, y), vload3(0, path->direction))));
 }
 
@@ -105,8 +105,8 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
         set_ray_vector(&r->direction, k, vload3(0, path->direction));
         set_ray_vector(&r->weight, k, vload3(0, path->weight));
         for (int j = 0; j < MOVES; ++j) {
-            set_ray_vector(r->moves.point + j, k, vload3(j, path->point[0]));
-            set_ray_vector(r->moves.turn + j, k, vload3(j, path->turn[0]));
+            set_ray_vector(r->moves.point + j, k, vload3(0, path->point[j]));
+            set_ray_vector(r->moves.turn + j, k, vload3(0, path->turn[j]));
         }
         set_ray_vector(&r->weights, k, vload3(place, p->memory->weights));
         set_lane(&r->distance, k, p->memory->distance[place]);
@@ -196,8 +196,8 @@ inline void send_on(const Paths *p, const PathRow *r, vi mask, int way, int at, 
         vstore3(ray_vector(&direction, k), 0, to->direction);
         vstore3(ray_vector(&weight, k), 0, to->weight);
         for (int j = 0; j < MOVES; ++j) {
-            vstore3(ray_vector(moves->point + j, k), j, to->point[0]);
-            vstore3(ray_vector(moves->turn + j, k), j, to->turn[0]);
+            vstore3(ray_vector(moves->point + j, k), 0, to->point[j]);
+            vstore3(ray_vector(moves->turn + j, k), 0, to->turn[j]);
         }
     }
 }
@@ -258,6 +258,56 @@ inline vf opacity_row(const Paths *p, const Material *m, int at)
 
 inline vf mean_of(Vec a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
 
+inline vi all_if(int condition) { return (vi)(condition ? -1 : 0); }
+
+// Which rays pass a surface as if it were not there: where it is a hole, and where they leave a
+// volume that they are not in first.
+inline vi find_idle(const PathRow *r, const Material *m, int material, vf opacity)
+{
+    const vi foreign = ~r->front & ~EQ(r->media.first, (vi)(material));
+    return (foreign & all_if(is_volume(m))) | EQ(opacity, (vf)(0.0f));
+}
+
+// Send the idle rays on, straight.
+inline void pass_idle(const Paths *p, const PathRow *r, const Material *m, int material, int at,
+                      vi idle)
+{
+    const vi onward = idle & LT(r->hits + 1, (vi)(MOST_HITS));
+    const Media left = is_volume(m) ? without(r->media, material) : r->media;
+    if (row_any(onward))
+        send_on(p, r, onward, PASSED, at, 0, r->direction, r->weight, left, &r->moves);
+}
+
+// The children of a row of paths: their weights, and masks of the rays that have them.
+typedef struct {
+    Vec weight[WAYS];
+    vi ends;          // rays whose children are not followed: theirs were the most events
+    vi on;            // rays that have a child
+    vi child[WAYS];   // rays that have this child
+    vf cut;           // mean weight of what is not followed
+} Children;
+
+inline Children choose_children(const Paths *p, const PathRow *r, const Events *e, int volume,
+                                vi mine)
+{
+    Children c = {.weight = {times3(r->weight, e->mirrored), times3(r->weight, e->passed)}};
+    const vf mirrored = mean_of(c.weight[MIRRORED]), passed = mean_of(c.weight[PASSED]);
+    c.ends = e->goes_on & GE(r->events, (vi)(p->numbers.most_events));
+    c.on = mine & e->goes_on & ~c.ends;
+    // Rays with one child, which has the weight of both; and those of them whose child passes:
+    // rays that leave a volume, and those that pass more strongly.
+    const vi single = GE(r->events, (vi)(SPLITS));
+    const vi leaving = ~r->front & GT(passed, (vf)(0.0f)) & all_if(volume);
+    const vi passing = GT(passed, mirrored) | leaving;
+    c.child[MIRRORED] = c.on & GT(mirrored, (vf)(0.0f)) & ~(single & passing);
+    c.child[PASSED] = c.on & GT(passed, (vf)(0.0f)) & (~single | passing);
+    c.cut = pick((vf)(0.0f), pick(passed, mirrored, passing), single & c.on);
+    c.cut = pick(c.cut, mirrored + passed, c.ends);
+    const Vec both = plus3(c.weight[MIRRORED], c.weight[PASSED]);
+    for (int way = 0; way < WAYS; ++way) c.weight[way] = pick3(c.weight[way], both, single);
+    return c;
+}
+
 // Let the rays `mine` of a row meet surfaces of one material, number `material`.
 inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
 {
@@ -267,38 +317,22 @@ inline void meet_row(const Paths *p, int material, int at, vi mine, Surface *s)
     reach_surfaces(p, at, mine, &r, &triangles);
     read_surface(p->scene, p->hits, at, s);
     const vf opacity = opacity_row(p, s->material, at);
-    const vi foreign = ~r.front & ~EQ(r.media.first, (vi)(material));
+    const vi idle = find_idle(&r, s->material, material, opacity);
+    pass_idle(p, &r, s->material, material, at, mine & idle);
     const int volume = is_volume(s->material);
-    const vi idle = (foreign & (vi)(volume ? -1 : 0)) | EQ(opacity, (vf)(0.0f));
-    const vi onward = mine & idle & LT(r.hits + 1, (vi)(MOST_HITS));
-    const Media left = volume ? without(r.media, material) : r.media;
-    if (row_any(onward))
-        send_on(p, &r, onward, PASSED, at, 0, r.direction, r.weight, left, &r.moves);
-    mine &= ~idle;
     const Events e = find_events(p->scene, material, opacity, r.media, r.front, s);
-    const vi ends = e.goes_on & GE(r.events, (vi)(p->numbers.most_events)), on = mine & e.goes_on & ~ends;
-    lack_nothing(~on, s);
-    const Vec light = scale3(own_light(p->scene, s, p->lit, at), pick((vf)(1.0f), e.own, on));
-    const Vec white = spread3(1.0f), sent = plus3(e.mirrored, e.passed);
-    const Vec weight[WAYS] = {times3(r.weight, e.mirrored), times3(r.weight, e.passed)};
-    const vf strength[WAYS] = {mean_of(weight[MIRRORED]), mean_of(weight[PASSED])};
-    const vi single = GE(r.events, (vi)(SPLITS));
-    const vi leaves = ~r.front & GT(strength[PASSED], (vf)(0.0f));
-    const vi passing = GT(strength[PASSED], strength[MIRRORED]) | (leaves & (vi)(volume ? -1 : 0));
-    const vf other = pick(strength[PASSED], strength[MIRRORED], passing);
-    vf cut = pick((vf)(0.0f), other, single & on);
-    cut = pick(cut, strength[MIRRORED] + strength[PASSED], ends);
-    arrive(p, &r, mine, light, pick3(white, minus3(white, sent), on), cut, 0);
-    if (!row_any(on)) return;
+    const Children c = choose_children(p, &r, &e, volume, mine & ~idle);
+    lack_nothing(~c.on, s);
+    const Vec light = scale3(own_light(p->scene, s, p->lit, at), pick((vf)(1.0f), e.own, c.on));
+    const Vec white = spread3(1.0f), kept = minus3(white, plus3(e.mirrored, e.passed));
+    arrive(p, &r, mine & ~idle, light, pick3(white, kept, c.on), c.cut, 0);
+    if (!row_any(c.on)) return;
     Vec bends[MOVES];
     find_bends(p->scene, &triangles, r.corner, r.weights, s->normal, &r.moves, bends);
-    const Vec both = plus3(weight[MIRRORED], weight[PASSED]);
-    const vi mirrors = on & GT(strength[MIRRORED], (vf)(0.0f)) & ~(single & passing);
-    const vi passes = on & GT(strength[PASSED], (vf)(0.0f)) & (~single | passing);
-    if (row_any(mirrors))
-        send_mirrored(p, &r, mirrors, at, s->normal, bends, pick3(weight[MIRRORED], both, single));
-    if (row_any(passes))
-        send_passed(p, &r, passes, at, s->normal, bends, pick3(weight[PASSED], both, single),
+    if (row_any(c.child[MIRRORED]))
+        send_mirrored(p, &r, c.child[MIRRORED], at, s->normal, bends, c.weight[MIRRORED]);
+    if (row_any(c.child[PASSED]))
+        send_passed(p, &r, c.child[PASSED], at, s->normal, bends, c.weight[PASSED],
                     volume ? e.eta : (vf)(1.0f), e.behind);
 }
 

@@ -34,7 +34,8 @@ inline float reflectance(float cosine, float eta)
     return ((const float *)&row)[0];
 }
 
-// The share that passes a clear triangle; `depth` receives what its volume absorbs, per distance.
+// The share that passes a clear triangle; `absorbed` receives what its volume absorbs, per
+// distance.
 inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 direction,
                             float3 *absorbed)
 {

@@ -55,7 +55,8 @@ inline Vec direction_row(const Bundle *r, Row row)
 }
 
 // Terms of an affine function over a block: 1, x, y, and for several elements u, v and, of edge
-// functions alone, y u - x v.  Blocks of one element never read U, V and BILINEAR.
+// functions alone, y u - x v.  In blocks of one element U, V and BILINEAR are 0: they may be read as a term,
+// whose value is not used.
 enum { ONE, X, Y, U = OUTER > 1 ? 3 : 0, V = OUTER > 1 ? 4 : 0, BILINEAR = OUTER > 1 ? 5 : 0 };
 #define AFFINE_TERMS (OUTER > 1 ? 6 : 3)
 typedef struct { float term[AFFINE_TERMS]; } Affine;

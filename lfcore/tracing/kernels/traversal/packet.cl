@@ -42,9 +42,11 @@ inline Rays make_rays(global const float4 *centre_rays, global const int *member
                       const RayArguments *a)
 {
     const int size = a->side * INNER, all = a->group_side * a->group_side;
-    Rays r = {centre_rays, members, vload4(0, a->step), vload2(0, a->outer), a->columns, a->rows,
-              a->first_row, a->end_row, a->half_extent,
-              0.5f * (size - INNER) + a->half_extent, a->group_side, a->side, size};
+    Rays r = {.centre_rays = centre_rays, .members = members, .step = vload4(0, a->step),
+              .outer = vload2(0, a->outer), .columns = a->columns, .rows = a->rows,
+              .first_row = a->first_row, .end_row = a->end_row, .half_extent = a->half_extent,
+              .element_half_extent = 0.5f * (size - INNER) + a->half_extent,
+              .group_side = a->group_side, .side = a->side, .packet_side = size};
     r.blocks = make_offsets(OUTER > 1 ? 1 : all, a->side, INNER, r.block);
     r.packets_in_x = (a->columns + size - 1) / size;
     r.packets_per_group = r.packets_in_x * ((a->end_row - a->first_row + size - 1) / size);

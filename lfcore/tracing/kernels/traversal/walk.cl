@@ -150,12 +150,15 @@ inline int next_leaf(const Tree *tree, const Volume *volume, float far, Stack *s
     return -1;
 }
 
+// The child that next_leaf has just taken from the stack.
+inline int taken_child(const Stack *stack) { return (int)stack->entry[stack->size]; }
+
 // List leaves until the list is full or the stack is empty.
 inline void gather_leaves(const Tree *tree, const Volume *volume, float far, Stack *stack,
                           LeafList *list)
 {
     for (int leaf; list->count < LIST && (leaf = next_leaf(tree, volume, far, stack)) >= 0;) {
-        const int at = list->count++, child = (int)stack->entry[stack->size];
+        const int at = list->count++, child = taken_child(stack);
         global const Boxes *from = tree->boxes + child / NODE_WIDTH;
         global Boxes *to = list->leaves->boxes + at / NODE_WIDTH;
         for (int k = 0; k < 3; ++k) {
