@@ -1,6 +1,7 @@
 // A film: its instants, of which one is shown, and what plays them.
 
 const PULL = 0.2;             // the share of the way to a clicked focus that is gone from picture to picture
+const HELD_BYTES = 512 << 20;  // of decoded instants: what a page may take on a small machine
 
 /** @typedef {{colours: Page[], depths: Page[], map: Uint8Array | null, own: Instant}} Shown */
 
@@ -11,18 +12,28 @@ class Film {
     this.fps = film.fps;
     this.instants = [{depth: /** @type {Depth} */ (viewer.field.depth), map: viewer.field.map}, ...film.instants];
     /** @type {Map<number, Promise<Shown>>} */ this.held = new Map();
+    const {columns, rows, width, height} = viewer.field;
+    // Colours and depths of all views, with four bytes per pixel.
+    this.most = Math.max(2, Math.floor(HELD_BYTES / (8 * columns.length * rows.length * width * height)));
     this.playing = false;
+    this.runs = 0;            // how often it was played or stopped
     this.at = 0;              // what is shown
     /** @type {number | null} */ this.target = null;  // the focus that is pulled to
   }
 
   /** @param {number} k @returns {Promise<Shown>} */
   restored(k) {
-    const own = this.instants[k], found = this.held.get(k) || (async () => ({
+    const {held, instants} = this, own = instants[k], found = held.get(k);
+    if (found) return found;
+    const made = (async () => ({
       ...await restored(this.viewer.field, own.depth), own, map: await mapOf(own.map),
     }))();
-    this.held.set(k, found);
-    return found;
+    held.set(k, made);
+    made.catch(() => { if (held.get(k) === made) held.delete(k); });
+    // The film begins again at its end: what is due last goes.
+    const due = (/** @type {number} */ one) => (one - k + instants.length) % instants.length;
+    while (held.size > this.most) held.delete([...held.keys()].reduce((a, b) => (due(a) > due(b) ? a : b)));
+    return made;
   }
 
   /** Show an instant. @param {number} k */
@@ -40,14 +51,16 @@ class Film {
   async play() {
     this.playing = !this.playing;
     element("play").textContent = this.playing ? "Stop" : "Play";
-    const {viewer} = this, from = viewer.state.k, begun = performance.now();
-    while (this.playing) {
+    const {viewer} = this, run = ++this.runs, from = viewer.state.k, begun = performance.now();
+    while (this.playing && run === this.runs) {
       const due = Math.floor((performance.now() - begun) / 1000 * this.fps) + from;
-      const k = due % this.instants.length, {d} = viewer.state;
+      const k = due % this.instants.length;
       await this.restored(k);
+      if (run !== this.runs) return;
+      const {d} = viewer.state;
       viewer.set({k, ...(this.target === null ? {} : {d: d + PULL * (this.target - d)})});
       await new Promise((next) => setTimeout(next, 1000 / this.fps));
     }
-    viewer.show();
+    if (run === this.runs) viewer.show();
   }
 }

@@ -67,6 +67,52 @@ def test_it_plays_and_a_click_pulls_the_focus(opened, film):
     assert psnr(pixels(opened), expected) > 36
 
 
+def test_it_plays_once_however_fast_it_is_stopped_and_played(opened):
+    """Of what sets instants, only what was played last goes on."""
+    shown = opened.execute_async_script("""
+        const [done] = arguments, {film} = lightFieldViewer;
+        const pause = (ms) => new Promise((next) => setTimeout(next, ms));
+        const {restored} = Film.prototype;
+        let asked = 0;
+        film.restored = function (k) { asked += 1; return restored.call(this, k); };
+        lightFieldViewer.set = () => {};  // draws nothing
+        (async () => {
+          for (const k of film.instants.keys()) await restored.call(film, k);
+          film.fps = 5;
+          for (let k = 0; k < 9; k++) film.play();  // while an instant is restored
+          await pause(50);
+          for (let k = 0; k < 8; k++) film.play();  // within a pause
+          await pause(400);
+          asked = 0;
+          await pause(1000);
+          film.play();
+          delete lightFieldViewer.set;
+          delete film.restored;
+          done(asked);
+        })();
+    """)
+    assert 1 <= shown <= 6
+    settle(opened)
+
+
+def test_few_instants_are_held_and_none_that_failed(opened):
+    held = opened.execute_async_script("""
+        const [done] = arguments, {film} = lightFieldViewer, {instants} = film, own = instants[2];
+        (async () => {
+          film.most = 2;
+          for (const k of [0, 1, 2, 3, 0]) await film.restored(k);
+          const few = film.held.size;
+          film.held.clear();
+          instants[2] = {...own, depth: null};
+          const failed = await film.restored(2).then(() => false, () => true);
+          instants[2] = own;
+          const again = await film.restored(2).then((one) => one.own === own, () => false);
+          done([few, failed, again]);
+        })();
+    """)
+    assert held == [2, True, True]
+
+
 def test_one_instant_has_a_page_without_a_film(film):
     alone, whole = (described(page.html) for page in (film.at(2).viewer(film=False), film.viewer()))
     assert alone["film"] is None and len(whole["film"]["instants"]) == 3
