@@ -136,3 +136,16 @@ def test_bad_frames(frames, words):
     with pytest.raises(SettingsError) as error:
         Description.check(SMALL | {"frames": frames})
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.kernels
+def test_noise_is_new_at_each_instant(device):
+    frames = {"count": 2, "share_moving": 1.0, "speed": 0, "turn_deg": 0}
+    clean, noisy = (
+        items.make_item(Description.check(SMALL | keys | {"frames": frames}), 0, device).files
+        for keys in ({}, {"sensor": {"iso": 800}})
+    )
+    for name in ("defocused.png", "sharp.png"):
+        assert clean[f"t000.{name}"] == clean[f"t001.{name}"]
+    assert noisy["t000.defocused.png"] != noisy["t001.defocused.png"]
+    assert noisy["t000.sharp.png"] == clean["t001.sharp.png"]
