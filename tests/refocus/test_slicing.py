@@ -108,6 +108,18 @@ def test_sums_are_those_of_every_ray(form, views, pixels, pack, lanes):
         np.testing.assert_array_equal(shown, scattered_sums(slab, plane, rays, corner))
 
 
+def test_rows_of_lanes_begin_at_any_pixel_of_frames_with_less_chroma():
+    slab, layout = Slab.of(CAMERA, 4, (6, 12)), FrameLayout("views", 4, 12, pixel_format="yuv420p")
+    assert layout.corner(slab)[0] % 2
+    tile, sums = layout.tile(0, 0, 4, 4), []
+    frames = smooth_frames(tile, 1)
+    for lanes in (1, 16):
+        former = PlaneFormer(slab, tile, PLANES, open_device(lanes=lanes, threads=1))
+        former.add(frames, 0)
+        sums.append(former.plane_sums().sums)
+    np.testing.assert_array_equal(*sums)
+
+
 def test_light_is_that_of_the_standard():
     """sRGB codes decode to within three units of fixed point; white is one."""
     layout = FrameLayout("macropixels", 16, 1, pixel_format="gbrp")
