@@ -327,11 +327,12 @@ def test_the_expected_error_is_that_of_the_picture(distance, error):
 
 
 def test_hard_shadows_of_wide_suns_are_errors():
-    """A plate before a wall: the wider a sun, the wider are the half-shadows that are left out."""
+    """A plate before a wall: the wider a sun, the wider are the half-shadows that are left out, in
+    proportion.  The mean square error is, too."""
     towards = texel_directions(256)
     things = [plain_scenes.wall(1.5, 2.0), rectangle((-0.2, -0.2), (0.2, 0.2), 1.0)]
 
-    def error(half_angle):
+    def error(half_angle, towards=towards):
         disc = towards @ (0.3, 0.2, -np.sqrt(0.87)) > np.cos(half_angle)
         sky = np.where(disc[..., None], 0.1 / half_angle**2, 0.02)
         sky = np.repeat(sky, 3, axis=-1).astype(np.float32)
@@ -339,7 +340,9 @@ def test_hard_shadows_of_wide_suns_are_errors():
         return lfcore.bake(under(made, sky)).light.error
 
     narrow, wide = error(0.015), error(0.06)
-    assert wide > 0.03 and wide > 2 * narrow
+    assert wide > 0.03 and wide / narrow == pytest.approx(np.sqrt(0.06 / 0.015), rel=0.15)
+    # A disc of two texels, with a half-shadow as narrow as our sun's.
+    assert error(0.005, texel_directions(512)) == pytest.approx(0.02, rel=0.3)
 
 
 def test_faces_that_the_sample_rays_miss_are_no_places_of_the_error():
