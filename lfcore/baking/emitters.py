@@ -64,7 +64,9 @@ class Emitters:
         self._faces = np.flatnonzero(power > 0)
         if len(self._faces):
             self._set_densities(power[self._faces])
-            self._set_densities(power[self._faces] * self._useful_share())
+            useful = power[self._faces] * self._useful_share()
+            if useful.any():  # else emitters light nothing but emitters
+                self._set_densities(useful)
 
     def _mean_light(self, points: Points) -> tuple[float, float]:
         """Return the mean light on points, of sky, emission and the scene's lights, and that of

@@ -354,6 +354,14 @@ def test_faces_that_the_sample_rays_miss_are_no_places_of_the_error():
     assert 0 < light.error < 0.5
 
 
+def test_lamps_that_light_nothing_but_lamps():
+    """A lamp behind another: none of their rays is useful, and their light was not a number."""
+    near, far = rectangle((0.1, -1), (1, 1), 1.5), rectangle((-1, -1), (0.2, 1), 2.0)
+    lamps = world(np.concatenate([near, far]), 0.5, 4.0, bounces=1, error=0.1, cells=8)
+    values = lfcore.bake(lamps).light.values
+    assert 0 <= values.min() and 1 < values.max() < 4 + 0.5 * 4
+
+
 def test_what_goes_through_a_wall_brings_no_light_from_beyond():
     """A hidden triangle of one cell, with a corner outside of a dark room."""
     room = solid("icosphere", (0, 0, 0), subdivisions=2, radius=3.0)
