@@ -471,11 +471,13 @@ def run_batch(
     Complete items of a killed job, or of the finished data set in ``folder``, are kept.
     """
     digest = made_of(description, sources)
+    drafts = shard.with_name(f"drafts-{digest}-{shard.stem}")
+    for other in set(shard.parent.glob(f"drafts-*-{shard.stem}")) - {drafts}:
+        shutil.rmtree(other, ignore_errors=True)  # of other code or sources
     if not isinstance(device, Device):
         device = open_device(device, threads=threads)
     make_batch(
-        description, scenes, shard, shard.with_suffix(".json"),
-        shard.with_name(f"drafts-{digest}-{shard.stem}"), device, made_of=digest,
+        description, scenes, shard, shard.with_suffix(".json"), drafts, device, made_of=digest,
         finished=Finished.at(folder),
     )  # fmt: skip
 

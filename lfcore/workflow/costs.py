@@ -20,6 +20,9 @@ SET_UP_SECONDS = 30.0
 """The start of a job on a busy node: Snakemake twice, the scene, and kernels."""
 MARGIN = 3.0
 """The ratio of the requested to the expected time."""
+ITEM_MINUTES = 10.0
+"""The minutes to request per megapixel of a data set's item: twenty times a focal stack's core
+time, since items of other kinds have more pictures and rays."""
 BASE_MIB = 1500
 """The memory, MiB, of a process with its libraries, kernels and frames."""
 SCENE_FACTOR = 8
@@ -63,6 +66,12 @@ def trace_minutes(rays: int, views: int) -> int:
     """Return the minutes to request for tracing ``rays``."""
     seconds = rays * nanoseconds_per_ray(views) * 1e-9
     return math.ceil((SET_UP_SECONDS + seconds * MARGIN) / 60)
+
+
+def items_minutes(items: int, pixels: Pixels) -> int:
+    """Return the minutes to request for items of a data set."""
+    seconds = 60 * ITEM_MINUTES * items * math.prod(Size.of(pixels)) / 1e6
+    return math.ceil((SET_UP_SECONDS + seconds) / 60)
 
 
 def trace_mib(scene_mib: float, pixels: Pixels) -> int:

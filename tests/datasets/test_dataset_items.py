@@ -263,6 +263,16 @@ def test_items_of_a_finished_set_are_kept_if_they_are_made_of_the_same(device, t
     assert stored.Finished.at(tmp_path / "nothing") is None
 
 
+def test_a_job_removes_its_drafts_of_other_code(device, tmp_path):
+    of = Description.check(SMALL | {"placement": {"objects": 1, "size": 0.01, "least_seen": 0.5}})
+    for stem in ("00000", "00001"):
+        (tmp_path / f"drafts-0a-1b-{stem}").mkdir()
+    items.run_batch(of, range(1), tmp_path / "00000.tar", tmp_path / "set", "[]", device)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "00000.tar", "00000.json", "drafts-0a-1b-00001",
+    }  # fmt: skip
+
+
 def test_an_empty_frustum_is_refused(device, tmp_path):
     of = Description.check(SMALL | {"placement": {"objects": 1, "size": 0.01, "least_seen": 0.5}})
     made_by(of, tmp_path, "batch", device, [0])

@@ -72,6 +72,20 @@ def test_a_run_that_fails_leaves_the_finished_set(made, change, words):
     assert {path: after.get(path) for path in before} == before
 
 
+def test_a_failed_job_asks_for_more(made):
+    asked = []
+    for scenes in (1, 32):
+        change = f"dataset={{pixels: 512, scenes: {{train: {scenes}, validation: 0}}, "
+        change += "scenes_per_job: 32}"
+        words = ("--config", "device=nosuch", change, "--retries", "1", "--until", "dataset_batch")
+        done = made.snakemake("--cores", "2", *MICRO, *words, *TARGET)
+        assert done.returncode
+        asked.append([*map(int, re.findall(r"runtime=(\d+)", done.stdout))])
+        assert {"mem_mb=3000", "mem_mb=6000"} <= set(re.findall(r"mem_mb=\d+", done.stdout))
+    (few, twice), (many, _) = (sorted({*times})[-2:] for times in asked)
+    assert twice == 2 * few and many > 10 * few
+
+
 def test_more_scenes_another_licence_and_an_edited_page_make_no_item_again(made):
     """Planted seconds stay where nothing was made."""
     folder = made.folder / "results/datasets/micro"

@@ -6,6 +6,12 @@ if PLAN and PLAN.dataset:
     SET_LOG = f"logs/datasets/{SET.name}"
     BATCHES_OF_SET = SET.batches()
 
+    def minutes_of_set(batch):
+        from lfcore.workflow import costs
+
+        pictures = len(SET.scenes_of(batch)) * SET.frames.count
+        return costs.items_minutes(pictures, SET.pixels)
+
     rule dataset_sources:
         input:
             meshes=[local(str(file)) for file in SET.mesh_files()],
@@ -35,8 +41,8 @@ if PLAN and PLAN.dataset:
         conda:
             "../envs/lfcore.yaml"
         resources:
-            runtime=lambda wildcards, attempt: 15 * attempt,
-            mem_mb=3000,
+            runtime=lambda wildcards, attempt: minutes_of_set(wildcards.batch) * attempt,
+            mem_mb=lambda wildcards, attempt: 3000 * attempt,
         params:
             description=SET.of_scenes(),
             scenes=lambda wildcards: [
