@@ -27,9 +27,11 @@ SCENE = re.compile(
 )
 FOREIGN = re.compile(
     r"https?://|--serve|\|\||array\.exr|chess\.mkv|(boxes|shots|views)/ |lfcore dataset "
+    r"|--frames|(walk|ball|moving)\.mkv"
 )
 """Inputs of other programs, which are tested in tests/exchange and test_imgtool.py, servers,
-what is to be refused, and data sets, which take no model."""
+what is to be refused, data sets, which take no model, and films, whose models move
+(test_film.py)."""
 READERS = ("refocus", "stack", "view", "info", "depth", "export")
 SMALLER = {"--pixels": str(PIXELS), "--views": "5", "--subpixels": "1", "--quality-db": "32"}
 PARSER = parser()
