@@ -247,8 +247,9 @@ inline vf opacity_row(const Paths *p, const Material *m, int at)
     for (int k = 0; k < LANES; ++k) {
         const int id = p->hits->triangle[at + k];
         opacity[k] = m->record.opacity;
-        if (!ALPHA_TESTS || !m->record.alpha_blend || id < 0) continue;
         const AlphaTests *tests = &p->tree->alpha_tests;
+        // A row may have rays of other materials, whose triangles have no picture of alpha.
+        if (!m->record.alpha_blend || id < 0 || !has_holes(tests, id)) continue;
         global const AlphaTest *image = tests->records + tests->record_of[id];
         opacity[k] *= alpha_at(tests->alpha, image, p->hits->value[COORDINATES][at + k],
                                p->hits->value[COORDINATES + 1][at + k]) / 255.0f;

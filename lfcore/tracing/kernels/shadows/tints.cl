@@ -47,8 +47,8 @@ inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 direc
     const float size = sqrt(inner_product(n, n) * inner_product(direction, direction));
     const float cosine = fabs(slant) / max(size, LEAST_LENGTH);
     float opacity = m->opacity;
-    if (ALPHA_TESTS && m->alpha_blend) {
-        const AlphaTests *tests = &s->tree->alpha_tests;
+    const AlphaTests *tests = &s->tree->alpha_tests;
+    if (m->alpha_blend && has_holes(tests, id)) {
         opacity *= alpha_of(tests, tests->records + tests->record_of[id], point) / 255.0f;
     }
     float reflected = reflectance(cosine, 1.0f / m->ior);

@@ -11,11 +11,12 @@
 #define ALPHA_TESTS ((TEXTURES & ALPHA_TESTS_BIT) != 0)
 
 typedef struct {
-    global const int *record_of;         // (T,) a triangle's record; -1: no holes
+    global const int *record_of;         // (T,) a triangle's record; -1: no alpha
     global const AlphaTest *records;  // (C,)
     global const uchar *alpha;     // pictures of codes
 } AlphaTests;
 
+// Whether a triangle has a picture of alpha.
 inline int has_holes(const AlphaTests *c, int triangle)
 {
     return ALPHA_TESTS && c->record_of[triangle] >= 0;
