@@ -174,6 +174,14 @@ def trace_mib(wildcards, input, attempt):
     return costs.trace_mib(input.size_mb, PIXELS) * attempt
 
 
+def set_minutes(wildcards, attempt):
+    """Minutes for a batch of a data set."""
+    from lfcore.workflow import costs
+
+    pictures = len(PLAN.dataset.scenes_of(wildcards.batch)) * PLAN.dataset.frames.count
+    return costs.items_minutes(pictures, PLAN.dataset.pixels) * attempt
+
+
 def sums_mib(wildcards, attempt):
     from lfcore.workflow import costs
 

@@ -6,12 +6,6 @@ if PLAN and PLAN.dataset:
     SET_LOG = f"logs/datasets/{SET.name}"
     BATCHES_OF_SET = SET.batches()
 
-    def minutes_of_set(batch):
-        from lfcore.workflow import costs
-
-        pictures = len(SET.scenes_of(batch)) * SET.frames.count
-        return costs.items_minutes(pictures, SET.pixels)
-
     rule dataset_sources:
         input:
             meshes=[local(str(file)) for file in SET.mesh_files()],
@@ -41,7 +35,7 @@ if PLAN and PLAN.dataset:
         conda:
             "../envs/lfcore.yaml"
         resources:
-            runtime=lambda wildcards, attempt: minutes_of_set(wildcards.batch) * attempt,
+            runtime=set_minutes,
             mem_mb=lambda wildcards, attempt: 3000 * attempt,
         params:
             description=SET.of_scenes(),
