@@ -269,7 +269,7 @@ def _piece(scene: Any, mesh: Any, file: Path, world: dict, here: np.ndarray) -> 
         if suffix == ".obj" and texture is not None and not base.any():
             base = np.ones(3)
     if suffix == ".stl":
-        normals = None  # ours are those of the winding
+        normals = None  # we take them from the order of corners
     return Piece(points[faces], base, texture, uvs, colours, normals)
 
 

@@ -153,9 +153,7 @@ class Placement(_Keys):
     size: span(1e-3, 10) = _key(
         (0.15, 0.6, "log"), description="an object's diameter as a share of the field there"
     )
-    share_rooms: Share = _key(
-        0.0, description="of scenes in a furnished room, whose sizes are those of rooms"
-    )
+    share_rooms: Share = _key(0.0, description="share of scenes in a furnished room of real size")
     share_resting: Share = _key(0.5, description="of others with a floor; else objects fly")
     pitch_deg: span(5, 60) = _key((12, 35, "even"), description="of the camera above a floor")
     wall_m: span(1e-3, 1e6) = _key((2.2, 2.6, "even"), description="from the camera")
