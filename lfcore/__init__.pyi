@@ -31,7 +31,8 @@ from .rendering.quality import Quality, Rendering
 from .rendering.truth import truth, write_truth
 from .scene.appearance import Light, Material
 from .scene.baked import BakedLight, BakeOptions
-from .scene.model import Motion, Scene
+from .scene.model import Scene
+from .scene.motion import Motion
 from .scene.notes import Note
 from .scene.surface_mesh import Surface
 from .scene.view import View

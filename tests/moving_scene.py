@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import lfcore
-from lfcore.scene.model import Animation
+from lfcore.scene.motion import Animation
 
 SQUARE = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lfcore.scene.assemble import sound_normals
-from lfcore.scene.model import Animation, Scene
+from lfcore.scene.model import Scene
+from lfcore.scene.motion import Animation
 from lfcore.scene.procedural.basics import Parts
 from lfcore.scene.surface_mesh import filled, transform_all
 from lfcore.scene.transforms import affine

@@ -23,8 +23,8 @@ from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import COLOURS, assemble
 from lfcore.scene.baked import ASKS, BakeOptions
 from lfcore.scene.limits import within_limits
-from lfcore.scene.model import Animation, Scene
-from lfcore.scene.motion import is_rigid, motions
+from lfcore.scene.model import Scene
+from lfcore.scene.motion import Animation, is_rigid, motions
 from lfcore.scene.notes import ASSUMED, NOT_USED, Note, Notebook, first_instant
 from lfcore.scene.reflections import with_reflection_notes
 from lfcore.scene.surface_mesh import SurfaceMesh, parse_colour, transform_all, triple

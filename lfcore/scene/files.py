@@ -16,7 +16,8 @@ from lfcore.files import read_arrays, whole_file
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import LATER, POINT, Light, Material
 from lfcore.scene.baked import NO_SKY, BakeOptions
-from lfcore.scene.model import Motion, Scene
+from lfcore.scene.model import Scene
+from lfcore.scene.motion import Motion
 from lfcore.scene.notes import Note
 from lfcore.scene.view import View
 

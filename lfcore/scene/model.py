@@ -7,86 +7,31 @@ of a :class:`Scene` moves the geometry there in float64 and rounds to float32 on
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lfcore.errors import OpticsError, SceneError, check_kind, printable, suggest_keywords
+from lfcore.errors import SceneError, check_kind, printable, suggest_keywords
 from lfcore.optics.camera import Camera
-from lfcore.optics.focus import DepthRange, exclude_twice, f_number_of_blur, focus_distance
+from lfcore.optics.focus import DepthRange
 from lfcore.optics.planes import SensorPlane
 from lfcore.optics.size import Pixels
-from lfcore.reading import Where
+from lfcore.scene import lens
 from lfcore.scene.appearance import Light, Material
-from lfcore.scene.arrays import check_array
-from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import NO_SKY, BakedLight, BakeOptions
 from lfcore.scene.checks import check_scene
+from lfcore.scene.motion import Animation, Motion, scene_at
 from lfcore.scene.notes import KINDS, Count, Note
 from lfcore.scene.seen import depth_range
-from lfcore.scene.seen import focus_at as focus_at_place
-from lfcore.scene.surface_mesh import Surface, SurfaceMesh, parse_colour
-from lfcore.scene.transforms import affine, pose_from_matrix
+from lfcore.scene.surface_mesh import Surface, SurfaceMesh
 from lfcore.scene.view import SHUTTER, View
 
 if TYPE_CHECKING:
     import trimesh
-
-LEAST_PINHOLE = 1000.0
-"""The least f-number of a pinhole."""
-PINHOLE_BLUR = 1e-5
-"""The most blur of the nearest point through a pinhole, as a share of the picture's shorter
-side."""
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A rigid motion of some triangles while the shutter is open.
-
-    Parameters
-    ----------
-    first, count : int
-        The first triangle and the number of triangles.
-    start, end : ndarray
-        (4, 4) float64: the first and last pose in camera space.  The scene's arrays have the
-        triangles in the first pose.
-    """
-
-    first: int
-    count: int
-    start: np.ndarray
-    end: np.ndarray
-
-    def __post_init__(self) -> None:
-        for name in ("start", "end"):
-            check_array(name, getattr(self, name), (4, 4))
-
-    def pose(self, time: float) -> np.ndarray:
-        """(4, 4) that moves the stored triangles to ``time`` in [0, 1]."""
-        from scipy.spatial.transform import Rotation, Slerp  # seldom needed, slow to import
-
-        move = self.end @ np.linalg.inv(self.start)
-        slerp = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([np.eye(3), move[:3, :3]])))
-        turn = slerp(time).as_matrix()
-        # Objects turn about their own origin, not about the camera.
-        pivot = self.start[:3, 3]
-        return affine(turn, pivot + time * (self.end[:3, 3] - pivot) - turn @ pivot)
-
-
-@dataclass(frozen=True, eq=False)
-class Animation:
-    """The animation of a scene's files, from ``start_s`` to ``end_s``; it rests before and after.
-
-    ``at(scene, time_s)`` gives the scene at an instant.
-    """
-
-    start_s: float
-    end_s: float
-    at: Callable[[Scene, float], Scene]
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,18 +162,21 @@ class Scene:
         >>> lfcore.Scene.from_triangles(triangle).triangles.shape
         (1, 3, 3)
         """
+        # Seldom needed, and readers of scene files are slow to import.
+        from lfcore.scene.in_memory import corner_values, scene_of_parts
+
         check_kind(surface, Surface | None, "surface", "a Surface")
-        corners = _checked("triangles", triangles, None, 3)
+        corners = corner_values("triangles", triangles, None, 3)
         if not len(corners):
             raise SceneError("the scene is empty: no triangles were given", key="triangles")
         part = SurfaceMesh(
             corners,
             replace(surface or Surface(), curved=normals is not None),
-            _checked("normals", normals, len(corners), 3) if normals is not None else None,
-            _checked("uvs", uvs, len(corners), 2) if uvs is not None else None,
-            _checked("colours", colours, len(corners), 3) if colours is not None else None,
+            corner_values("normals", normals, len(corners), 3) if normals is not None else None,
+            corner_values("uvs", uvs, len(corners), 2) if uvs is not None else None,
+            corner_values("colours", colours, len(corners), 3) if colours is not None else None,
         )
-        return cls._of_parts([part], name, camera, lights, ambient=ambient, background=background)
+        return scene_of_parts([part], name, camera, lights, ambient=ambient, background=background)
 
     @classmethod
     @suggest_keywords
@@ -261,49 +209,12 @@ class Scene:
         SceneError
             The scene has no triangle that can be traced, or a damaged material.
         """
+        from lfcore.scene.in_memory import scene_of_parts
         from lfcore.scene.trimesh_parts import parts_of
 
         meshes = scene if hasattr(scene, "geometry") else scene.scene()
         parts = parts_of(meshes)
-        return cls._of_parts(parts, name, camera, lights, ambient=ambient, background=background)
-
-    @classmethod
-    def _of_parts(
-        cls,
-        parts: list[SurfaceMesh],
-        name: str,
-        camera: Camera | None,
-        lights: Sequence[Light] | None,
-        **light: tuple[float, float, float] | None,
-    ) -> Scene:
-        # Seldom needed, and readers of scene files are slow to import.
-        from lfcore.scene import framing
-        from lfcore.scene.description import complete
-        from lfcore.scene.limits import within_limits
-
-        check_kind(camera, Camera | None, "camera", "a Camera")
-        defaults, to_camera = complete({"objects": []}), np.eye(4)
-        if camera is None:
-            extent = framing.bounds(parts, file=name)
-            camera, to_camera = framing.place_camera(defaults["camera"], extent, Where(name))
-        elif camera.pose is not None:
-            to_camera = pose_from_matrix(camera.pose, Where("", "camera.pose"))
-            camera = replace(camera, pose=None)
-        geometry = assemble(parts, to_camera)
-        geometry.refuse_none(Where("", "triangles"))
-        around: dict[str, Any] = {
-            key: parse_colour(defaults[key]) if value is None else value
-            for key, value in light.items()
-        }
-        scene = cls(
-            name=name,
-            camera=camera,
-            lights=framing.default_lights() if lights is None else list(lights),
-            focus_distances_m=framing.default_focus_distances(camera, geometry.triangles),
-            **around,
-            **geometry.arrays,
-        )
-        return within_limits(scene, name)
+        return scene_of_parts(parts, name, camera, lights, ambient=ambient, background=background)
 
     def __repr__(self) -> str:
         materials, lights = len(self.materials), len(self.lights)
@@ -353,8 +264,6 @@ class Scene:
         >>> scene.instants, scene.at(0.5).triangle_count
         (None, 80)
         """
-        from lfcore.scene.motion import scene_at  # which imports this module
-
         return scene_at(replace(self, shutter=None) if self.shutter else self, time_s)
 
     def exposed(self, opened_s: float, closed_s: float) -> Scene:
@@ -392,24 +301,14 @@ class Scene:
     @cached_property
     def is_pinhole(self) -> bool:
         """Whether the lens is too small to blur any visible point."""
-        camera = self.camera
-        if camera.f_number < LEAST_PINHOLE or self.depth_range is None:
-            return False
-        return camera.lens_radius_m < PINHOLE_BLUR * camera.field_width * self.depth_range.near_m
+        return lens.is_pinhole(self)
 
     def with_lens(self) -> Scene:
         """The scene with a lens fitted to the visible depths, as for a mesh without camera.
 
         The focus stays if it is within the visible depths, else it is their middle.
         """
-        from lfcore.scene.framing import fitted_lens
-
-        camera, visible = self.camera, self.depth_range
-        if visible is None:
-            return self
-        inside = visible.near_m <= camera.focus_m <= visible.far_m
-        focus = camera.focus_m if inside else visible.middle_m
-        return replace(self, camera=fitted_lens(visible, camera.field_width, focus))
+        return lens.with_lens(self)
 
     @suggest_keywords
     def plane(
@@ -460,33 +359,9 @@ class Scene:
         >>> scene.plane("near", 4.0, "polygon", blades=5).f_number
         4.0
         """
-        exclude_twice(focus_m=focus_m, focus_at=focus_at)
-        exclude_twice(f_number=f_number, blur=blur)
-        camera = self.camera
-        settings = focus_m, focus_at, f_number, blur
-        if self.is_pinhole and any(value is not None for value in settings):
-            lens = self.with_lens().camera
-            if f_number is None and blur is None:
-                f_number = camera.focal_length_m / (2 * lens.lens_radius_m)
-            if focus_m is None and focus_at is None:
-                focus_m = lens.focus_m
-        if focus_at is not None:
-            focus_m = focus_at_place(self.triangles, camera.field_width, focus_at, pixels)
-        elif focus_m is not None:
-            focus_m = focus_distance(focus_m, self.depth_range)
-        if blur is not None:
-            f_number = f_number_of_blur(
-                blur, camera.focal_length_m, camera.focus_m if focus_m is None else focus_m,
-                camera.field_width, self.depth_range,
-            )  # fmt: skip
-        if focus_m is not None and focus_m <= camera.focal_length_m and self.depth_range:
-            near, far = self.depth_range
-            raise OpticsError(
-                f"{focus_m:.4g} m is nearer than the lens can focus, {camera.focal_length_m:.4g} m",
-                key="focus_m", remedy=f"Surfaces are at {near:.4g} to {far:.4g} m: near or far",
-            )  # fmt: skip
+        focus_m, f_number = lens.focus_and_aperture(self, focus_m, f_number, focus_at, blur, pixels)
         return SensorPlane.of(
-            camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
+            self.camera, focus_m, f_number, aperture, blades=blades, rotation_deg=rotation_deg,
             normalise=normalise, keep_magnification=keep_magnification, half=half,
         )  # fmt: skip
 
@@ -517,14 +392,3 @@ class Scene:
         """The notes as text, one per line, missing things first."""
         ranked = sorted(self.notes, key=lambda note: KINDS.index(note.kind))
         return "\n".join(map(str, ranked))
-
-
-def _checked(key: str, values: ArrayLike, count: int | None, width: int) -> np.ndarray:
-    try:
-        array = np.asarray(values, np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SceneError(f"are no array of numbers: {error}", key=key) from None
-    expected = (len(array) if count is None and array.ndim else count, 3, width)
-    if array.shape != expected:
-        raise SceneError(f"must be ({count or 'T'}, 3, {width}), not {array.shape}", key=key)
-    return array

@@ -1,85 +1,75 @@
-"""Scenes at an instant: curves through keys, rigid motions, and animations of files.
+"""Motions of a scene's triangles, and the scene at an instant.
 
-Poses are computed in float64 and rounded to the scene's float32 once.  Sources: Khronos, "glTF 2.0
-Specification", appendix C, for curves; pbrt for rigid motions, on the shortest arc.
+Poses are computed in float64 and rounded to the scene's float32 once.  Source: pbrt for rigid
+motions, on the shortest arc.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lfcore.errors import SceneError
+from lfcore.scene.arrays import check_array
 from lfcore.scene.assemble import Geometry, sound
-from lfcore.scene.model import Motion, Scene
 from lfcore.scene.surface_mesh import SurfaceMesh
+from lfcore.scene.transforms import affine
+
+if TYPE_CHECKING:
+    from lfcore.scene.model import Scene
 
 Moving = tuple[SurfaceMesh, tuple[np.ndarray, np.ndarray]]
 """A part in its first pose, and its object's first and last (4, 4) poses in camera space."""
-STEP, LINEAR, CUBIC = "STEP", "LINEAR", "CUBICSPLINE"
-"""The kinds of curves, by glTF's names."""
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
-    """A quantity over time, through keys; it rests before the first and after the last.
+class Motion:
+    """A rigid motion of some triangles while the shutter is open.
 
-    Attributes
+    Parameters
     ----------
-    times : (K,) float64, seconds, ascending; K >= 1.
-    values : (K, ...) float64, at the keys; of a cubic spline (K, 3, ...): the tangent before each
-        key, per second, the value, and the tangent after it.
-    kind : :data:`STEP`, :data:`LINEAR` or :data:`CUBIC`.
-    turns : whether values are quaternions, w last, which move on the shortest arc.
+    first, count : int
+        The first triangle and the number of triangles.
+    start, end : ndarray
+        (4, 4) float64: the first and last pose in camera space.  The scene's arrays have the
+        triangles in the first pose.
     """
 
-    times: np.ndarray
-    values: np.ndarray
-    kind: str = LINEAR
-    turns: bool = False
+    first: int
+    count: int
+    start: np.ndarray
+    end: np.ndarray
 
-    def at(self, time_s: float) -> np.ndarray:
-        """The value at an instant; quaternions have the length 1."""
-        values = self.values[:, 1] if self.kind == CUBIC else self.values
-        key = int(np.searchsorted(self.times, time_s, side="right")) - 1
-        if key < 0 or key == len(self.times) - 1 or self.kind == STEP:
-            return self._unit(values[max(key, 0)])
-        span = self.times[key + 1] - self.times[key]
-        share = (time_s - self.times[key]) / span
-        before, after = values[key], values[key + 1]
-        if self.kind == CUBIC:
-            leaving, arriving = self.values[key, 2] * span, self.values[key + 1, 0] * span
-            return self._unit(_hermite(share, before, leaving, after, arriving))
-        if self.turns:
-            return _on_arc(share, self._unit(before), self._unit(after))
-        return before + share * (after - before)
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            check_array(name, getattr(self, name), (4, 4))
 
-    def _unit(self, value: np.ndarray) -> np.ndarray:
-        return value / (np.linalg.norm(value) or 1.0) if self.turns else value
+    def pose(self, time: float) -> np.ndarray:
+        """(4, 4) that moves the stored triangles to ``time`` in [0, 1]."""
+        from scipy.spatial.transform import Rotation, Slerp  # seldom needed, slow to import
+
+        move = self.end @ np.linalg.inv(self.start)
+        slerp = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([np.eye(3), move[:3, :3]])))
+        turn = slerp(time).as_matrix()
+        # Objects turn about their own origin, not about the camera.
+        pivot = self.start[:3, 3]
+        return affine(turn, pivot + time * (self.end[:3, 3] - pivot) - turn @ pivot)
 
 
-def _hermite(
-    t: float, before: np.ndarray, leaving: np.ndarray, after: np.ndarray, arriving: np.ndarray
-) -> np.ndarray:
-    """The cubic through two values with tangents, at ``t`` from 0 to 1."""
-    square, cube = t * t, t * t * t
-    return (
-        (2 * cube - 3 * square + 1) * before + (cube - 2 * square + t) * leaving
-        + (3 * square - 2 * cube) * after + (cube - square) * arriving
-    )  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """The animation of a scene's files, from ``start_s`` to ``end_s``; it rests before and after.
 
+    ``at(scene, time_s)`` gives the scene at an instant.
+    """
 
-def _on_arc(share: float, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """The quaternion between two unit ones, on the shorter arc."""
-    if before @ after < 0:
-        after = -after
-    # From the chord: the cosine of a small angle has lost it.
-    angle = 2 * math.atan2(np.linalg.norm(after - before), np.linalg.norm(after + before))
-    if angle == 0:
-        return before
-    parts = math.sin((1 - share) * angle) * before + math.sin(share * angle) * after
-    return parts / math.sin(angle)
+    start_s: float
+    end_s: float
+    at: Callable[[Scene, float], Scene]
 
 
 def motions(

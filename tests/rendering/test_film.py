@@ -14,7 +14,7 @@ import lfcore
 from lfcore.cli import main
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
-from lfcore.scene.model import Animation
+from lfcore.scene.motion import Animation
 
 PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
 EXACT = lfcore.Encoding("ffv1")

@@ -10,7 +10,7 @@ import numpy as np
 from lfcore.errors import SceneError
 from lfcore.readers.account import Account
 from lfcore.readers.gltf.document import Document
-from lfcore.scene.motion import CUBIC, LINEAR, STEP, Curve
+from lfcore.scene.curves import CUBIC, LINEAR, STEP, Curve
 from lfcore.scene.notes import LEFT_OUT, NOT_USED
 
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
