@@ -107,7 +107,7 @@ def measure_within(
 
 @dataclass
 class Stopwatch:
-    """Wall seconds of the named parts of a job.
+    """Seconds of the named parts of a job, wall seconds unless ``clock`` is another.
 
     >>> watch = Stopwatch()
     >>> with watch.part("encode"):

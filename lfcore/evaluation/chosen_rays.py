@@ -14,7 +14,7 @@ import pandas as pd
 import lfcore
 from lfcore.errors import OpticsError, SettingsError
 from lfcore.evaluation.true_picture import Reference
-from lfcore.evaluation.work_precision.points import core_clock, point
+from lfcore.evaluation.work_precision.points import point
 from lfcore.evaluation.work_precision.study import BY_DEPTH, grid_row, recording_seconds
 from lfcore.opencl.device import Device, programs_made
 from lfcore.optics.slab import Lattice
@@ -71,7 +71,7 @@ def chosen_row(
         raise SettingsError(problem, key=key, remedy=error.remedy) from None
     with lfcore.LightField.open(path) as field:
         read_planes = partial(field.refocus_many, planes, device=device)
-        retrieved, read_seconds = clocked_warm(read_planes, programs_made, clock=core_clock(device))
+        retrieved, read_seconds = clocked_warm(read_planes, programs_made, clock=device.clock)
         slab, content = field.require_slab(), field.metadata.content
     lattice = Lattice(slab.views, slab.pixels / size.longer)
     tracer = open_tracer(scene, device)

@@ -8,8 +8,9 @@ import os
 import shutil
 import tempfile
 import threading
+import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from numbers import Integral
@@ -82,6 +83,12 @@ class Device:
     @property
     def is_cpu(self) -> bool:
         return is_cpu(self.device)
+
+    @property
+    def clock(self) -> Callable[[], float]:
+        """The clock of work on this device: core seconds of the process, which other work on the
+        machine does not lengthen; wall seconds for a device other than the CPU."""
+        return time.process_time if self.is_cpu else time.perf_counter
 
     def buffer(self, array: np.ndarray, access: int = cl.mem_flags.READ_ONLY) -> cl.Buffer:
         """Device copy of a numpy array, read-only by default; an empty one becomes some zero

@@ -36,12 +36,10 @@ def form_planes(
     slab = field.require_grid()
     for plane in planes:
         plane.check(slab)
-    name = device.name if isinstance(device, Device) else device
-    if isinstance(device, Device):
-        threads = threads or device.threads
+    opened = device if isinstance(device, Device) else open_device(device)
     total_frames, lock, done = sum(part.frames for part in field.segments), threading.Lock(), 0
-    threads = max(1, min(threads or open_device(name).threads, len(field.segments)))
-    local, watch = threading.local(), Stopwatch()
+    threads = max(1, min(threads or opened.threads, len(field.segments)))
+    local, watch = threading.local(), Stopwatch(clock=opened.clock)
 
     def count(frames: int) -> None:
         nonlocal done
@@ -52,7 +50,7 @@ def form_planes(
 
     def form(index: int) -> Retrieval:
         if not hasattr(local, "device"):
-            local.device = open_device(name, threads=1)
+            local.device = open_device(opened.name, threads=1)
         return _form_segment(field, index, planes, local.device, count)
 
     with watch.part("whole"):
@@ -70,7 +68,8 @@ def form_planes(
 
 @dataclass(frozen=True)
 class Retrieval:
-    """Planes of a file, with wall seconds, and the decoding and forming seconds of all threads."""
+    """Planes of a file, with seconds by the device's clock, and wall seconds of decoding and of
+    forming, summed over threads."""
 
     sums: PlaneSums
     seconds: float

@@ -103,7 +103,7 @@ def record_tile(
 ) -> tuple[TileTracing, float]:
     """Trace one tile into the file ``segment``.
 
-    Returns the ended tracing, and the wall seconds of encoding beyond it.
+    Returns the ended tracing, and the seconds of encoding beyond it, by the device's clock.
 
     A device other than the CPU traces the next frames during encoding; the CPU does not, because
     the encoder needs its core.
@@ -112,7 +112,7 @@ def record_tile(
     frames: Iterator[np.ndarray] = (chunk.frames for chunk in tracing)
     if not tracer.device.is_cpu:
         frames = prefetched(chunk.frames.copy() for chunk in tracing)
-    watch, size = Stopwatch(), (layout.frame_width, layout.frame_height)
+    watch, size = Stopwatch(clock=tracer.device.clock), (layout.frame_width, layout.frame_height)
     with watch.part("whole"), SegmentWriter(segment, spec, *size) as writer:
         for some in frames:
             writer.write(some)

@@ -49,7 +49,7 @@ class Chunk:
 class TileTracing:
     """One tile being traced; iterate over its :class:`Chunk`s, then read ``plane_sums``.
 
-    ``seconds`` is the wall time of tracing, planes and frames with the device queue finished,
+    ``seconds`` counts tracing, planes and frames by the device's clock, with its queue finished,
     without the program's build and without the consumer's work between chunks.
     """
 
@@ -119,7 +119,7 @@ def _trace(
     writer = None
     if frames:
         writer = FrameWriter(device, tile, max(np.ptp(frame_of[a:b]) + 1 for a, b in _parts(cuts)))
-    watch = Stopwatch()
+    watch = Stopwatch(clock=device.clock)
     for start, stop in _parts(cuts):
         with watch.part("trace"):
             part, light = places[start:stop], room[: stop - start]

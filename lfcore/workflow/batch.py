@@ -46,7 +46,7 @@ def trace_batch(
 ) -> tuple[PlaneSums, dict]:
     """Trace tiles one after the other, and store them in the zip file ``segments``, if any.
 
-    Returns the planes' sums over all tiles, and the facts: rays, tiles, wall seconds.
+    Returns the planes' sums over all tiles, and the facts: rays, tiles, core seconds.
     """
     rays, seconds = 0, {"trace": 0.0, "encode": 0.0}
     total: PlaneSums | None = None

@@ -1,7 +1,6 @@
 """The points of the diagrams: a method at a setting, its seconds, and its error."""
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -23,11 +22,6 @@ ON_THE_FLY, FROM_FILE, IN_MEMORY = "on the fly", "from a file", "from memory"
 NOT_JUDGED = f"not judged: within {BELOW_DB:g} dB of the error of the true picture"
 REPEATS, BUDGET_SECONDS = 5, 0.3
 """The runs of short work, and the seconds for all runs of longer work."""
-
-
-def core_clock(device: Device) -> Callable[[], float]:
-    """The clock of core seconds: all threads of the process; wall seconds for another device."""
-    return time.process_time if device.is_cpu else time.perf_counter
 
 
 def point(reference: Reference, pictures: np.ndarray, *, rays: int, **context: Any) -> dict:
@@ -66,7 +60,7 @@ def timed_point(
     """
     try:
         pictures, timing = measure_within(
-            work, BUDGET_SECONDS, programs_made, repeats=REPEATS, clock=core_clock(device)
+            work, BUDGET_SECONDS, programs_made, repeats=REPEATS, clock=device.clock
         )
     except (OpticsError, SceneError) as error:
         return refused_point(reference, error, rays=rays, **context)

@@ -30,7 +30,6 @@ from lfcore.evaluation.work_precision.points import (
     COLUMNS,
     FROM_FILE,
     ON_THE_FLY,
-    core_clock,
     point,
     refused_point,
     timed_point,
@@ -83,7 +82,7 @@ def quality_rows(
     for quality_db in qualities_db:
         job = QualitySearch(tracer, tracer.scene.camera, planes, pixels, Quality(quality_db))
         context = {"panel": ON_THE_FLY, "method": TO_QUALITY, "setting": f"{quality_db:g} dB"}
-        clock = core_clock(tracer.device)
+        clock = tracer.device.clock
         try:
             result, seconds = clocked_warm(job.pictures, programs_made, clock=clock)
         except OpticsError as error:
@@ -99,7 +98,7 @@ def recording_seconds(scene: Scene, file: str | Path, device: Device, **how: Any
     """Record as :func:`lfcore.record`; the clock counts rays and frames, not the tree."""
     hierarchy_of(scene)
     record = partial(lfcore.record, scene, file, device=device, **how)
-    _, seconds = clocked_warm(lambda: record().close(), programs_made, clock=core_clock(device))
+    _, seconds = clocked_warm(lambda: record().close(), programs_made, clock=device.clock)
     return seconds
 
 
