@@ -86,6 +86,25 @@ def crossings(
         yield _measure(ray, tri, triangles[tri], origins[ray], directions[ray])
 
 
+def crosses_beside(
+    corners: np.ndarray, origins: np.ndarray, directions: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Whether rays (C, 3) that cross triangles (C, 3, 3) do so when moved: along x, and along y and
+    z by much less.
+
+    Of triangles with a common edge or corner, as many are crossed as by a ray beside it.
+    ``weights`` (C, 3) are barycentric, 0 on edges.
+    """
+    p, q, r = (corners.astype(np.float64) - origins[:, None]).swapaxes(0, 1)
+    turn = (np.cross(q - p, r - p) * directions).sum(1)
+    crosses = np.ones(len(corners), bool)
+    for weight, near, far in zip(weights.T, (q, r, p), (r, p, q), strict=True):
+        change = np.cross(near, far)
+        first = change[np.arange(len(change)), (change != 0).argmax(1)]
+        crosses &= (weight != 0) | ((first > 0) == (turn > 0))
+    return crosses
+
+
 def _corners_differ(triangles: np.ndarray) -> np.ndarray:
     p, q, r = triangles.swapaxes(0, 1)
     return (p != q).any(1) & (q != r).any(1) & (r != p).any(1)

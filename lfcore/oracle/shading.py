@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lfcore.oracle.crossings import crossings
+from lfcore.oracle.crossings import crosses_beside, crossings
 from lfcore.oracle.intersect import Hits, closest_hits, occluded
 from lfcore.oracle.metal import Metals, bent_normals, metals, reflected_sky
 from lfcore.oracle.textures import Spots, solid_of
@@ -226,8 +226,7 @@ def _clear(scene: Scene) -> np.ndarray:
 def _tints(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
     """(R, 3) shares of a light that reach points straight through clear surfaces.
 
-    Volumes absorb light between where it enters and where it leaves.  Textures of colour do not
-    count.
+    Volumes absorb light between where it enters and where it leaves.
     """
     tints, absorbed = np.ones((len(point), 3)), np.zeros((len(point), 3))
     clear = np.flatnonzero(_clear(scene)[scene.material_ids])
@@ -240,6 +239,10 @@ def _tints(scene: Scene, light: Light, point: np.ndarray, triangle: np.ndarray) 
         number = clear[pairs.triangle]
         on = pairs.inside & (pairs.t > after[pairs.ray]) & (pairs.t < until)
         on &= number != triangle[pairs.ray]
+        on[on] = crosses_beside(
+            scene.triangles[number[on]], point[pairs.ray[on]], towards[pairs.ray[on]],
+            pairs.weights[on],
+        )  # fmt: skip
         ray, number, t = pairs.ray[on], number[on], pairs.t[on]
         if not len(ray):
             continue
@@ -261,9 +264,10 @@ def _passing(spots: Spots) -> tuple[np.ndarray, np.ndarray]:
     glass = np.where(number("thin_walled") > 0, 2 * sharp / (1 + sharp), sharp)
     smooth = number("clearcoat_roughness") <= MIRROR_ROUGHNESS
     shield = number("clearcoat") * smooth * fresnel(np.abs(slant), np.full(len(slant), 1 / COAT))
-    opacity, metal = spots.opacity(), np.maximum(number("metallic"), 0)
+    base, opacity = albedo(spots), spots.opacity()
+    metal = np.maximum(metals(spots, base).metal[:, 0], 0)
     through = (1 - shield) * (1 - metal) * number("transmission") * (1 - glass)
-    shares = opacity * through[:, None] * number("diffuse") + 1 - opacity
+    shares = opacity * through[:, None] * base + 1 - opacity
     volume = (number("transmission") > 0) & (number("thin_walled") == 0)
     return shares, (volume * np.where(slant < 0, -1.0, 1.0))[:, None]
 

@@ -9,6 +9,7 @@ from tracing_scenes import CAMERA, LAMP, SUN, WALL, bent_normals, scene, tiles, 
 
 from lfcore import Slab, open_device
 from lfcore.optics import bundles
+from lfcore.oracle.shading import radiance
 from lfcore.oracle.specular import trace_paths
 from lfcore.scene.appearance import Material
 from lfcore.tracing.specular import follow
@@ -192,6 +193,58 @@ def test_shadows_of_what_light_passes_are_tinted(name, single_rays):
     bright = paths.own[behind].max(1)
     tinted = (bright > 0.02) & (bright < 0.6 * np.quantile(bright, 0.9))
     assert tinted.any() == (name != "mirror")
+
+
+def shadow_light(scene, places):
+    """The light of the wall at places (R, 2), by the tracer and by the oracle."""
+    origins = np.float32([(x, y, 4.0) for x, y in places])
+    towards = np.float32([[0, 0, 1]] * len(places))
+    tracer = tracer_of(scene, specular=True)
+    found = tracer.hit_radiance(origins, towards, tracer.closest_hit(origins, towards))
+    return found, radiance(scene, origins, towards)
+
+
+@pytest.mark.parametrize("name", ["veil", "absorbing"])
+def test_shadows_of_edges_and_corners_are_tinted_once(name):
+    """In the sun, through the diagonals, edges and corners of a box and of its silhouette."""
+    box = trimesh.creation.box((1.0, 1.0, 0.5)).triangles + [0, 0, 2.0]
+    materials = [Material("box", **KINDS[name]), Material("matt", (1.0, 1.0, 1.0))]
+    ids = np.repeat(np.int32([0, 1]), [len(box), len(WALL)])
+    sun = replace(SUN, vector=(0.0, 0.0, -1.0), colour=(1.0, 1.0, 1.0))
+    lit = scene(np.concatenate([box, WALL]).astype(np.float32), materials=materials,
+                material_ids=ids, lights=[sun], ambient=(0.0, 0.0, 0.0))  # fmt: skip
+    within = [(0.25, 0.25), (0.25, -0.25), (0.0, 0.0), (0.3, 0.1)]
+    found, expected = shadow_light(lit, within)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(found, np.tile(found[-1], (4, 1)), atol=1e-6)
+    around = shadow_light(lit, [(0.5, y) for y in (0.5, 0.25, 0.0, -0.5)])
+    for light in np.concatenate(around):  # inside, or beside
+        assert np.allclose(light, found[-1]) or np.allclose(light, 1.0)
+
+
+def test_shadows_have_the_colours_of_stained_glass():
+    """A pane with colours of a texture and of its corners; a texture says that it is no metal."""
+    rng = np.random.default_rng(5)
+    pane = np.float32([[[-1, -1, 2], [1, -1, 2], [1, 1, 2]], [[-1, -1, 2], [1, 1, 2], [-1, 1, 2]]])
+    triangles = np.concatenate([pane, WALL])
+    colours = np.ones(triangles.shape, np.float32)
+    colours[:2] = rng.random((2, 3, 3))
+    stained = Material("pane", (0.9, 0.8, 1.0), metallic=1.0, transmission=0.8, thin_walled=True,
+                       texture=0, metal_texture=1)  # fmt: skip
+    lit = scene(
+        triangles,
+        uvs=(triangles[..., :2] / 3).astype(np.float32),
+        colours=colours,
+        textures=[rng.integers(60, 255, (5, 4, 3), np.uint8),
+                  rng.integers(0, 128, (2, 2, 3), np.uint8)],
+        materials=[stained, Material("matt", (1.0, 1.0, 1.0))],
+        material_ids=np.int32([0, 0, 1, 1]),
+        lights=[SUN],
+        ambient=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    found, expected = shadow_light(lit, rng.uniform(-0.8, 0.8, (50, 2)))
+    np.testing.assert_allclose(found, expected, atol=1e-3)  # texels have ten bits
+    assert (expected.max(0) - expected.min(0)).min() > 0.1
 
 
 def test_paths_have_the_same_bits_in_all_lanes(device):

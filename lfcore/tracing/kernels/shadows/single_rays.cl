@@ -4,24 +4,32 @@
 #include "camera_rays.cl"
 #include "occluders.cl"
 
-// Whether a triangle of a leaf, neither the receiver nor the light's, occludes the ray nearer than
-// `far`.  Triangles within the margin of the receiver do not count.
+// The LANES triangles from `lane` on of a leaf that may shade a ray: those that light passes if
+// `clear`, else the others.  The receiver, the light's own and triangles within the margin of the
+// receiver do not count.
+inline uint shading_lanes(const Shadows *s, const Ray *r, int leaf, int lane, int receiver,
+                          int2 light, int clear)
+{
+    global const int *ids = triangle_ids(s->tree, leaf, lane);
+    const vi passed = are_clear(s->scene, ids);
+    const vi left_out = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids) |
+                        (clear ? ~passed : passed);
+    Vec v[3];
+    load_corners(s->tree->leaves + leaf, lane, 0.0f, v);
+    const Vec n = geometric_normal(v);
+    const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
+    const vi is_off = GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
+    return row_bits(is_off & ~left_out) << lane;
+}
+
+// Whether a triangle of a leaf occludes the ray nearer than `far`.
 inline int occludes(const Shadows *s, const Ray *r, int leaf, float far, int receiver, int2 light)
 {
-    const Tree *tree = s->tree;
     Hit hit = {far, -1};
-    const uint bits = may_hit(r, tree->leaves + leaf, far * SWEEP_SLACK);
-    for (int lane = 0; bits >> lane && lane < NODE_WIDTH && hit.id < 0; lane += LANES) {
-        global const int *ids = triangle_ids(tree, leaf, lane);
-        const vi own = EQ(VLOAD(ids), (vi)(receiver)) | are_of_light(light, ids) |
-                       are_clear(s->scene, ids);
-        Vec v[3];
-        load_corners(tree->leaves + leaf, lane, 0.0f, v);
-        const Vec n = geometric_normal(v);
-        const vf off = dot3(n, minus3(v[0], spread3(r->origin)));
-        const vi is_off = GT(fabs(off), shadow_margin(n, v[0], fabs(r->origin)));
-        take_nearest(tree, r, leaf, bits & row_bits(is_off & ~own) << lane, &hit);
-    }
+    const uint bits = may_hit(r, s->tree->leaves + leaf, far * SWEEP_SLACK);
+    for (int lane = 0; bits >> lane && lane < NODE_WIDTH && hit.id < 0; lane += LANES)
+        take_nearest(s->tree, r, leaf, bits & shading_lanes(s, r, leaf, lane, receiver, light, 0),
+                     &hit);
     return hit.id >= 0;
 }
 

@@ -8,6 +8,7 @@
 #include "powers.cl"
 #include "shadow_rays.cl"
 #include "single_rays.cl"
+#include "texture.cl"
 
 #define LOG2_E 1.44269504f
 
@@ -34,10 +35,29 @@ inline float reflectance(float cosine, float eta)
     return ((const float *)&row)[0];
 }
 
-// The share that passes a clear triangle; `absorbed` receives what its volume absorbs, per
-// distance.
-inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 direction,
-                            float3 *absorbed)
+// The colour of a texture at barycentric weights of a triangle, at full resolution; 1 without.
+inline float3 texture_at(const Scene *s, int id, int map, float3 w)
+{
+    const int texture = map_of(s->materials + s->material_ids[id], map);
+    if (texture < 0) return 1.0f;
+    global const float *uv = attributes_of(s, id) + 9 * SMOOTH;
+    const float2 at = w.x * vload2(0, uv) + w.y * vload2(1, uv) + w.z * vload2(2, uv);
+    const Vec colour = sample_texture(s->texels, level_of(s, texture, 0), (vf)(at.x), (vf)(at.y));
+    return ray_vector(&colour, 0);
+}
+
+// The colour of a triangle's corners between them; 1 without.
+inline float3 colour_between(const Scene *s, int id, float3 w)
+{
+    if (!VERTEX_COLOURS) return 1.0f;
+    global const float *of = attributes_of(s, id) + 9 * SMOOTH + 6 * TEXTURED;
+    return w.x * vload3(0, of) + w.y * vload3(1, of) + w.z * vload3(2, of);
+}
+
+// The share that passes a clear triangle at a point, given by its barycentric weights, too;
+// `absorbed` receives what its volume absorbs, per distance.
+inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 weights,
+                            float3 direction, float3 *absorbed)
 {
     const Scene *scene = s->scene;
     global const MaterialRecord *m = scene->materials + scene->material_ids[id];
@@ -51,15 +71,19 @@ inline float3 pass_triangle(const Shadows *s, int id, float3 point, float3 direc
     if (m->alpha_blend && has_holes(tests, id)) {
         opacity *= alpha_of(tests, tests->records + tests->record_of[id], point) / 255.0f;
     }
+    if (m->transmission == 0.0f) return 1.0f - opacity;
     float reflected = reflectance(cosine, 1.0f / m->ior);
     if (m->thin_walled) reflected = 2.0f * reflected / (1.0f + reflected);
-    else if (m->transmission > 0.0f)
-        *absorbed = (slant < 0.0f ? -1.0f : 1.0f) * vload3(0, m->absorption);
+    else *absorbed = (slant < 0.0f ? -1.0f : 1.0f) * vload3(0, m->absorption);
     const int coat = m->clearcoat > 0.0f && m->clearcoat_roughness <= MIRROR_ROUGHNESS;
     const float shield = coat ? m->clearcoat * reflectance(cosine, 1.0f / COAT) : 0.0f;
-    const float through = opacity * (1.0f - shield) * (1.0f - max(m->metallic, 0.0f)) *
-                          m->transmission * (1.0f - reflected);
-    return through * vload3(0, m->diffuse) + (1.0f - opacity);
+    const float metal = max(m->metallic, 0.0f) *
+                        (PHYSICAL ? texture_at(scene, id, MAP_METAL, weights).z : 1.0f);
+    const float through = opacity * (1.0f - shield) * (1.0f - metal) * m->transmission *
+                          (1.0f - reflected);
+    const float3 base = vload3(0, m->diffuse) * texture_at(scene, id, MAP_BASE, weights) *
+                        colour_between(scene, id, weights);
+    return through * base + (1.0f - opacity);
 }
 
 // The tint of light on its way from a point until `far`.
@@ -70,17 +94,17 @@ inline float3 tint_of(const Shadows *s, const Ray *r, float far, int receiver, i
     Stack stack;
     start_walk(&stack);
     for (int leaf; (leaf = next_leaf(s->tree, &volume, far, &stack)) >= 0;) {
-        uint bits = may_hit(r, s->tree->leaves + leaf, far * SWEEP_SLACK);
-        for (; bits; bits &= bits - 1) {
+        global const Leaf *triangles = s->tree->leaves + leaf;
+        uint bits = may_hit(r, triangles, far * SWEEP_SLACK), clear = 0;
+        for (int lane = 0; bits >> lane && lane < NODE_WIDTH; lane += LANES)
+            clear |= shading_lanes(s, r, leaf, lane, receiver, light, 1);
+        for (bits &= clear; bits; bits &= bits - 1) {
             const int at = lowest(bits), id = triangle_ids(s->tree, leaf, at)[0];
             float time;
-            float3 weights;
-            if (id < 0 || id == receiver || (id >= light.x && id < light.y)) continue;
-            if (!s->scene->materials[s->scene->material_ids[id]].clear) continue;
-            if (!hits_triangle(r, s->tree->leaves + leaf, at, &time, &weights) || time > far)
-                continue;
-            float3 per_distance = 0.0f;
-            tint *= pass_triangle(s, id, r->origin + time * r->direction, r->direction,
+            float3 weights, per_distance = 0.0f;
+            if (!hits_triangle(r, triangles, at, &time, &weights) || time > far) continue;
+            if (!crosses_triangle(r, triangles, at)) continue;
+            tint *= pass_triangle(s, id, r->origin + time * r->direction, weights, r->direction,
                                   &per_distance);
             absorbed += time * per_distance;
         }

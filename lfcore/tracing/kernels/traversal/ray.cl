@@ -89,21 +89,31 @@ inline uint may_hit(const Ray *r, global const Leaf *leaf, float far)
     return row_any(hits) ? (uint)row_or(hits) : 0;
 }
 
+// A triangle of a leaf beside a ray, its corners along the ray's axes, and twice its edge functions.
+typedef struct { WIDE_TYPE x[3], y[3], z[3], e[3]; } Beside;
+
+inline Beside triangle_beside(const Ray *r, global const Leaf *leaf, int at)
+{
+    Beside b;
+    for (int k = 0; k < 3; ++k) {
+        const float depth = leaf->corner[k][r->kz][at] - r->oz;
+        b.x[k] = fma(-depth, r->sx, leaf->corner[k][r->kx][at] - r->ox);
+        b.y[k] = fma(-depth, r->sy, leaf->corner[k][r->ky][at] - r->oy);
+        b.z[k] = depth;
+    }
+    for (int k = 0; k < 3; ++k) {
+        const int p = (k + 1) % 3, q = (k + 2) % 3;
+        b.e[k] = b.x[p] * b.y[q] - b.y[p] * b.x[q];
+    }
+    return b;
+}
+
 // Whether a ray hits a triangle of a leaf; its parameter there, and the corners' weights.
 inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *time,
                          float3 *weights)
 {
-    WIDE_TYPE x[3], y[3], z[3], e[3];
-    for (int k = 0; k < 3; ++k) {
-        const float depth = leaf->corner[k][r->kz][at] - r->oz;
-        x[k] = fma(-depth, r->sx, leaf->corner[k][r->kx][at] - r->ox);
-        y[k] = fma(-depth, r->sy, leaf->corner[k][r->ky][at] - r->oy);
-        z[k] = depth;
-    }
-    for (int k = 0; k < 3; ++k) {
-        const int a = (k + 1) % 3, b = (k + 2) % 3;
-        e[k] = x[a] * y[b] - y[a] * x[b];
-    }
+    const Beside b = triangle_beside(r, leaf, at);
+    const WIDE_TYPE *y = b.y, *z = b.z, *e = b.e;
     const WIDE_TYPE sum = e[0] + e[1] + e[2];
     const int beside = min(e[0], min(e[1], e[2])) < 0 && max(e[0], max(e[1], e[2])) > 0;
     if (beside || sum == 0) return 0;
@@ -114,4 +124,18 @@ inline int hits_triangle(const Ray *r, global const Leaf *leaf, int at, float *t
     const float first = e[0] / sum, second = e[1] / sum;
     *weights = (float3)(first, second, 1.0f - first - second);
     return *time > 0.0f;
+}
+
+// Whether a ray that hits a triangle also does so when it is moved along x, and along y by much
+// less: of triangles with a common edge or corner, as many are crossed as by a ray beside it.
+inline int crosses_triangle(const Ray *r, global const Leaf *leaf, int at)
+{
+    const Beside b = triangle_beside(r, leaf, at);
+    const int positive = b.e[0] + b.e[1] + b.e[2] > 0;
+    for (int k = 0; k < 3; ++k) {
+        const int p = (k + 1) % 3, q = (k + 2) % 3;
+        const WIDE_TYPE change = b.y[p] != b.y[q] ? b.y[p] - b.y[q] : b.x[q] - b.x[p];
+        if ((b.e[k] != 0 ? b.e[k] > 0 : change > 0) != positive) return 0;
+    }
+    return 1;
 }
