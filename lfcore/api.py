@@ -24,19 +24,17 @@ from lfcore.readers.load import load_scene as load_scene
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.defaults import (
     chosen_planes,
-    lattice_to_store,
     lattice_to_trace,
     recorded_lens,
 )
 from lfcore.rendering.direct import trace_picture, trace_planes
-from lfcore.rendering.prepared import lit, open_tracer, open_tracers, opened
+from lfcore.rendering.prepared import lit, open_tracer, opened
 from lfcore.rendering.quality import Quality, QualitySearch, Rendering
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.description import check
 from lfcore.scene.model import Scene
 from lfcore.scene.sky import with_sky
 from lfcore.storage.codecs import Encoding
-from lfcore.storage.defaults import chosen_encoding, frame_layout
 
 if TYPE_CHECKING:
     from lfcore.lightfield import LightField
@@ -373,77 +371,28 @@ def record(
     (16, 16, 3)
     """
     from lfcore.lightfield import LightField
-    from lfcore.rendering.record import peak_to_store, record_slab
-    from lfcore.rendering.record_depth import depth_store, record_by_depth
-    from lfcore.rendering.record_film import Ahead, check_times, record_film
-    from lfcore.rendering.trials import plan_quality
+    from lfcore.rendering.recording import Recording
 
     check_suffix(path, (LIGHT_FIELD,))
     _check_scene(scene)
     check_kind(quality, Quality | None, "quality", "a Quality")
     check_kind(encoding, Encoding | None, "encoding", "an Encoding")
-    size = Size.of(pixels)
+    size, encoding = Size.of(pixels), encoding or Encoding()
     scene, camera, content = recorded_lens(
         scene, size, focus_m, f_number, focus_at=focus_at, blur=blur
     )
-    encoding = encoding or Encoding()
     if encoding.depth is False:
         _refuse_shutter(scene, "a file without depth")
     if bake_each:
         _refuse_shutter(scene, "light that is baked for each instant")
     if scene.shutter:
         content["shutter_s"] = list(scene.shutter)
-    if times is not None:
-        _film_only(quality, encoding)
-        by_depth, lattice = lattice_to_store(encoding.depth, views)
-        whole, slab = opened(device), Slab.of(camera, lattice, size)
-        ahead = Ahead.of(scene, check_times(times), slab, whole, encoding.transfer)
-        encoding = replace(encoding, transfer="pq" if ahead.peak else "srgb")
-        spec = chosen_encoding(lattice.views, encoding, by_depth=True, width=slab.size.width)
-        slab, store = depth_store(camera, lattice, size, spec, peak=ahead.peak)
-        if views is not None and not isinstance(views, Lattice):
-            content["views"] = int(views)
-        record_film(
-            path, scene, ahead, slab, store, whole, bake_each=bake_each, content=content,
-            progress=progress,
-        )  # fmt: skip
-        return LightField.open(path)
-    tracer = open_tracer(scene, device, progress, by_depth=True)
-    peak = peak_to_store(tracer, Slab.of(camera, 4, size), encoding.transfer)
-    encoding = replace(encoding, transfer="pq" if peak else "srgb")
-    if quality is not None:
-        if encoding.depth is False or views is not None:
-            problem = "chooses the rays itself, and stores depth"
-            raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
-        views, encoding, content["expected"] = plan_quality(
-            tracer, camera, size, quality, encoding, peak
-        )
-    by_depth, lattice = lattice_to_store(encoding.depth, views)
-    if by_depth and views is not None and not isinstance(views, Lattice):
-        content["views"] = int(views)
-    width = Slab.of(camera, lattice, size).size.width
-    spec = chosen_encoding(lattice.views, encoding, by_depth=by_depth, width=width)
-    if by_depth:
-        kind = encoding.layout or "views"
-        slab, store = depth_store(camera, lattice, size, spec, kind=kind, peak=peak)
-        record_by_depth(path, tracer, slab, store, content=content, progress=progress)
+    recording = Recording(path, scene, camera, size, views, encoding, content, device, progress)
+    if times is None:
+        recording.once(quality)
     else:
-        slab = Slab.of(camera, lattice, size)
-        frames = frame_layout(
-            slab.views, slab.size, spec.stored_format, kind=encoding.layout, peak=peak
-        )
-        tracers = open_tracers(scene, device)
-        record_slab(path, tracers, slab, frames, spec, content=content, progress=progress)
+        recording.film(times, quality, bake_each=bake_each)
     return LightField.open(path)
-
-
-def _film_only(quality: Quality | None, encoding: Encoding) -> None:
-    """Raise :class:`OpticsError` for what a film does not have."""
-    if quality is not None:
-        remedy = "Leave it out: give views and pixels"
-        raise OpticsError("chooses rays for one instant", key="quality", remedy=remedy)
-    if encoding.depth is False or encoding.layout == "macropixels":
-        raise OpticsError("a film has depth, and views", key="encoding", remedy="Leave it out")
 
 
 @suggest_keywords
