@@ -8,6 +8,7 @@ their place, see :func:`with_docstrings`.
 import argparse
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +16,10 @@ import lfcore
 from lfcore import cli
 
 DOCS = Path(__file__).parents[1]
+WIDTH = 120
+"""The longest line, characters."""
 LONGEST_DEFAULT = 20
+"""The longest default that is shown, characters."""
 NAMES = re.compile(r"(<!-- names: (.*?) -->\n).*?(?=\n## |\Z)", re.DOTALL)
 COMMANDS = re.compile(r"(<!-- commands -->\n).*\Z", re.DOTALL)
 
@@ -44,7 +48,7 @@ def _list(names: str) -> str:
 def _lines(name: str) -> Iterator[str]:
     """A line for a public name, and for each public member of a class."""
     thing = getattr(lfcore, name)
-    yield f"- `{_call(name, thing)}`: {_summary(thing)}"
+    yield _wrapped(f"- `{_call(name, thing)}`: {_summary(thing)}", "  ")
     if not inspect.isclass(thing) or issubclass(thing, Exception):
         return
     for key, member in inspect.getmembers_static(thing):
@@ -52,7 +56,14 @@ def _lines(name: str) -> Iterator[str]:
             continue
         work = getattr(member, "__func__", member)
         shown = _call(key, work) if inspect.isfunction(work) else key
-        yield f"  - `.{shown}`: {_summary(member)}"
+        yield _wrapped(f"  - `.{shown}`: {_summary(member)}", "    ")
+
+
+def _wrapped(text: str, indent: str = "") -> str:
+    """Break text into lines, with ``indent`` before all but the first."""
+    return textwrap.fill(
+        text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def _is_documented(member: object) -> bool:
@@ -114,10 +125,11 @@ def _commands() -> Iterator[str]:
 
 
 def _command(name: str, parser: argparse.ArgumentParser) -> Iterator[str]:
-    yield from (f"### {name}\n", " ".join((parser.description or "").split()) + "\n")
+    yield from (f"### {name}\n", _wrapped(" ".join((parser.description or "").split())) + "\n")
     inner = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
     rows = [a for a in parser._actions if a not in inner and a.dest != "help"]
-    yield "| option | meaning |\n|---|---|"
+    if rows:
+        yield "| option | meaning |\n|---|---|"
     for action in rows:
         flags = ", ".join(action.option_strings) or action.dest
         values = parser._get_formatter()._format_args(action, action.dest.upper())
