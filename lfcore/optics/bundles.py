@@ -8,7 +8,7 @@ The lens samples of one pixel, the pixels of one lens sample or data camera, and
 rays all have this form, so one kernel traces all of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,6 +81,19 @@ class Bundles:
     @property
     def traced_rows(self) -> int:
         return self.band[1] if self.band else self.rows
+
+    def every_second(self, row: int, column: int) -> "Bundles":
+        """Every second ray of every second row, from the first two of each on."""
+        columns, rows = (self.columns - column + 1) // 2, (self.rows - row + 1) // 2
+        along = column + columns - 1 - (self.columns - 1) / 2
+        down = row + rows - 1 - (self.rows - 1) / 2
+        moved = self.step.astype(np.float64) * (along, down, along, down)
+        first, end = self.first_row, self.first_row + self.traced_rows
+        first, end = (first - row + 1) // 2, (end - row + 1) // 2
+        return replace(
+            self, elements=(self.elements + moved).astype(np.float32), step=2 * self.step,
+            columns=columns, rows=rows, lattice=None, band=(first, end - first),
+        )  # fmt: skip
 
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Origins and directions, (E, rows, columns, 3) float64, for references and tests.

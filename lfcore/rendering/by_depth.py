@@ -17,7 +17,7 @@ from lfcore.progress import Progress, part_of
 from lfcore.refocus.depth_slicing import DepthSlicer, planes_at_a_time
 from lfcore.refocus.two_parts import Part, TwoPartSlicer
 from lfcore.rendering.direct import focused_camera
-from lfcore.rendering.exposure import ExposedTracer, view_times
+from lfcore.rendering.exposure import ExposedTracer, ray_times, view_times
 from lfcore.tracing.packets import PACKET_ROWS
 from lfcore.tracing.tracer import Tracer
 
@@ -113,10 +113,13 @@ def trace_by_depth(
         remedy = "Ask for fewer pixels or pictures, or use the filter 'nearest'"
         raise OpticsError(problem, key="pixels", remedy=remedy)
     slicer = TwoPartSlicer(views, planes, pixels, device, stops=stops)
-    for part, first, parts in traced_views(tracer, views, pixels, in_rows=True):
+    done = 0
+    for part, first, parts in traced_views(tracer, views, pixels, in_rows=True, whole_views=False):
         slicer.add(part, parts, first)
-        if progress and first + parts[0][1].shape[1] == views.slab.size.height:
-            progress(part.stop, len(views.positions))
+        if first + parts[0][1].shape[1] == views.slab.size.height:
+            done += part.stop - part.start
+            if progress:
+                progress(done, len(views.positions))
     return slicer.pictures()
 
 
@@ -128,25 +131,16 @@ def traced_views(
     *,
     order: np.ndarray | None = None,
     in_rows: bool = False,
+    whole_views: bool = True,
 ) -> Iterator[tuple[slice, int, list[Part]]]:
     """Trace a few views at a time: yield part, first row, and the rays as :meth:`Tracer.parts`.
 
     ``pixels`` is the longer side of the pictures that textures are filtered for; ``part`` is a
     slice of ``order``, the numbers of the views.  With ``in_rows``, large views are traced some
-    rows at a time.  Under an open shutter each view is traced at its own instant.
+    rows at a time.  Under an open shutter each view is traced at its own instant, or with
+    ``whole_views=False`` at four, and views of the same instants follow one another.
     """
     slab = views.slab
-    if isinstance(tracer, ExposedTracer):
-        numbers = np.arange(slab.views**2) if order is None else order
-        shares = view_times(slab.views)[numbers]
-        for place, now in enumerate(tracer.each(shares)):
-            part = slice(place, place + 1)
-            rows_of_view = traced_views(
-                now, views, pixels, footprint_px, order=numbers[part], in_rows=in_rows
-            )
-            for _, first, parts in rows_of_view:
-                yield part, first, parts
-        return
     pitch = slab.camera.field_width / pixels
     if footprint_px is None:
         footprint_px = texture_width((slab.views * slab.pixels / pixels) ** 2)
@@ -156,9 +150,18 @@ def traced_views(
     rows = slab.size.height
     if in_rows:  # in whole packets, so that no ray's bits change
         rows = max(1, RAYS_AT_A_TIME // slab.size.width // PACKET_ROWS) * PACKET_ROWS
-    for start in range(0, count, step):
+    starts: Sequence[int] = range(0, count, step)
+    if isinstance(tracer, ExposedTracer):
+        every = view_times(slab.views)[:, None, None] if whole_views else ray_times(slab.views)
+        shares, step = every[order], 1
+        starts = range(count) if whole_views else np.argsort(shares.min((1, 2))).tolist()
+    for start in starts:
         part = slice(start, min(start + step, count))
         bundles = views.bundles(order[part], footprint=footprint)
         for first in range(0, bundles.rows, rows):
             band = first, min(rows, bundles.rows - first)
-            yield part, first, tracer.parts(replace(bundles, band=band))
+            rays = replace(bundles, band=band)
+            if isinstance(tracer, ExposedTracer):
+                yield part, first, tracer.parts_at(shares[start], rays)
+            else:
+                yield part, first, tracer.parts(rays)

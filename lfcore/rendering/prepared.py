@@ -65,7 +65,7 @@ def open_tracer(
     if by_depth:
         _build_early(scene, whole)
     scene = lit(scene, whole, progress)
-    if scene.shutter:
+    if scene.shutter and scene.instants:
         return ExposedTracer(scene, MovingTree(), whole)
     return Tracer(scene, hierarchy_of(scene), whole)
 
@@ -102,12 +102,14 @@ def tracers_at(
         yield from (tracer for _ in times)
         return
     scene = scene if bake_each else lit(scene, whole, progress)
+    before: Tracer | None = None
     for time in times:
         if scene.shutter:
-            yield ExposedTracer(shifted(scene, time), tree, whole)
-            continue
-        now = lit(scene.at(time), whole)
-        yield Tracer(now, tree.at(now.triangles), whole)
+            before = ExposedTracer(shifted(scene, time), tree, whole, before)
+        else:
+            now = lit(scene.at(time), whole)
+            before = Tracer(now, tree.at(now.triangles), whole, before=before)
+        yield before
 
 
 def open_dark_tracer(scene: Scene, device: Device | str | None = None) -> Tracer:

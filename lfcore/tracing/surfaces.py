@@ -53,10 +53,13 @@ class Surfaces:
     defines: dict[str, int]
 
 
-def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfaces:
+def pack_surfaces(
+    scene: Scene, needs: Needs, *, mipmaps: bool = True, left_out: Collection[str] = ()
+) -> Surfaces:
     """Pack the features in ``needs``; arrays of other features are empty.
 
-    Without ``mipmaps`` every texture has its finest level only.
+    Without ``mipmaps`` every texture has its finest level only.  ``left_out`` may name ``texels``
+    and ``light``, which are empty then.
 
     Raises :class:`SceneError` for a light, material or camera that float32 cannot hold.
     """
@@ -72,14 +75,14 @@ def pack_surfaces(scene: Scene, needs: Needs, *, mipmaps: bool = True) -> Surfac
     shining = [light for light in scene.lights if any(light.colour)]
     lights = sorted(shining, key=lambda light: light.casts_shadows)
     data = {number for material in scene.every_material for number in material.data_textures}
-    levels, texels = pack_textures(
-        scene.textures if needs.textures else [], MIP_LEVELS if mipmaps else 1, data
-    )
+    textures = scene.textures if needs.textures and "texels" not in left_out else []
+    levels, texels = pack_textures(textures, MIP_LEVELS if mipmaps else 1, data)
     shadows = sum(light.casts_shadows for light in lights)
     materials = _pack_materials(scene)
     is_clear = (materials["clear"] > 0)[scene.material_ids] & needs.clear
     clear = scene.triangles[is_clear].reshape(-1, 3)
-    grids, values = with_levels(scene.light) if scene.light else ((), np.zeros((0, 3)))
+    light = None if "light" in left_out else scene.light
+    grids, values = with_levels(light) if light else ((), np.zeros((0, 3)))
     colours = scene.sky.reshape(-1, 3)  # followed by the maps of sky_gloss
     if len(colours) and needs.physical and scene.light is not None:
         colours = np.concatenate([colours, sky_gloss(scene.sky)])

@@ -37,6 +37,7 @@ class Tracer:
     mipmaps : whether textures are filtered over a pixel's footprint, or read at full size.
     outer : elements along each axis that blocks span, 1, 2 or 4; default the best.
     single_rays : whether rays are followed one by one; default if that is faster.
+    before : a tracer of the scene at another instant, whose textures and baked light are used.
 
     Raises
     ------
@@ -54,6 +55,7 @@ class Tracer:
         mipmaps: bool = True,
         outer: int | None = None,
         single_rays: bool | None = None,
+        before: "Tracer | None" = None,
     ):
         if 0 < np.abs(scene.triangles).max(initial=0) < SMALLEST_SCENE:
             raise SceneError(
@@ -67,7 +69,10 @@ class Tracer:
             )  # fmt: skip
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
-        self._on_device = DeviceScene(scene, bvh, self.device, self.needs, mipmaps=mipmaps)
+        self._on_device = DeviceScene(
+            scene, bvh, self.device, self.needs, mipmaps=mipmaps,
+            before=before and before._on_device,
+        )  # fmt: skip
         # With one more for misses, whose number is -1.
         goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(0, bool)
         self._goes_on = np.append(goes_on, False)

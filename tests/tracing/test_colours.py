@@ -245,3 +245,21 @@ def test_a_mirror_shows_the_sky_and_an_even_sky_is_kept():
     assert table[2, 16:, 0].min() > 0.95
     even = sky_gloss(np.ones((16, 16, 3), np.float32))[: (LEVELS + 1) * SIDE**2]
     assert abs(even - 1).max() < 1e-3
+
+
+def test_a_scene_at_another_instant_keeps_textures_and_light_on_the_device(device):
+    texture = np.random.default_rng(2).integers(0, 256, (8, 8, 3)).astype(np.uint8)
+    for world in (curved([SUN], texture=texture), baked(soup(40, 3))):
+        moved = replace(world, triangles=world.triangles + np.float32([0.01, 0, 0.02]))
+        before, tree = tracer_of(world, device), build_bvh(moved.triangles)
+        now, alone = (
+            Tracer(moved, tree, device, before.needs, mipmaps=False, before=each)
+            for each in (before, None)
+        )
+        rays = bundles.views(Slab(CAMERA, 2, 32), np.array([[0, 0], [1, 1]]))
+        np.testing.assert_array_equal(now.bundle_radiance(rays), alone.bundle_radiance(rays))
+        names = ("grids", "light") if world.light else ("levels", "texels")
+        for tracer, same in ((now, True), (alone, False)):
+            there, here = (each._on_device.arguments for each in (before, tracer))
+            assert all((there[name] is here[name]) == same for name in names)
+            assert there["corners"] is not here["corners"]
