@@ -78,7 +78,7 @@ def test_every_public_name_and_command_is_readable_in_the_repository():
         assert path.read_text(encoding="utf-8") == text, "run python -m docs.site.reference"
         assert "eval-rst" not in text
     api, commands = pages.values()
-    names = " ".join(re.findall(r"<!-- names: (.*?) -->", api)).split()
+    names = " ".join(re.findall(r"<!-- names: (.*?) -->", api, re.DOTALL)).split()
     assert sorted(names) == sorted(lfcore.__all__)
     assert "- `render(scene, focus_m=None, f_number=None, *," in api
     assert all(f"### lfcore {name}\n" in commands for name in COMMANDS)
