@@ -6,6 +6,7 @@ by the textures of graphics cards, their number by memory.
 
 import io
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ from lfcore.optics.size import Pixels
 from lfcore.progress import Progress, part_of
 from lfcore.refocus.stored_depth import picture_side, read_depths
 from lfcore.refocus.stored_views import read_own_views, read_views
-from lfcore.refocus.two_parts import BLACK, one_part
+from lfcore.refocus.two_parts import BLACK, placed_parts
 from lfcore.storage.lightfield import LightFieldFile
 
 PAGE_SIDE = 4096
@@ -61,6 +62,11 @@ class Choice:
         """The views (i, j), row by row: (K, 2) int32."""
         j, i = np.meshgrid(self.rows, self.columns, indexing="ij")
         return np.stack([i.ravel(), j.ravel()], 1)
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """The shape of all pictures."""
+        return len(self.columns) * len(self.rows), self.height, self.width, 3
 
 
 @dataclass(frozen=True)
@@ -137,41 +143,70 @@ def read(
 
     They are resized in linear light.
     """
-    import cv2
-
-    samples, (width, height) = choice.samples, field.picture_size
-    step = max(1, READ_BYTES // (12 * width * height))
-    out = np.empty((len(samples), choice.height, choice.width, 3), np.uint8)
-    starts = range(0, len(samples), step)
-    for number, start in enumerate(starts):
-        report = part_of(progress, number, len(starts))
-        light = read_views(field, samples[start : start + step], device=device, progress=report)
-        for place, picture in enumerate(light, start):
-            if picture.shape[:2] != (choice.height, choice.width):
-                size = choice.width, choice.height
-                picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-            out[place] = to_uint8(field.layout.encoded(picture))
+    samples, out = choice.samples, np.empty(choice.shape, np.uint8)
+    for part, report in _some(field, choice, progress):
+        light = read_views(field, samples[part], device=device, progress=report)
+        out[part] = _codes(field, choice, light)
     return out
 
 
-def read_disparities(field: LightFieldFile, choice: Choice) -> np.ndarray:
-    """Read the disparities of the chosen views, (K, height, width), their pixels per view; of
-    mirrors and glass those of what they show."""
-    slab = field.require_slab()
-    i, j = choice.samples.T
-    numbers = i + slab.views * j
-    depth = read_depths(field, numbers)
-    if field.specular:
-        own = read_own_views(field, choice.samples)
-        virtual = own, read_depths(field.specular, numbers)
-        depth = one_part([(own, depth), virtual], BLACK)[1]
-    inverse = 1 / depth
+def _some(
+    field: LightFieldFile, choice: Choice, progress: Progress | None
+) -> Iterator[tuple[slice, Progress | None]]:
+    """Some of the chosen views at a time, and what is told of their progress."""
+    step = max(1, READ_BYTES // (12 * math.prod(field.picture_size)))
+    starts = range(0, len(choice.samples), step)
+    for number, start in enumerate(starts):
+        yield slice(start, start + step), part_of(progress, number, len(starts))
+
+
+def _codes(field: LightFieldFile, choice: Choice, light: np.ndarray) -> np.ndarray:
+    """Light (K, H, W, 3) as the page's pictures."""
+    import cv2
+
+    if light.shape[1:3] != (choice.height, choice.width):
+        size = choice.width, choice.height
+        resized = [cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in light]
+        light = np.stack([np.asarray(one) for one in resized])
+    return to_uint8(field.layout.encoded(light))
+
+
+def read_by_depth(
+    field: LightFieldFile,
+    choice: Choice,
+    *,
+    device: Device | None = None,
+    progress: Progress | None = None,
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Read the chosen views of a file with depth, in one part or two, as they are sliced.
+
+    Each has pictures, as of :func:`read`, and disparities (K, height, width) float32, their pixels
+    per view: of mirrors and glass those of what they show.  The second part is what coats show
+    beside their own light; its disparities are NaN where a ray has none.
+    """
+    slab, samples = field.require_slab(), choice.samples
+    files = [field, *([field.specular] if field.specular else [])]
+    depths = [read_depths(each, samples @ [1, slab.views]) for each in files]
     v, u = (
         ((np.arange(side) + 0.5) * rays / side).astype(int)
         for side, rays in ((choice.height, slab.size.height), (choice.width, slab.size.width))
     )
-    step = slab.pixel_pitch / slab.lens_pitch_m
-    return (inverse[:, v[:, None], u] - slab.camera.delta) * (choice.scale / step)
+    scale = choice.scale * slab.lens_pitch_m / slab.pixel_pitch
+    found = [(np.zeros(choice.shape, np.uint8), np.full(choice.shape[:3], np.nan, np.float32))
+             for _ in files]  # fmt: skip
+    for some, report in _some(field, choice, progress):
+        parts = [
+            (read_own_views(each, samples[some], device=device, progress=report), depth[some])
+            for each, depth in zip(files, depths, strict=True)
+        ]
+        for (pictures, disparities), (light, depth) in zip(
+            found, placed_parts(parts, BLACK), strict=False
+        ):
+            pictures[some] = _codes(field, choice, light)
+            near = depth[:, v[:, None], u]
+            with np.errstate(divide="ignore"):
+                disparities[some] = np.where(near > 0, 1 / near - slab.camera.delta, np.nan) * scale
+    return found[:1] + [part for part in found[1:] if not np.isnan(part[1]).all()]
 
 
 def encode(pictures: np.ndarray, format: str = "jpeg", jpeg_quality: int = 90) -> Atlas:

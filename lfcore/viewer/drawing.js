@@ -22,7 +22,8 @@ const COMMON = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2DArray;
-uniform sampler2DArray pages;
+uniform sampler2DArray pages, more;  // what mirrors, glass and coats add
+uniform int two;              // whether there is more
 uniform sampler2D lens;       // of each view that adds up: its number, its place (s, t), its weight
 uniform vec2 size, cells, pageSize;
 uniform float step_;          // pixels of a view for one of the canvas
@@ -31,7 +32,11 @@ uniform float gain;
 uniform bool nearest;
 out vec4 colour;
 ${DECODE}
-vec3 texel(ivec2 at, float page) { return decoded(texelFetch(pages, ivec3(at, int(page)), 0).rgb); }
+vec3 texel(ivec2 at, float page) {
+  ivec3 place = ivec3(at, int(page));
+  vec3 own = decoded(texelFetch(pages, place, 0).rgb);
+  return two > 0 ? own + decoded(texelFetch(more, place, 0).rgb) : own;
+}
 
 // Light at pixel p of a view, and in w the share of the pixel that the view covers.
 vec4 light(float number, vec2 p) {
@@ -52,7 +57,9 @@ vec4 light(float number, vec2 p) {
     return vec4(mix(above, below, share.y) * cover, cover);
   }
   vec2 at = (p + 0.5) / pageSize;
-  return vec4(textureLod(pages, vec3(at, page), 0.0).rgb * cover, cover);
+  vec3 own = textureLod(pages, vec3(at, page), 0.0).rgb;
+  if (two > 0) own += textureLod(more, vec3(at, page), 0.0).rgb;
+  return vec4(own * cover, cover);
 }
 
 vec3 shown(vec3 linear) {
@@ -112,9 +119,9 @@ class CannotDraw extends Error {}
 class Drawing {
   /**
    * @param {HTMLCanvasElement} canvas @param {Field} field @param {Page[]} pages @param {Page[]} depths
-   * @param {Uint8Array | null} map
+   * @param {Uint8Array | null} map @param {Restored | null} second
    */
-  constructor(canvas, field, pages, depths, map) {
+  constructor(canvas, field, pages, depths, map, second) {
     const gl = canvas.getContext("webgl2", {alpha: false, antialias: false, preserveDrawingBuffer: true});
     if (!gl) throw new CannotDraw("This browser has no WebGL2");
     const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -135,6 +142,8 @@ class Drawing {
     this.frame = gl.createFramebuffer();
     this.top = 0;             // height of what is drawn to
     this.splatting = field.depth && new Splatting(this, field.depth, depths);
+    this.hasSecond = false;   // whether there is memory for the second part of light
+    this.fillSecond(second);
     gl.bindVertexArray(gl.createVertexArray());
     if (gl.getError()) throw new CannotDraw("The graphics memory does not hold these views");
   }
@@ -193,11 +202,30 @@ class Drawing {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, field.map.width, field.map.height, 0, gl.RED, gl.UNSIGNED_BYTE, map);
   }
 
-  /** Draw another instant. @param {Page[]} pages @param {Page[]} depths @param {Depth} depth @param {Uint8Array | null} map */
-  swap(pages, depths, depth, map) {
+  /** Hold the second part of light, if there is one. @param {Restored | null} second */
+  fillSecond(second) {
+    const {gl, field} = this;
+    if (!second) return;
+    const held = field.peak ? gl.RGBA8 : gl.SRGB8_ALPHA8;
+    if (this.hasSecond) {
+      this.fill(second.colours, gl.TEXTURE6, gl.RGBA);
+      this.fill(second.depths, gl.TEXTURE7, gl.RED);
+    } else {
+      this.upload(second.colours, gl.TEXTURE6, held, gl.RGBA);
+      this.upload(second.depths, gl.TEXTURE7, gl.R8, gl.RED);
+      this.hasSecond = true;
+    }
+  }
+
+  /**
+   * Draw another instant.
+   * @param {Restored} first @param {Restored | null} second @param {Depth} depth @param {Uint8Array | null} map
+   */
+  swap({colours, depths}, second, depth, map) {
     const {gl} = this;
-    this.fill(pages, gl.TEXTURE0, gl.RGBA);
+    this.fill(colours, gl.TEXTURE0, gl.RGBA);
     this.fill(depths, gl.TEXTURE3, gl.RED);
+    this.fillSecond(second);
     this.fillMap(map);
     if (this.splatting) this.splatting.depth = depth;
   }
@@ -223,7 +251,10 @@ class Drawing {
       size: [field.width, field.height], cells: [field.atlas.across, field.atlas.down],
       pageSize: this.page, step_: divisor * field.width / pictureSize(field)[0], top: this.top, gain: gain(field, state),
       disparity: state.d * field.scale, tilt: [state.tx * field.scale, state.ty * field.scale],
-    }, {pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest")});
+    }, {
+      pages: 0, lens: 1, map: 2, count: entries.length, nearest: Number(state.filter === "nearest"),
+      two: Number(field.specular !== null), more: field.specular ? 6 : 0,
+    });
   }
 
   /**

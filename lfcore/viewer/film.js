@@ -3,18 +3,27 @@
 const PULL = 0.2;             // the share of the way to a clicked focus that is gone from picture to picture
 const HELD_BYTES = 512 << 20;  // of decoded instants: what a page may take on a small machine
 
-/** @typedef {{colours: Page[], depths: Page[], map: Uint8Array | null, own: Instant}} Shown */
+/**
+ * @typedef {object} Shown
+ * @property {Restored} first
+ * @property {Restored | null} second
+ * @property {Uint8Array | null} map
+ * @property {Uint8Array | null} beside
+ * @property {Instant} own
+ */
 
 class Film {
   /** @param {Viewer} viewer @param {NonNullable<Field["film"]>} film */
   constructor(viewer, film) {
     this.viewer = viewer;
     this.fps = film.fps;
-    this.instants = [{depth: /** @type {Depth} */ (viewer.field.depth), map: viewer.field.map}, ...film.instants];
+    const {depth, specular, map, beside} = viewer.field;
+    this.instants = [{depth: /** @type {Depth} */ (depth), specular, map, beside}, ...film.instants];
     /** @type {Map<number, Promise<Shown>>} */ this.held = new Map();
     const {columns, rows, width, height} = viewer.field;
     // Colours and depths of all views, with four bytes per pixel.
-    this.most = Math.max(2, Math.floor(HELD_BYTES / (8 * columns.length * rows.length * width * height)));
+    const bytes = this.instants.some((one) => one.specular) ? 16 : 8;
+    this.most = Math.max(2, Math.floor(HELD_BYTES / (bytes * columns.length * rows.length * width * height)));
     this.playing = false;
     this.runs = 0;            // how often it was played or stopped
     this.at = 0;              // what is shown
@@ -25,8 +34,9 @@ class Film {
   restored(k) {
     const {held, instants} = this, own = instants[k], found = held.get(k);
     if (found) return found;
-    const made = (async () => ({
-      ...await restored(this.viewer.field, own.depth), own, map: await mapOf(own.map),
+    const {field} = this.viewer, made = (async () => ({
+      first: await restored(field, own.depth), second: own.specular && await restored(field, own.specular), own,
+      map: await mapOf(own.map), beside: await mapOf(own.beside),
     }))();
     held.set(k, made);
     made.catch(() => { if (held.get(k) === made) held.delete(k); });
@@ -39,12 +49,12 @@ class Film {
   /** Show an instant. @param {number} k */
   async show(k) {
     if (k === this.at) return;
-    const {colours, depths, map, own} = await this.restored(k), {viewer} = this;
+    const {first, second, map, beside, own} = await this.restored(k), {viewer} = this;
     if (viewer.state.k !== k) return;  // another one was chosen meanwhile
     this.at = k;
     Object.assign(viewer.field, own);
-    Object.assign(viewer, {pages: colours, map});
-    if (viewer.drawing) viewer.drawing.swap(colours, depths, own.depth, map);
+    Object.assign(viewer, {pages: first.colours, second, map, beside});
+    if (viewer.drawing) viewer.drawing.swap(first, second, own.depth, map);
   }
 
   /** Play, or stop. */

@@ -3,6 +3,7 @@
 
 /** @typedef {HTMLImageElement | HTMLCanvasElement} Page */
 /** @typedef {{width: number, height: number}} Sides */
+/** @typedef {{colours: Page[], depths: Page[]}} Restored  A part of the light of all views, and their depths' codes. */
 
 const PARTS = 32;             // of a pixel, between which colours are interpolated
 
@@ -79,7 +80,10 @@ function addColours(to, from, codes, [right, below], gain, {width, height}) {
   }
 }
 
-/** The pages of an atlas of views and of one of their depths. @param {Field} field @param {Depth} depth */
+/**
+ * The pages of an atlas of views and of one of their depths.
+ * @param {Field} field @param {Depth} depth @returns {Promise<Restored>}
+ */
 async function restored(field, depth) {
   const {width, height, atlas: {across, down}} = field;
   const most = across * down, count = Math.ceil(field.columns.length * field.rows.length / most);

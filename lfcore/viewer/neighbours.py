@@ -20,6 +20,8 @@ TOLERANCE = 1.0
 """The largest error of a prediction, in steps, that replaces the depth itself."""
 CODES = 256
 """The most codes of disparity: a byte."""
+FIRST_CODE = 2
+"""The first code of depth where some pixels have none, code 0: no prediction is as near to it."""
 PARTS = 32
 """The parts of a pixel to which OpenCV rounds positions when it interpolates."""
 

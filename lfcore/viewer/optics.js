@@ -12,16 +12,21 @@
  * @property {number} height
  * @property {number} scale  Pixels of the atlas per pixel of the file.
  * @property {Depth | null} depth  The depth of each ray, of a file that holds it.
+ * @property {Depth | null} specular  Of what coats show beside their own light; code 0 is none.
  * @property {number} white  Linear light of the brightest code.
  * @property {number} peak  Linear light of the brightest code of PQ; 0 of sRGB.
  * @property {[number, number]} range  Range of the slider of disparities.
  * @property {{delta: number, step: number, focal: number, pitch: number} | null} metric
  * @property {{page: string, width: number, height: number, low: number, high: number} | null} map
+ * @property {Field["map"]} beside  The depth of a surface where the map has that of what it shows, or the reverse.
  * @property {Atlas} atlas
  * @property {{fps: number, instants: Instant[]} | null} film  The instants after the first.
  */
 
-/** @typedef {{depth: Depth, map: Field["map"]}} Instant  What changes from one instant of a film to another. */
+/**
+ * What changes from one instant of a film to another.
+ * @typedef {{depth: Depth, specular: Depth | null, map: Field["map"], beside: Field["map"]}} Instant
+ */
 
 /**
  * Views side by side in pictures, row by row.

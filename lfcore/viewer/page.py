@@ -18,11 +18,12 @@ from lfcore.files import write_text
 from lfcore.opencl.device import Device, open_device
 from lfcore.optics.slab import Slab
 from lfcore.progress import Progress, part_of
-from lfcore.refocus.free_views import inverse_depth
+from lfcore.refocus.free_views import FreeViews, inverse_depth
+from lfcore.refocus.stored_views import read_own_views
 from lfcore.storage.lightfield import LightFieldFile
-from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_disparities
+from lfcore.viewer.atlas import Atlas, Choice, choose, encode, read, read_by_depth
 from lfcore.viewer.disparity import estimate
-from lfcore.viewer.neighbours import CODES, STEP_PX, Neighbours
+from lfcore.viewer.neighbours import CODES, FIRST_CODE, STEP_PX, Neighbours
 
 HERE = Path(__file__).parent
 SCRIPTS = ("optics.js", "neighbours.js", "drawing.js", "splatting.js", "film.js", "viewer.js")
@@ -42,6 +43,9 @@ ESTIMATED = (
     "exact."
 )
 STORED = "The file has depth: a click focuses exactly."
+MIRRORS = " Where a surface shows another, a second click changes between the two."
+IMAGES = (0.02, 0.98)
+"""The quantiles of the depths of images in mirrors and glass that the slider reaches."""
 NO_MAP = "The file has no depth, and too few views to estimate it: focus with the slider."
 
 
@@ -104,32 +108,45 @@ def viewer_page(
     instants = [field.at(k) for k in range(len(field.times))] if film else [field]
     field, slab = instants[0], field.require_slab()
     choice = choose(field, grid, pixels, len(instants))
-    ends = np.array([_range(each, slab) for each in instants])
-    low, high = ends[:, 0].min(), ends[:, 1].max()
     played = None
     if field.metadata.depth:
-        status, shown = STORED, []
-        for number, each in enumerate(instants):
-            tell = part_of(progress, number, len(instants))
-            pictures = read(each, choice, device=device, progress=tell)
-            shown.append(_instant(each, slab, choice, pictures, format or "webp", jpeg_quality))
-        views = {"depth": shown[0]["depth"], "map": shown[0]["map"], "atlas": shown[0]["atlas"]}
+        status = STORED + (MIRRORS if field.specular else "")
+        maps = [_disparities(each, slab) for each in instants]
+        ends = np.array(
+            [_range(each, slab, seen) for each, seen in zip(instants, maps, strict=True)]
+        )
+        low, high = ends[:, 0].min(), ends[:, 1].max()
+        shown = []
+        for number, (each, seen) in enumerate(zip(instants, maps, strict=True)):
+            parts = read_by_depth(
+                each, choice, device=device, progress=part_of(progress, number, len(instants))
+            )
+            coded = [
+                _by_depth(each, slab, choice, *part, format or "webp", jpeg_quality)
+                for part in parts
+            ]
+            atlas = coded[0][1]
+            depth, specular = (part and part[0] for part in [*coded, None][:2])
+            seen, beside = (None if one is None else _map(one, ends[number]) for one in seen)
+            shown.append({"depth": depth, "specular": specular, "map": seen, "beside": beside})
+        views = shown[0] | {
+            "atlas": {"pages": [], "across": atlas.across, "down": atlas.down}
+        }  # fmt: skip
         if len(instants) > 1:
             fps = (len(instants) - 1) / (field.times[-1] - field.times[0])
-            keys = "depth", "map"
-            played = {
-                "fps": fps,
-                "instants": [{key: each[key] for key in keys} for each in shown[1:]],
-            }
+            played = {"fps": fps, "instants": shown[1:]}
     else:
         pictures = read(field, choice, device=device, progress=progress)
         places = np.stack(np.meshgrid(*_places(slab, choice)), -1).reshape(-1, 2)
+        low, high = _range(field, slab)
         disparities = estimate(pictures, places, low * choice.scale, high * choice.scale)
         disparities = None if disparities is None else disparities / choice.scale
         status = NO_MAP if disparities is None else ESTIMATED
         atlas = encode(pictures, format or "jpeg", jpeg_quality or 90)
         seen = None if disparities is None else _map(disparities, (low, high))
-        views = {"depth": None, "atlas": _coded(atlas), "map": seen}
+        views = {
+            "depth": None, "specular": None, "atlas": _coded(atlas), "map": seen, "beside": None,
+        }  # fmt: skip
     # The recorded focus, 0, is always in the range.
     low, high = min(low, 0.0), max(high, 0.0)
     margin = MARGIN * (high - low) or 1e-3
@@ -185,19 +202,23 @@ def _describe(field: LightFieldFile, slab: Slab, choice: Choice) -> dict[str, An
     }
 
 
-def _instant(
-    field: LightFieldFile,
-    slab: Slab,
-    choice: Choice,
-    pictures: np.ndarray,
-    format: str,
-    quality: int | None,
-) -> dict[str, Any]:
-    """The page's data of views, depths and the map of disparities, of a file with depth."""
-    inverse = inverse_depth(field, min(slab.pixels, MAP_SIDE))
-    disparities = (inverse - slab.camera.delta) * (slab.lens_pitch_m / slab.pixel_pitch)
-    views = _by_depth(field, slab, choice, pictures, format, quality)
-    return views | {"map": _map(disparities, _range(field, slab))}
+def _disparities(field: LightFieldFile, slab: Slab) -> tuple[np.ndarray, np.ndarray | None]:
+    """The disparities (h, w) from the middle of the lens, of a file with depth: of what gives most
+    light, a surface or what it shows, and of the other; None where nothing is specular."""
+    side, scale = min(slab.pixels, MAP_SIDE), slab.lens_pitch_m / slab.pixel_pitch
+    surface = (inverse_depth(field, side) - slab.camera.delta) * scale
+    if field.specular is None:
+        return surface, None
+    image = FreeViews(field, side, virtual=True).inverse_depth(np.zeros(2))
+    image = (image - slab.camera.delta) * scale
+    middle = np.full((1, 2), slab.views // 2)
+    own, shown = (read_own_views(each, middle)[0].sum(-1) for each in (field, field.specular))
+    v, u = (
+        ((np.arange(count) + 0.5) * rays / count).astype(int)
+        for count, rays in zip(surface.shape, own.shape, strict=True)
+    )
+    stronger = (shown > own)[v[:, None], u]
+    return np.where(stronger, image, surface), np.where(stronger, surface, image)
 
 
 def _by_depth(
@@ -205,14 +226,24 @@ def _by_depth(
     slab: Slab,
     choice: Choice,
     pictures: np.ndarray,
+    disparities: np.ndarray,
     format: str,
     quality: int | None,
-) -> dict[str, Any]:
-    """The page's data of views and depths, coded as differences between neighbours."""
-    stored = field.require_depth()
-    disparities = read_disparities(field, choice).astype(float)
-    low, high = float(disparities.min()), float(disparities.max())
-    step = max(STEP_PX * len(choice.columns) / slab.views, (high - low) / (CODES - 1))
+) -> tuple[dict[str, Any], Atlas]:
+    """The page's data of views and depths, coded as differences between neighbours, and the
+    depths' atlas.  Disparities that are NaN have the code 0."""
+    stored, present = field.require_depth(), ~np.isnan(disparities)
+    first = 0 if present.all() else FIRST_CODE
+    seen = disparities[present]
+    low, high = float(seen.min()), float(seen.max())
+    step = max(STEP_PX * len(choice.columns) / slab.views, (high - low) / (CODES - 1 - first))
+    ends = [
+        (end - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch * choice.scale
+        for end in (stored.codes.far, stored.codes.near)
+    ]
+    ends = [min(ends[0], low), max(ends[1], high)]  # images are beyond surfaces
+    low -= first * step
+    disparities = np.where(present, disparities, low).astype(float)
     i, j = choice.samples.T
     displaced = stored.views(slab).displacement[i + slab.views * j] * choice.scale
     count = round((high - low) / step) + 1
@@ -233,14 +264,11 @@ def _by_depth(
         "low": low,
         "step": step,
         "codes": count,
-        "ends": [
-            (end - slab.camera.delta) * slab.lens_pitch_m / slab.pixel_pitch * choice.scale
-            for end in (stored.codes.far, stored.codes.near)
-        ],
+        "ends": ends,
         "size": size,
         "displaced": views.displaced.tolist(),
     }
-    return {"depth": depth, "atlas": {"pages": [], "across": atlas.across, "down": atlas.down}}
+    return depth, atlas
 
 
 def _to_quality(
@@ -278,12 +306,21 @@ def _pages(atlas: Atlas) -> list[str]:
     return [f"data:{atlas.media};base64,{base64.b64encode(page).decode()}" for page in atlas.pages]
 
 
-def _range(field: LightFieldFile, slab: Slab) -> tuple[float, float]:
-    """The range of visible disparities, pixels of the file between neighbouring views."""
+def _range(
+    field: LightFieldFile, slab: Slab, seen: tuple[np.ndarray, np.ndarray | None] | None = None
+) -> tuple[float, float]:
+    """The range of visible disparities, pixels of the file between neighbouring views, with the
+    images of which maps are ``seen``."""
     step, delta = slab.pixel_pitch / slab.lens_pitch_m, slab.camera.delta
     if field.metric and field.seen_range:
         near, far = field.seen_range
-        return (1 / far - delta) / step, (1 / near - delta) / step
+        low, high = (1 / far - delta) / step, (1 / near - delta) / step
+        if seen and seen[1] is not None:
+            images = np.stack(seen)[:, seen[0] != seen[1]]
+            if images.size:
+                ends = np.quantile(images, IMAGES)
+                low, high = min(low, ends[0]), max(high, ends[1])
+        return low, high
     most = MOST_PARALLAX * max(field.picture_size) / max(slab.views - 1, 1)
     return max(-most, -delta / step) if field.metric else -most, most
 

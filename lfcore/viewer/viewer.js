@@ -24,14 +24,21 @@ function loaded(pages) {
   }));
 }
 
-/** The sRGB codes of PQ's (SMPTE ST 2084). @param {Field} field */
-function shownCodes(field) {
+/** The light of codes, sRGB or PQ (SMPTE ST 2084). @param {Field} field */
+function lights(field) {
   return Array.from({length: 256}, (_, code) => {
-    const power = (code / 255) ** (32 / 2523), share = Math.max(power - 0.8359375, 0) / (18.8515625 - 18.6875 * power);
-    const light = Math.min(field.peak * share ** (8192 / 1305), 1);
-    return 255 * (light > 0.0031308 ? 1.055 * light ** (1 / 2.4) - 0.055 : 12.92 * light);
+    const value = code / 255, power = value ** (32 / 2523);
+    if (!field.peak) return value > 0.04045 ? ((value + 0.055) / 1.055) ** 2.4 : value / 12.92;
+    return field.peak * (Math.max(power - 0.8359375, 0) / (18.8515625 - 18.6875 * power)) ** (8192 / 1305);
   });
 }
+
+/** The sRGB code of light. @param {number} light */
+function codeOf(light) {
+  return 255 * (light > 0.0031308 ? 1.055 * Math.min(light, 1) ** (1 / 2.4) - 0.055 : 12.92 * light);
+}
+
+const AGAIN = 0.03;           // of the picture's sides: a click so near is at the same place
 
 /** The disparities of a map, in codes. @param {Field["map"]} map */
 async function mapOf(map) {
@@ -46,7 +53,10 @@ class Viewer {
     this.state = fromHash(field, location.hash);
     /** @type {Drawing | null} */ this.drawing = null;
     /** @type {Page[]} */ this.pages = [];
+    /** What mirrors, glass and coats add to the pages. @type {Restored | null} */ this.second = null;
     /** @type {Uint8Array | null} */ this.map = null;
+    /** @type {Uint8Array | null} */ this.beside = null;
+    /** The last click that a second one may follow. @type {{u: number, v: number} | null} */ this.clicked = null;
     this.film = field.film && new Film(this, field.film);
     this.cost = 0;            // milliseconds of reading a million samples
     this.job = 0;             // the picture that is being drawn; a later one ends it
@@ -56,12 +66,13 @@ class Viewer {
 
   async start() {
     const {field} = this;
-    this.map = await mapOf(field.map);
+    [this.map, this.beside] = [await mapOf(field.map), await mapOf(field.beside)];
     const {colours, depths} = field.depth ? await restored(field, field.depth)
       : {colours: await loaded(field.atlas.pages), depths: []};
     this.pages = colours;
+    this.second = field.specular && await restored(field, field.specular);
     try {
-      this.drawing = new Drawing(this.canvas, field, colours, depths, this.map);
+      this.drawing = new Drawing(this.canvas, field, colours, depths, this.map, this.second);
       // The first picture may compile.
       for (let turn = 0; turn < 2; turn++) this.now(initial(field), this.parts(initial(field)).slice(0, 16), 4);
     } catch (error) {
@@ -159,12 +170,18 @@ class Viewer {
     Object.assign(this.canvas, {width: field.width, height: field.height});
     const view = nearestTo(field.rows, state.y) * field.columns.length + nearestTo(field.columns, state.x);
     const cell = view % (across * down);
-    context.drawImage(this.pages[Math.floor(view / (across * down))],
-      cell % across * field.width, Math.floor(cell / across) * field.height, field.width, field.height,
-      0, 0, field.width, field.height);
-    if (!field.peak) return;
-    const picture = context.getImageData(0, 0, field.width, field.height), shown = shownCodes(field);
-    picture.data.forEach((code, k) => { if (k % 4 < 3) picture.data[k] = shown[code]; });
+    const drawn = (/** @type {Page[]} */ pages) => {
+      context.drawImage(pages[Math.floor(view / (across * down))],
+        cell % across * field.width, Math.floor(cell / across) * field.height, field.width, field.height,
+        0, 0, field.width, field.height);
+      return context.getImageData(0, 0, field.width, field.height);
+    };
+    const picture = drawn(this.pages), light = lights(field);
+    if (!field.peak && !this.second) return;
+    const added = this.second && drawn(this.second.colours).data;
+    picture.data.forEach((code, k) => {
+      if (k % 4 < 3) picture.data[k] = codeOf(light[code] + (added ? light[added[k]] : 0));
+    });
     context.putImageData(picture, 0, 0);
   }
 
@@ -204,18 +221,27 @@ class Viewer {
     } catch { /* A page inside another one may have no address; nothing else depends on it. */ }
   }
 
-  /** The disparity at a place of the picture, a share of its size. @param {number} u @param {number} v */
-  disparityAt(u, v) {
-    const {map} = this.field;
-    if (!map || !this.map) return null;
+  /**
+   * The disparity at a place of the picture, a share of its size, by one of the maps.
+   * @param {number} u @param {number} v @param {Field["map"]} map @param {Uint8Array | null} codes
+   */
+  disparityAt(u, v, map = this.field.map, codes = this.map) {
+    if (!map || !codes) return null;
     const column = Math.min(Math.floor(u * map.width), map.width - 1);
     const row = Math.min(Math.floor(v * map.height), map.height - 1);
-    return map.low + (map.high - map.low) * this.map[row * map.width + column] / 255;
+    return map.low + (map.high - map.low) * codes[row * map.width + column] / 255;
   }
 
-  /** Focus on a place of the picture, a share of its size. @param {number} u @param {number} v */
+  /**
+   * Focus on a place of the picture, a share of its size; of a mirror on its image, and when clicked again on
+   * the mirror.
+   * @param {number} u @param {number} v
+   */
   focus(u, v) {
-    const {state} = this, found = this.disparityAt(u, v);
+    const {state, clicked} = this;
+    const again = Boolean(this.beside && clicked && Math.hypot(u - clicked.u, v - clicked.v) < AGAIN);
+    this.clicked = again ? null : {u, v};
+    const found = again ? this.disparityAt(u, v, this.field.beside, this.beside) : this.disparityAt(u, v);
     if (found === null) this.say("There is no map of depth: focus with the slider.");
     // A tilted plane goes through the clicked point.
     const tilted = state.tx * (u - 0.5) + state.ty * (v - 0.5);

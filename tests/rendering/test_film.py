@@ -6,15 +6,14 @@ import pickle
 import av
 import numpy as np
 import pytest
+from mirror_room import mirror_room
 from moving_scene import moving_squares
 from plain_scenes import refused
-from test_specular_pictures import make_scene, wall
 
 import lfcore
 from lfcore.cli import main
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
-from lfcore.scene.motion import Animation
 
 PIXELS, TIMES = 12, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25]
 EXACT = lfcore.Encoding("ffv1")
@@ -218,18 +217,8 @@ def test_the_command_records_frames_and_shows_instants(tmp_path, write_scene, te
 
 @pytest.mark.kernels
 def test_a_film_keeps_specular_light_apart(tmp_path):
-    """A mirror before a wall that moves behind the camera."""
-    rng = np.random.default_rng(5)
-    mirror = {"metallic": 1.0, "roughness": 0.0, "diffuse": (0.9, 0.9, 0.9)}
-    shapes = [(*wall(4.0, -0.8, 0.4, 1, rng), mirror), (*wall(-4.0, -6, 6, 30, rng), {})]
-    still = make_scene([*shapes, (*wall(9.0, -6, 6, 20, rng), {})])
-
-    def at(now, time):
-        moved = now.triangles.copy()
-        moved[2:62, :, 0] += np.float32(time)
-        return dataclasses.replace(now, triangles=moved)
-
-    scene = dataclasses.replace(still, animation=Animation(0.0, 1.0, at))
+    """A mirror and a coat, and a wall behind the camera that moves."""
+    scene = mirror_room()
     how = {"pixels": PIXELS, "encoding": EXACT}
     film = lfcore.record(scene, tmp_path / "film.mkv", times=[0.0, 0.3, 0.6, 0.8, 1.0], **how)
     assert film.metadata.specular and len(film.whole.streams) == 4

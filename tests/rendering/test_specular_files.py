@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mirror_room import CAMERA, PIXELS, PLANES, make_scene, mirror_room, wall
 from stored_fields import LOSSLESS
-from test_specular_pictures import CAMERA, PIXELS, PLANES, make_scene, wall
 
 from lfcore import Encoding, LightField, SensorPlane
 from lfcore.evaluation.metrics import psnr
@@ -20,18 +20,11 @@ from lfcore.storage.metadata import TWO_PARTS
 
 pytestmark = pytest.mark.kernels
 LATTICE = Lattice(4, 2)
-COAT = {"clearcoat": 1.0, "diffuse": (0.4, 0.4, 0.4)}
-MIRROR = {"metallic": 1.0, "roughness": 0.0, "diffuse": (0.9, 0.9, 0.9)}
 
 
 @pytest.fixture(scope="module")
 def tracer():
-    """A mirror and a coat side by side before a wall; another wall behind the camera."""
-    rng = np.random.default_rng(5)
-    mirror, coat = wall(4.0, -0.8, 0.1, 1, rng), wall(4.0, 0.1, 0.8, 3, rng)
-    walls = wall(9.0, -6, 6, 30, rng), wall(-4.0, -6, 6, 40, rng)
-    matt = [np.concatenate(both) for both in zip(*walls, strict=True)]
-    return open_tracer(make_scene([(*mirror, MIRROR), (*coat, COAT), (*matt, {})]))
+    return open_tracer(mirror_room())
 
 
 def recorded(path, tracer, spec=LOSSLESS, lattice=LATTICE, **layout):

@@ -1,43 +1,16 @@
 """Pictures of mirrors and coats: a plane mirror shows the scene unfolded behind it."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from plain_scenes import scene as plain_scene
+from mirror_room import CAMERA, PIXELS, PLANES, make_scene, wall
 
-from lfcore import Camera, Material, SensorPlane
 from lfcore.evaluation.metrics import psnr
 from lfcore.optics.slab import Lattice
 from lfcore.rendering.by_depth import pictures_by_depth
 from lfcore.rendering.prepared import open_tracer
 
 pytestmark = pytest.mark.kernels
-CAMERA, PIXELS = Camera(0.4, 0.3, 1.0, 4.0), 32
 MIRROR_Z = 4.0
-PLANES = [SensorPlane(4.0, 1.0, "square"), SensorPlane(9.0, 1.0, "square")]
-
-
-def wall(z, x0, x1, count, rng):
-    """Columns of any colours at depth z: triangles (T, 3, 3) and colours (T, 3, 3)."""
-    edges = np.linspace(x0, x1, count + 1)
-    triangles = []
-    for a, b in pairwise(edges):
-        corners = np.array([(a, -6, z), (b, -6, z), (b, 6, z), (a, 6, z)])
-        triangles += [corners[[0, 1, 2]], corners[[0, 2, 3]]]
-    colours = np.repeat(rng.random((count, 1, 3)), 2, axis=0)
-    return np.float32(triangles), np.broadcast_to(colours, (2 * count, 3, 3))
-
-
-def make_scene(shapes):
-    """A scene of (triangles, colours, fields of the material), which shows colours as they are."""
-    triangles, colours = (np.concatenate([each[k] for each in shapes]) for k in (0, 1))
-    ids = np.repeat(np.arange(len(shapes), dtype=np.int32), [len(each[0]) for each in shapes])
-    materials = [Material(str(k), **each[2]) for k, each in enumerate(shapes)]
-    return plain_scene(
-        triangles, colours=colours.astype(np.float32), camera=CAMERA, ambient=(1.0, 1.0, 1.0),
-        materials=materials, material_ids=ids,
-    )  # fmt: skip
 
 
 def pictures(front, behind, **material):
