@@ -31,7 +31,7 @@ MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 """The suffixes of meshes in a folder."""
 SHAPES = (
     "ball", "block", "blob", "rod", "cone", "ring", "vase", "tower", "train", "book", "armchair",
-    "plant", "table", "lamp", "globe",
+    "plant", "table", "lamp", "globe", "bottle", "tumbler", "goblet", "bowl", "pan",
 )  # fmt: skip
 """The procedural shapes, built by :mod:`lfcore.datasets.shapes`."""
 LIGHTS = ("sun", "point", "spot")
@@ -95,7 +95,14 @@ class Materials(_Keys):
     share_redressed: Share = _key(
         0.25, description="of furniture and toys in one such material; others vary in colour"
     )
-    share_metal: Share = _key(0.15, description="of objects")
+    share_metal: Share = _key(0.15, description="of objects; of pans and fittings six times it")
+    share_polished: Share = _key(0.5, description="of metal; it mirrors")
+    share_glass: Share = _key(
+        0.1, description="of objects; of vases, bowls, bottles and drinking glasses six times it"
+    )
+    share_coated: Share = _key(0.15, description="of other objects and of wood: a clear coat")
+    share_panes: Share = _key(0.8, description="of the windows of rooms")
+    share_mirrors: Share = _key(0.15, description="of what hangs on the walls of rooms")
     roughness: span(0.02, 1) = _key((0.15, 1, "even"), description="of objects")
 
 
@@ -337,6 +344,7 @@ class Description(_Keys):
         return {
             "colour_space": space, "bits_per_channel": 8 if self.codes == "srgb8" else 16,
             "noise": noise,
+            "depth": "that of the first surface, also of panes, glass and mirrors",
             "field_of_view": "that of camera.focus_m in all pictures: no focus breathing",
         }  # fmt: skip
 

@@ -21,7 +21,8 @@ import numpy as np
 from lfcore.colour import srgb_codes
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
-from lfcore.datasets.sample import BACKDROP, Sample, sample
+from lfcore.datasets.looks import BACKDROP
+from lfcore.datasets.sample import Sample, sample
 from lfcore.datasets.stored import Finished, members, of_instant, write_tar
 from lfcore.errors import OpticsError, SceneError
 from lfcore.exchange import arrays, hci

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lfcore.datasets.rooms import TRIES, Box
+from lfcore.datasets.room_shell import TRIES, Box
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.surface_mesh import triple

@@ -6,7 +6,7 @@ Shapes do not depend on earlier scenes (:mod:`lfcore.datasets.shapes`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,19 +14,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lfcore.datasets import room_views, rooms
+from lfcore.datasets.looks import Looks
 from lfcore.datasets.moving import Fits, Movement, Thing, animated, movements
-from lfcore.datasets.shapes import POOL, Shape, builder, mesh, procedural_texture, texture
-from lfcore.errors import SceneError, SettingsError
+from lfcore.datasets.shapes import Shape, builder, mesh
+from lfcore.errors import SettingsError
 from lfcore.optics.camera import Camera
 from lfcore.scene.appearance import DIRECTIONAL, POINT, Light
 from lfcore.scene.assemble import assemble
 from lfcore.scene.baked import BakeOptions
 from lfcore.scene.limits import within_limits
 from lfcore.scene.model import Scene
-from lfcore.scene.procedural.basics import Parts, Rng
+from lfcore.scene.procedural.basics import Parts
 from lfcore.scene.procedural.primitives import rectangle
 from lfcore.scene.sky import with_sky
-from lfcore.scene.surface_mesh import Surface, triple
+from lfcore.scene.surface_mesh import triple
 from lfcore.scene.transforms import look_at, rotate, scale, translate
 
 if TYPE_CHECKING:
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 TRIES = 40
 """The positions that are tried before an object is left out."""
-BACKDROP = ("wall", "floor", "ceiling", "ground", "white paint", "print")
-"""The names of the materials behind objects."""
 CONE = (math.cos(math.radians(8)), math.cos(math.radians(20)))
 """The cosines of the angles at which spots begin to fade and are dark."""
 BAKE = BakeOptions(bounces=1, error=0.05)
@@ -141,25 +140,8 @@ def _owners(owners: list[int], parts: Parts, kept: np.ndarray) -> np.ndarray:
     return np.repeat(np.array(owners, np.int32), [part.count for part in parts])[kept]
 
 
-class Draw:
+class Draw(Looks):
     """The random draws of one scene.  In world space y is up; the camera is above the origin."""
-
-    def __init__(self, description: Description, rng: Rng, split: str = ""):
-        self.description, self.rng = description, rng
-        files = description.mesh_files(), description.texture_files()
-        self.meshes, self.textures = (description.of_split(each, split) for each in files)
-        self.dropped: dict[str, str] = {}
-
-    def span(self, limits: tuple[float, float, str]) -> float:
-        low, high, kind = limits
-        share = float(self.rng.random())
-        return low * (high / low) ** share if kind == "log" else low + (high - low) * share
-
-    def chance(self, share: float) -> bool:
-        return float(self.rng.random()) < share
-
-    def pick(self, options: Sequence[Any]) -> Any:
-        return options[int(self.rng.integers(len(options)))]
 
     def sample(self, index: int) -> Sample:
         keys = self.description
@@ -182,7 +164,7 @@ class Draw:
         made = assemble(parts, to_camera)
         scene = Scene(
             name=f"{keys.name}-{index:06d}", camera=camera, lights=self._lights(to_camera, wall),
-            ambient=triple(self.span(keys.lights.ambient) * self._tint()),
+            ambient=triple(self.span(keys.lights.ambient) * self.tint()),
             focus_distances_m=focus_m, **made.arrays,
         )  # fmt: skip
         if self.chance(keys.lights.share_sky):
@@ -285,19 +267,8 @@ class Draw:
         names: Sequence[str] = self.description.shapes.builders
         names = [name for name in names if name in among] or names
         if self.meshes and (not names or self.chance(self.description.shapes.share_of_meshes)):
-            return self._picked(mesh, self.meshes)
+            return self.picked(mesh, self.meshes)
         return builder(self.pick(names))
-
-    def _picked(self, load: Callable[[Path], Any], files: list[Path]) -> Any:
-        """Draw and load one of the files; the next file replaces an unreadable one, so that other
-        scenes do not change."""
-        first = int(self.rng.integers(len(files)))
-        for file in (*files[first:], *files[:first]):
-            loaded = load(file)
-            if not isinstance(loaded, SceneError):
-                return loaded
-            self.dropped[file.name] = str(loaded)
-        raise SceneError("cannot be read, nor can any other file", file=files[first])
 
     def pose_at_rest(self, shape: Shape) -> np.ndarray:
         """Draw a pose on y = 0, turned about the vertical axis through the sphere's middle."""
@@ -305,58 +276,6 @@ class Draw:
         pose = shape.poses[min(int(np.searchsorted(along, self.rng.random())), len(along) - 1)]
         turn = rotate("y", 360 * float(self.rng.random()))
         return turn @ translate(-pose[0, 3], 0, -pose[2, 3]) @ pose
-
-    def dressed(self, shape: Shape) -> Parts:
-        if shape.has_look:
-            return shape.parts if shape.is_users else self._recoloured(shape.parts)
-        surface, repeats = self.surface(shape.name), self.span(self.description.materials.repeats)
-        flat = replace(surface, curved=False)
-        return [
-            replace(
-                part,
-                surface=flat if part.normals is None else surface,
-                uvs=None if part.uvs is None else part.uvs * repeats,
-            )
-            for part in shape.parts
-        ]
-
-    def _recoloured(self, parts: Parts) -> Parts:
-        """Return parts in other colours: each surface tinted, or all of one drawn material."""
-        if self.chance(self.description.materials.share_redressed):
-            drawn = self.surface("redressed")
-            return [replace(part, surface=drawn) for part in parts]
-        tinted: dict[int, Surface] = {}
-        for part in parts:
-            if id(part.surface) not in tinted:
-                tint = 0.4 + 0.7 * self.rng.random(3)
-                colour = np.clip(np.array(part.surface.diffuse) * tint, 0, 1)
-                tinted[id(part.surface)] = replace(part.surface, diffuse=triple(colour))
-        return [replace(part, surface=tinted[id(part.surface)]) for part in parts]
-
-    def surface(self, name: str) -> Surface:
-        keys = self.description.materials
-        colour, picture = self._colour(), None
-        if self.chance(keys.share_textured):
-            number = int(self.rng.integers(POOL))
-            picture = (
-                self._picked(texture, self.textures) if self.textures
-                else procedural_texture(self.description.seed, number)
-            )  # fmt: skip
-            colour = 0.6 + 0.4 * colour
-        metal = float(name not in BACKDROP and self.chance(keys.share_metal))
-        return Surface(
-            name, triple(colour), metallic=metal, roughness=self.span(keys.roughness),
-            texture=picture, curved=name not in (*BACKDROP, "block"),
-        )  # fmt: skip
-
-    def _colour(self) -> np.ndarray:
-        drawn = self.rng.random(3)
-        return np.minimum(0.04 + 0.43 * (drawn + drawn.mean()) ** 1.5, 0.95)
-
-    def _tint(self) -> np.ndarray:
-        """Draw a colour from tungsten light to sky light."""
-        warm = float(self.rng.random())
-        return np.array([0.85 + 0.15 * warm, 0.93, 1.0 - 0.2 * warm])
 
     def _lights(self, to_camera: np.ndarray, wall: float) -> list[Light]:
         """Draw lights above the scene; points and spots are twice as far from its middle as the
@@ -371,7 +290,7 @@ class Draw:
             level = math.cos(rise)
             towards = np.array([level * math.sin(angle), math.sin(rise), level * math.cos(angle)])
             vector = to_camera[:3, :3] @ towards
-            colour, kind = triple(part * self._tint()), self.pick(keys.kinds)
+            colour, kind = triple(part * self.tint()), self.pick(keys.kinds)
             if kind == "sun":
                 lights.append(Light(DIRECTIONAL, triple(vector), colour))
                 continue

@@ -18,7 +18,7 @@ from lfcore.readers.meshes import read_mesh
 from lfcore.readers.side_files import read_texture
 from lfcore.reading import Where
 from lfcore.scene.assemble import sound
-from lfcore.scene.procedural import furniture, textures, toys
+from lfcore.scene.procedural import furniture, textures, toys, vessels
 from lfcore.scene.procedural.basics import Parts
 from lfcore.scene.procedural.bedroom import surfaces
 from lfcore.scene.procedural.primitives import box, cushion
@@ -26,7 +26,8 @@ from lfcore.scene.procedural.turned import cylinder, lathe, ring, sphere, tube
 from lfcore.scene.surface_mesh import Surface, SurfaceMesh, face_normals, transform_all
 from lfcore.scene.transforms import rotate, scale, translate
 
-UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp", "globe")
+UPRIGHT = ("ball", "blob", "tower", "train", "armchair", "plant", "table", "lamp", "globe",
+           *vessels.PROFILES, "pan")  # fmt: skip
 """The shapes that stand as they are built; others rest in one of their stable poses."""
 LEAST_PROBABLE = 0.03
 """The least probability of a stable pose."""
@@ -76,10 +77,12 @@ def builder(name: str) -> Shape:
         "rod": lambda: cylinder((0, -1, 0), (0, 1, 0), 0.16, PLAIN, segments=24),
         "cone": lambda: lathe("0 0, 0.6 0, 0.02 1.2, 0 1.2", PLAIN, segments=40),
         "ring": lambda: tube(ring(0.75, 60), 0.22, PLAIN, segments=20, closed=True),
-        "vase": lambda: furniture.vase(PLAIN),
     }
     if name in simple:
         return _shape(name, [simple[name]()], name in UPRIGHT, False)
+    if name in (*vessels.PROFILES, "pan"):
+        parts = vessels.pan(PLAIN) if name == "pan" else vessels.vessel(name, PLAIN)
+        return _shape(name, parts, name in UPRIGHT, False)
     look, rng = surfaces(1), np.random.default_rng(1)
     furnished: dict[str, Callable[[], Parts]] = {
         "tower": toys.ring_tower,

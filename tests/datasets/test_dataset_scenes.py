@@ -15,10 +15,13 @@ import lfcore
 from lfcore.datasets.card import RECORDS, tables, write_report
 from lfcore.datasets.description import Description
 from lfcore.datasets.items import make_batch
+from lfcore.datasets.looks import BACKDROP
 from lfcore.datasets.room_views import camera_of
 from lfcore.datasets.rooms import SMALL, Room
-from lfcore.datasets.sample import BACKDROP, Draw, lens_of, sample
+from lfcore.datasets.sample import Draw, lens_of, sample
 from lfcore.scene.files import scene_digest
+from lfcore.scene.procedural import vessels
+from lfcore.scene.surface_mesh import Surface
 
 CONFIG = Path(__file__).resolve().parents[2] / "config/datasets"
 PLAIN = {"name": "plain", "kind": "focal_stacks", "pixels": 32}
@@ -148,7 +151,7 @@ def test_furniture_of_a_room_is_apart_within_the_walls_and_the_camera_is_free(in
         points.setdefault(owner, []).append(part.triangles.reshape(-1, 3))
     # Things on the floor or on furniture: above the floor, in the room, and not on the camera.
     for owner, pieces in points.items():
-        if owner and made.names[owner - 1] != "print":
+        if owner and made.names[owner - 1] not in ("print", "mirror"):
             corners = np.concatenate(pieces)
             low, high = corners.min(0), corners.max(0)
             assert low[1] > -0.01 and high[1] < made.height
@@ -296,3 +299,57 @@ def test_furniture_varies_in_colour():
         for index in range(3)
     ]
     assert len(set(looks)) == 3
+
+
+def materials(keys, count):
+    """The materials of the first scenes of a description, by name."""
+    found = {}
+    for index in range(count):
+        for material in sample(PLAIN | keys, index).scene.materials:
+            found.setdefault(material.name, []).append(material)
+    return found
+
+
+def test_things_are_of_glass_metal_and_varnish_by_their_shares():
+    few = {"placement": {"objects": 6}, "shapes": {"builders": ["goblet", "pan", "block"]}}
+    keys = {"share_glass": 0.15, "share_metal": 0.15, "share_coated": 0.5}
+    drawn = materials(few | {"materials": keys}, 20)
+    of_glass, of_metal, coated = (
+        {name: np.mean([has(m) for m in drawn[name]]) for name in ("goblet", "pan", "block")}
+        for has in (lambda m: m.transmission == 1, lambda m: m.metallic == 1,
+                    lambda m: m.clearcoat == 1)
+    )  # fmt: skip
+    assert of_glass["goblet"] > 0.7 > 0.4 > of_glass["block"] > 0 and of_metal["pan"] > 0.7
+    assert 0.2 < coated["block"] < 0.6
+    mirrors = [m.roughness == 0 for m in drawn["pan"] if m.metallic == 1]
+    assert 0.2 < np.mean(mirrors) < 0.8
+    none = materials(few | {"materials": dict.fromkeys(keys, 0)}, 4)
+    every = [material for group in none.values() for material in group]
+    assert not any(m.transmission or m.metallic > 0 or m.clearcoat for m in every)
+
+
+@pytest.mark.parametrize("share", [0, 1])
+def test_rooms_have_panes_and_mirrors_by_their_shares(share):
+    keys = {"share_panes": share, "share_mirrors": share}
+    drawn = materials({"placement": {"share_rooms": 1}, "materials": keys}, 3)
+    assert ("pane" in drawn) == ("mirror" in drawn) == bool(share)
+    assert ("print" in drawn) != bool(share)
+    assert all(m.transmission == 1 and m.thin_walled for m in drawn.get("pane", ()))
+    assert all(m.metallic == 1 and not m.roughness for m in drawn.get("mirror", ()))
+
+
+def test_glass_of_users_meshes_has_no_volume_and_that_of_vessels_is_closed(tmp_path):
+    trimesh.creation.icosahedron().export(tmp_path / "mine.ply")
+    glass = {"share_glass": 1, "share_metal": 0}
+    users = {"meshes": str(tmp_path), "builders": []}
+    (mine,) = {
+        m.thin_walled for m in materials({"shapes": users, "materials": glass}, 1)["mine.ply"]
+    }
+    assert mine
+    for name in vessels.PROFILES:
+        of = PLAIN | {"shapes": {"builders": [name]}, "materials": glass}
+        assert not any(m.thin_walled for m in sample(of, 0).scene.materials)
+        corners = vessels.vessel(name, Surface())[0].triangles
+        mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        mesh.merge_vertices(digits_vertex=7)
+        assert mesh.is_watertight and mesh.volume > 0

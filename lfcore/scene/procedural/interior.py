@@ -20,13 +20,21 @@ REVEAL_M = 0.14
 """The depth of a window's opening in its wall."""
 
 
+PANE = Surface(
+    "pane", (0.96, 0.98, 0.97), metallic=0.0, roughness=0.0, transmission=1.0, thin_walled=True
+)
+"""The glass of windows."""
+
+
 class Window(NamedTuple):
-    """An opening of a wall: its ends along the wall, its sill and its head, metres."""
+    """An opening of a wall: its ends along the wall, its sill and its head, metres; whether it is
+    glazed."""
 
     start: float
     end: float
     sill: float
     head: float
+    glazed: bool = False
 
 
 def wall(
@@ -52,7 +60,7 @@ def _panel(
 
 
 def _window(window: Window, paint: Surface, white: Surface) -> Parts:
-    x0, x1, y0, y1 = window
+    x0, x1, y0, y1, glazed = window
     wide, tall, x, y = x1 - x0, y1 - y0, (x0 + x1) / 2, (y0 + y1) / 2
     deep, z = (0, 0, REVEAL_M), -REVEAL_M
     parts = [
@@ -62,6 +70,8 @@ def _window(window: Window, paint: Surface, white: Surface) -> Parts:
         rectangle((x0, y1, z), (wide, 0, 0), deep, paint),
         box((wide + 0.1, 0.03, 0.2), white).at(x, y0 - 0.015, 0.02),
     ]
+    if glazed:
+        parts.append(rectangle((x0, y0, z + 0.03), (wide, 0, 0), (0, tall, 0), PANE))
     uprights = [x0 + 0.025, x1 - 0.025] + ([x] if wide > 1 else [])
     parts += [box((0.05, tall, 0.05), white).at(at, y, z + 0.03) for at in uprights]
     for at in (y0 + 0.025, y1 - 0.025, y0 + 0.65 * tall):
