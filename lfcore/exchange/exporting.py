@@ -77,6 +77,8 @@ def export_lightfield(
     source = Source(opened, selection or Selection(), device, scene)
     with whole_folder(folder) as stage, named_errors(folder, "exporting"):
         row.call("write")(source, stage, options)
+    if source.depth_given and opened.metadata.specular:
+        options.notes.append("depth is that of surfaces, not of what mirrors, glass and coats show")
     if source.free is not None:
         options.notes.append(_quality(source, source.free))
     return options.notes

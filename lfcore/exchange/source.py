@@ -74,6 +74,8 @@ class Source:
         None if it is unknown.
     free : FreeViews or None
         Makes views by depth; None if stored views are selected.
+    depth_given : bool
+        Whether :meth:`depth` was called.
     """
 
     def __init__(
@@ -89,7 +91,7 @@ class Source:
             remedy = "Write its pictures with lfcore imgtool tiles"
             raise ExchangeError(problem, file=field.path, remedy=remedy)
         self.field, self.selection, self.device = field, selection, device
-        self.stride = 1
+        self.stride, self.depth_given = 1, False
         recorded = _chosen(selection, field)
         self.free: FreeViews | None = None
         if recorded is None:
@@ -190,7 +192,7 @@ class Source:
         Returns (height, width) float32 metres, infinity for a miss; and with the scene (height,
         width) uint16, the material's number plus one, 0 for a miss, else None.
         """
-        point = self._point(column, row)
+        self.depth_given, point = True, self._point(column, row)
         if self._tracer is not None:
             place = point[None] / self.slab.lens_pitch_m + (self.slab.views - 1) / 2
             triangle, depth = self._tracer.bundle_hits(bundles.views(self.slab, place))

@@ -11,6 +11,7 @@ from lfcore.errors import OpticsError
 from lfcore.optics.focus import DepthRange, check_place, check_words, ends_of, focus_distance
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.free_views import inverse_depth
+from lfcore.refocus.stored_depth import read_depths
 from lfcore.storage.lightfield import LightFieldFile
 
 FOCUS_MARGIN = 1.1
@@ -63,17 +64,32 @@ class VisibleDepth:
         return float(self.middle[row, column])
 
 
+def _is_in(focus_m: float, ends: tuple[float, float]) -> bool:
+    return ends[0] / FOCUS_MARGIN <= focus_m <= ends[1] * FOCUS_MARGIN
+
+
+def _image_range(field: LightFieldFile) -> tuple[float, float] | None:
+    """The nearest and the farthest image in mirrors, glass and coats of the middle view, metres;
+    infinity of what is behind all surfaces, None without images."""
+    if field.specular is None:
+        return None
+    middle = field.require_slab().views // 2
+    depth = read_depths(field.specular, np.array([middle * (field.require_slab().views + 1)]))
+    depth = depth[depth > 0]
+    return (float(depth.min()), float(depth.max())) if len(depth) else None
+
+
 def doubts(field: LightFieldFile, plane: SensorPlane) -> list[str]:
     """As :meth:`lfcore.LightField.doubts`."""
     lines, slab = [], field.require_slab()
     aperture = plane.lens_aperture(slab)
     if field.metric and field.depth_range:
-        near, far = field.depth_range
-        if not near / FOCUS_MARGIN <= plane.focus_m <= far * FOCUS_MARGIN:
-            lines.append(
-                f"nothing is in focus at {plane.focus_m:.4g} m: what is seen is from "
-                f"{near:.4g} to {far:.4g} m"
-            )
+        seen = {"what is seen is": field.depth_range}
+        if not _is_in(plane.focus_m, field.depth_range) and (images := _image_range(field)):
+            seen = {"surfaces are": field.depth_range, "images in mirrors and glass": images}
+        if not any(_is_in(plane.focus_m, ends) for ends in seen.values()):
+            what = ", ".join(f"{name} from {a:.4g} to {b:.4g} m" for name, (a, b) in seen.items())
+            lines.append(f"nothing is in focus at {plane.focus_m:.4g} m: {what}")
     if field.metadata.depth is None:
         lens = slab.lens_positions()
         wider, same, narrower = (
