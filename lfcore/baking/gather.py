@@ -154,7 +154,7 @@ class Gatherer:
             "sums": page_aligned((number,), POINT_SUM),
             "kept": page_aligned((rays,), KEPT_HIT),
         }
-        shown = {name: self.device.shown(array) for name, array in seen.items()}
+        shown = {name: self.device.shared(array) for name, array in seen.items()}
         self._launch(self._sum_light, numbers, results, flats=self._flats, **shown, **self._light)
         sums = _halves(results["sums"]) + self.emitters.gather(points, seeds, first, count)
         return sums, results["sums"]["is_open"] > 0, results["kept"]
@@ -166,7 +166,7 @@ class Gatherer:
             "sums": page_aligned((number,), POINT_SUM), "ray_light": page_aligned((number * count,))
         }  # fmt: skip
         numbers = record(NUMBERS, points=number, count=count, first=0, emitter_share=0)
-        self._launch(self._reflect, numbers, results, kept=self.device.shown(kept), **self._light)
+        self._launch(self._reflect, numbers, results, kept=self.device.shared(kept), **self._light)
         return _halves(results["sums"]), results["ray_light"]
 
     def _launch(

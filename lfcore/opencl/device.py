@@ -96,12 +96,12 @@ class Device:
         flags = access | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array if array.nbytes else bytes(64))
 
-    def changed(self, array: np.ndarray) -> cl.Buffer:
+    def writable(self, array: np.ndarray) -> cl.Buffer:
         """As :meth:`buffer`, writable by kernels."""
         return self.buffer(array, cl.mem_flags.READ_WRITE)
 
-    def shown(self, array: np.ndarray) -> cl.Buffer:
-        """As :meth:`buffer`, but on a CPU the array's own memory."""
+    def shared(self, array: np.ndarray) -> cl.Buffer:
+        """As :meth:`buffer`, but on a CPU without a copy: the array's own memory."""
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
         return cl.Buffer(self.context, flags, hostbuf=array)
 

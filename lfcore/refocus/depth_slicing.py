@@ -70,7 +70,7 @@ def held_rays(device: Device, light: np.ndarray, depth: np.ndarray) -> HeldRays:
     """Copy rays to the device once for several slicers; arrays as in :meth:`DepthSlicer.add`."""
     ranges, present = depth_ranges(depth), present_patches(depth)
     light, depth = (np.ascontiguousarray(each, np.float32) for each in (light, depth))
-    return device.shown(light), device.shown(depth), ranges, present
+    return device.shared(light), device.shared(depth), ranges, present
 
 
 def present_patches(depth: np.ndarray) -> np.ndarray | None:
@@ -251,7 +251,7 @@ class DepthSlicer:
             self._codes = page_aligned(codes.shape, codes.dtype.type)
         self._codes[:] = codes
         ranges = code_ranges(codes, self._table)
-        self.add_held(part, light, self.device.shown(self._codes), ranges, first_row=first_row)
+        self.add_held(part, light, self.device.shared(self._codes), ranges, first_row=first_row)
 
     def add_held(
         self, part: slice | np.ndarray, light: cl.Buffer, depth: cl.Buffer, ranges: np.ndarray,
@@ -303,9 +303,9 @@ class DepthSlicer:
             target = device.target_buffer(picture)
             self._compose(
                 self._strips, 1, offset=(0, number), numbers=numbers, sums=self._sums,
-                used=self._used, rooms=device.shown(rooms), room_rows=device.shown(room_rows),
+                used=self._used, rooms=device.shared(rooms), room_rows=device.shared(room_rows),
                 picture=target, shown=shown and shown._sums, shown_used=shown and shown._used,
-                reflections=None if reflections is None else device.shown(reflections[number]),
+                reflections=None if reflections is None else device.shared(reflections[number]),
             )  # fmt: skip
             device.collect(target, picture)  # rooms are kept until the kernel has run
             device.forget(self._sums, number, len(self.planes))

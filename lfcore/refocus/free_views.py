@@ -205,7 +205,7 @@ class FreeViews:
             files = (self.field, self.field.specular) if self.virtual else (self.field,)
             places = np.arange(len(numbers))
             depths = [read_depths(file, numbers) for file in files if file]
-        depth = device.shown(virtual_depth(depths) if self.virtual else depths[0])
+        depth = device.shared(virtual_depth(depths) if self.virtual else depths[0])
         step = self.made.pixels / slab.pixels
         move = (self.views.positions[numbers] - point) * (step / slab.pixel_pitch)
         first = (self.views.displacement[numbers] + slab.held.pixels[:2] + 0.5) * step

@@ -112,8 +112,8 @@ class PlaneFormer:
             scratch_words=self._words,
         )  # fmt: skip
         self._kernel(
-            self._sums.workers, rays=device.shown(np.ascontiguousarray(rays)),
-            placements=device.buffer(placements), next=device.changed(np.zeros(1, np.int32)),
+            self._sums.workers, rays=device.shared(np.ascontiguousarray(rays)),
+            placements=device.buffer(placements), next=device.writable(np.zeros(1, np.int32)),
             scratch=self._scratch, **arguments,
         )  # fmt: skip
         device.queue.finish()

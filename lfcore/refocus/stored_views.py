@@ -111,7 +111,11 @@ class FrameUnpacker:
                 place["x"], place["y"] = x, y + row - first
                 region = left, top + row, width, rows
                 self._unpack(
-                    self.receiver.device.shown(joined), len(band[0]), place, element[None], region
+                    self.receiver.device.shared(joined),
+                    len(band[0]),
+                    place,
+                    element[None],
+                    region,
                 )
                 self.receiver.device.queue.finish()
 
@@ -127,7 +131,7 @@ class FrameUnpacker:
         here = (places["frame"] >= first) & (places["frame"] < first + len(frames))
         elements, places = elements[here], places[here]
         places["frame"] -= first
-        buffer = self.receiver.device.shown(np.ascontiguousarray(frames))
+        buffer = self.receiver.device.shared(np.ascontiguousarray(frames))
         by_views = self.layout.kind == "views"
         if by_views:
             wanted = self._is_open[elements[:, 1], elements[:, 0]]

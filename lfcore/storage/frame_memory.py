@@ -179,8 +179,8 @@ class FrameWriter:
             ENCODED_RAYS, columns=columns, rows=rows, first_row=first_row, far=far, steps=steps
         )
         self._kernel(
-            strips, count, rays=numbers, light=device.shown(np.ascontiguousarray(light)),
-            depth=None if depth is None else device.shown(np.ascontiguousarray(depth)),
+            strips, count, rays=numbers, light=device.shared(np.ascontiguousarray(light)),
+            depth=None if depth is None else device.shared(np.ascontiguousarray(depth)),
             format=format_, placements=placements, frames=frames,
             code_format=code_format, code_placements=code_placements, codes=code_frames,
             scratch=device.empty(12 * BLOCK**2 * strips * count),

@@ -115,12 +115,12 @@ class GivenRays:
             widths = np.ascontiguousarray(filtered, np.float32)
             if widths.shape != (count,):
                 raise OpticsError(f"must have the shape ({count},)", key="filtered")
-            footprints = device.shown(widths) if count else None
+            footprints = device.shared(widths) if count else None
         else:
             pitch = filtered
         if count:
             given = dict(
-                zip(("triangle", "depth", "weights"), map(device.shown, arrays), strict=True)
+                zip(("triangle", "depth", "weights"), map(device.shared, arrays), strict=True)
             )
             self._fill(sink, results, pitch, **given, footprints=footprints)
 
@@ -130,7 +130,7 @@ class GivenRays:
         if not self._count:
             return
         device = self._scene.device
-        origins, directions = map(device.shown, self._rays)
+        origins, directions = map(device.shared, self._rays)
         targets = {
             name: device.target_buffer(array) if array.size else None
             for name, array in results.items()

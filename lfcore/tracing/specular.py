@@ -125,8 +125,8 @@ class _Paths:
         if not count:
             return seen.parts()
         begun = {
-            "origins": device.shown(np.ascontiguousarray(origins)),
-            "directions": device.shown(np.ascontiguousarray(directions)),
+            "origins": device.shared(np.ascontiguousarray(origins)),
+            "directions": device.shared(np.ascontiguousarray(directions)),
         }
         paths = device.target_buffer(self._room(count))
         arrived, onward, paths = self._step(count, paths, **begun)

@@ -205,7 +205,7 @@ def test_a_buffer_of_zeros_is_read_as_it_is_filled(device, nbytes):
 
 def test_zeros_fill_a_buffer_to_its_last_word_on_any_device(device, monkeypatch):
     monkeypatch.setattr(devices, "is_cpu", lambda _: False)
-    ones = device.changed(np.full(68, 255, np.uint8))
+    ones = device.writable(np.full(68, 255, np.uint8))
     monkeypatch.setattr(devices.Device, "empty", lambda self, nbytes: ones)
     with device.mapped(device.zeros(68), (17,), np.int32) as held:
         assert not held.any()
@@ -238,7 +238,7 @@ def twice(device, source=SOURCE):
     """21, doubled by a program that is not in this process's memory."""
     devices._compile.cache_clear()
     program = devices._compile(device.context, source, (), ())
-    number, buffer = np.array([21], np.int32), device.changed(np.array([21], np.int32))
+    number, buffer = np.array([21], np.int32), device.writable(np.array([21], np.int32))
     cl.Kernel(program, "twice")(device.queue, (1,), None, buffer)
     cl.enqueue_copy(device.queue, number, buffer)
     return int(number[0])

@@ -61,7 +61,7 @@ def test_a_kernel_takes_its_arguments_by_name(device, tmp_path):
     (file := tmp_path / "scaled.cl").write_text(SOURCE)
     kernel = Kernel(device, [str(file)], "scaled", {}, SCALED)
     numbers, out = np.arange(4, dtype=np.float32), np.zeros(4, np.float32)
-    buffer = device.changed(out)
+    buffer = device.writable(out)
     arguments = {"more": 1, "pair": record(PAIR, count=3, scale=2), "out": buffer}
     kernel(4, numbers=device.buffer(numbers), **arguments)
     cl.enqueue_copy(device.queue, out, buffer)

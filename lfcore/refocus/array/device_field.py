@@ -149,7 +149,7 @@ class DeviceField:
                 remedy="Use fewer cameras or pixels",
             )
         # A CPU reads the host's memory without a copy.
-        self.buffer = (device.shown if device.is_cpu else device.buffer)(self.image)
+        self.buffer = (device.shared if device.is_cpu else device.buffer)(self.image)
         self.columns, self.rows = (
             device.buffer(np.asarray(axis, np.float32)) for axis in (array.columns_m, array.rows_m)
         )

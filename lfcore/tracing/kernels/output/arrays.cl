@@ -1,5 +1,6 @@
 // Results in arrays: triangles, depths and linear colours, not clamped, of blocks and of given rays.
 #pragma once
+#include "colours.cl"
 #include "given_hits.cl"
 #include "shade.cl"
 #include "visibility.cl"
@@ -37,16 +38,9 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
 // Write a whole row of a block as 16 times r g b.
 inline void write_row(global const float *c, int mode, global float *to)
 {
-    const float16 r = vload16(0, c), g = vload16(0, c + BLOCK_RAYS);
-    const float16 b = vload16(0, c + 2 * BLOCK_RAYS);
-    const uint16 rg0 = (uint16)(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5);
-    const uint16 b0 = (uint16)(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15);
-    const uint16 rg1 = (uint16)(21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26);
-    const uint16 b1 = (uint16)(0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15);
-    const uint16 rg2 = (uint16)(0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0);
-    const uint16 b2 = (uint16)(26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31);
-    float16 parts[3] = {shuffle2(shuffle2(r, g, rg0), b, b0), shuffle2(shuffle2(r, g, rg1), b, b1),
-                        shuffle2(shuffle2(r, g, rg2), b, b2)};
+    float16 parts[3];
+    interleave_colours(vload16(0, c), vload16(0, c + BLOCK_RAYS), vload16(0, c + 2 * BLOCK_RAYS),
+                       parts);
     const int past_caches = (mode & STREAM) && (ulong)to % LINE == 0;
     for (int k = 0; k < 3; ++k, to += BLOCK) {
         if (mode & ADD) parts[k] += vload16(0, to);
