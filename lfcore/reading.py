@@ -16,11 +16,6 @@ import yaml
 from lfcore.errors import SceneError
 
 DESCRIPTIONS = (".yaml", ".yml")
-SCENES = (
-    *DESCRIPTIONS, ".npz", ".pbrt", ".pbrt.gz", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl",
-    ".dae", ".zae", ".3mf",
-)  # fmt: skip
-"""The ends of the names of files that are scenes; other formats of meshes are seldom met."""
 MIB = 2**20
 LARGEST_DESCRIPTION = 4 * MIB
 LARGEST_TEXT = 1024 * MIB

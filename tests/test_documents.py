@@ -96,3 +96,27 @@ def test_links_that_lead_out_of_the_manual_lead_to_its_pages_or_to_files():
             inside = target.is_relative_to(DOCS)
             outside = target.relative_to(ROOT).with_suffix("").as_posix() in ELSEWHERE
             assert target.suffix != ".md" or inside or outside, f"{path}: {link}"
+
+
+def test_files_and_names_of_the_architecture_are_in_the_tree():
+    """The page names files by the end of their path, and names of the kernels or of the library."""
+    files = [p for f in ("lfcore", "workflow", "robustness", "tests", "scenes", "docs")
+             for p in (ROOT / f).rglob("*.*")]  # fmt: skip
+    paths = [f"/{path.relative_to(ROOT).as_posix()}" for path in files]
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    spans = {span for span in re.findall(r"`([^`\n]+)`", text) if "{" not in span}
+    named = {span for span in spans if re.fullmatch(r"[\w/]+\.(py|cl|js|yaml|md|json)", span)}
+    missing = [name for name in named if not any(path.endswith(f"/{name}") for path in paths)]
+    assert [name for name in missing if "NAME" not in name] == []
+    words = re.compile(r"\w+")
+    code = [
+        path for path in files if path.suffix in (".py", ".pyi", ".cl") and "lfcore" in path.parts
+    ]
+    known = {word for path in code for word in words.findall(path.read_text(encoding="utf-8"))}
+    names = {
+        part
+        for span in spans
+        if re.fullmatch(r"[A-Za-z]\w*(\.\w+)*", span)
+        for part in span.split(".")
+    }
+    assert {name for name in names if name not in known} == set()
