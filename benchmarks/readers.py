@@ -40,10 +40,14 @@ LIST = Path(__file__).with_suffix(".yaml")
 SUFFIXES = (".gltf", ".glb", ".obj", ".ply", ".stl", ".off", ".dae", ".zae", ".3ds", ".3mf")
 NO_MATERIALS = (".ply", ".stl", ".off")
 """The formats without materials: each reader has its own default."""
-SECONDS, BYTES = 40, 6 << 30
-"""The limits of a reader per file."""
-GREY, DEFAULT = (0.8, 0.8, 0.8), 0.6
-"""The colours of triangles without a material: ours and assimp's."""
+SECONDS = 40
+"""The time limit of a reader per file."""
+BYTES = 6 << 30
+"""The memory limit of a reader per file."""
+GREY = (0.8, 0.8, 0.8)
+"""Our colour of triangles without a material, linear."""
+DEFAULT = 0.6
+"""Assimp's, red, green and blue."""
 BONE = np.dtype({
     "names": ["count", "weights", "matrix"], "formats": ["u4", "u8", ("f4", (4, 4))],
     "offsets": [1028, 1048, 1056],

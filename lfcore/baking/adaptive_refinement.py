@@ -15,16 +15,18 @@ from lfcore.baking.surroundings import mean_colour
 from lfcore.scene.baked import DARK, BakedLight
 
 FINEST = 8
-"""The most cells along an edge, a multiple of those needed at first (times ``fineness``): the error
-at an edge between lit and dark falls with the square root of a cell."""
+"""The most cells along an edge, relative to the cells that are needed at first (times
+``fineness``).  The error at a shadow's edge falls with the square root of the cells' size."""
 _SURPRISE = 0.06
-"""The difference of a point to its neighbours' mean, a share of the light, from which on cells are
-halved again; or the required error, if that is larger."""
+"""The least difference between a point and its neighbours' mean, a share of the light, for which
+cells are halved again; the required error, if that is larger."""
 _CONTRAST = 1.5
-"""The difference of two neighbours, a multiple of the surprise, from which on a point is put
+"""The least difference of two neighbours, a multiple of the surprise, for which a point is put
 between them."""
-_TRIAL_RAYS, _RAYS = 24, 128
-"""Rays per new point: at first, and if the point surprises or is noisy."""
+_TRIAL_RAYS = 24
+"""The first rays of a new point."""
+_RAYS = 128
+"""The rays of a new point that surprises or is noisy."""
 _NOISY = 0.2
 """A point is noisy if its variance exceeds this share of the squared surprise."""
 _DOUBT = 0.6
@@ -37,9 +39,9 @@ _LARGEST_SIDE = 1024
 _VALUE_BYTES = 64
 """Memory per point while grids are refined, bytes."""
 _FINER = 4
-"""Cubes, per side of those in which small faces share points, that have one value."""
+"""Parts, per side, of a cube in which small faces share points: each part has one value."""
 _NEAREST = 8
-"""The points from which such a value is interpolated."""
+"""The points from which the value of a part is interpolated."""
 _STEPS = np.array([[1, -1, 0], [-1, 1, 0], [1, 0, -1], [-1, 0, 1], [0, 1, -1], [0, -1, 1]])
 """Steps to a grid point's six neighbours, in units of barycentric weights."""
 
@@ -90,7 +92,7 @@ class Refinement:
         values: np.ndarray,
         row: np.ndarray | slice = slice(None),
     ) -> None:
-        """Store grids of ``values`` (G, n, 3); the ``row`` (F,) is that of each of the faces."""
+        """Store grids of ``values`` (G, n, 3); ``row`` (F,) is the grid of each face."""
         firsts = self._length + values.shape[1] * np.arange(len(values))
         self._stored[faces // 2, faces % 2], self._stored[faces // 2, 2] = firsts[row], side
         self._chunks.append(values.reshape(-1, 3))
@@ -272,8 +274,8 @@ def _midpoints(values: np.ndarray, covered: np.ndarray, ends: list[np.ndarray]) 
 
 
 def _ends(side: int) -> list[np.ndarray]:
-    """Return the two points (n,) of a grid between which each point of the grid of twice the cells
-    lies."""
+    """Return, for each point of the grid of twice the cells, the two points (n,) of the grid on
+    both sides of it."""
     places = lattice(2 * side)
     odd = places % 2
     # Across a cell's diagonal where both are odd.

@@ -33,9 +33,8 @@ _LARGEST_SIDE = 256
 """The most cells along an edge before refinement: 33,000 points per face."""
 _LARGEST_CELL = 1 / 24
 """The largest cell, a share of the scene's size."""
-_UNSEEN_CELLS, _UNSEEN_SIDE = 1.0, 64
-"""The cells of unseen triangles: so many times as large as those that are seen at this distance,
-and at most so many along an edge."""
+_UNSEEN_SIDE = 64
+"""The most cells along an edge of an unseen triangle."""
 _DIRECT_FINER = 4
 """Cells of direct light per cell, per side: its edges are sharp."""
 _DIRECT_CELLS = 128
@@ -56,8 +55,8 @@ def bake_light(
 ) -> BakedLight:
     """Bake the light of a scene's sky, emitters and bounces on all its surfaces.
 
-    Light passes glass straight.  Mirrors and veils reflect it as matt surfaces of their colour:
-    their light on other surfaces is nearer to that than to none.
+    Light passes glass straight.  Mirrors and veils reflect light as matt surfaces of their colour,
+    which is closer to the truth than no light.
 
     ``progress`` is called with (steps done, number of steps).  Raises :class:`SceneError` for a
     material that reflects more light than it receives.
@@ -173,7 +172,7 @@ def _grid_sides(scene: Scene, distance: np.ndarray, options: BakeOptions) -> tup
     seen = np.isfinite(distance)
     ends = np.concatenate([corners, corners.mean(1, keepdims=True)], 1)
     nearest = np.sqrt(dot(ends, ends)).min(1)
-    width = scene.camera.field_width * np.where(seen, distance, _UNSEEN_CELLS * nearest)
+    width = scene.camera.field_width * np.where(seen, distance, nearest)
     cell = np.clip(width / cells, edge / np.where(seen, np.inf, _UNSEEN_SIDE), size * _LARGEST_CELL)
     finer = min(_DIRECT_FINER, max(1, _DIRECT_CELLS / cells))
     powers = [np.log2(np.maximum(many * edge / cell, 1)) + _ROUND_UP for many in (1, finer)]

@@ -21,8 +21,10 @@ from lfcore.scene.arrays import dot
 
 _MAIN_SHARE = 0.25
 """Emitters are the main light if they give this share of it."""
-_OFTEN, _SELDOM = 2, 4
-"""Cosine-weighted rays per ray to emitters, where emitters are the main light, and elsewhere."""
+_OFTEN = 2
+"""Cosine-weighted rays per ray to emitters, where emitters are the main light."""
+_SELDOM = 4
+"""Cosine-weighted rays per ray to emitters, elsewhere."""
 _TESTS = 1 << 12
 """The number of points, or of samples on emitters, from which averages are estimated."""
 _TEST_RAYS = 4

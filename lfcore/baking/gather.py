@@ -1,6 +1,6 @@
 """Gathering on the device: rays from points, and the light that they bring.
 
-Kernels do this beside the tracer's: with arrays of the host it took two thirds of a bake's time.
+Rays and hits stay on the device: copies to the host took two thirds of a bake's time.
 """
 
 from typing import Any
@@ -20,15 +20,15 @@ NUMBERS = np.dtype([("points", INT), ("count", INT), ("first", UINT), ("emitter_
 """``count`` rays per point, from number ``first`` of its sequence; see :class:`Emitters`."""
 POINT = np.dtype([("place", FLOAT, 3), ("normal", FLOAT, 3), ("flat", FLOAT, 3), ("lift", FLOAT),
                   ("shift", UINT, 2), ("table", INT)])  # fmt: skip
-"""A point: a start of rays is ``lift`` metres off the triangle; ``shift`` of its sequence."""
+"""A point.  Its rays start ``lift`` metres off the triangle; ``shift`` is its sequence's."""
 SENT = np.dtype([("weight", FLOAT), ("cosine", FLOAT)])
-"""A ray: the inverse of its density beyond that of the cosine, and this cosine."""
+"""A ray: the density of cosine-weighted rays over its own, and its cosine to the normal."""
 FACE = np.dtype([("first", INT), ("side", INT), ("density", FLOAT), ("emits", np.uint16),
                  ("is_seen", np.uint16)])  # fmt: skip
-"""A face: where its grid begins and cells along an edge; emitter samples per area."""
+"""A face: the first index and the cells along an edge of its grid; emitter samples per area."""
 KEPT_HIT = np.dtype([("face", INT), ("weights", np.uint16, 3), ("albedo", np.uint16, 3),
                      ("emission", np.uint16), ("unused", np.uint16)])  # fmt: skip
-"""A hit that is kept for :meth:`Gatherer.reflect`: face (-1 none), and numbers of 16 bits."""
+"""A hit that is kept for :meth:`Gatherer.reflect`; face -1 is a miss."""
 POINT_SUM = np.dtype([("halves", FLOAT, 6), ("is_open", INT)])
 """A point's light, of both halves of its rays."""
 _LIGHT = read(faces="Face", index="int", light="float")

@@ -22,8 +22,10 @@ _PRIOR = 0.25
 """The number of rays with the mean light that each cell begins with: an empty cell keeps rays."""
 _UNGUIDED = 0.3
 """The share of rays that ignore their table: light that was not found yet is then found."""
-_COARSEST, _FINEST = 1, 8
-"""The base-2 logarithms of the cubes per side of the scene that may share a table."""
+_COARSEST = 1
+"""The base-2 logarithm of the largest shared cubes per side of the scene."""
+_FINEST = 8
+"""The base-2 logarithm of the smallest shared cubes per side of the scene."""
 
 
 class ImportanceGuide:

@@ -19,13 +19,14 @@ _BATCH = 1 << 19
 _MOST_RAYS = 1024
 """The largest number of rays per point."""
 _FIRST_RAYS = 2**20
-"""First rays of all points, from which the guide learns."""
+"""The first rays of all points together, from which the guide learns."""
 _LEAST_FIRST_RAYS = 32
-"""First rays per point, at least."""
+"""The least number of first rays per point."""
 _RAYS_OF_HIDDEN = 16
-"""Rays per point that the camera does not see: their errors average over many hits."""
+"""Rays of a point that the camera does not see: its error averages out over many hits."""
 _ROUNDS = 4
-"""Rounds of rays from points where those of the last round hit; other faces use substitutes."""
+"""Rounds of rays.  Each round starts at points on the faces that the last round hit; faces that
+are hit later use substitutes."""
 _INSIDE = 0.9
 """The share of the way from the centre of a face to its corner that must be free."""
 _TRIAL_BOUNCES = 2

@@ -32,9 +32,9 @@ CONSTANTS = {
     "PATCH_COLUMNS": PATCH_COLUMNS,
     "LEAST_UNITS": LEAST_UNITS,
     "MOST_DIOPTRES": MOST_DIOPTRES,
-    # The least width of a box, in distances of rays, that a square of rays shares.  With these,
-    # squares of 4 x 4 rays have 66 dB and more against squares of 2 x 2, and these 69 dB against
-    # single rays.
+    # The least width of a box, in distances of rays, that a square of rays shares.  With these
+    # widths, pictures from squares of 4 x 4 rays differ from those of 2 x 2 by 66 dB or more, and
+    # those of 2 x 2 from single rays by 69 dB.
     "SHARED_BY_FOURS": 32.0,
     "SHARED_BY_TWOS": 16.0,
     "SHARED_BY_SMALL_TWOS": 8.0,

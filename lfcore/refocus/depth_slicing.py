@@ -42,20 +42,21 @@ from lfcore.refocus.placed_views import PlacedViews
 from lfcore.storage.depth_stream import DepthCodes
 
 LEAST_OF_RAY = 0.5
-"""The least side of a box, in distances between neighbouring rays of a view (measured there)."""
+"""The least side of a box, in distances between neighbouring rays of a view (measured in
+docs/decisions.md)."""
 LEAST_OF_ALL = 2.0
-"""The least side of a box, in distances between neighbouring rays of all views together, which
-counts if it is less (measured there)."""
+"""The least side of a box, in distances between neighbouring rays of all views together.  The less
+of both sides counts (measured there)."""
 LARGE_FROM = 2048
-"""The longer side, in pixels, from which pictures are large: 4 x 4 rays share boxes 32 rays wide,
-which smaller pictures hardly have, and sums of wide blur have pixels of 2 x 2."""
+"""The longer side, pixels, of the smallest large picture.  In large pictures 4 x 4 rays share boxes
+that are 32 rays wide, and sums of wide blur have pixels of 2 x 2."""
 STRIPS_A_THREAD = 2
 """The least number of a picture's strips per thread, so that threads end together."""
 STRIP_ROWS = 256
 """The most rows of a strip: views arrive some rows at a time."""
 SUMS_BYTES = 1 << 33
-"""The most bytes of sums at a time.  A pixel has few of the layers, so that about an eighth is
-written to; a CPU allocates no memory for the rest."""
+"""The most bytes of sums at a time.  Few of a pixel's layers have light: about an eighth of the
+bytes is written to, and a CPU allocates no memory for the rest."""
 KERNELS = "add_rays", "compose", "join_rays"
 """The kernels, the last of which sums squares of rays for large pictures."""
 MOST_RAYS_A_PIXEL = 1 << 20

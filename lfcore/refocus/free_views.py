@@ -38,8 +38,8 @@ FAR_SHARE = 1e-3
 HELD_BACK = 3
 """The number of traced views that are compared with views made from all others."""
 HELD_BACK_DB = 4.5
-"""The dB by which views between recorded ones are better than views that were held back, which are
-twice as far from their neighbours.  On five scenes it was 4.7 to 7.2 dB."""
+"""The dB by which views between recorded ones are better than views that were held back: these are
+twice as far from their neighbours.  Measured on five scenes: 4.7 to 7.2 dB."""
 SEEN_VIEW = np.dtype([
     ("number", INT),  # of the view in `depth`
     ("x", FLOAT),  # of pixel (0, 0)'s ray at depth infinity, pixels of the picture
@@ -358,8 +358,8 @@ class _ViewsFromPoint(PlacedViews):
 
     @property
     def rays_a_pixel(self) -> float:
-        """Rays of a surface that is seen edge-on from the point pile up in one of its pixels: all
-        that a layer's depths move by, along the line from the view to the point."""
+        """The most rays in a pixel.  If a layer is seen edge-on from the point, all its rays along
+        the line from a view to the point fall into one pixel."""
         views = self.views
         piled = self.layer_px * np.abs(views.positions - self.point) / views.slab.lens_pitch_m
         return float(self.share @ (1 + piled.sum(axis=1))) / self.step**2

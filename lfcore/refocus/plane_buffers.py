@@ -16,11 +16,11 @@ from lfcore.optics.slab import Slab
 from lfcore.refocus.plane_tables import PLANE_ARGUMENTS, PlaneTables
 
 MEMORY_SHARE = 4
-"""Sums of one kind take at most one part in this many of a device's memory."""
+"""The sums of one kind take at most 1 / MEMORY_SHARE of a device's memory."""
 
 
 def workers_that_fit(device: Device, each: int) -> int:
-    """How many of a device's workers its memory holds buffers of ``each`` bytes for."""
+    """The number of workers for which the device's memory holds buffers of ``each`` bytes."""
     limits = device.device
     room = min(limits.max_mem_alloc_size, limits.global_mem_size // MEMORY_SHARE)
     if each > room:
@@ -35,13 +35,13 @@ def workers_that_fit(device: Device, each: int) -> int:
 class PlaneBuffers:
     """Tables and accumulators of ``planes`` for the rays of one tile of a light field.
 
-    Every worker adds to sums of its own, 64-bit integers, so that no two ever meet and the
-    result does not depend on who added what.
+    Each worker has its own sums of 64-bit integers, so the result does not depend on the division
+    of work.
 
     Attributes
     ----------
     one : radiance 1 in sums.
-    workers : how many may add; fewer than the device's threads where its memory holds no more sums.
+    workers : the number of workers, limited by the device's threads and by its memory.
 
     Raises
     ------

@@ -52,7 +52,7 @@ def slice_stored(
         report = part_of(progress, number, len(groups))
         pictures.append(_slice(field, group, side, device, report))
         field.close()  # decoders hold more memory than pictures
-    return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # which copies
+    return pictures[0] if len(pictures) == 1 else np.concatenate(pictures)  # concatenation copies
 
 
 def _slice(

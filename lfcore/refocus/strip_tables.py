@@ -26,8 +26,8 @@ MOST_COLUMNS = 112
 TABLE_LEAD = 3
 """Entries before the 0 of a table's row, so that its sums begin at a multiple of 64 bytes."""
 TABLE_PADDING = 68
-"""Entries of a table's row that are no sums: TABLE_LEAD before it, and behind it so many that rows
-do not share sets of the cache."""
+"""Entries of a table's row that are no sums: TABLE_LEAD before the sums, and others behind them, so
+that rows do not share sets of the cache."""
 PLANE = np.dtype([("mask", INT), ("columns", INT), ("rows", INT), ("per_pixel", INT)])
 """A plane: its mask, its first pointers of columns and of rows, and whether each pixel has its own
 runs, as with magnification."""

@@ -25,7 +25,7 @@ Part = tuple[np.ndarray, np.ndarray]
 
 
 BLACK = 1e-3
-"""The own light, of white, that a codec may make of none."""
+"""The most own light, a share of white, that counts as none in a file: codecs add as much."""
 
 
 def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
@@ -48,15 +48,19 @@ def placed_parts(parts: Sequence[Part], black: float = 0.0) -> Sequence[Part]:
 
 
 def virtual_depth(depths: Sequence[np.ndarray]) -> np.ndarray:
-    """The depth at which the specular part of rays appears, if they have one; ``depths`` are those
-    of one part or two."""
+    """The depth of images in mirrors, glass and coats, and of other rays' surfaces.
+
+    ``depths`` has one part or two.
+    """
     surface, *virtual = depths
     return np.where(virtual[0] > 0, virtual[0], surface) if virtual else surface
 
 
 def one_part(parts: Sequence[Part], black: float = 0.0) -> Part:
-    """All light, at virtual depth where a surface has no light of its own, else at the surface's:
-    what one slicing can use."""
+    """All light in one part, for one slicing.
+
+    Its depth is virtual where a surface has no light of its own, else the surface's.
+    """
     (light, depth), *rest = placed_parts(parts, black)
     for shown, _ in rest:
         light = light + shown
@@ -66,7 +70,7 @@ def one_part(parts: Sequence[Part], black: float = 0.0) -> Part:
 class TwoPartSlicer:
     """Forms pictures from rays with one part or two; parameters are those of :class:`DepthSlicer`.
 
-    The second part costs time where rays have it, and memory once a ray has it.
+    The second part costs time for the rays that have it, and memory as soon as one ray has it.
     """
 
     def __init__(

@@ -180,9 +180,9 @@ def read_by_depth(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Read the chosen views of a file with depth, in one part or two, as they are sliced.
 
-    Each has pictures, as of :func:`read`, and disparities (K, height, width) float32, their pixels
-    per view: of mirrors and glass those of what they show.  The second part is what coats show
-    beside their own light; its disparities are NaN where a ray has none.
+    A part has pictures, as of :func:`read`, and disparities (K, height, width) float32, in their
+    pixels per view.  Disparities in mirrors and glass are those of the images.  The second part
+    has the reflections of coats; its disparities are NaN where there is none.
     """
     slab, samples = field.require_slab(), choice.samples
     files = [field, *([field.specular] if field.specular else [])]

@@ -86,7 +86,7 @@ void main() {
     sum += last * (left / last.w);
     covered += shownLast * (left / last.w);
   }
-  // What no view sees is as the farthest around it.
+  // A pixel that no view sees gets the farthest surface around it.
   for (int r = 1; behind > 0 && sum.w <= 0.0 && r <= HOLE; r++) {
     for (int layer = layers - 1; layer >= 0 && sum.w <= 0.0; layer--) {
       vec2 corner = vec2(layer & 1, layer >> 1) * (picture + 2.0 * margin) + margin;

@@ -5,12 +5,12 @@
 #include "lanes.cl"
 
 #define BRIGHTEST ((float)(1 << STOPS))
-// Radiance 1: of a strip's column 32 rays of BRIGHTEST fit into 32 bits.
+// Radiance 1: the 32 rays of a strip's column, all of BRIGHTEST, have a sum of 32 bits.
 #define COARSE (STOPS > SPARE_STOPS)
 #define ONE_OF_SUMS (FIXED_ONE / (COARSE ? 1 << (STOPS - SPARE_STOPS) : 1))
 
-// Added before fractions are dropped: one half; in coarse sums unlike numbers with that mean, so
-// that the fractions of equal rays count.
+// Added before fractions are dropped: one half.  Coarse sums add different numbers with this mean,
+// so that fractions of equal rays count.
 #define SPREAD 1, 17, 9, 25, 5, 21, 13, 29, 3, 19, 11, 27, 7, 23, 15, 31
 #if LANES == 1
 constant float HALVES[16] = {SPREAD};

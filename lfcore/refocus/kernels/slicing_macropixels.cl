@@ -142,7 +142,7 @@ KERNEL void form_strip_planes(form_strip_planes_PARAMETERS)
     const int pitch = PITCH(numbers.views), elements = numbers.elements;
     for (int k = 0; k < pitch; ++k) table[k] = 0;
     for (int row = 1; row <= STRIP; ++row) table[row * pitch + TABLE_LEAD] = 0;
-    // Neighbours strip by strip: what a strip adds to, of all planes, then stays in the cache.
+    // Strip by strip over neighbouring macropixels: the sums of all planes stay in the cache.
     for (int group = atomic_inc(next) * GROUP; group < elements; group = atomic_inc(next) * GROUP)
         for (int strip = 0; strip < numbers.strips; ++strip)
             for (int element = group; element < min(group + GROUP, elements); ++element) {

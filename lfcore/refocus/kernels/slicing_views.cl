@@ -83,7 +83,7 @@ inline void add_view(const SensorPlanes *p, int2 view, int2 at, global const flo
 {
     const SensorPlaneArguments *n = p->numbers;
     const int columns = min(BLOCK, n->columns - at.x), rows = min(BLOCK, n->rows - at.y);
-    // Added before fractions are dropped: one half; in coarse sums unlike numbers with that mean.
+    // Added before fractions are dropped, as in fixed_point.cl.
     const float part = FEW_BITS ? (((view.x + 4 * view.y) & 15) + 0.5f) / 16.0f : 0.5f;
     for (int plane = 0; plane < n->planes; ++plane) {
         const SensorPlane info = p->planes[plane];

@@ -91,8 +91,8 @@ __attribute__((noinline)) static int16 add_squares(const Adding *a, RaySums squa
     return shared;
 }
 
-// From a mask of sixteen squares that of the sixteen smaller ones (or rays) in a row of its first
-// or last eight.
+// The mask of sixteen smaller squares (or rays) in a row of the first or last eight of `squares`,
+// from the mask of these.
 #define WITHIN(squares, second) ((second) ? (squares).hi : (squares).lo).s0011223344556677
 
 // Add ABREAST squares of 2 x 2 rays, where they are wanted: as one box each, or else ray by ray, of

@@ -34,7 +34,8 @@ inline float4 light_at(const Strip *s, int layer, int x, int y)
            0.0625f;
 }
 
-// The colour of a reflection, or where no ray of its picture fell, at its surface's depth.
+// The colour of a reflection; where no ray of its picture fell, of specular light at the surface's
+// depth.
 inline float3 specular_colour(float4 covered, float3 reflection)
 {
     return isnan(reflection.x) ? covered.xyz / covered.w : reflection;

@@ -79,7 +79,7 @@ inline RaySums read_row(const View *of, int v, int start)
     return r;
 }
 
-// Squares of four: of pieces a and b of one row and c and d of the next.
+// Join pieces a and b of a row, and c and d of the next row, to squares of 2 x 2.
 inline RaySums join(RaySums a, RaySums b, RaySums c, RaySums d)
 {
 #define PLUS(x, y) ((x) + (y))
@@ -91,7 +91,7 @@ inline RaySums join(RaySums a, RaySums b, RaySums c, RaySums d)
     return a;
 }
 
-// Squares of 2 x 2 from there on.
+// Squares of 2 x 2 rays, the first at column `start` of row `v`.
 inline RaySums read_squares(const View *of, int v, int start)
 {
     return join(read_row(of, v, start), read_row(of, v, start + ABREAST),
