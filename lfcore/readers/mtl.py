@@ -34,6 +34,8 @@ REFRACTIVE = 6, 7
 """Illumination models of glass that refracts."""
 MOST_WORDS = 8
 """The most words of a library's name among several on a line."""
+ROUNDING = 1e-4
+"""What programs that write numbers in few digits may be beyond a range."""
 WHITE = np.full((1, 1, 4), 255, np.uint8)
 
 
@@ -194,15 +196,16 @@ class _Material:
         changes: dict[str, Any] = dict(textures)
         if {"pm", "pr"} & self.statements.keys():
             metallic, roughness = (
-                self._numbers(*key_and_default)[0] for key_and_default in (("pm", 0.0), ("pr", 0.5))
+                self._numbers(key, default, most=1.0)[0]
+                for key, default in (("pm", 0.0), ("pr", 0.5))
             )
-            changes["metallic"], changes["roughness"] = np.clip((metallic, roughness), 0, 1)
+            changes["metallic"], changes["roughness"] = float(metallic), float(roughness)
             self._used -= {"ks", "ns"}
         if "norm" in self.maps:
             changes["normal_scale"] = self._factor("norm")
         changes |= self._transparency(diffuse, textures["texture"])
         changes["clearcoat"], changes["clearcoat_roughness"] = (
-            float(np.clip(self._numbers(key, 0.0)[0], 0, 1)) for key in ("pc", "pcr")
+            float(self._numbers(key, 0.0, most=1.0)[0]) for key in ("pc", "pcr")
         )
         diffuse = changes.pop("diffuse", diffuse)
         self._account_for_all()
@@ -223,8 +226,13 @@ class _Material:
     def _note(self, kind: str, what: str) -> None:
         self.libraries.note(kind, self.file, f"material {self.name!r}: {what}")
 
-    def _numbers(self, key: str, otherwise: float) -> np.ndarray:
-        """(3,) numbers of a statement; a single number stands for all three."""
+    def _numbers(
+        self, key: str, otherwise: float, *, least: float = 0.0, most: float = np.inf
+    ) -> np.ndarray:
+        """(3,) numbers of a statement; a single number stands for all three.
+
+        Unless a range has no end, they must be within it, to rounding.
+        """
         self._used.add(key)
         if key not in self.statements:
             return np.full(3, otherwise)
@@ -234,11 +242,17 @@ class _Material:
             self._note(LEFT_OUT, f"{key.title()} {text.split()[0]}")
             return np.full(3, otherwise)
         numbers = [_number(word) for word in text.split()]
+        where = Where(self.file, f"material {self.name}: {self.statements[key][0]}")
         if len(numbers) not in (1, 3) or None in numbers:
-            where = Where(self.file, f"material {self.name}: {key.title()}")
             problem = f"{text!r} is not one finite number or three"
             raise where.error(problem, "Mend the material file")
-        return np.broadcast_to(np.array(numbers, np.float64), 3)
+        values = np.broadcast_to(np.array(numbers, np.float64), 3)
+        if not least and np.isinf(most):
+            return values
+        if not ((values >= least - ROUNDING) & (values <= most + ROUNDING)).all():
+            ends = f"from {least:g} on" if np.isinf(most) else f"from {least:g} to {most:g}"
+            raise where.error(f"cannot be {text}", f"Give numbers {ends}")
+        return np.clip(values, least, most)
 
     def _factor(self, key: str) -> float:
         words = self.maps[key].options.get("-bm", [])
@@ -272,9 +286,9 @@ class _Material:
 
     def _transparency(self, diffuse: np.ndarray, texture: np.ndarray | None) -> dict[str, Any]:
         """The fields of veils, of glass, and of holes, where alpha is below a half."""
-        opacity = float(np.clip(self._numbers("d", 1.0)[-1], 0, 1))
+        opacity = float(self._numbers("d", 1.0, most=1.0)[-1])
         if "tr" in self.statements and "d" not in self.statements:
-            opacity = 1 - float(np.clip(self._numbers("tr", 0.0)[0], 0, 1))
+            opacity = 1 - float(self._numbers("tr", 0.0, most=1.0)[0])
             if not opacity:
                 opacity = 1.0
                 self._note(ASSUMED, "Tr 1 is opaque, as in old exporters; d 0 is transparent")
@@ -293,8 +307,8 @@ class _Material:
         soft = opacity * least < SOLID / 255 and (opacity < 1 or not is_mask(alpha))
         if soft and opacity * most > 0:
             if least == 1 and int(self._numbers("illum", 2.0)[0]) in REFRACTIVE:
-                index = max(float(self._numbers("ni", 1.0)[0]), 1.0)
-                colour = opacity * diffuse + (1 - opacity) * self._numbers("tf", 1.0)
+                index = float(self._numbers("ni", 1.0, least=1.0)[0])
+                colour = opacity * diffuse + (1 - opacity) * self._numbers("tf", 1.0, most=1.0)
                 return {"transmission": 1 - opacity, "ior": index, "diffuse": colour}
             if least == most:
                 return {"opacity": opacity * least}

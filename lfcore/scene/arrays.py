@@ -77,4 +77,5 @@ def check_range(key: str, value: Any, least: float, most: float) -> None:
     except (TypeError, ValueError):
         fits = False
     if not fits:
-        raise SceneError(f"must be a number from {least:g} to {most:g}, not {value!r}", key=key)
+        problem = f"must be a number from {least:g} to {most:g}, not {value!r}"
+        raise SceneError(problem, key=key, remedy="Give one in this range")

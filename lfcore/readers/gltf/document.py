@@ -116,10 +116,6 @@ class Document:
     def number(self, holder: dict, key: str, default: float) -> float:
         return float(self.numbers(holder, key, default))
 
-    def share(self, holder: dict, key: str, default: float) -> float:
-        """A number that is cut off at 0 and 1."""
-        return min(max(self.number(holder, key, default), 0.0), 1.0)
-
     # -- bytes --------------------------------------------------------------------------------
 
     def data(self, uri: str, role: str) -> bytes:

@@ -28,6 +28,8 @@ GLOSSY, UNLIT = "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"
 STRENGTH, MOVED = "KHR_materials_emissive_strength", "KHR_texture_transform"
 REPEAT, NEAREST = 10497, 9728
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+ROUNDING = 1e-4
+"""What programs that write numbers in few digits may be beyond a range."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +170,9 @@ class _Material:
                 "diffuse": BLACK, "emission": surface.diffuse, "metallic": -1.0,
                 "metal_texture": None, "normal_texture": None, "emission_texture": surface.texture,
             }  # fmt: skip
+        changes |= self._specular()
         try:
-            surface = replace(surface, **changes, **self._specular())
+            surface = replace(surface, **changes)
         except SceneError as error:
             key = f"material {self.name!r}: {error.key}"
             raise error.named(SceneError, file=document.path, key=key) from None
@@ -178,23 +181,22 @@ class _Material:
 
     def _metallic(self) -> tuple[Surface, float, np.ndarray | None]:
         """Surface, alpha and (H, W, 4) base colours of metal and roughness."""
-        document, entry = self.document, self.entry.get("pbrMetallicRoughness", {})
-        colour = np.clip(document.numbers(entry, "baseColorFactor", (*WHITE, 1.0)), 0, 1)
+        entry = self.entry.get("pbrMetallicRoughness", {})
+        colour = self._clipped(entry, "baseColorFactor", (*WHITE, 1.0))
         colours = self.texture(entry, "baseColorTexture", "RGBA")
         surface = Surface(
             self.name, triple(colour[:3]), texture=_opaque(colours),
-            metallic=document.share(entry, "metallicFactor", 1.0),
-            roughness=document.share(entry, "roughnessFactor", 1.0),
+            metallic=float(self._clipped(entry, "metallicFactor", 1.0)),
+            roughness=float(self._clipped(entry, "roughnessFactor", 1.0)),
             metal_texture=self.texture(entry, "metallicRoughnessTexture"),
         )  # fmt: skip
         return surface, float(colour[3]), colours
 
     def _glossy(self, entry: dict) -> tuple[Surface, float, np.ndarray | None]:
         """The same, converted from diffuse and specular colours."""
-        numbers = self.document.numbers
-        colour = np.clip(numbers(entry, "diffuseFactor", (*WHITE, 1.0)), 0, 1)
-        specular = np.clip(numbers(entry, "specularFactor", WHITE), 0, 1)
-        gloss = self.document.share(entry, "glossinessFactor", 1.0)
+        colour = self._clipped(entry, "diffuseFactor", (*WHITE, 1.0))
+        specular = self._clipped(entry, "specularFactor", WHITE)
+        gloss = float(self._clipped(entry, "glossinessFactor", 1.0))
         colours = self.texture(entry, "diffuseTexture", "RGBA")
         shine = self.texture(entry, "specularGlossinessTexture", "RGBA")
         if colours is None and shine is None:
@@ -281,29 +283,55 @@ class _Material:
                 if key.endswith("Texture"):
                     self.surfaces.drop(info)
                     self.note(LEFT_OUT, key)
-        number, share = self.document.number, self.document.share
+        number = self._number
         if ior.get("ior") == 0:
             self.note(APPROXIMATED, "an ior of 0, which reflects all light, as 1.5")
             ior = {}
+        if volume.get("attenuationDistance") == 0:
+            self.note(APPROXIMATED, "an attenuationDistance of 0 as none")
+        distance = number(volume, "attenuationDistance", math.inf, 0.0, math.inf)
         values: dict[str, Any] = {
-            "ior": number(ior, "ior", 1.5),
-            "transmission": share(glass, "transmissionFactor", 0.0),
-            "thin_walled": not number(volume, "thicknessFactor", 0.0),
-            "attenuation_distance_m": number(volume, "attenuationDistance", 0.0),
-            "attenuation_colour": triple(self.document.numbers(volume, "attenuationColor", WHITE)),
-            "clearcoat": share(coat, "clearcoatFactor", 0.0),
-            "clearcoat_roughness": share(coat, "clearcoatRoughnessFactor", 0.0),
+            "ior": number(ior, "ior", 1.5, 1.0, math.inf),
+            "transmission": number(glass, "transmissionFactor", 0.0),
+            "thin_walled": not number(volume, "thicknessFactor", 0.0, 0.0, math.inf),
+            "attenuation_distance_m": distance if math.isfinite(distance) else 0.0,
+            "attenuation_colour": triple(self._numbers(volume, "attenuationColor", WHITE)),
+            "clearcoat": number(coat, "clearcoatFactor", 0.0),
+            "clearcoat_roughness": number(coat, "clearcoatRoughnessFactor", 0.0),
         }
         if values["transmission"]:
-            rough = self.document.share(
-                self.entry.get("pbrMetallicRoughness", {}), "roughnessFactor", 1.0
-            )
+            rough = number(self.entry.get("pbrMetallicRoughness", {}), "roughnessFactor", 1.0)
             if rough > MIRROR_ROUGHNESS:
                 self.note(APPROXIMATED, "rough glass, which is smooth")
             return values
         return {
             name: values[name] for name in ("ior", "clearcoat", "clearcoat_roughness")
         }  # fmt: skip
+
+    def _number(
+        self, holder: dict, key: str, default: float, least: float = 0.0, most: float = 1.0
+    ) -> float:
+        return float(self._numbers(holder, key, default, least, most))
+
+    def _numbers(
+        self, holder: dict, key: str, default: Any, least: float = 0.0, most: float = 1.0
+    ) -> np.ndarray:
+        """Numbers as of :meth:`Document.numbers` that are in a range; shares to rounding."""
+        if key not in holder:
+            return np.asarray(default, np.float64)
+        values, more = self.document.numbers(holder, key, default), ROUNDING * (most == 1)
+        if not ((values >= least - more) & (values <= most + more)).all():
+            where = Where(self.document.path, f"material {self.name!r}: {key}")
+            ends = f"from {least:g} to {most:g}" if math.isfinite(most) else f"from {least:g} on"
+            raise where.error(f"cannot be {holder[key]}", f"Give numbers {ends}")
+        return np.clip(values, least, most)
+
+    def _clipped(self, holder: dict, key: str, default: Any) -> np.ndarray:
+        """Shares that are cut off at 0 and 1, with a note."""
+        values = self.document.numbers(holder, key, default)
+        if not ((values >= -ROUNDING) & (values <= 1 + ROUNDING)).all():
+            self.note(APPROXIMATED, f"{key} {holder[key]}, which is cut off at 0 and 1")
+        return np.clip(values, 0, 1)
 
     def note(self, kind: str, what: str) -> None:
         self.surfaces.note(kind, self.name, what)

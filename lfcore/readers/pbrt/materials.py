@@ -29,6 +29,8 @@ GLASSES = {
 }  # fmt: skip
 """The index of refraction, at 588 nm, of glasses given by name (Schott's data sheets); pbrt calls
 SF5, SF10 and SF11 F5, F10 and F11."""
+ROUNDING = 1e-4
+"""What weights may be above 1."""
 Resolved = tuple[Surface, Texture] | None
 """A surface with its texture and the image's uv transform; None if the material is no surface."""
 
@@ -150,7 +152,7 @@ class MaterialTable:
 
     def _glossy(self, parameters: ParameterSet, default: float, reflectance: float) -> Look:
         diffuse = self.textures.colour(parameters, "Kd", default)
-        gloss = self.textures.rgb(parameters, "Ks", default)
+        gloss = self._weights(parameters, "Ks", default)
         alpha = self._alpha(parameters, 0.1)
         coat = float(gloss.max()) * reflectance / DIELECTRIC
         fields = {"clearcoat": min(coat, 1.0)} if coat and is_smooth(alpha) else {}
@@ -165,15 +167,15 @@ class MaterialTable:
         return Look(diffuse, *lobe(np.full(3, DIELECTRIC), alpha), fields)
 
     def _uber(self, parameters: ParameterSet) -> Look:
-        mirrored, passed = (self.textures.rgb(parameters, name, 0.0) for name in ("Kr", "Kt"))
-        opacity = np.clip(self.textures.rgb(parameters, "opacity", 1.0), 0, 1)
+        mirrored, passed = (self._weights(parameters, name, 0.0) for name in ("Kr", "Kt"))
+        opacity = self._weights(parameters, "opacity", 1.0)
         index = self._index(parameters)
         look = self._glossy(parameters, 0.25, DIELECTRIC)
         fields: dict[str, Any] = {**look.fields, "opacity": float(opacity.mean())}
         if np.ptp(opacity):
             parameters.approximated("opacity without colour")
         if mirrored.any():
-            fields["clearcoat"] = min(float(mirrored.max()), 1.0)
+            fields["clearcoat"] = float(mirrored.max())
         diffuse = look.diffuse
         if passed.any():
             # The colours of both are their sum, shared so that the mean light of each is right.
@@ -186,8 +188,8 @@ class MaterialTable:
         return Look(diffuse, look.specular, look.shininess, fields)
 
     def _glass(self, parameters: ParameterSet) -> Look:
-        passed = self.textures.rgb(parameters, "Kt", 1.0)
-        mirrored = self.textures.rgb(parameters, "Kr", 1.0)
+        passed = self._weights(parameters, "Kt", 1.0)
+        mirrored = self._weights(parameters, "Kr", 1.0)
         if not np.allclose(mirrored, 1):
             parameters.approximated("all light that Fresnel's equations reflect (Kr)")
         version4 = "dielectric" in parameters.owner
@@ -195,7 +197,17 @@ class MaterialTable:
             parameters.approximated("smooth instead")
         thin = "thindielectric" in parameters.owner
         fields = {"transmission": 1.0, "ior": self._index(parameters), "thin_walled": thin}
-        return Look(constant(np.clip(passed, 0, 1)), fields=fields)
+        return Look(constant(passed), fields=fields)
+
+    def _weights(self, parameters: ParameterSet, name: str, default: float) -> np.ndarray:
+        """A colour parameter (3,) from 0 to 1; spectra and textures are cut off there."""
+        values = self.textures.rgb(parameters, name, default)
+        parameter = parameters.get(name)
+        given = parameter is not None and parameter.type in ("rgb", "color", "float")
+        if given and not ((values >= 0) & (values <= 1 + ROUNDING)).all():
+            shown = " ".join(f"{value:g}" for value in values)
+            raise parameters.error(name, f"is {shown}", "Give numbers from 0 to 1")
+        return np.clip(values, 0, 1)
 
     def _index(self, parameters: ParameterSet) -> float:
         """The index of refraction, of a number or a glass's name."""
@@ -219,8 +231,8 @@ class MaterialTable:
         return found
 
     def _translucent(self, parameters: ParameterSet) -> Look:
-        share = self.textures.rgb(parameters, "reflect", 0.5)
-        if self.textures.rgb(parameters, "transmit", 0.5).any():
+        share = self._weights(parameters, "reflect", 0.5)
+        if self._weights(parameters, "transmit", 0.5).any():
             parameters.left_out("light that shines through")
         look = self._glossy(parameters, 0.25, DIELECTRIC)
         diffuse = replace(look.diffuse, factor=look.diffuse.factor * share)
@@ -229,14 +241,14 @@ class MaterialTable:
     def _metal(self, parameters: ParameterSet) -> Look:
         version4 = "conductor" in parameters.owner
         alpha = self._alpha(parameters, 0.0 if version4 else 0.01, version4)
-        reflectance = np.clip(self._metal_colour(parameters), 0, 1)
+        reflectance = self._metal_colour(parameters)
         if is_smooth(alpha):
             return Look(constant(reflectance), fields=MIRROR)
         return Look(_metal_diffuse(parameters, reflectance), *lobe(reflectance, alpha))
 
     def _metal_colour(self, parameters: ParameterSet) -> np.ndarray:
         if "reflectance" in parameters.items:
-            return self.textures.rgb(parameters, "reflectance", 0.8)
+            return self._weights(parameters, "reflectance", 0.8)
         eta, k = parameters.get("eta"), parameters.get("k")
         named = [p.values[0] for p in (eta, k) if p is not None and isinstance(p.values, list)]
         for metal, reflectance in METALS.items():
@@ -245,11 +257,11 @@ class MaterialTable:
         if eta is None or k is None:
             return np.array(METALS["Cu"])  # pbrt's default
         folder = self.textures.folder
-        return metal_reflectance(parameter_rgb(eta, folder), parameter_rgb(k, folder))
+        reflectance = metal_reflectance(parameter_rgb(eta, folder), parameter_rgb(k, folder))
+        return np.clip(reflectance, 0, 1)
 
     def _mirror(self, parameters: ParameterSet) -> Look:
-        reflectance = self.textures.rgb(parameters, "Kr", 0.9)
-        return Look(constant(np.clip(reflectance, 0, 1)), fields=MIRROR)
+        return Look(constant(self._weights(parameters, "Kr", 0.9)), fields=MIRROR)
 
     def _mix(self, parameters: ParameterSet) -> Look:
         pair = parameters.get("materials", "string")
@@ -286,10 +298,11 @@ class MaterialTable:
         return Look(texture, specular, glossier.shininess, _mixed(a, b, weight))
 
     def _unknown(self, parameters: ParameterSet) -> Look:
-        parameters.approximated("as matte grey of 0.5")
         for name in ("Kd", "reflectance", "color", "Kr"):
             if name in parameters.items:
+                parameters.approximated(f'as matte with its "{name}"')
                 return self._lambert(parameters, name)
+        parameters.approximated("as matte grey of 0.5")
         return Look(constant(0.5))
 
 
