@@ -333,7 +333,8 @@ def record(
     quality : Quality, optional
         Choose rays and rate factor for a quality of pictures through the whole lens, instead of
         ``views``.  One traced view predicts the error of each lattice, small light fields predict
-        the codec's error.  ``content["expected"]`` of the file has the prediction.
+        the codec's error, of a film at its middle instant.  ``content["expected"]`` of the file has
+        the prediction.
     encoding : Encoding, optional
         Codec, layout and whether depth is stored.  Default: the best measured ones.
     times : sequence of float, optional

@@ -65,6 +65,7 @@ MEDIA = {
     ".tif": "image/tiff", ".exr": "image/x-exr", ".png": "image/png", ".tar": "application/x-tar",
     ".pfm": "application/octet-stream", ".mat": "application/x-matlab-data",
     ".h5": "application/x-hdf5", ".npy": "application/octet-stream", ".npz": "application/zip",
+    ".mkv": "video/x-matroska",
 }  # fmt: skip
 
 AS_BYTES = "text/plain"

@@ -23,7 +23,9 @@ from lfcore.optics.size import Size
 from lfcore.reading import read_yaml
 from lfcore.sensor import Sensor
 
-KINDS = ("focal_stacks", "infinigen_defocus", "light_fields", "defocus_pairs", "dual_pixel")
+KINDS = (
+    "focal_stacks", "infinigen_defocus", "light_fields", "defocus_pairs", "dual_pixel", "films",
+)  # fmt: skip
 SPLITS = ("train", "validation", "test")
 TEXTURES = (".png", ".jpg", ".jpeg", ".webp")
 """The suffixes of textures in a folder."""
@@ -147,6 +149,15 @@ class Frames(_Keys):
         description="in an object's diameters per second; in rooms things turn only",
     )
     turn_deg: span(0, 1e5) = _key((0, 90, "even"), description="degrees per second")
+    shutter: Share = _key(
+        0.0, description="of the time between instants, about each of which the shutter is open; "
+        "sharp pictures, depth, flow and truth are those of the middle",
+    )  # fmt: skip
+
+    @property
+    def moving(self) -> bool:
+        """Whether pictures show that things move."""
+        return self.count > 1 or self.shutter > 0
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -196,7 +207,8 @@ class Description(_Keys):
     )
     kind: Literal[KINDS] = _key(
         description="`focal_stacks` (as in FoD500), `infinigen_defocus` (stacks at several "
-        "f-numbers), `light_fields`, `defocus_pairs` or `dual_pixel` (as in DPDD)"
+        "f-numbers), `light_fields`, `defocus_pairs`, `dual_pixel` (as in DPDD) or `films` of "
+        "light fields"
     )
     licence: str = _key("", description="of the data set, a URL or SPDX name")
     seed: int = _key(1, ge=0, lt=2**63, description="scenes depend on it and their number alone")
@@ -241,7 +253,11 @@ class Description(_Keys):
             raise ValueError("placement.depth_m: objects are beyond placement.wall_m")
         if not (self.shapes.builders or self.shapes.meshes):
             raise ValueError("shapes: neither meshes nor builders")
-        if self.frames.count > 1 and not (self.frames.share_moving or self.shapes.meshes):
+        if self.frames.shutter and self.kind == "light_fields":
+            raise ValueError("frames.shutter: views are sharp; leave it out, or make films")
+        if self.kind == "films" and (self.codes != "srgb8" or self.sensor):
+            raise ValueError("kind: films have no sensor's noise, and codes of their own")
+        if self.frames.moving and not (self.frames.share_moving or self.shapes.meshes):
             raise ValueError("frames.share_moving: nothing moves")
         names = {f"{metres:.1f}" for metres in self.lens.focus_m}
         if self.kind == "infinigen_defocus" and len(names) < len(self.lens.focus_m):
@@ -378,7 +394,7 @@ class Description(_Keys):
         elif self.kind == "infinigen_defocus":
             bytes_per_pixel = 3 * (len(self.lens.focus_m) * len(self.lens.stops) + 3)
         elif self.kind != "focal_stacks":
-            bytes_per_pixel = 3 * 7
+            bytes_per_pixel = 3 * 7  # also of a film's instant
         if self.frames.count > 1:  # instants, each with flow
             bytes_per_pixel = self.frames.count * (bytes_per_pixel + 24)
         deep, pixels = 1 if self.codes == "srgb8" else 2, self.size.width * self.size.height

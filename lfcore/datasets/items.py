@@ -9,15 +9,17 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from lfcore.api import record
 from lfcore.colour import srgb_codes
 from lfcore.datasets import views
 from lfcore.datasets.description import Description
@@ -121,9 +123,11 @@ class Item:
 
 def make_item(
     description: Description, index: int, device: Device | str | None = None, made_of: str = "",
-    *, encoded: bool = True,
+    *, encoded: bool = True, drafts: Path | None = None,
 ) -> Item:  # fmt: skip
     """Sample, trace and encode scene ``index``; its record has ``made_of``, the sources' digest.
+
+    Finished instants of a film are in the folder ``drafts``, from which a killed job continues.
 
     Raises :class:`SceneError` or :class:`OpticsError` for a scene that makes no item.
     """
@@ -142,6 +146,10 @@ def make_item(
         before = now
     if len(times) > 1:
         item = _joined(instants, drawn, times)
+    if description.kind == "films":
+        _add_film(item, description, drawn, times, device, drafts)
+    if drawn.scene.shutter:
+        item.record["shutter_s"] = list(drawn.scene.shutter)
     # The worst picture counts.
     item.record["expected_db"] = round(float(min(item.record["each_db"])), 2)
     item.record["fields"] = list(item.files)
@@ -369,6 +377,36 @@ def blur_px(camera: Camera, pixels: int, depth: np.ndarray, focus_m: float) -> n
     return (2 * camera.lens_radius_m * defocus * pixels / camera.field_width).astype(np.float32)
 
 
+# -- films -----------------------------------------------------------------------------------------
+
+
+def _instant_of_film(
+    item: Item, description: Description, tracer: Tracer, depth: np.ndarray
+) -> None:
+    """Add the middle view of an instant, and its depth; the film itself has all instants."""
+    _add_sharp(item, "sharp.png", description, tracer)
+    item.add("depth_m.exr", depth)
+    item.record["focus_m"] = [tracer.scene.camera.focus_m]
+
+
+def _add_film(
+    item: Item, description: Description, drawn: Sample, times: Sequence[float],
+    device: Device | str | None, drafts: Path | None,
+) -> None:  # fmt: skip
+    """Add the film of light fields, and its expected quality."""
+    with TemporaryDirectory() as folder:
+        path = (drafts or Path(folder)) / f"{item.record['index']:06d}.mkv"
+        film = record(
+            drawn.scene, path, times=times, pixels=description.size, device=device,
+            quality=Quality(description.quality_db),
+        )  # fmt: skip
+        item.files["film.mkv"] = path.read_bytes()
+        path.unlink()
+    rays = len(times) * film.require_slab().rays / math.prod(description.size)
+    item.record["each_db"] = [*item.record["each_db"], film.content["expected"]["db"]]
+    item.record["rays_per_pixel"] += round(rays, 2)
+
+
 # -- light fields -----------------------------------------------------------------------------
 
 
@@ -422,7 +460,7 @@ def _add_hci(item: Item, slab: Slab, name: str, codes: np.ndarray, depths: np.nd
 
 MAKERS = {
     "focal_stacks": _focal_stack, "infinigen_defocus": _infinigen, "light_fields": _light_field,
-    "defocus_pairs": _defocus_pair, "dual_pixel": _dual_pixel,
+    "defocus_pairs": _defocus_pair, "dual_pixel": _dual_pixel, "films": _instant_of_film,
 }  # fmt: skip
 
 
@@ -448,7 +486,7 @@ def make_batch(
         tar, record = (drafts / f"{index:06d}.{kind}" for kind in ("tar", "json"))
         if not record.exists():  # written after its tar file
             kept = finished.item(index, made_of) if finished else None
-            files, facts = kept or _make_or_refuse(description, index, device, made_of)
+            files, facts = kept or _make_or_refuse(description, index, device, made_of, drafts)
             write_tar(tar, ((f"{index:06d}.{name}", data) for name, data in files.items()))
             write_json(record, facts)
         all_records.append(json.loads(record.read_text(encoding="utf-8")))
@@ -484,12 +522,12 @@ def run_batch(
 
 
 def _make_or_refuse(
-    description: Description, index: int, device: Device, made_of: str
+    description: Description, index: int, device: Device, made_of: str, drafts: Path
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """Return files and record of an item; for a refused scene no files, and the reason."""
     start, processor = time.perf_counter(), time.process_time()
     try:
-        item = make_item(description, index, device, made_of)
+        item = make_item(description, index, device, made_of, drafts=drafts)
     except (SceneError, OpticsError) as error:
         item = Item(record={"index": index, "refused": str(error)})
     item.record["seconds"] = round(time.perf_counter() - start, 3)

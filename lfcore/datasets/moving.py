@@ -1,6 +1,7 @@
 """What moves in a scene of a data set: objects with constant velocities, and animated meshes.
 
-The scene at the first instant is that of the same description without ``frames``.
+The scene at the first instant is that of the same description without ``frames``; a shutter is
+open about each instant.
 """
 
 from __future__ import annotations
@@ -106,6 +107,7 @@ def movements(
     """
     frames = draw.description.frames
     times = np.linspace(0, frames.times[-1], min(frames.count, CHECKED + 1))[1:]
+    times = times if len(times) else np.array([frames.shutter / frames.fps])
     velocities = {thing.number: np.zeros(3) for thing in things}
     turns, moving = dict(velocities), set[int]()
     for thing in things:
@@ -150,11 +152,12 @@ def _parts_at(thing: Thing, to_camera: np.ndarray) -> Callable[[float], Parts] |
 
 
 def animated(scene: Scene, moves: Sequence[Movement], frames: Frames) -> Scene:
-    """Return the scene with its movements, from the time 0 to the last instant."""
-    end = frames.times[-1]
+    """Return the scene with its movements, from the time 0 to the last instant, and its shutter."""
+    open_s = frames.shutter / frames.fps
+    start, end = -open_s / 2, frames.times[-1] + open_s / 2
 
     def at(now: Scene, time_s: float) -> Scene:
-        time_s = min(max(time_s, 0.0), end)
+        time_s = min(max(time_s, start), end)
         triangles, normals = now.triangles.copy(), now.normals.copy()
         for move in moves:
             places, turned = move.moved(now, time_s)
@@ -163,4 +166,5 @@ def animated(scene: Scene, moves: Sequence[Movement], frames: Frames) -> Scene:
                 normals[move.rows] = turned
         return replace(now, triangles=triangles, normals=normals)
 
-    return replace(scene, animation=Animation(0.0, end, at))
+    shutter = (start, -start) if open_s else None
+    return replace(scene, animation=Animation(start, end, at), shutter=shutter)

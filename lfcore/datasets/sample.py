@@ -203,10 +203,10 @@ class Draw(Looks):
         made_of: tuple[np.ndarray, np.ndarray], to_camera: np.ndarray, upright: bool,
         fits: Fits | None,
     ) -> Sample:  # fmt: skip
-        """Return the scene with drawn movements, if it has several instants; ``made_of`` has the
+        """Return the scene with drawn movements, if something moves; ``made_of`` has the
         owner of each triangle of the parts, and which are kept."""
         frames, (all_owners, kept) = self.description.frames, made_of
-        if frames.count == 1:
+        if not frames.moving:
             return drawn
         seeds = np.random.SeedSequence(self.description.seed, spawn_key=(1 << 29, index))
         draw = Draw(self.description, np.random.Generator(np.random.Philox(seeds)))

@@ -63,6 +63,9 @@ class Stacks:
         *, device: str | None = None, threads: int = 1,
     ) -> None:  # fmt: skip
         self.description, self.device, self.threads = described(description), device, threads
+        if self.description.kind == "films":
+            remedy = "Make a data set, and open its files"
+            raise SettingsError("films are files, not arrays", key="kind", remedy=remedy)
         counts = self.description.scenes.model_dump()
         self.scenes = range(sum(counts.values()))
         """The numbers of the scenes."""

@@ -8,7 +8,8 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from lfcore.rendering.record_depth import (
 )
 from lfcore.scene.files import scene_digest
 from lfcore.scene.model import Scene
+from lfcore.storage.codecs import Encoding
 from lfcore.storage.container import DepthSegments, SpecularSegments, join_segments
 from lfcore.storage.depth_stream import DepthCodes
 from lfcore.storage.instants import GROUP, Instants
@@ -79,6 +81,16 @@ class Ahead:
         peak = max(peaks) or None
         return cls(tuple(times), tuple(ranges), tuple(content), tuple(digests), peak)
 
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> "Ahead":
+        """The inverse of :meth:`to_json`."""
+        lists = {name: tuple(data[name]) for name in ("times", "content", "digests")}
+        ranges = tuple((far, near) for far, near in data["ranges"])
+        return cls(**lists, ranges=ranges, peak=data["peak"])
+
 
 def check_times(times: Sequence[float]) -> tuple[float, ...]:
     """Raise :class:`OpticsError` for no instants, or for some that do not ascend."""
@@ -88,80 +100,159 @@ def check_times(times: Sequence[float]) -> tuple[float, ...]:
     return tuple(seconds.tolist())
 
 
+@dataclass(frozen=True)
+class Film:
+    """A film to record.
+
+    Attributes
+    ----------
+    scene : Scene
+        What moves.
+    ahead : Ahead
+        What a few rays of its instants show.
+    slab, store : Slab, DepthStore
+        The rays of an instant, and how they are stored.
+    bake_each : bool
+        Whether light is baked for each instant, not as the scene stands.
+    group : int
+        The instants that are coded together.
+    """
+
+    scene: Scene
+    ahead: Ahead
+    slab: Slab
+    store: DepthStore
+    bake_each: bool = False
+    group: int = GROUP
+
+    def __post_init__(self) -> None:
+        if self.store.layout.kind != "views":
+            raise OpticsError("a film has views", key="layout", remedy="Leave it out")
+
+    @cached_property
+    def instants(self) -> Instants:
+        """The times, as the file has them."""
+        return Instants(self.ahead.times, self.group, self.ahead.content)
+
+    @property
+    def groups(self) -> range:
+        """The numbers of the groups."""
+        return range(len(self.instants.counts))
+
+    @cached_property
+    def codes(self) -> list[DepthCodes]:
+        """The codes of the depths of surfaces, and of specular light if there is any."""
+        ranges = enumerate(self.ahead.ranges)
+        return [DepthCodes.of_range(self.slab, *ends, gaps=bool(part)) for part, ends in ranges]
+
+    @cached_property
+    def _depth_specs(self) -> list[Encoding]:
+        return [code.spec(self.slab, lossless=self.store.spec.lossless) for code in self.codes]
+
+    @property
+    def _encodings(self) -> list[Encoding]:
+        return [each for spec in self._depth_specs for each in (self.store.spec, spec)]
+
+    @cached_property
+    def _tiles(self) -> list[Tile]:
+        return self.store.layout.tiles(TILE_RAYS, least=1)
+
+    @cached_property
+    def _digest(self) -> str:
+        """The digest of all that is common to the groups."""
+        store = self.store
+        return _name(
+            self.bake_each, self.scene.shutter, scene_digest(self.scene), self.slab.to_json(),
+            store.layout.to_json(), [each.to_json() for each in self._encodings],
+            self.ahead.ranges, store.displaced, store.pixels,
+        )  # fmt: skip
+
+    def _instants_of(self, group: int) -> slice:
+        return slice(group * self.group, (group + 1) * self.group)
+
+    def files(self, group: int, folder: Path) -> list[list[Path]]:
+        """The segments of a group in a folder: of each tile, of each stream.
+
+        Names are digests of all that a group depends on.
+        """
+        some = self._instants_of(group)
+        name = _name(self._digest, self.ahead.times[some], self.ahead.digests[some])
+        return [
+            [folder / f"{name}.{tile.index}.{stream}.mp4" for stream in range(len(self._encodings))]
+            for tile in self._tiles
+        ]
+
+    def trace(
+        self,
+        groups: Sequence[int],
+        folder: Path,
+        device: Device,
+        progress: Progress | None = None,
+    ) -> None:
+        """Write the segments of ``groups`` into a folder; ``progress`` counts views of all."""
+        times = [time for group in groups for time in self.ahead.times[self._instants_of(group)]]
+        traced = tracers_at(self.scene, times, device, bake_each=self.bake_each)
+        for number, group in enumerate(groups):
+            tracers = list(islice(traced, self.instants.counts[group]))
+            tell = part_of(progress, number, len(groups))
+            for tile, files in zip(self._tiles, self.files(group, folder), strict=True):
+                frames = _in_turn(tracers, self.slab, self.store, self.codes, tile, tell)
+                encode(
+                    frames, self.store.layout, list(zip(files, self._encodings, strict=True))
+                )  # fmt: skip
+
+    def join(self, path: str | Path, folders: Sequence[Path], content: dict[str, Any]) -> Metadata:
+        """Write the film ``path`` from the segments of each group, in its folder."""
+        tiles = [
+            files
+            for group, folder in zip(self.groups, folders, strict=True)
+            for files in self.files(group, folder)
+        ]
+        streams = list(zip(*tiles, strict=True))
+        depths = [
+            DepthSegments(files, code, self.store.displaced, self.store.pixels, spec)
+            for files, code, spec in zip(
+                streams[1::2], self.codes, self._depth_specs, strict=True
+            )
+        ]  # fmt: skip
+        specular = SpecularSegments(streams[2], self.store.spec, depths[1]) if depths[1:] else None
+        return join_segments(
+            Path(path),
+            streams[0],
+            self._tiles,
+            self.store.layout,
+            geometry=self.slab,
+            scene={"name": self.scene.name, "digest": self.ahead.digests[0]},
+            spec=self.store.spec,
+            content=content,
+            depth=depths[0],
+            specular=specular,
+            film=self.instants,
+        )
+
+
 def record_film(
     path: str | Path,
-    scene: Scene,
-    ahead: Ahead,
-    slab: Slab,
-    store: DepthStore,
+    film: Film,
     device: Device,
     *,
-    group: int = GROUP,
-    bake_each: bool = False,
-    content: dict | None = None,
+    content: dict[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Metadata:
-    """Trace ``slab`` at the instants of ``ahead``, and write the film ``path``.
+    """Trace a film and write it, or continue one that was killed.
 
-    ``group`` instants are coded together; light is baked as the scene stands, or for each
-    instant.  ``progress`` counts views of all instants.  Other parameters are as of
-    :func:`lfcore.rendering.record_depth.record_by_depth`.
+    ``content`` has further facts for the file; ``progress`` counts views of all instants.
     """
-    path, layout = Path(path), store.layout
-    if layout.kind != "views":
-        raise OpticsError("a film has views", key="layout", remedy="Leave it out")
-    codes = [
-        DepthCodes.of_range(slab, *ends, gaps=bool(part)) for part, ends in enumerate(ahead.ranges)
-    ]
-    specs = [code.spec(slab, lossless=store.spec.lossless) for code in codes]
-    encodings = [each for spec in specs for each in (store.spec, spec)]
-    film, tiles = Instants(ahead.times, group, ahead.content), layout.tiles(TILE_RAYS, least=1)
+    path = Path(path)
     folder = path.with_name(f"{path.name}.parts")
     make_folder(folder)
-    settings = (
-        bake_each, scene.shutter, scene_digest(scene), slab.to_json(), layout.to_json(),
-        [each.to_json() for each in encodings], ahead.ranges, store.displaced, store.pixels,
-    )  # fmt: skip
-    # Of each group and tile the files of its streams.
-    groups: list[list[list[Path]]] = []
-    for first in range(0, len(film.times), group):
-        some = slice(first, first + group)
-        name = _name(settings, film.times[some], ahead.digests[some])
-        groups.append([
-            [folder / f"{name}.{tile.index}.{stream}.mp4" for stream in range(len(encodings))]
-            for tile in tiles
-        ])  # fmt: skip
     missing = [
-        number
-        for number, of_tiles in enumerate(groups)
-        if not all(file.exists() for files in of_tiles for file in files)
+        group
+        for group in film.groups
+        if not all(file.exists() for files in film.files(group, folder) for file in files)
     ]
-    times = [time for k in missing for time in film.times[k * group : (k + 1) * group]]
-    traced = tracers_at(scene, times, device, bake_each=bake_each)
-    for number in missing:
-        tracers = list(islice(traced, film.counts[number]))
-        tell = part_of(progress, number, len(groups))
-        for tile, files in zip(tiles, groups[number], strict=True):
-            frames = _in_turn(tracers, slab, store, codes, tile, tell)
-            encode(frames, layout, list(zip(files, encodings, strict=True)))
-    streams = list(zip(*[files for of_tiles in groups for files in of_tiles], strict=True))
-    depths = [
-        DepthSegments(files, code, store.displaced, store.pixels, spec)
-        for files, code, spec in zip(streams[1::2], codes, specs, strict=True)
-    ]
-    metadata = join_segments(
-        path,
-        streams[0],
-        tiles,
-        layout,
-        geometry=slab,
-        scene={"name": scene.name, "digest": ahead.digests[0]},
-        spec=store.spec,
-        content=content or {},
-        depth=depths[0],
-        specular=SpecularSegments(streams[2], store.spec, depths[1]) if codes[1:] else None,
-        film=film,
-    )
+    film.trace(missing, folder, device, progress)
+    metadata = film.join(path, [folder] * len(film.groups), content or {})
     shutil.rmtree(folder, ignore_errors=True)
     return metadata
 

@@ -15,15 +15,16 @@ from lfcore.optics.size import Size
 from lfcore.optics.slab import Lattice, Slab
 from lfcore.progress import Progress
 from lfcore.rendering.defaults import lattice_to_store
-from lfcore.rendering.prepared import open_tracer, open_tracers, opened
+from lfcore.rendering.prepared import open_tracer, open_tracers, opened, tracers_at
 from lfcore.rendering.quality import Quality
 from lfcore.rendering.record import peak_to_store, record_slab
 from lfcore.rendering.record_depth import depth_store, record_by_depth
-from lfcore.rendering.record_film import Ahead, check_times, record_film
+from lfcore.rendering.record_film import Ahead, Film, check_times, record_film
 from lfcore.rendering.trials import plan_quality
 from lfcore.scene.model import Scene
 from lfcore.storage.codecs import Encoding
 from lfcore.storage.defaults import chosen_encoding, frame_layout
+from lfcore.tracing.tracer import Tracer
 
 
 @dataclass(frozen=True)
@@ -63,18 +64,8 @@ class Recording:
     def once(self, quality: Quality | None) -> None:
         """Record the scene at one instant."""
         tracer = open_tracer(self.scene, self.device, self.progress, by_depth=True)
-        slab = Slab.of(self.camera, 4, self.size)
-        peak = peak_to_store(tracer, slab, self.encoding.transfer)
-        this = self._stored_up_to(peak)
-        if quality is not None:
-            if self.encoding.depth is False or self.views is not None:
-                problem = "chooses the rays itself, and stores depth"
-                raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
-            views, encoding, expected = plan_quality(
-                tracer, self.camera, self.size, quality, this.encoding, peak
-            )
-            content = self.content | {"expected": expected}
-            this = replace(this, views=views, encoding=encoding, content=content)
+        peak = peak_to_store(tracer, Slab.of(self.camera, 4, self.size), self.encoding.transfer)
+        this = self._of_quality(tracer, peak, quality) if quality else self._stored_up_to(peak)
         by_depth, lattice = lattice_to_store(this.encoding.depth, this.views)
         slab = Slab.of(self.camera, lattice, self.size)
         spec = chosen_encoding(
@@ -96,22 +87,49 @@ class Recording:
 
     def film(self, times: Sequence[float], quality: Quality | None, *, bake_each: bool) -> None:
         """Record the scene at some instants, in one file."""
-        if quality is not None:
-            remedy = "Leave it out: give views and pixels"
-            raise OpticsError("chooses rays for one instant", key="quality", remedy=remedy)
+        device = opened(self.device)
+        film, content = self.planned_film(times, quality, bake_each=bake_each)
+        record_film(self.path, film, device, content=content, progress=self.progress)
+
+    def planned_film(
+        self,
+        times: Sequence[float],
+        quality: Quality | None = None,
+        *,
+        bake_each: bool = False,
+        ahead: Ahead | None = None,
+    ) -> tuple[Film, dict[str, Any]]:
+        """The film, and the facts for its file; ``ahead`` if a few rays were traced before.
+
+        A ``quality`` chooses the rays of all instants by the middle one.
+        """
         if self.encoding.depth is False or self.encoding.layout == "macropixels":
             problem = "a film has depth, and views"
             raise OpticsError(problem, key="encoding", remedy="Leave it out")
-        _, lattice = lattice_to_store(self.encoding.depth, self.views)
-        device, slab = opened(self.device), Slab.of(self.camera, lattice, self.size)
-        ahead = Ahead.of(self.scene, check_times(times), slab, device, self.encoding.transfer)
-        this = self._stored_up_to(ahead.peak)
+        times, device, this = check_times(times), opened(self.device), self
+        if quality is not None:
+            (tracer,) = tracers_at(self.scene, [times[len(times) // 2]], device)
+            peak = peak_to_store(tracer, Slab.of(self.camera, 4, self.size), self.encoding.transfer)
+            this = self._of_quality(tracer, peak, quality)
+        _, lattice = lattice_to_store(this.encoding.depth, this.views)
+        slab = Slab.of(self.camera, lattice, self.size)
+        ahead = ahead or Ahead.of(self.scene, times, slab, device, self.encoding.transfer)
+        this = this._stored_up_to(ahead.peak)
         spec = chosen_encoding(lattice.views, this.encoding, by_depth=True, width=slab.size.width)
         slab, store = depth_store(self.camera, lattice, self.size, spec, peak=ahead.peak)
-        record_film(
-            self.path, self.scene, ahead, slab, store, device, bake_each=bake_each,
-            content=this._content_with_views(), progress=self.progress,
-        )  # fmt: skip
+        return Film(self.scene, ahead, slab, store, bake_each), this._content_with_views()
+
+    def _of_quality(self, tracer: Tracer, peak: float | None, quality: Quality) -> "Recording":
+        """The recording with the views and the encoding for a quality of pictures."""
+        if self.encoding.depth is False or self.views is not None:
+            problem = "chooses the rays itself, and stores depth"
+            raise OpticsError(problem, key="quality", remedy="Leave out views and depth")
+        this = self._stored_up_to(peak)
+        views, encoding, expected = plan_quality(
+            tracer, self.camera, self.size, quality, this.encoding, peak
+        )
+        content = self.content | {"expected": expected}
+        return replace(this, views=views, encoding=encoding, content=content)
 
     def _stored_up_to(self, peak: float | None) -> "Recording":
         """The recording with the transfer function for light up to ``peak``; None: up to white."""

@@ -43,10 +43,11 @@ def save_scene(path: str | Path, scene: Scene) -> None:
 def scene_digest(scene: Scene) -> str:
     """The SHA-256, in hex, of the file that :func:`save_scene` writes.
 
-    Equal scenes have equal digests, with and without baked light.
+    Equal scenes have equal digests, with and without baked light, also by another path: notes name
+    files.
     """
     stream = io.BytesIO()
-    _write(stream, replace(scene, light=None))
+    _write(stream, replace(scene, light=None, notes=()))
     return hashlib.sha256(stream.getbuffer()).hexdigest()
 
 

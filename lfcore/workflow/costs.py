@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lfcore.optics.size import Pixels, Size
+from lfcore.storage.instants import GROUP
 from lfcore.storage.layout import Tile
 from lfcore.workflow import cases
 
@@ -66,6 +67,11 @@ def trace_minutes(rays: int, views: int) -> int:
     """Return the minutes to request for tracing ``rays``."""
     seconds = rays * nanoseconds_per_ray(views) * 1e-9
     return math.ceil((SET_UP_SECONDS + seconds * MARGIN) / 60)
+
+
+def film_minutes(pixels: Pixels) -> int:
+    """Return the minutes to request for a group of a film's instants."""
+    return trace_minutes(GROUP * 64 * math.prod(Size.of(pixels)), 4)
 
 
 def items_minutes(items: int, pixels: Pixels) -> int:

@@ -125,6 +125,15 @@ class Encoding(Keys):
     tune: str | None = key("the codec's name for its target; null: none", "psnr")
 
 
+class Film(Keys):
+    frames: whole(0, 10**6) = key("number of instants; 0: no film", 0)
+    fps: above(0, 10**6) = key("instants per second", 24)
+    shutter_s: listed(number(-1e6, 1e6), 2, 2) = key(
+        "when the shutter opens and closes, seconds from each instant; twice the same: at once",
+        [0, 0],
+    )
+
+
 DEFAULT_SCENES = ["bike", "cabin", "bedroom"]
 
 
@@ -158,6 +167,7 @@ class Configuration(Keys):
         "core minutes of tracing per job; a killed run loses no more", 2
     )
     device: str = key("part of an OpenCL device's or platform's name; empty: the processor", "")
+    film: group(Film, "a film of light fields of each scene, which all move, for the target films")
     sweep: str = key("a table of cases for the target `sweep`; empty: none", "")
     dataset: dict[str, Any] = key(
         "a data set to make, as `config/datasets/` has them (docs/tutorials/datasets.md); empty: "

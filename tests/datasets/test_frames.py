@@ -3,15 +3,19 @@
 import io
 import json
 
+import cv2
 import numpy as np
 import OpenEXR
 import pytest
 
-from lfcore import Slab, Stacks
+import lfcore
+from lfcore import SensorPlane, Slab, Stacks
+from lfcore.colour import srgb_encode
 from lfcore.datasets import items, stored
 from lfcore.datasets.description import Description
 from lfcore.datasets.sample import sample
 from lfcore.errors import SettingsError
+from lfcore.rendering import record_film
 
 SMALL = {
     "name": "small", "kind": "defocus_pairs", "pixels": 32, "quality_db": 25, "truth": True,
@@ -111,6 +115,57 @@ def test_resting_objects_stay_on_the_floor():
 
 
 @pytest.mark.kernels
+def test_an_open_shutter_blurs_pictures_and_no_truth(device):
+    frames = {"fps": 2, "share_moving": 1.0, "speed": 0.3}
+    still, blurred = (
+        items.make_item(Description.check(SMALL | {"frames": frames | {"shutter": s}}), 0, device)
+        for s in (0, 0.5)
+    )
+    assert still.files.keys() == blurred.files.keys()
+    changed = {name for name in still.files if still.files[name] != blurred.files[name]}
+    assert changed == {"defocused.png", "json"}
+    of = Description.check(SMALL | {"frames": frames | {"shutter": 0.5}})
+    scene, record = sample(of, 0).scene, json.loads(blurred.files["json"])
+    assert record["shutter_s"] == [-0.125, 0.125] and scene.shutter == scene.instants
+    shown = cv2.imdecode(np.frombuffer(blurred.files["defocused.png"], np.uint8), 1)[..., ::-1]
+    plane = SensorPlane(record["focus_m"][0], scene.camera.f_number)
+    light = [
+        lfcore.render(scene.at((k + 0.5) / 16 / 4 - 0.125), planes=[plane], pixels=32)[0]
+        for k in range(16)
+    ]
+    error = np.square(srgb_encode(np.mean(light, 0)) - shown / 255).mean()
+    assert -10 * np.log10(error) > 25
+
+
+@pytest.mark.kernels
+def test_films_continue_after_a_kill_and_have_the_truth_of_each_instant(
+    device, tmp_path, monkeypatch
+):
+    keys = {"kind": "films", "frames": FRAMES | {"count": 6}, "scenes": {"train": 1},
+            "placement": SMALL["placement"] | {"objects": 2}}  # fmt: skip
+    of, encoded, encode = Description.check(SMALL | keys), [], record_film.encode
+
+    def stop(*arguments):
+        encoded.append(arguments)
+        if len(encoded) == 2:
+            raise KeyboardInterrupt
+        encode(*arguments)
+
+    monkeypatch.setattr(record_film, "encode", stop)
+    batch = of, [0], tmp_path / "0.tar", tmp_path / "0.json", tmp_path / "drafts", device
+    with pytest.raises(KeyboardInterrupt):
+        items.make_batch(*batch)
+    (facts,) = items.make_batch(*batch)
+    assert len(encoded) == 3 and not (tmp_path / "drafts").exists()
+    stored.unpack(of, [tmp_path / "0.tar"], tmp_path)
+    film = lfcore.LightField.open(tmp_path / "train/000000/film.mkv")
+    assert film.times == of.frames.times and facts["expected_db"] >= 24
+    truth = channels((tmp_path / "train/000000_t005/truth.exr").read_bytes())
+    depth = np.median(film.at(5).depth()[0] / truth["depth_m"])
+    assert abs(depth - 1) < 0.05 and (tmp_path / "train/000000_t004/next.exr").exists()
+
+
+@pytest.mark.kernels
 def test_instants_are_stored_as_items(device, tmp_path):
     keys = {"kind": "infinigen_defocus", "frames": FRAMES | {"count": 2}, "truth": False}
     lens = {"stops": [2.0], "focus_m": [0.3]}
@@ -125,11 +180,23 @@ def test_instants_are_stored_as_items(device, tmp_path):
     assert (tmp_path / "val/000000_t000/next.exr").exists()
 
 
+def test_what_films_and_shutters_exclude():
+    for keys, words in (
+        ({"kind": "light_fields", "frames": {"shutter": 0.5}}, "frames.shutter: views are sharp"),
+        ({"kind": "films", "sensor": {"iso": 100}}, "no sensor's noise"),
+    ):  # fmt: skip
+        with pytest.raises(SettingsError, match=words):
+            Description.check(SMALL | keys)
+    with pytest.raises(SettingsError, match="films are files"):
+        Stacks(SMALL | {"kind": "films"})
+
+
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
         ({"count": 0}, "frames.count"), ({"count": 2, "fps": -24}, "frames.fps"),
-        ({"count": 2, "share_moving": 0}, "nothing moves"), ({"rate": 2}, "frames.rate"),
+        ({"count": 2, "share_moving": 0}, "nothing moves"),
+        ({"shutter": 1.5}, "frames.shutter"), ({"rate": 2}, "frames.rate"),
     ],
 )  # fmt: skip
 def test_bad_frames(frames, words):

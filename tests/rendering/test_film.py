@@ -12,6 +12,7 @@ from plain_scenes import refused
 
 import lfcore
 from lfcore.cli import main
+from lfcore.colour import srgb_encode
 from lfcore.lightfield import LightField
 from lfcore.rendering import record_film
 
@@ -108,11 +109,22 @@ def test_metadata_that_contradict_themselves_are_refused(film):
         refused(words, changed)
 
 
+def test_the_rays_of_a_film_can_be_chosen_by_quality(scene, tmp_path):
+    film = lfcore.record(
+        scene, tmp_path / "film.mkv", times=[0.0, 0.5], pixels=24, quality=lfcore.Quality(30)
+    )
+    assert film.content["expected"]["db"] >= 29
+    for now in (film.at(0), film.at(1)):
+        alone = lfcore.render(scene.at(now.instant / 2), views=8, pixels=24, focus_m=2.5)
+        error = np.square(srgb_encode(now.refocus(focus_m=2.5)) - srgb_encode(alone)).mean()
+        assert -10 * np.log10(error) > 30
+
+
 def test_what_a_film_does_not_have(scene, tmp_path):
     path = tmp_path / "no.mkv"
     for how, words in (
         ({"times": []}, "ascending"), ({"times": [1, 0.5]}, "ascending"),
-        ({"times": TIMES, "quality": lfcore.Quality(30)}, "one instant"),
+        ({"times": TIMES, "quality": lfcore.Quality(30), "views": 4}, "Leave out views"),
         ({"times": TIMES, "encoding": lfcore.Encoding(depth=False)}, "has depth"),
     ):  # fmt: skip
         refused(words, lfcore.record, scene, path, pixels=PIXELS, **how)

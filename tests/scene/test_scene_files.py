@@ -23,7 +23,7 @@ from lfcore.readers.load import load_scene
 from lfcore.rendering.prepared import open_tracer
 from lfcore.scene.appearance import DIRECTIONAL, POINT
 from lfcore.scene.baked import BakeOptions
-from lfcore.scene.files import ARRAYS, read_header, read_scene, save_scene
+from lfcore.scene.files import ARRAYS, read_header, read_scene, save_scene, scene_digest
 from lfcore.scene.needs import Needs
 from lfcore.scene.notes import Note
 from lfcore.scene.transforms import rotate
@@ -228,3 +228,10 @@ def test_other_programs_see_the_same_picture(chart, render, installed):
     assert psnr(ours, theirs, peak=255) > 33
     assert made.picture.mean() == pytest.approx(truth.mean(), rel=0.01)
     assert made.seconds > 0 and made.rays == 144
+
+
+def test_a_scene_has_one_digest_by_any_path(tmp_path, monkeypatch):
+    shutil.copy(CHART.parent / "sphere/moving.pbrt", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    here, there = (load_scene(path) for path in ("moving.pbrt", tmp_path / "moving.pbrt"))
+    assert here.notes != there.notes and scene_digest(here) == scene_digest(there)

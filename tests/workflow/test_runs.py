@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+import lfcore
 from lfcore.workflow.job import RUN
 from robustness.outcome import ROOT
 from tests.robustness.kills import make_run
@@ -155,3 +156,23 @@ def test_a_deployed_workflow_runs_smoke(checkout, tmp_path):
 def test_a_misspelt_target_names_the_right_one(checkout):
     done = checkout.snakemake("--dry-run", "--quiet", "rules", "--", "tabels")
     assert done.returncode and "no target 'tabels'. Did you mean 'tables'" in done.stdout
+
+
+def test_a_film_is_made_by_jobs_of_instants(project_copy):
+    """An interrupted run's group of instants stays, and the file is that of one process."""
+    checkout, moving = project_copy("film"), "scenes/sphere/moving.pbrt"
+    how = ("--config", f"scenes=[{moving}]", "pixels=16", "film={frames: 6, fps: 5}", "--")
+    group = "results/moving/M16/film/00000.segments"
+    first = checkout.made("--notemp", *how, group)
+    assert (first["film_ahead"], first["film_instants"]) == (1, 1)
+    then = checkout.made(*how, "films")
+    assert (then["film_instants"], then["film"]) == (1, 1) and "film_ahead" not in then
+    assert not (checkout.folder / group).exists()
+    scene = lfcore.load_scene(checkout.folder / moving, bare=True)
+    times = [frame / 5 for frame in range(6)]
+    alone = lfcore.record(scene, checkout.folder / "alone.mkv", times=times, pixels=16)
+    film = checkout.folder / "results/moving/M16/film.mkv"
+    assert film.read_bytes() == alone.path.read_bytes()
+    how = ("--config", "scenes=[sphere]", "pixels=16", "film={frames: 2}", "--", "films")
+    at_rest = checkout.snakemake("--cores", "1", *how)
+    assert at_rest.returncode and "does not move" in at_rest.stdout

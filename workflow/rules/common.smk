@@ -260,5 +260,8 @@ def no_target(wildcards):
     """Refuse a misspelt target of the command line."""
     from lfcore.errors import did_you_mean
 
-    remedy = did_you_mean(wildcards.target, ["tables", "assignment", "sweep", "dataset"])
+    keys = {"sweep": "sweep", "dataset": "dataset", "films": "film.frames"}
+    remedy = did_you_mean(wildcards.target, ["tables", "assignment", *keys])
+    if wildcards.target in keys:
+        remedy = f"It needs the key {keys[wildcards.target]}"
     raise WorkflowError(f"There is no target {wildcards.target!r}. {remedy}.")
