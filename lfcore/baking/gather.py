@@ -15,6 +15,8 @@ from lfcore.baking.surroundings import ALONG_SURFACE
 from lfcore.opencl.device import Program, cl, page_aligned
 from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
+from lfcore.tracing.given_rays import records_of
+from lfcore.tracing.layouts import RAY_HIT
 
 NUMBERS = np.dtype([("points", INT), ("count", INT), ("first", UINT), ("emitter_share", FLOAT)])
 """``count`` rays per point, from number ``first`` of its sequence; see :class:`Emitters`."""
@@ -35,14 +37,14 @@ _LIGHT = read(faces="Face", index="int", light="float")
 INTERFACE = SHARED | Interface(
     constants={"GUIDE_SIDE": SIDE, "TURNS": TURNS, "ALONG_SURFACE": float(ALONG_SURFACE)},
     records={"Numbers": NUMBERS, "Point": POINT, "Sent": SENT, "Face": FACE, "KeptHit": KEPT_HIT,
-             "PointSum": POINT_SUM},
+             "PointSum": POINT_SUM, "RayHit": RAY_HIT},
     kernels={
         "aim": given(numbers="Numbers")
         | read(points="Point", rows="float", columns="float", cell_weights="float", circle="float2")
         | write(origins="float", directions="float", sent="Sent"),
         "sum_light": given(numbers="Numbers")
         | read(sent="Sent", directions="float", flats="float")
-        | read(triangle="int", distance="float", weights="float", albedo="float", emission="float")
+        | read(hits="RayHit", albedo="float", emission="float")
         | _LIGHT
         | write(sums="PointSum", kept="KeptHit"),
         "reflect": given(numbers="Numbers")
@@ -146,9 +148,8 @@ class Gatherer:
                      **tables_on_device)  # fmt: skip
         hits, surfaces = self.around.surfaces(aimed["origins"], aimed["directions"])
         seen = {
-            "sent": aimed["sent"], "directions": aimed["directions"], "triangle": hits.triangle,
-            "distance": hits.distance, "weights": hits.barycentric, "albedo": surfaces.albedo,
-            "emission": surfaces.emission,
+            "sent": aimed["sent"], "directions": aimed["directions"], "hits": records_of(hits),
+            "albedo": surfaces.albedo, "emission": surfaces.emission,
         }  # fmt: skip
         results = {
             "sums": page_aligned((number,), POINT_SUM),

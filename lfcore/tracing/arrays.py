@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from lfcore.errors import OpticsError
-from lfcore.opencl.interface import record
 from lfcore.optics.bundles import Bundles
 from lfcore.tracing.job import PacketJob
-from lfcore.tracing.layouts import ADD, IMAGE_ARGUMENTS, STREAM
+from lfcore.tracing.layouts import ADD, STREAM
 from lfcore.tracing.packets import Groups, PacketShape
 
 DEVICE_RAYS = 1 << 24
@@ -63,10 +62,9 @@ def fill_arrays(
         parts = [replace(whole, elements=whole.elements[start:stop]) for whole in sets]
         places = None if coordinates is None else np.asarray(coordinates)[start:stop]
         for order, bundles in enumerate(parts):
-            if job.sink != "HITS":
-                mode = (ADD if order else 0) | (STREAM if stream else 0)
-                inputs["image"] = record(IMAGE_ARGUMENTS, across=across, mode=mode)
-            job.launch(bundles, _groups(job.shape, bundles, places), **written, **inputs)
+            mode = (ADD if order else 0) | (STREAM if stream else 0)
+            groups = _groups(job.shape, bundles, places)
+            job.launch(bundles, groups, across=across, mode=mode, **written, **inputs)
         for name, piece in pieces.items():
             device.collect(written[name], piece)
 

@@ -11,6 +11,7 @@ from lfcore.errors import OpticsError
 from lfcore.opencl.device import page_aligned
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.job import launch_given
+from lfcore.tracing.layouts import RAY_HIT
 
 
 class RayHits(NamedTuple):
@@ -30,6 +31,14 @@ class RayHits(NamedTuple):
     triangle: np.ndarray
     distance: np.ndarray
     barycentric: np.ndarray
+
+
+def records_of(hits: RayHits) -> np.ndarray:
+    """The hits as RAY_HIT (R,)."""
+    records = page_aligned((len(hits.triangle),), RAY_HIT)
+    for name, part in zip(RAY_HIT.names or (), hits, strict=True):
+        records[name] = part
+    return records
 
 
 class HitSurfaces(NamedTuple):
@@ -70,13 +79,9 @@ class GivenRays:
 
     def hits(self) -> RayHits:
         """Trace the rays; those that are not finite, or have no direction, miss."""
-        hits = RayHits(
-            page_aligned((self._count,), np.int32),
-            page_aligned((self._count,)),
-            page_aligned((self._count, 3)),
-        )
-        self._fill("GIVEN", dict(zip(("triangle", "depth", "weights"), hits, strict=True)))
-        return hits
+        hits = page_aligned((self._count,), RAY_HIT)
+        self._fill("GIVEN", {"hits": hits})
+        return RayHits(*(hits[name] for name in RAY_HIT.names or ()))
 
     def radiance(self, hits: RayHits, filtered: float | np.ndarray) -> np.ndarray:
         """(R, 3) float32 linear RGB radiance; ``filtered`` as for :meth:`surfaces`."""
@@ -104,11 +109,10 @@ class GivenRays:
         self, sink: str, hits: RayHits, filtered: float | np.ndarray, results: dict[str, np.ndarray]
     ) -> None:
         device, count, triangles = self._scene.device, self._count, self._scene.triangle_count
-        shapes, dtypes = ((count,), (count,), (count, 3)), (np.int32, np.float32, np.float32)
-        arrays = [np.ascontiguousarray(*pair) for pair in zip(hits, dtypes, strict=True)]
-        if any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
+        if [np.shape(part) for part in hits] != [(count,), (count,), (count, 3)]:
             raise OpticsError(f"has other numbers than {count} rays", key="hits")
-        if count and not -1 <= arrays[0].min() <= arrays[0].max() < triangles:
+        triangle = np.asarray(hits.triangle)
+        if count and not -1 <= triangle.min() <= triangle.max() < triangles:
             raise OpticsError(f"names a triangle that is none of {triangles}", key="hits")
         pitch, footprints = 0.0, None
         if isinstance(filtered, np.ndarray):
@@ -119,10 +123,8 @@ class GivenRays:
         else:
             pitch = filtered
         if count:
-            given = dict(
-                zip(("triangle", "depth", "weights"), map(device.shared, arrays), strict=True)
-            )
-            self._fill(sink, results, pitch, **given, footprints=footprints)
+            shown = device.shared(records_of(hits))
+            self._fill(sink, results, pitch, hits=shown, footprints=footprints)
 
     def _fill(
         self, sink: str, results: dict[str, np.ndarray], pitch: float = 0.0, **arguments: Any

@@ -5,19 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from lfcore.opencl.device import Program, build_program, cl
+from lfcore.opencl.device import Program, cl
 from lfcore.opencl.interface import BLOCK, record
+from lfcore.opencl.kernel import Kernel
 from lfcore.optics.bundles import Bundles
 from lfcore.scene.needs import Needs
 from lfcore.tracing.device_scene import DeviceScene
 from lfcore.tracing.layouts import (
     ALPHA_TESTS,
     INTERFACE,
-    PARAMETERS,
     PHYSICAL,
     RAY_ARGUMENTS,
     SINKS,
-    unused,
 )
 from lfcore.tracing.packets import Groups, PacketShape
 from lfcore.tracing.surfaces import macros_of
@@ -25,32 +24,25 @@ from lfcore.tracing.surfaces import macros_of
 KERNEL = "tracing/kernels/entry/trace.cl"
 
 
-class EntryKernel:
-    """The kernel ``trace_packets``, built for one sink, and the bytes that its workers need.
+class EntryKernel(Kernel):
+    """The kernel of a sink, and the bytes that its workers need.
 
     Raises :class:`DeviceError` if the program cannot be built.
     """
 
     def __init__(self, scene: DeviceScene, sink: str, defines: Mapping[str, object]):
-        self.device, self.sink = scene.device, sink
-        # The wrapper of a kernel does not keep its program alive.
-        self._program = build_program(self.device, [KERNEL], defines, INTERFACE)
-        self._kernel = cl.Kernel(self._program, "trace_packets")
+        name, unused = SINKS[sink]
+        super().__init__(scene.device, [KERNEL], name, defines, INTERFACE)
+        self._unused: dict[str, Any] = dict.fromkeys(unused)
         words, answer = np.zeros(1, np.int32), self.device.empty(4)
         ask = cl.Kernel(self._program, "scratch_words")
         ask(self.device.queue, (1,), None, np.int32(scene.shadow_lights), answer)
         cl.enqueue_copy(self.device.queue, words, answer)
         self.scratch_bytes = 4 * int(words[0]) * self.device.threads
 
-    def __call__(self, workers: int, **arguments: Any) -> None:
-        """Launch workers; every parameter of the sink gets its argument by name."""
-        unused_names = {name for sink in SINKS.values() for name in sink} - SINKS[self.sink].keys()
-        names = PARAMETERS.keys() - unused_names
-        if arguments.keys() != names:
-            raise TypeError(f"arguments {sorted(arguments.keys() ^ names)}")
-        arguments |= {name: unused(name) for name in unused_names}
-        ordered = [arguments[name] for name in PARAMETERS]
-        self._kernel(self.device.queue, (workers,), (1,), *ordered)
+    def __call__(self, *size: int, **arguments: Any) -> None:
+        """Launch workers, with an argument per parameter that the sink uses."""
+        super().__call__(*size, **arguments, **self._unused)
 
 
 BLOCKS = PacketShape.for_inner(BLOCK).defines
@@ -124,8 +116,13 @@ class PacketJob:
         self.kernel = _kernel_of(scene, sink, shape.defines)
         self.scratch: cl.Buffer = scene.device.empty(self.kernel.scratch_bytes)
 
-    def launch(self, bundles: Bundles, groups: Groups, **sink: Any) -> None:
-        """Trace ``groups`` of bundles into the sink's arguments before the queue is done."""
+    def launch(
+        self, bundles: Bundles, groups: Groups, *, across: int = 1, mode: int = 0, **sink: Any
+    ) -> None:
+        """Trace ``groups`` of bundles into the sink's arguments before the queue is done.
+
+        ``across`` and ``mode`` as in RAY_ARGUMENTS.
+        """
         device, shape = self.scene.device, self.shape
         lattice = bundles.lattice if shape.outer > 1 else None
         per_group = shape.packets_per_group(bundles.columns, bundles.traced_rows)
@@ -136,7 +133,7 @@ class PacketJob:
             columns=bundles.columns, rows=bundles.rows, first_row=bundles.first_row,
             end_row=bundles.first_row + bundles.traced_rows, packets=packets,
             pixel_pitch=bundles.pixel_pitch, half_extent=shape.half_extent,
-            group_side=shape.group_side, side=shape.side,
+            group_side=shape.group_side, side=shape.side, across=across, mode=mode,
         )  # fmt: skip
         self.kernel(
             max(1, min(device.threads, packets)),

@@ -5,7 +5,7 @@ The C header of the tracer's programs is made of them (:mod:`lfcore.opencl.inter
 
 import numpy as np
 
-from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, write
+from lfcore.opencl.interface import FLOAT, INT, SHARED, UINT, Interface, given, read, write
 from lfcore.scene.limits import MOST_ATTENUATION
 from lfcore.scene.needs import DIELECTRIC, FLAT_NORMALS, LEAST_ROUGHNESS, MIRROR_ROUGHNESS
 from lfcore.scene.sky_gloss import LEVELS, SHARES, SIDE
@@ -14,6 +14,7 @@ from lfcore.tracing.alpha_test import ALPHA_TEST
 MIP_LEVELS, MOST_LEVELS, NODE_WIDTH, TEXEL_BITS = 12, 64, 16, 10
 TEXTURED, ALPHA_TESTS, PHYSICAL = 1, 2, 4
 ADD, STREAM = 1, 2
+LINE = 64
 MAP_BASE, MAP_NORMAL, MAP_METAL, MAP_EMISSION, MAPS = range(5)
 CONSTANTS: dict[str, int | float] = {
     "NODE_WIDTH": NODE_WIDTH,  # children of a node, and triangles of a leaf
@@ -31,7 +32,8 @@ CONSTANTS: dict[str, int | float] = {
     "TEXTURED_BIT": TEXTURED,  # of TEXTURES, what a program is built with
     "ALPHA_TESTS_BIT": ALPHA_TESTS,  # triangles with holes
     "PHYSICAL_BIT": PHYSICAL,  # see Needs.physical
-    "ADD": ADD,  # of a radiance image's mode: add to the image
+    "LINE": LINE,  # bytes, to which the scene's arrays are aligned
+    "ADD": ADD,  # of RAY_ARGUMENTS' mode: add to the image
     "STREAM": STREAM,  # write past the caches
     "MAP_BASE": MAP_BASE, "MAP_NORMAL": MAP_NORMAL, "MAP_METAL": MAP_METAL,  # of a material
     "MAP_EMISSION": MAP_EMISSION, "MAPS": MAPS,
@@ -77,7 +79,16 @@ BOXES = np.dtype([("low", FLOAT, (3, NODE_WIDTH)), ("high", FLOAT, (3, NODE_WIDT
 """The boxes of a node's children: lowest and highest x, y and z."""
 LEAF = np.dtype([("corner", FLOAT, (3, 3, NODE_WIDTH))])
 """The triangles of a leaf: x, y and z of corners p, q and r."""
+SCENE_ARRAYS = (
+    "boxes", "children", "leaves", "leaf_ids", "alpha_test_of", "alpha_tests", "alpha",
+    "corners", "attributes", "material_ids", "materials", "lights", "levels", "texels",
+    "grids", "light", "sky",
+)  # fmt: skip
+"""The arrays of a hierarchy and of surfaces, which are one buffer of a device."""
+SCENE_STARTS = np.dtype([(name, UINT) for name in SCENE_ARRAYS])
+"""Where they begin there, in lines."""
 SCENE_ARGUMENTS = np.dtype([
+    ("starts", SCENE_STARTS),
     ("ambient", FLOAT, 3),
     ("background", FLOAT, 3),
     ("unshadowed_lights", INT),  # these come first
@@ -98,6 +109,8 @@ RAY_ARGUMENTS = np.dtype([
     ("half_extent", FLOAT),  # of a block, in columns
     ("group_side", INT),  # elements along a side of a packet
     ("side", INT),  # blocks along a side of one element's part of a packet
+    ("across", INT),  # elements in a row of a radiance image
+    ("mode", INT),  # ADD and STREAM
 ])  # fmt: skip
 PATH_ARGUMENTS = np.dtype([("most_events", INT), ("begins", INT)])
 """Whether ``paths`` begin: with given rays."""
@@ -119,61 +132,59 @@ ARRIVED = np.dtype([("light", FLOAT, 3), ("inverse_depth", FLOAT), ("strength", 
                     ("cut", FLOAT)])  # fmt: skip
 """What a path's next surface gives: light, the inverse depth at which it appears, the mean share of
 the path that ends here (-1: nothing does), and the weight of rays that are not followed."""
-IMAGE_ARGUMENTS = np.dtype([("across", INT), ("mode", INT)])
-"""Elements in a row of a radiance image, and ADD and STREAM."""
+RAY_HIT = np.dtype([
+    ("triangle", INT),  # -1 for a miss
+    ("distance", FLOAT),  # in units of the ray's direction
+    ("weights", FLOAT, 3),  # barycentric, of the triangle's corners
+])  # fmt: skip
+"""The hit of a given ray."""
 
 RECORDS = {
     "MaterialRecord": MATERIAL, "LightRecord": LIGHT, "AlphaTest": ALPHA_TEST, "Level": LEVEL,
     "Boxes": BOXES, "Leaf": LEAF,
-    "SceneArguments": SCENE_ARGUMENTS, "RayArguments": RAY_ARGUMENTS,
-    "ImageArguments": IMAGE_ARGUMENTS, "PathArguments": PATH_ARGUMENTS, "Path": PATH,
-    "Arrived": ARRIVED,
+    "SceneStarts": SCENE_STARTS, "SceneArguments": SCENE_ARGUMENTS,
+    "RayArguments": RAY_ARGUMENTS, "RayHit": RAY_HIT,
+    "PathArguments": PATH_ARGUMENTS, "Path": PATH, "Arrived": ARRIVED,
 }  # fmt: skip
 """The structs, by their names in kernels; one that holds another comes after it."""
 
-
-TREE = read(
-    boxes="Boxes", children="int", leaves="Leaf", leaf_ids="int",
-    alpha_test_of="int", alpha_tests="AlphaTest", alpha="uchar",
-)  # fmt: skip
-SURFACES = read(
-    corners="float", attributes="float", material_ids="int", materials="MaterialRecord",
-    lights="LightRecord", levels="Level", texels="uint", grids="int", light="uint", sky="float",
-) | given(scene_numbers="SceneArguments")  # fmt: skip
-RAYS = given(ray_numbers="RayArguments") | write(next_packet="int", scratch="uint")
-BUNDLES = read(centre_rays="float4", members="int")
-IMAGE = given(image="ImageArguments") | write(radiance="float", depth="float", triangle="int")
-GIVEN = {
-    **read(origins="float", directions="float"),
-    **write(triangle="int", depth="float", weights="float"),
-}
-GIVEN_LIGHT = GIVEN | read(footprints="float") | write(radiance="float")
-SURFACE = write(albedo="float", normal="float")
-SINKS = {
-    "HITS": BUNDLES | write(triangle="int", depth="float"),
-    "IMAGE": BUNDLES | IMAGE,
-    "SURFACE": BUNDLES | IMAGE | SURFACE,
-    "GIVEN": GIVEN,
-    "GIVEN_LIGHT": GIVEN_LIGHT,
-    "GIVEN_SURFACE": GIVEN_LIGHT | SURFACE,
-    "PATHS": given(path_numbers="PathArguments")
+_COMMON = (
+    read(scene="uchar")
+    | given(scene_numbers="SceneArguments", ray_numbers="RayArguments")
+    | write(next_packet="int", scratch="uint")
+)
+_SHADED = write(radiance="float", albedo="float", normal="float")
+KERNELS = {
+    "trace_bundles": _COMMON
+    | read(centre_rays="float4", members="int")
+    | write(triangle="int", depth="float")
+    | _SHADED,
+    "trace_given": _COMMON
+    | read(origins="float", directions="float")
+    | write(hits="RayHit")
+    | read(footprints="float")
+    | _SHADED,
+    "trace_paths": _COMMON
+    | given(path_numbers="PathArguments")
     | read(origins="float", directions="float", chosen="int")
     | write(paths="Path", onward="Path", arrived="Arrived"),
 }
-"""The sinks, with their parameters, name -> type; entry/trace.cl explains them."""
-PARAMETERS = {k: v for part in (TREE, SURFACES, RAYS, *SINKS.values()) for k, v in part.items()}
-"""The parameters of the kernel: those of all sinks."""
+"""The parameters of each kernel, name -> type; entry/trace.cl explains them."""
+SINKS = {
+    "HITS": ("trace_bundles", ("radiance", "albedo", "normal")),
+    "IMAGE": ("trace_bundles", ("albedo", "normal")),
+    "SURFACE": ("trace_bundles", ("triangle", "depth")),
+    "GIVEN": ("trace_given", ("footprints", "radiance", "albedo", "normal")),
+    "GIVEN_LIGHT": ("trace_given", ("albedo", "normal")),
+    "GIVEN_SURFACE": ("trace_given", ()),
+    "PATHS": ("trace_paths", ()),
+}
+"""The sinks, with their kernels and those of its parameters that the sink does not use."""
 _FOLDERS = "simd traversal coverage surface shadows shading paths output entry"
 INTERFACE = SHARED | Interface(
     tuple(f"tracing/kernels/{stage}" for stage in _FOLDERS.split()),
     CONSTANTS | {sink: number for number, sink in enumerate(SINKS)},
     RECORDS,
-    {"trace_packets": PARAMETERS},
+    KERNELS,
 )
 """What the tracer's programs share with the host."""
-
-
-def unused(name: str) -> np.ndarray | None:
-    """The argument of a parameter that is another sink's: nothing, or a record of zeros."""
-    layout = RECORDS.get(PARAMETERS[name].removeprefix("const ").strip())
-    return None if layout is None else np.zeros((), layout)

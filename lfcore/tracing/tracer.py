@@ -69,9 +69,9 @@ class Tracer:
             )  # fmt: skip
         self.scene, self.device = scene, device or open_device()
         self.needs = needs or Needs.of(scene)
-        self._on_device = DeviceScene(
+        self._on_device: DeviceScene = DeviceScene(
             scene, bvh, self.device, self.needs, mipmaps=mipmaps,
-            before=before and before._on_device,
+            before=before._on_device if before else None,
         )  # fmt: skip
         # With one more for misses, whose number is -1.
         goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(0, bool)
@@ -234,7 +234,7 @@ class Tracer:
         values = HitSurfaces(*(page_aligned(shape) for _ in HitSurfaces._fields))
         arrays = dict(zip(("radiance", "albedo", "normal"), values, strict=True))
         job = self.job("SURFACE", bundles, grouped=coordinates is not None)
-        fill_arrays(job, [bundles], coordinates, arrays, depth=None, triangle=None)
+        fill_arrays(job, [bundles], coordinates, arrays)
         return values
 
     def closest_hit(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:

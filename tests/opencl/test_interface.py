@@ -1,24 +1,26 @@
 """Host and kernels agree about records, and kernels take their arguments by name."""
 
+import re
+
 import numpy as np
 import pytest
 
 from lfcore.baking import gather
-from lfcore.opencl.device import build_program, cl
+from lfcore.opencl.device import PACKAGE, build_program, cl
 from lfcore.opencl.interface import FLOAT, INT, SHARED, Interface, given, read, record, write
 from lfcore.opencl.kernel import Kernel
 from lfcore.refocus import depth_program, free_views, plane_former, shift_sum, stored_views
 from lfcore.refocus.array import device_field
+from lfcore.storage import frame_memory
 from lfcore.tracing import layouts
 
-INTERFACES = [
-    (interface, name)
-    for interface in (
-        layouts.INTERFACE, gather.INTERFACE, depth_program.INTERFACE, plane_former.INTERFACE,
-        shift_sum.INTERFACE, stored_views.INTERFACE, free_views.INTERFACE, device_field.INTERFACE,
-    )
-    for name in interface.records
-]  # fmt: skip
+INTERFACES = (
+    layouts.INTERFACE, gather.INTERFACE, depth_program.INTERFACE, plane_former.INTERFACE,
+    shift_sum.INTERFACE, stored_views.INTERFACE, free_views.INTERFACE, device_field.INTERFACE,
+    frame_memory.INTERFACE,
+)  # fmt: skip
+RECORDS = [(interface, name) for interface in INTERFACES for name in interface.records]
+MOST_PARAMETERS = 12
 PAIR = np.dtype([("count", INT), ("scale", FLOAT)])
 SCALED = SHARED | Interface(
     records={"Pair": PAIR},
@@ -33,7 +35,7 @@ SOURCE = """kernel void scaled(scaled_PARAMETERS)
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("interface", "name"), INTERFACES)
+@pytest.mark.parametrize(("interface", "name"), RECORDS)
 def test_every_field_has_its_offset(device, tmp_path, interface, name):
     """As the device's compiler has them."""
     layout, file = interface.records[name], tmp_path / f"{name}.cl"
@@ -46,6 +48,17 @@ def test_every_field_has_its_offset(device, tmp_path, interface, name):
     cl.enqueue_copy(device.queue, answer, buffer)
     known = [layout.itemsize, *(layout.fields[field][1] for field in layout.names)]
     assert answer.tolist() == known
+
+
+def test_kernels_have_few_parameters():
+    """All kernels have theirs from an interface, so that this is the true number."""
+    sources = "".join(file.read_text() for file in sorted(PACKAGE.rglob("*.cl")))
+    declared = set(re.findall(r"^(?:kernel|KERNEL)\b.*?(\w+)\(", sources, re.MULTILINE))
+    counted = {
+        name: len(each) for interface in INTERFACES for name, each in interface.kernels.items()
+    }
+    assert declared - {"scratch_words"} == counted.keys()
+    assert {name: n for name, n in counted.items() if n > MOST_PARAMETERS} == {}
 
 
 def test_a_record_takes_a_value_for_every_field():

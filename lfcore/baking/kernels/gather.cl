@@ -105,7 +105,8 @@ KERNEL void sum_light(sum_light_PARAMETERS)
         sums[p].is_open = 0;
         for (int k = 0; k < numbers.count; ++k) {
             const ulong ray = (ulong)p * numbers.count + k;
-            const int id = triangle[ray];
+            const RayHit found = hits[ray];
+            const int id = found.triangle;
             float3 emitted = vload3(ray, emission), reflected = 0.0f, share = 0.0f, w = 0.0f;
             float density = 0.0f;
             global KeptHit *hit = kept + ray;
@@ -117,9 +118,9 @@ KERNEL void sum_light(sum_light_PARAMETERS)
                 hit->face = 2 * id + (slant > 0.0f);
                 global const Face *face = faces + hit->face;
                 sums[p].is_open |= face->is_seen;
-                density = face->density * distance[ray] * distance[ray] / fmax(fabs(slant), 1e-9f);
+                density = face->density * found.distance * found.distance / fmax(fabs(slant), 1e-9f);
                 if (!face->emits) emitted = 0.0f;
-                w = vload3(ray, weights);
+                w = vload3(0, found.weights);
                 share = fmin(vload3(ray, albedo), 1.0f);
                 if (light) reflected = share * vload3(index[nearest_of(face, w)], light);
             }

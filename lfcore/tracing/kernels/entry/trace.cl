@@ -1,4 +1,4 @@
-// The kernel: traces one packet after the other into a sink.
+// The kernels: each traces one packet after the other into a sink.
 //
 // A program has one SINK.  Of bundles, HITS writes triangles and depths, IMAGE radiance and
 // optionally depths, SURFACE what surfaces emit and reflect, and normals.  Of rays given one by one,
@@ -78,8 +78,7 @@ inline void take_paths(Paths *paths, Pipeline *p)
     global PathMemory *found = &m->paths;
     find_next_hits(paths);
     const GivenRays rays = {.origin = found->origin, .direction = found->direction,
-                            .triangle = found->triangle, .distance = found->distance,
-                            .weights = found->weights, .footprint = found->footprint};
+                            .hits = found->hits, .footprint = found->footprint};
     find_given_hits(p->scene, &rays, 0.0f, 0, paths->end - paths->first, found->order, &m->hits);
     if (SHADOWS && m->hits.key_count)
         find_lit(&p->shadows, &m->hits, 0, m->shadows.origins, lit_of(m));
@@ -101,51 +100,96 @@ inline void take_given(const Tree *tree, const GivenRays *rays, int first, int e
 }
 #endif
 
-// `centre_rays` and `members`: see Rays.  `next_packet` counts from 0; a packet of given rays has
-// BLOCK_RAYS of them.
-KERNEL void trace_packets(trace_packets_PARAMETERS)
+// An array of the scene, in which `starts` counts lines.
+#define ARRAY(name) ((global const void *)(scene + (ulong)LINE * starts->name))
+
+inline Tree make_tree(global const uchar *scene, const SceneStarts *starts)
 {
-    const Tree tree = {.boxes = boxes, .children = children, .leaves = leaves,
-                       .leaf_ids = leaf_ids, .alpha_tests = {alpha_test_of, alpha_tests, alpha}};
-    const Scene scene = {.corners = corners, .attributes = attributes,
-                         .material_ids = material_ids, .materials = materials, .lights = lights,
-                         .levels = levels, .texels = texels, .grids = grids, .light = light,
-                         .sky = sky, .numbers = &scene_numbers};
-    const Arrays arrays = {.triangle = triangle, .depth = depth, .image = &image,
-                           .shaded = {radiance, albedo, normal}};
-    const ulong words = SCRATCH_WORDS(scene_numbers.shadow_lights);
+    return (Tree){.boxes = ARRAY(boxes), .children = ARRAY(children), .leaves = ARRAY(leaves),
+                  .leaf_ids = ARRAY(leaf_ids),
+                  .alpha_tests = {ARRAY(alpha_test_of), ARRAY(alpha_tests), ARRAY(alpha)}};
+}
+
+inline Scene make_scene(global const uchar *scene, const SceneArguments *numbers)
+{
+    const SceneStarts *starts = &numbers->starts;
+    return (Scene){.corners = ARRAY(corners), .attributes = ARRAY(attributes),
+                   .material_ids = ARRAY(material_ids), .materials = ARRAY(materials),
+                   .lights = ARRAY(lights), .levels = ARRAY(levels), .texels = ARRAY(texels),
+                   .grids = ARRAY(grids), .light = ARRAY(light), .sky = ARRAY(sky),
+                   .numbers = numbers};
+}
+
+// The pipeline of this worker, and its memory in `scratch`.
+inline Pipeline make_pipeline(const Tree *tree, const Scene *scene, float pixel_pitch,
+                              global uint *scratch, const Arrays *out)
+{
+    const ulong words = SCRATCH_WORDS(scene->numbers->shadow_lights);
     global Memory *memory = (global Memory *)(scratch + get_global_id(0) * words);
-    global ShadowMemory *shadows = &memory->shadows;
-    Pipeline pipeline = {
-        .scene = &scene, .pixel_pitch = ray_numbers.pixel_pitch, .memory = memory, .out = &arrays,
-        .shadows = {.tree = &tree, .scene = &scene, .active = shadows->active,
-                    .projected = shadows->projected}};
+    return (Pipeline){.scene = scene, .pixel_pitch = pixel_pitch, .memory = memory, .out = out,
+                      .shadows = {.tree = tree, .scene = scene, .active = memory->shadows.active,
+                                  .projected = memory->shadows.projected}};
+}
+
+// The rays [first, end) of a packet of rays that are given one by one.
+typedef struct { int first, end; } Range;
+inline Range rays_of(int packet, int count)
+{
+    const int first = packet * BLOCK_RAYS;
+    return (Range){first, min(first + BLOCK_RAYS, count)};
+}
+
+// Workers take packets by `next_packet`, which counts from 0.
 #if SINK < GIVEN
+// `centre_rays` and `members`: see Rays.  Others are results, 0 where a sink has none.
+KERNEL void trace_bundles(trace_bundles_PARAMETERS)
+{
+    const Tree tree = make_tree(scene, &scene_numbers.starts);
+    const Scene surfaces = make_scene(scene, &scene_numbers);
+    const Arrays arrays = {.triangle = triangle, .depth = depth, .across = ray_numbers.across,
+                           .mode = ray_numbers.mode, .shaded = {radiance, albedo, normal}};
+    Pipeline pipeline = make_pipeline(&tree, &surfaces, ray_numbers.pixel_pitch, scratch, &arrays);
     const Rays rays = make_rays(centre_rays, members, &ray_numbers);
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
         const Packet packet = make_packet(&rays, number);
         take_packet(&tree, &packet, &pipeline);
     }
+}
 #elif SINK == PATHS
-    Paths followed = {.scene = &scene, .tree = &tree, .hits = &memory->hits,
+KERNEL void trace_paths(trace_paths_PARAMETERS)
+{
+    const Tree tree = make_tree(scene, &scene_numbers.starts);
+    const Scene surfaces = make_scene(scene, &scene_numbers);
+    Pipeline pipeline = make_pipeline(&tree, &surfaces, ray_numbers.pixel_pitch, scratch, 0);
+    global Memory *memory = pipeline.memory;
+    Paths followed = {.scene = &surfaces, .tree = &tree, .hits = &memory->hits,
                       .memory = &memory->paths, .lit = lit_of(memory), .paths = paths,
                       .chosen = chosen, .children = onward, .arrived = arrived, .numbers = path_numbers,
                       .pixel_pitch = pipeline.pixel_pitch};
     for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
-        followed.first = number * BLOCK_RAYS;
-        followed.end = min(followed.first + BLOCK_RAYS, ray_numbers.columns);
+        const Range range = rays_of(number, ray_numbers.columns);
+        followed.first = range.first;
+        followed.end = range.end;
         if (path_numbers.begins) begin_paths(&followed, origins, directions);
         take_paths(&followed, &pipeline);
     }
-#else
-    const GivenRays rays = {.origin = origins, .direction = directions, .triangle = triangle,
-                            .distance = depth, .weights = weights, .footprint = footprints};
-    for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
-        const int first = number * BLOCK_RAYS;
-        take_given(&tree, &rays, first, min(first + BLOCK_RAYS, ray_numbers.columns), &pipeline);
-    }
-#endif
 }
+#else
+// GIVEN writes `hits`, which the other sinks read.
+KERNEL void trace_given(trace_given_PARAMETERS)
+{
+    const Tree tree = make_tree(scene, &scene_numbers.starts);
+    const Scene surfaces = make_scene(scene, &scene_numbers);
+    const Arrays arrays = {.shaded = {radiance, albedo, normal}};
+    Pipeline pipeline = make_pipeline(&tree, &surfaces, ray_numbers.pixel_pitch, scratch, &arrays);
+    const GivenRays rays = {.origin = origins, .direction = directions, .hits = hits,
+                            .footprint = footprints};
+    for (int number; (number = atomic_inc(next_packet)) < ray_numbers.packets;) {
+        const Range range = rays_of(number, ray_numbers.columns);
+        take_given(&tree, &rays, range.first, range.end, &pipeline);
+    }
+}
+#endif
 
 kernel void scratch_words(const int lights, global int *words)
 {

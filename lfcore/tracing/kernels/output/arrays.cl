@@ -33,14 +33,13 @@ inline void write_rays(const Packet *p, int block, global const uint *from, glob
     }
 }
 
-#define LINE 64  // bytes of a block's row; stores past the caches must be aligned to it
-
 // Write a whole row of a block as 16 times r g b.
 inline void write_row(global const float *c, int mode, global float *to)
 {
     float16 parts[3];
     interleave_colours(vload16(0, c), vload16(0, c + BLOCK_RAYS), vload16(0, c + 2 * BLOCK_RAYS),
                        parts);
+    // Stores past the caches must be aligned to a line, which is a block's row.
     const int past_caches = (mode & STREAM) && (ulong)to % LINE == 0;
     for (int k = 0; k < 3; ++k, to += BLOCK) {
         if (mode & ADD) parts[k] += vload16(0, to);
@@ -53,10 +52,9 @@ inline void write_row(global const float *c, int mode, global float *to)
 // rows, across * columns, 3), a mosaic of the elements' pictures: element e is in row e / across,
 // column e % across.
 inline void write_colours(const Packet *packet, int block, global const float *colours,
-                           const ImageArguments *image, global float *radiance)
+                          int across, int mode, global float *radiance)
 {
     const Rays *rays = packet->rays;
-    const int across = image->across, mode = image->mode;
     const int2 where = block_position(packet, block), inside = block_inside(packet, block);
     const ulong pitch = 3 * (ulong)across * rays->columns;
     for (int part = 0; part < OUTER * OUTER; ++part) {
@@ -81,17 +79,17 @@ inline void write_colours(const Packet *packet, int block, global const float *c
 
 // The results of a sink; 0: not asked for.
 typedef struct {
-    global int *triangle;  // (E, rows, columns)
-    global float *depth;   // (E, rows, columns)
-    const ImageArguments *image;
-    global float *shaded[SHADED];  // (E, rows, columns, 3), as in shade.cl
+    global int *triangle;           // (E, rows, columns)
+    global float *depth;            // (E, rows, columns)
+    int across, mode;               // of colours, as for write_colours
+    global float *shaded[MOST_SHADED];  // (E, rows, columns, 3), as in shade.cl
 } Arrays;
 
 inline void write_arrays(const Packet *packet, int block, const Coverage *coverage,
                          global const float *shaded, const Arrays *to)
 {
     for (int k = 0; k < SHADED && SINK != HITS; ++k)
-        write_colours(packet, block, shaded + k * COLOURS, to->image, to->shaded[k]);
+        write_colours(packet, block, shaded + k * COLOURS, to->across, to->mode, to->shaded[k]);
     if (to->depth) write_rays(packet, block, (global uint *)coverage->z, (global uint *)to->depth);
     if (to->triangle)
         write_rays(packet, block, (global uint *)coverage->ids, (global uint *)to->triangle);
@@ -118,8 +116,8 @@ inline void hit_given_rays(const Tree *tree, const GivenRays *rays, int first, i
         const float3 o = vload3(ray, rays->origin), d = vload3(ray, rays->direction);
         const int is_valid = all(isfinite(o)) && all(isfinite(d)) && any(d != 0.0f);
         const Hit hit = is_valid ? closest_hit(tree, o, d) : MISS;
-        rays->triangle[ray] = hit.id;
-        rays->distance[ray] = hit.t;
-        vstore3(hit.weights, ray, rays->weights);
+        rays->hits[ray].triangle = hit.id;
+        rays->hits[ray].distance = hit.t;
+        vstore3(hit.weights, 0, rays->hits[ray].weights);
     }
 }

@@ -12,9 +12,8 @@ enum { MIRRORED, PASSED, WAYS };  // children of a path
 
 // A worker's memory: the next hits of a packet's paths, as given rays.
 typedef struct {
-    float origin[3 * BLOCK_RAYS], direction[3 * BLOCK_RAYS], weights[3 * BLOCK_RAYS];
-    float distance[BLOCK_RAYS], footprint[BLOCK_RAYS];
-    int triangle[BLOCK_RAYS];
+    float origin[3 * BLOCK_RAYS], direction[3 * BLOCK_RAYS], footprint[BLOCK_RAYS];
+    RayHit hits[BLOCK_RAYS];
     int order[BLOCK_RAYS];  // of the record of hits
 } PathMemory;
 
@@ -73,9 +72,9 @@ inline void find_next_hits(const Paths *p)
         const Hit hit = next_hit(p->tree, p->scene, path);
         vstore3(vload3(0, path->origin), at, m->origin);
         vstore3(vload3(0, path->direction), at, m->direction);
-        vstore3(hit.weights, at, m->weights);
-        m->triangle[at] = hit.id;
-        m->distance[at] = hit.t;
+        vstore3(hit.weights, 0, m->hits[at].weights);
+        m->hits[at].triangle = hit.id;
+        m->hits[at].distance = hit.t;
         m->footprint[at] = hit.id < 0 ? 0.0f : width_at(path, hit.t, p->pixel_pitch);
         p->arrived[ray] = (Arrived){.strength = -1.0f};
         for (int way = 0; way < WAYS; ++way) p->children[WAYS * ray + way].number = -1;
@@ -108,8 +107,8 @@ inline void read_paths(const Paths *p, int at, PathRow *r)
             set_ray_vector(r->moves.point + j, k, vload3(0, path->point[j]));
             set_ray_vector(r->moves.turn + j, k, vload3(0, path->turn[j]));
         }
-        set_ray_vector(&r->weights, k, vload3(place, p->memory->weights));
-        set_lane(&r->distance, k, p->memory->distance[place]);
+        set_ray_vector(&r->weights, k, vload3(0, p->memory->hits[place].weights));
+        set_lane(&r->distance, k, p->memory->hits[place].distance);
         events[k] = path->events;
         hits[k] = path->hits;
         last[k] = path->last[0];

@@ -92,9 +92,9 @@ inline Vec light_row(const Scene *scene, const Surface *s, global const int *lit
 
 // What becomes of hits: radiance; or emitted radiance, the share of ambient light that is
 // reflected, and normals.
-#define RADIANCE 0
+enum { RADIANCE, ALBEDO, SHADING_NORMAL, MOST_SHADED };
 #if SINK == SURFACE || SINK == GIVEN_SURFACE
-enum { ALBEDO = RADIANCE + 1, SHADING_NORMAL, SHADED };
+#define SHADED MOST_SHADED
 inline void shade_row(const Scene *scene, const Surface *s, global const int *lit, int at,
                       Vec *values)
 {
@@ -103,7 +103,7 @@ inline void shade_row(const Scene *scene, const Surface *s, global const int *li
     values[SHADING_NORMAL] = s->normal;
 }
 #else
-enum { SHADED = RADIANCE + 1 };
+#define SHADED 1
 inline void shade_row(const Scene *scene, const Surface *s, global const int *lit, int at,
                       Vec *values)
 {

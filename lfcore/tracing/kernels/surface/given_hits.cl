@@ -5,9 +5,7 @@
 // Given rays and their hits; `footprint` may be 0.
 typedef struct {
     global const float *origin, *direction;  // (R, 3)
-    global int *triangle;                    // (R,) -1 for a miss
-    global float *distance;                  // (R,) in units of `direction`
-    global float *weights;                   // (R, 3) of the triangle's corners
+    global RayHit *hits;                     // (R,)
     global const float *footprint;           // (R,) width of a texture filter across the ray
 } GivenRays;
 
@@ -29,7 +27,7 @@ inline void order_rays(const Scene *s, const GivenRays *rays, int first, int end
     private int next[BINS + 1] = {0};
     private uchar bin[BLOCK_RAYS];
     for (int k = 0; k < BLOCK_RAYS; ++k) {
-        const int id = first + k < end ? rays->triangle[first + k] : -1;
+        const int id = first + k < end ? rays->hits[first + k].triangle : -1;
         bin[k] = id < 0 ? BINS : s->material_ids[id] % BINS;
         ++next[bin[k]];
     }
@@ -49,15 +47,17 @@ inline int read_given(const Scene *s, const GivenRays *rays, float pixel_pitch,
     private int missed[LANES];
     int any = -1;
     for (int k = 0; k < LANES; ++k) {
-        const int ray = min(order[k], end - 1), id = rays->triangle[ray];
+        const int ray = min(order[k], end - 1);
+        global const RayHit *hit = rays->hits + ray;
+        const int id = hit->triangle;
         missed[k] = -(order[k] >= end || id < 0);
         row->triangles.ids[k] = id;
         if (!missed[k]) any = id;
-        distance[k] = missed[k] ? 0.0f : rays->distance[ray];
+        distance[k] = missed[k] ? 0.0f : hit->distance;
         footprint[k] = rays->footprint && !missed[k] ? rays->footprint[ray] : 0.0f;
         set_ray_vector(&row->origin, k, vload3(ray, rays->origin));
         set_ray_vector(&row->direction, k, vload3(ray, rays->direction));
-        set_ray_vector(&row->weights, k, missed[k] ? 0.0f : vload3(ray, rays->weights));
+        set_ray_vector(&row->weights, k, missed[k] ? 0.0f : vload3(0, hit->weights));
     }
     row->distance = VLOAD(distance);
     row->footprint = VLOAD(footprint);
