@@ -50,7 +50,8 @@ def options(command: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="of one view, .npz or .exr: normals, albedo, "
-        "numbers of materials and triangles, and flow to the middle view and occlusion there",
+        "numbers of materials and triangles, specular pixels and the depth of images in them, and "
+        "flow to the middle view and occlusion there",
     )
     more("--lightfield", metavar="FILE", help="light field file or URL with the lens and views")
     more("--format", choices=("depth", "disparity"), default="depth",

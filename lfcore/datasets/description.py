@@ -232,7 +232,8 @@ class Description(_Keys):
     )
     truth: bool = _key(
         False, description="add truth.exr: normals, albedo, numbers of objects and materials, "
-        "blur; of each view of a light field, with flow to the middle one and occlusion"
+        "blur, which pixels are specular, and the depth of images in them; of each view of a "
+        "light field, with flow to the middle one and occlusion"
     )  # fmt: skip
     shards: bool = _key(False, description="keep WebDataset's tar files, not folders of files")
     scenes_per_job: int = _key(32, ge=1, le=10**5, description="scenes per job of the workflow")

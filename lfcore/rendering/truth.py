@@ -64,7 +64,10 @@ def truth(
         space, 0 for a miss; ``albedo`` (H, W, 3) float32, linear; ``triangle`` and ``material``
         (H, W) int32, numbers in the scene, -1 for a miss; ``flow_px`` (H, W, 2) float32, columns
         and rows to the same point in the other view; ``occluded`` (H, W) bool, whether something
-        hides the point there; ``coc_px`` (P, H, W) float32, diameters, positive behind the focus.
+        hides the point there; ``coc_px`` (P, H, W) float32, diameters, positive behind the focus;
+        ``specular`` (H, W) bool, whether it is a mirror, glass, coated or a veil;
+        ``virtual_depth_m`` (H, W) float32, the depth at which what such a surface shows appears,
+        else ``depth_m``.
 
     Raises
     ------
@@ -98,6 +101,9 @@ def view_truth(
     materials = np.append(tracer.scene.material_ids, -1).astype(np.int32)  # -1: a miss
     offset = disparity(slab, depth)
     flow = offset[..., None] * (samples - other)[0].astype(np.float32)
+    specular, image = tracer.shows_others(triangle), depth
+    for _, virtual in tracer.parts(rays)[1:] if specular.any() else ():
+        image = np.where(virtual[0] > 0, virtual[0], depth)
     return {
         "depth_m": depth, "disparity_px": offset, "normal": surfaces.normal[0],
         "albedo": surfaces.albedo[0], "triangle": triangle, "material": materials[triangle],
@@ -105,6 +111,7 @@ def view_truth(
         "coc_px": np.array(
             [circle_of_confusion(slab, plane, depth) for plane in planes], np.float32
         ).reshape(-1, *depth.shape),
+        "specular": specular, "virtual_depth_m": image,
     }  # fmt: skip
 
 
@@ -186,7 +193,8 @@ def write_truth(path: str | Path, known: dict[str, np.ndarray]) -> None:
     """Write the truth of a view: ``.npz``, or ``.exr`` with named channels.
 
     Channels of an EXR are ``depth_m``, ``normal.X`` to ``Z``, ``albedo.R`` to ``B``, ``flow_px.U``
-    and ``V``, ``coc_px.00`` and so on, float32; numbers count from 1, uint32, and 0 is a miss.
+    and ``V``, ``coc_px.00`` and so on, float32; numbers count from 1, uint32, and 0 is a miss;
+    ``occluded`` and ``specular`` are 0 or 1, uint32.
 
     Raises
     ------

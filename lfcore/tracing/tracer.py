@@ -74,7 +74,8 @@ class Tracer:
             before=before._on_device if before else None,
         )  # fmt: skip
         # With one more for misses, whose number is -1.
-        goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(0, bool)
+        count = len(scene.triangles)
+        goes_on = specular_triangles(scene) if self.needs.specular else np.zeros(count, bool)
         self._goes_on = np.append(goes_on, False)
         self.plan = Plan(bvh.leaf_boxes, self.closest_hit, outer=outer, single_rays=single_rays)
 
@@ -190,6 +191,11 @@ class Tracer:
         shown.reshape(-1, 3)[chosen] = seen.specular
         apparent.reshape(-1)[chosen] = seen.specular_depth
         return [(light, depth), (shown, apparent)]
+
+    def shows_others(self, triangle: np.ndarray) -> np.ndarray:
+        """Whether triangles of these numbers reflect or let pass what is around them: mirrors,
+        glass, coats and veils; bool, False for -1."""
+        return self._goes_on[triangle]
 
     def mosaic_radiance(
         self,

@@ -91,7 +91,8 @@ def test_truth_has_normals_albedo_and_numbers_of_objects(device):
     of = Description.check(SMALL | {"truth": True})
     item = items.make_item(of, 1, device)
     channels = OpenEXR.File(io.BytesIO(item.files["truth.exr"]), separate_channels=True).channels()
-    names = {"depth_m", "normal.X", "albedo.G", "object", "material", "triangle", "coc_px.04"}
+    names = {"depth_m", "normal.X", "albedo.G", "object", "material", "triangle", "coc_px.04",
+             "specular", "virtual_depth_m"}  # fmt: skip
     assert names <= set(channels) and "flow_px.U" not in channels
     drawn = sample(of, 1)
     numbers = channels["object"].pixels

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import OpenEXR
 import pytest
+from mirror_room import mirror_room
 from moving_scene import moving_squares
 from plain_scenes import refused
 
@@ -77,6 +78,25 @@ def test_surfaces_are_those_of_the_scene(scene):
     width = 0.05 / 2 * (1 / 1.5 - 1 / 4) / (0.036 / 0.05 * (1 - 0.05 / 3) / 48)
     assert known["coc_px"][0][left] == pytest.approx(width, rel=0.02)
     assert np.sign(known["coc_px"][0][left]) == 1
+
+
+def test_specular_pixels_have_the_depth_of_images(tmp_path):
+    """A mirror and a coat at 4 m show the wall 4 m behind the camera, at 12 m; a matt wall."""
+    room = mirror_room()
+    known = lfcore.truth(room, pixels=32)
+    depth, image, specular = (known[name] for name in ("depth_m", "virtual_depth_m", "specular"))
+    np.testing.assert_array_equal(specular, known["material"] < 2)
+    assert 0.2 < specular.mean() < 0.8
+    np.testing.assert_allclose(depth[specular], 4, rtol=1e-5)
+    np.testing.assert_allclose(image[specular], 12, rtol=1e-5)
+    np.testing.assert_array_equal(image[~specular], depth[~specular])
+    lfcore.write_truth(tmp_path / "a.exr", known)
+    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    np.testing.assert_array_equal(channels["specular"].pixels, specular)
+    np.testing.assert_array_equal(channels["virtual_depth_m"].pixels, image)
+    matt = lfcore.truth(replace(room, materials=[lfcore.Material("matt")] * 3), pixels=32)
+    assert not matt["specular"].any()
+    np.testing.assert_array_equal(matt["virtual_depth_m"], matt["depth_m"])
 
 
 def test_truth_is_written_with_named_channels(scene, tmp_path):
