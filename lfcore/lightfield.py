@@ -396,8 +396,7 @@ class LightField(LightFieldFile):
         >>> len(list(field.pull(keys)))
         1
         """
-        options = {"pixels": pixels, "device": device} | ({"filter": filter} if filter else {})
-        return pulled(self, keys, progress, **options)
+        return pulled(self, keys, filter=filter, pixels=pixels, device=device, progress=progress)
 
     @suggest_keywords
     def views_at(

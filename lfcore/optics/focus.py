@@ -120,6 +120,15 @@ def check_place(place: Sequence[float | str]) -> tuple[float, float]:
     return x, y
 
 
+def check_surface(depth_m: float, place: tuple[float, float]) -> float:
+    """Return the depth at a place of the picture; raise :class:`OpticsError` for a miss."""
+    if math.isfinite(depth_m):
+        return depth_m
+    problem = "no surface is seen at {:g},{:g} of the picture".format(*place)
+    remedy = "Give the place of a surface: 0,0 is the upper left corner, 1,1 the lower right one"
+    raise OpticsError(problem, key="focus_at", remedy=remedy)
+
+
 def blur_share(blur: float | str) -> float:
     """A blur such as ``"3%"`` or 0.03, relative to the picture's shorter side."""
     try:

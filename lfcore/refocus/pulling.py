@@ -1,28 +1,33 @@
 """Pictures of a film whose focus, aperture or point of view are pulled over time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lfcore.errors import OpticsError
+from lfcore.opencl.device import Device
 from lfcore.optics.planes import SensorPlane
+from lfcore.optics.size import Pixels
 from lfcore.progress import Progress
-
-if TYPE_CHECKING:
-    from lfcore.lightfield import LightField
+from lfcore.refocus.forming import form_pictures
+from lfcore.refocus.free_views import views_at
+from lfcore.storage.lightfield import LightFieldFile
 
 Key = tuple[float, SensorPlane | Sequence[float]]
 """A time in seconds with a picture's focus and aperture, or with a point (s, t) of the lens, m."""
 
 
 def pulled(
-    field: LightField, keys: Sequence[Key], progress: Progress | None = None, **how: Any
+    field: LightFieldFile,
+    keys: Sequence[Key],
+    *,
+    filter: str | None,
+    pixels: Pixels | None,
+    device: Device | str | None,
+    progress: Progress | None,
 ) -> Iterator[np.ndarray]:
-    """As :meth:`lfcore.LightField.pull`; ``how`` has keywords of ``refocus_many``."""
+    """As :meth:`lfcore.LightField.pull`."""
     times = np.array([time for time, _ in keys], np.float64)
     if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise OpticsError("must have ascending times", file=field.path, key="keys")
@@ -30,6 +35,9 @@ def pulled(
     if planes and len(planes) < len(keys):
         problem = "have planes and points of the lens"
         raise OpticsError(problem, file=field.path, key="keys", remedy="Give one kind")
+    if filter is not None and not planes:
+        problem = "is for planes: from a point of the lens, everything is in focus"
+        raise OpticsError(problem, key="filter", remedy="Leave it out")
     if planes:
         # Blur is linear in dioptres and in the aperture's diameter.
         values = np.array([(plane.delta, 1 / plane.f_number) for plane in planes])
@@ -41,8 +49,11 @@ def pulled(
         if planes:
             focus = 1 / first if first else np.inf
             plane = replace(planes[0], focus_m=focus, f_number=1 / second)
-            yield now.refocus_many([plane], **how)[0]
+            yield form_pictures(
+                now, [plane], method=None, filter=filter, pixels=pixels, device=device,
+                progress=None,
+            )[0]  # fmt: skip
         else:
-            yield now.views_at(np.array([[first, second]]), **how)[0]
+            yield views_at(now, np.array([[first, second]]), pixels, device=device)[0]
         if progress:
             progress(number + 1, len(field.times))

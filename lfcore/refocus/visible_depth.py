@@ -1,14 +1,19 @@
 """The depth that a stored light field shows, and the limits of its pictures."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from lfcore.errors import OpticsError
-from lfcore.optics.focus import DepthRange, check_place, check_words, ends_of, focus_distance
+from lfcore.optics.focus import (
+    DepthRange,
+    check_place,
+    check_surface,
+    check_words,
+    ends_of,
+    focus_distance,
+)
 from lfcore.optics.planes import SensorPlane
 from lfcore.refocus.free_views import inverse_depth
 from lfcore.refocus.stored_depth import read_depths
@@ -57,11 +62,7 @@ class VisibleDepth:
             min(int(share * count), count - 1)
             for share, count in zip((y, x), self.middle.shape, strict=True)
         )
-        if math.isinf(self.middle[row, column]):
-            problem = f"there is nothing at {x:g},{y:g} of the picture"
-            remedy = "Give a place where something is seen"
-            raise OpticsError(problem, key="focus_at", remedy=remedy)
-        return float(self.middle[row, column])
+        return check_surface(float(self.middle[row, column]), (x, y))
 
 
 def _is_in(focus_m: float, ends: tuple[float, float]) -> bool:

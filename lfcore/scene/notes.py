@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from lfcore.errors import printable
-
-if TYPE_CHECKING:
-    from lfcore.readers.pbrt.lexer import Place
 
 KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
     "left out", "approximated", "not used", "assumed"
@@ -19,6 +16,16 @@ KINDS = LEFT_OUT, APPROXIMATED, NOT_USED, ASSUMED = (
 def first_instant(start_s: float, end_s: float) -> str:
     """The words about a scene that moves."""
     return f"it moves from {start_s:g} to {end_s:g} s, shown is the first instant; .at() has others"
+
+
+class Place(Protocol):
+    """A line of a file, as readers have it."""
+
+    @property
+    def file(self) -> Path: ...
+
+    @property
+    def line(self) -> int: ...
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,11 @@ of the lens need no clipping.  Source: Olano and Greer, "Triangle
 Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from lfcore.errors import OpticsError
-from lfcore.optics.focus import DepthRange, check_place, ends_of
+from lfcore.optics.focus import DepthRange, check_place, check_surface, ends_of
 from lfcore.optics.size import Pixels, Size
 from lfcore.scene.arrays import columnwise
 
@@ -49,14 +47,7 @@ def focus_at(
         np.array([(share - 0.5) * width * (side / size.shorter)])
         for share, side in zip((x, y), size, strict=True)
     )
-    depth = float(_depths(triangles, (column, row))[0, 0])
-    if math.isinf(depth):
-        raise OpticsError(
-            f"there is nothing at {x:g},{y:g} of the picture", key="focus_at",
-            remedy="Give a place where something is seen: 0,0 is the upper left corner, 1,1 the "
-            "lower right one",
-        )  # fmt: skip
-    return depth
+    return check_surface(float(_depths(triangles, (column, row))[0, 0]), (x, y))
 
 
 def _depths(triangles: np.ndarray, ticks: Ticks) -> np.ndarray:

@@ -242,7 +242,7 @@ REFUSED = [
     ("render CHART --blur 0% -o a.png", "argument --blur: "),
     ("render MESH --from below -o a.png", "front"),
     ("render MESH --focus 0.5 -o a.png", "near or far"),
-    ("render MESH --focus-at 0.01,0.01 -o a.png", "--focus-at: there is nothing"),
+    ("render MESH --focus-at 0.01,0.01 -o a.png", "--focus-at: no surface"),
     ("info none.mkv --json", "none.mkv"),
 ]  # fmt: skip
 

@@ -146,6 +146,8 @@ def test_a_focus_is_pulled_evenly_in_dioptres(film):
     ):  # fmt: skip
         with pytest.raises(lfcore.OpticsError, match=words):
             next(film.pull(keys))
+    with pytest.raises(lfcore.OpticsError, match="everything is in focus"):
+        next(film.pull([(0.0, (0, 0))], filter="nearest"))
 
 
 @pytest.fixture

@@ -398,7 +398,7 @@ def test_a_place_and_a_blur_in_a_file_with_depth(scene, field):
         found = field.plane(focus_at=place).focus_m
         asked = scene.plane(focus_at=place, pixels=field.picture_size)
         assert found == pytest.approx(asked.focus_m, rel=0.02)
-    refused(r"a\.mkv: focus_at: there is nothing", field.plane, focus_at=(0, 0))
+    refused(r"a\.mkv: focus_at: no surface", field.plane, focus_at=(0, 0))
     assert field.plane("near", blur="1%").f_number > field.require_slab().camera.f_number
     refused("blur: needs a lens of", field.plane, "near", blur="50%")
 
