@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lfcore.scene.model import Scene
+
 F = np.float32
 Vectors = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Vectors by coordinate."""
@@ -77,3 +79,58 @@ def sphere(
         b = F(2) * (offset * directions).sum(1, dtype=F)
         c = (offset**2).sum(1, dtype=F) - F(radius) ** 2
         return (-b - np.sqrt(b * b - F(4) * a * c)) / (F(2) * a)
+
+
+OFFSET = 1e-4
+"""How far a ray starts from the surface that it leaves, metres."""
+STEPS = 9
+"""The surfaces of a path."""
+
+
+def whitted(
+    scene: Scene, origins: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Light and unfolded length, (R,), of the strongest path over mirrors and glass.
+
+    T. Whitted, "An improved illumination model for shaded display", 1980, with Schlick's
+    approximation of Fresnel's equations; rays start 0.1 mm from a surface.
+    """
+    origin, along = np.asarray(origins, F), np.asarray(directions, F)
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    light, length, weight = (np.zeros(len(origin), F) for _ in range(3))
+    weight += 1
+    mesh = scene.triangles
+    normals = np.cross(mesh[:, 1] - mesh[:, 0], mesh[:, 2] - mesh[:, 0])
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    columns = {
+        name: np.array([getattr(m, name) for m in scene.materials], F)[scene.material_ids]
+        for name in ("transmission", "ior", "metallic")
+    }
+    colours = {
+        name: np.array([getattr(m, name)[0] for m in scene.materials], F)[scene.material_ids]
+        for name in ("diffuse", "emission")
+    }
+    for step in range(STEPS):
+        number, t = moeller_trumbore(mesh, origin, along)
+        hit = (number >= 0) & (weight > 0)
+        weight, t = np.where(hit, weight, F(0)), np.where(hit, t, F(0))
+        length += t
+        n = normals[number]
+        cosine = -(n * along).sum(1)
+        n, front = n * np.sign(cosine)[:, None], cosine > 0
+        cosine = np.abs(cosine)
+        is_glass, is_mirror = columns["transmission"][number] > 0, columns["metallic"][number] > 0
+        light += np.where(step > 0, weight * colours["emission"][number], 0)
+        eta = np.where(front, 1 / columns["ior"][number], columns["ior"][number])
+        base = ((eta - 1) / (eta + 1)) ** 2
+        reflected = base + (1 - base) * (1 - cosine) ** 5
+        square = 1 - eta**2 * (1 - cosine**2)
+        mirrored = along + 2 * cosine[:, None] * n
+        passed = eta[:, None] * along + (eta * cosine - np.sqrt(np.maximum(square, 0)))[:, None] * n
+        goes_through = is_glass & (square > 0) & (reflected < 0.5)
+        origin = origin + t[:, None] * along
+        along = np.where(goes_through[:, None], passed, mirrored).astype(F)
+        origin = (origin + F(OFFSET) * along).astype(F)
+        share = np.where(is_glass, np.where(goes_through, 1 - reflected, reflected), 0)
+        weight = weight * np.where(is_mirror, colours["diffuse"][number], share).astype(F)
+    return light, length

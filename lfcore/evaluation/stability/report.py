@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from lfcore.errors import check_known
 from lfcore.evaluation.figures import save_figure
-from lfcore.evaluation.stability import light, primitives
+from lfcore.evaluation.stability import light, primitives, specular
 from lfcore.evaluation.stability.measurement import Case, Measurement, StabilityError
 
 DECADES = 3
@@ -31,6 +31,8 @@ CASES: tuple[Case, ...] = (
     primitives.axes, primitives.any_axes, primitives.flat_boxes,
     light.self_shadow, light.far_self_shadow, light.thin_gap, light.thin_gap_far,
     light.bright_texel, light.closed_room, light.albedo, light.slit, light.scaled_light,
+    specular.grazing_glass, specular.nested_glass, specular.touching_glass, specular.index_1,
+    specular.thin_slab, specular.scaled_mirror, specular.facing_mirrors,
 )  # fmt: skip
 
 

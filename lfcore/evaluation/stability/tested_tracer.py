@@ -91,6 +91,16 @@ class TracerUnderTest:
         """Triangle and depth, (P, N, N), for triangles, a slab and pixels (P, 2)."""
         return open_tracer(bare_scene(triangles), self.device).slab_hits(slab, pixels)
 
+    def specular(
+        self, scene: Scene, origins: np.ndarray, directions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The light (R, 3) that the first surfaces of rays, as of :meth:`closest`, show, and the
+        depth (R,) at which it appears."""
+        elements = np.concatenate([origins[:, :2], directions[:, :2]], axis=1)
+        bundles = Bundles(elements.astype(np.float32), np.zeros(4, np.float32), 1, 1, 0.0)
+        _, (light, depth) = open_tracer(scene, self.device).parts(bundles)
+        return light[:, 0, 0], depth[:, 0, 0]
+
     def picture(self, scene: Scene, slab: Slab, plane: SensorPlane) -> np.ndarray:
         """(M, M, 3) linear light."""
         return trace_planes(open_tracer(scene, self.device), slab, [plane])[0]
